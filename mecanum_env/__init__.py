@@ -1,0 +1,7 @@
+"""A four-wheel Mecanum robot in MuJoCo whose wheels behave as measured.
+
+This module is imported while ``import mujoco`` loads the wheel plugin, so it stays light: nothing here
+imports mujoco, gymnasium or scipy.
+"""
+
+__version__ = "0.1.0"

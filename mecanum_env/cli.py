@@ -1,0 +1,29 @@
+"""What every command line program shares: bad input is one sentence on stderr and exit code 2."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import tyro
+
+from mecanum_env.errors import MecanumError
+
+
+def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: str | None = None) -> int:
+    """Parse `args` for `command` (its signature and docstring are the help), call it, return the exit code.
+
+    Returns:
+        0 when the command returned, 2 when it raised a `MecanumError`, 130 when it was interrupted. Wrong
+        arguments make tyro print what is known and raise ``SystemExit(2)``.
+    """
+    try:
+        tyro.cli(command, args=args, prog=prog)
+    except MecanumError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("interrupted; nothing half-written was left behind", file=sys.stderr)
+        return 130
+    return 0

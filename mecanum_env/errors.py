@@ -1,0 +1,31 @@
+"""One family of errors: each message says what was wrong, where, and what would be right.
+
+Command line programs print the message alone and exit with code 2 (`mecanum_env.cli.run`).
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class MecanumError(Exception):
+    """Base of every error this project raises on purpose."""
+
+
+class InputError(MecanumError, ValueError):
+    """A file, value or argument that a user gave is not usable; the message says what would be."""
+
+
+class UnstableLawError(InputError):
+    """A wheel law with a pole on or outside the unit circle."""
+
+
+class BackendError(MecanumError, RuntimeError):
+    """A missing system part (graphics library, plugin binary); the message names what to install."""
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """Return ``' (did you mean "x"?)'`` for the nearest known name, or ``''`` when none is near."""
+    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    return f' (did you mean "{near[0]}"?)' if near else ""

@@ -1,0 +1,119 @@
+"""Mecanum kinematics: command (V, theta, VC) <-> wheel speeds <-> body twist.
+
+Wheels are in the order `WHEELS` = fl, fr, rl, rr; positive drives forward. Axes follow REP-103: x forward,
+y left, yaw counter-clockwise. The rollers form an X seen from above, so without slip, with
+k = half_wheelbase + half_track and wheel radius R (Taheri, Qiao and Ghaeminezhad, Int. J. of Computer
+Applications 113(3), 2015):
+
+    w_fl = (vx - vy - k wz) / R        w_fr = (vx + vy + k wz) / R
+    w_rl = (vx + vy - k wz) / R        w_rr = (vx - vy + k wz) / R
+
+The command of the robot is V [rpm], theta [deg], VC [rpm]: vx = V cos(theta) and vy = V sin(theta) in wheel
+rpm, and VC is added as -, +, -, +. The paper does not print its Eq. 1; whether its V carries a factor sqrt(2)
+is unknown. `COMMAND_GAIN` is the one place where that would change.
+
+Every function works on arrays with any leading axes.
+"""
+
+from __future__ import annotations
+
+from typing import Final, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+
+WHEELS: Final = ("fl", "fr", "rl", "rr")
+COMMAND_GAIN: Final = 1.0
+"""Wheel rpm per rpm of V; ours, see the module docstring."""
+
+# Rows fl, fr, rl, rr; columns: forward, left, counter-clockwise.
+_MIXING: Final = np.array([[1.0, -1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0]])
+
+
+class Geometry(Protocol):
+    """What the kinematics need of a robot; `mecanum_env.model.Robot` has it."""
+
+    @property
+    def wheel_radius_m(self) -> float: ...  # noqa: D102
+    @property
+    def half_wheelbase_m(self) -> float: ...  # noqa: D102
+    @property
+    def half_track_m(self) -> float: ...  # noqa: D102
+
+
+def yaw_arm_m(geometry: Geometry) -> float:
+    """Return k = half_wheelbase + half_track [m], the lever of each wheel about the yaw axis."""
+    return geometry.half_wheelbase_m + geometry.half_track_m
+
+
+def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: npt.ArrayLike) -> FloatArray:
+    """Return wheel speeds [rpm], shape (..., 4), of commands V [rpm], theta [deg], VC [rpm], shapes (...)."""
+    v, theta, vc = np.broadcast_arrays(
+        np.asarray(v_rpm, float), np.deg2rad(np.asarray(theta_deg, float)), np.asarray(vc_rpm, float)
+    )
+    body = np.stack([COMMAND_GAIN * v * np.cos(theta), COMMAND_GAIN * v * np.sin(theta), vc], axis=-1)
+    return body @ _MIXING.T
+
+
+def wheels_to_command(wheels_rpm: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return V >= 0 [rpm], theta in (-180, 180] [deg] and VC [rpm], shapes (...), of wheel speeds (..., 4).
+
+    Four wheels have one motion more than the body has; that part (wheels working against each other) is
+    dropped, as by the pseudo-inverse.
+    """
+    body = np.asarray(wheels_rpm, float) @ _MIXING / 4.0  # columns of the mixing matrix are orthogonal
+    v = np.hypot(body[..., 0], body[..., 1]) / COMMAND_GAIN
+    theta = np.rad2deg(np.arctan2(body[..., 1], body[..., 0]))
+    return v, theta, body[..., 2]
+
+
+def twist_to_wheels(twist: npt.ArrayLike, geometry: Geometry) -> FloatArray:
+    """Return wheel speeds [rpm], shape (..., 4), of body twists (vx [m/s], vy [m/s], wz [rad/s]), (..., 3)."""
+    scale = np.array([1.0, 1.0, yaw_arm_m(geometry)])
+    return (np.asarray(twist, float) * scale) @ _MIXING.T / (geometry.wheel_radius_m * RAD_S_PER_RPM)
+
+
+def wheels_to_twist(wheels_rpm: npt.ArrayLike, geometry: Geometry) -> FloatArray:
+    """Return body twists (vx [m/s], vy [m/s], wz [rad/s]), shape (..., 3), of wheel speeds [rpm], (..., 4)."""
+    surface_m_s = np.asarray(wheels_rpm, float) * (geometry.wheel_radius_m * RAD_S_PER_RPM)
+    return surface_m_s @ _MIXING / 4.0 / np.array([1.0, 1.0, yaw_arm_m(geometry)])
+
+
+def command_to_twist(
+    v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: npt.ArrayLike, geometry: Geometry
+) -> FloatArray:
+    """Return the body twist (..., 3) that a command asks for, without saturation or dynamics."""
+    return wheels_to_twist(command_to_wheels(v_rpm, theta_deg, vc_rpm), geometry)
+
+
+def twist_to_command(twist: npt.ArrayLike, geometry: Geometry) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return V [rpm], theta [deg], VC [rpm], shapes (...), that ask for a body twist (..., 3)."""
+    return wheels_to_command(twist_to_wheels(twist, geometry))
+
+
+def round_command(
+    v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: npt.ArrayLike, quantum_rpm: float = 1.0
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Round a command to what the robot takes: V and VC to the quantum [rpm], theta to 1 degree.
+
+    A quantum of 0 means that the platform takes real numbers; nothing is rounded then.
+    """
+    v, theta, vc = (np.asarray(x, float) for x in (v_rpm, theta_deg, vc_rpm))
+    if quantum_rpm == 0.0:
+        return v, theta, vc
+    return np.rint(v / quantum_rpm) * quantum_rpm, np.rint(theta), np.rint(vc / quantum_rpm) * quantum_rpm
+
+
+def clip_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
+    """Clip each wheel to +-limit [rpm] by itself, as the hardware does; the direction of motion may bend."""
+    return np.clip(np.asarray(wheels_rpm, float), -limit_rpm, limit_rpm)
+
+
+def scale_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
+    """Scale all four wheels by one factor until none is beyond +-limit [rpm]; the direction is kept."""
+    wheels = np.asarray(wheels_rpm, float)
+    largest = np.max(np.abs(wheels), axis=-1, keepdims=True)
+    factor = np.divide(limit_rpm, largest, out=np.ones_like(largest), where=largest > limit_rpm)
+    return wheels * factor

@@ -1,0 +1,154 @@
+"""The six coefficients A-F of the wheel law, its poles, stability margins and simulation.
+
+    w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)
+
+with w the wheel speed and r the commanded speed [rpm], every `sample_period_s` (Nie, Igo and Hoshino,
+"Parameter identification of Mecanum wheel robot using descent with stability criterion").
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.errors import InputError, UnstableLawError
+from mecanum_env.units import FloatArray
+
+COEFFICIENTS: Final = ("A", "B", "C", "D", "E", "F")
+
+
+@dataclass(frozen=True)
+class LawState:
+    """What the law remembers between ticks, all in rpm: w(k), w(k-1), w(k-2), r(k-1), r(k-2).
+
+    Fields may be arrays of one common shape, one entry a wheel or run.
+    """
+
+    w0: npt.ArrayLike = 0.0
+    w1: npt.ArrayLike = 0.0
+    w2: npt.ArrayLike = 0.0
+    r1: npt.ArrayLike = 0.0
+    r2: npt.ArrayLike = 0.0
+
+    @staticmethod
+    def steady(speed_rpm: npt.ArrayLike) -> LawState:
+        """Return the state of a wheel that has followed a constant command for long (unit DC gain)."""
+        return LawState(speed_rpm, speed_rpm, speed_rpm, speed_rpm, speed_rpm)
+
+
+@dataclass(frozen=True)
+class WheelLaw:
+    """Coefficients A-F (dimensionless) and the period `sample_period_s` [s] at which the law ticks.
+
+    Raises:
+        InputError: a coefficient is not finite, or the period is not positive.
+    """
+
+    A: float
+    B: float
+    C: float
+    D: float
+    E: float
+    F: float
+    sample_period_s: float
+
+    def __post_init__(self) -> None:
+        for name in (*COEFFICIENTS, "sample_period_s"):
+            value = getattr(self, name)
+            if not math.isfinite(value):
+                raise InputError(f"wheel law: {name} = {value}, must be a finite number")
+        if self.sample_period_s <= 0.0:
+            raise InputError(f"wheel law: sample_period_s = {self.sample_period_s}, must be above 0")
+
+    @property
+    def coefficients(self) -> FloatArray:
+        """A-F as an array, shape (6,)."""
+        return np.array([self.A, self.B, self.C, self.D, self.E, self.F])
+
+    @staticmethod
+    def from_coefficients(coefficients: npt.ArrayLike, sample_period_s: float) -> WheelLaw:
+        """Build the law from six numbers in the order A-F."""
+        a, b, c, d, e, f = (float(x) for x in np.asarray(coefficients, float))
+        return WheelLaw(a, b, c, d, e, f, float(sample_period_s))
+
+    @property
+    def dc_gain(self) -> float:
+        """Steady speed over constant command; 1 for a drive with integral action."""
+        return (self.D + self.E + self.F) / (1.0 - self.A - self.B - self.C)
+
+    @property
+    def poles(self) -> npt.NDArray[np.complex128]:
+        """The three roots of z^3 - A z^2 - B z - C, shape (3,), largest magnitude first."""
+        roots = np.roots([1.0, -self.A, -self.B, -self.C]).astype(np.complex128)
+        # np.roots drops trailing zero coefficients' roots only by returning exact zeros; keep three.
+        roots = np.concatenate([roots, np.zeros(3 - len(roots), np.complex128)])
+        order: npt.NDArray[np.intp] = np.argsort(-np.abs(roots), kind="stable")
+        return roots[order]
+
+    @property
+    def margins(self) -> FloatArray:
+        """The four closed-form stability margins, shape (4,); see `stability_margins`."""
+        return stability_margins([self.A, self.B, self.C])
+
+    @property
+    def is_stable(self) -> bool:
+        """True when every pole lies inside the unit circle."""
+        return bool(np.all(self.margins > 0.0))
+
+    def require_stable(self) -> WheelLaw:
+        """Return self.
+
+        Raises:
+            UnstableLawError: a pole lies on or outside the unit circle; the message lists the poles.
+        """
+        if not self.is_stable:
+            shown = ", ".join(f"{p.real:.6g}{p.imag:+.6g}j (|z| {abs(p):.6g})" for p in self.poles)
+            raise UnstableLawError(
+                f"the wheel law is unstable: poles {shown}; all magnitudes must be below 1. "
+                "Fit it again with `python -m sysid.fit LOGS`, which is stable by construction"
+            )
+        return self
+
+    def normalised(self) -> WheelLaw:
+        """Return the law with E moved so that A+B+C+D+E+F = 1, the unit DC gain its derivation implies."""
+        e = 1.0 - (self.A + self.B + self.C + self.D + self.F)
+        return WheelLaw(self.A, self.B, self.C, self.D, e, self.F, self.sample_period_s)
+
+    def tick(self, state: LawState, command_rpm: npt.ArrayLike) -> tuple[FloatArray, LawState]:
+        """Advance one sample: return w(k+1) [rpm] and the next state for r(k) = `command_rpm`.
+
+        The order of the additions is part of the definition: the C plugin repeats it, and the tests hold
+        the two equal bit for bit.
+        """
+        w0, w1, w2 = (np.asarray(x, float) for x in (state.w0, state.w1, state.w2))
+        r0, r1, r2 = (np.asarray(x, float) for x in (command_rpm, state.r1, state.r2))
+        after = self.A * w0 + self.B * w1 + self.C * w2 + self.D * r0 + self.E * r1 + self.F * r2
+        return after, LawState(after, w0, w1, r0, r1)
+
+    def simulate(self, command_rpm: npt.ArrayLike, initial: LawState | None = None) -> FloatArray:
+        """Free-run the law: return w(0..N), shape (..., N+1), for commands r(0..N-1), shape (..., N), in rpm.
+
+        w(0) is the initial state's speed; the default starts at rest. Leading axes are independent runs.
+        """
+        commands = np.asarray(command_rpm, float)
+        state = LawState() if initial is None else initial
+        speeds = np.empty((*commands.shape[:-1], commands.shape[-1] + 1))
+        speeds[..., 0] = state.w0
+        for k in range(commands.shape[-1]):
+            speeds[..., k + 1], state = self.tick(state, commands[..., k])
+        return speeds
+
+
+def stability_margins(abc: npt.ArrayLike) -> FloatArray:
+    """Return the four margins, shape (..., 4), of coefficients (A, B, C), shape (..., 3).
+
+    All four are positive exactly when z^3 - A z^2 - B z - C has its roots inside the unit circle: the
+    Routh-Hurwitz conditions b0, b2, b3, (b2 b1 - b3 b0)/b2 > 0 after the bilinear transformation, cleared of
+    denominators.
+    """
+    a, b, c = np.moveaxis(np.asarray(abc, float), -1, 0)
+    return np.stack([1 - a - b - c, 3 + a + b - 3 * c, 1 + a - b + c, 1 + b + a * c - c * c], axis=-1)

@@ -1,16 +1,54 @@
-# make demo | test | test-all | test-wheel | check | bench
+# make demo       install everything, fit the bundled logs, drive and film the robot: out/
+# make test       install everything, run the test suite
+# make test-all   the slow tests too
+# make test-wheel the tests against the built wheel, outside the checkout
+# make check      lint, format, types
+# make bench      every benchmark, figures in out/bench/
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
+APT := libosmesa6 gcc libc6-dev
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
+# A second OpenMP thread only fights with the first on small problems.
+export OMP_NUM_THREADS := 1
 
 .PHONY: demo test test-all test-wheel check bench system clean
 
+demo: $(VENV)/installed
+	$(BIN)/python examples/demo.py --out out
+
+test: $(VENV)/installed
+	$(BIN)/python -m pytest -m "not slow"
+
+test-all: $(VENV)/installed
+	$(BIN)/python -m pytest
+
+test-wheel: $(VENV)/installed
+	$(BIN)/python tests/run_on_wheel.py
+
+check: $(VENV)/installed
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: $(VENV)/installed
+	for name in plugin physics paper_drives fit render; do \
+	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
+
+# System packages: the offline renderer, and a compiler for the plugin.
+system:
+	@if ldconfig -p 2>/dev/null | grep -q libOSMesa && command -v cc >/dev/null; then :; \
+	elif [ "$$(id -u)" = 0 ] && command -v apt-get >/dev/null; then \
+	  apt-get update -qq && DEBIAN_FRONTEND=noninteractive apt-get install -y -qq $(APT) >/dev/null; \
+	else echo "missing system packages; run: sudo apt-get install $(APT)"; fi
+
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --upgrade "pip>=24"
 
-# Rebuilt when the dependencies or the plugin's source change.
-$(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt mecanum_env/plugin/mecanum_wheel.c | $(BIN)/python
+# Again when the dependencies or the plugin change.
+$(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt $(wildcard mecanum_env/plugin/*.c) | system $(BIN)/python
 	$(BIN)/pip install --quiet -c constraints.txt -e ".[dev]"
-	touch $@
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build dist out

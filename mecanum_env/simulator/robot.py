@@ -1,0 +1,79 @@
+"""Driving the robot, with rollers on the floor or as the fast planar plant."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import mujoco
+import numpy as np
+
+from mecanum_env.mjcf import planar_spec, robot_spec
+from mecanum_env.model import Model
+from mecanum_env.simulator.commands import Commands
+from mecanum_env.simulator.stepping import step_through
+from mecanum_env.simulator.trajectory import Trajectory, read_trajectory
+
+Plant = Literal["rollers", "planar"]
+
+_SETTLING_S = 0.5  # the rollers sink into the floor by some micrometres and come to rest within this time
+
+
+def compile_plant(model: Model, plant: Plant = "rollers", timestep_s: float | None = None) -> mujoco.MjModel:
+    """Compile the robot for commands that were rounded before the kinematics.
+
+    The wheel actuators do not round again: V, theta and VC are what the robot takes in whole numbers, and
+    the wheel speeds that follow from them are not whole.
+
+    Args:
+        model: wheel, robot and effects.
+        plant: "rollers" for 45-degree rollers on a floor, "planar" for no slip at all, much faster.
+        timestep_s: upper bound of the physics step [s]; the generator's choice when None.
+    """
+    spec = robot_spec if plant == "rollers" else planar_spec
+    return spec(model, timestep_s=timestep_s, wheel_quantum=False).compile()
+
+
+def drive(
+    model: Model,
+    commands: Commands,
+    duration_s: float,
+    *,
+    plant: Plant = "rollers",
+    timestep_s: float | None = None,
+    mj_model: mujoco.MjModel | None = None,
+) -> Trajectory:
+    """Drive the robot from rest at the origin through commands and return every physics step.
+
+    Args:
+        model: wheel, robot and effects.
+        commands: what is sent, in time from 0 [s].
+        duration_s: how long to simulate [s]; rounded up to a whole physics step.
+        plant: "rollers" or "planar".
+        timestep_s: upper bound of the physics step [s].
+        mj_model: the result of an earlier `compile_plant` with the same arguments, to save compiling.
+
+    Raises:
+        InputError: the model asks for an effect that this simulator does not have.
+        SimulationDivergedError: the state stopped being finite.
+    """
+    compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
+    data = at_rest(compiled)
+    step = compiled.opt.timestep
+    n = math.ceil(duration_s / step - 1e-9)
+    time_s = np.arange(n + 1) * step
+    ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
+    qpos, qvel = step_through(compiled, data, ctrl)
+    return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s))
+
+
+def at_rest(mj_model: mujoco.MjModel) -> mujoco.MjData:
+    """Return data in which the robot stands still on the floor, drives at rest, at time 0."""
+    data = mujoco.MjData(mj_model)
+    if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
+        mujoco.mj_step(mj_model, data, math.ceil(_SETTLING_S / mj_model.opt.timestep))
+        standing = data.qpos.copy()
+        mujoco.mj_resetData(mj_model, data)  # time, velocities and the drives' clocks back to 0
+        data.qpos[:] = standing
+    mujoco.mj_forward(mj_model, data)
+    return data

@@ -1,0 +1,268 @@
+"""Output error: the stable law whose free-running simulation is nearest to the measurements.
+
+Maximum likelihood when the measurement noise is white and normal (Ljung, "System Identification", section 7.4).
+The search runs in Schur-Cohn coordinates, so every iterate is stable, and with E eliminated, so every iterate
+has unit DC gain. Two stages per start:
+
+1. Variable projection (Golub and Pereyra 1973, Kaufman 1975): D, E, F enter linearly, so for given poles the best
+   ones are solved for, and the trust region moves in the three pole coordinates only. This is what makes random
+   starts converge.
+2. All parameters together, delay and saturation included, by trust-region least squares with the exact Jacobian.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.units import FloatArray
+from sysid.estimators.interface import Estimate, Options, StartResult
+from sysid.estimators.problem import Problem, Traces, stack
+from sysid.estimators.runs import WheelRun
+from sysid.estimators.stability import (
+    free_coordinates,
+    stable_abc,
+    stable_abc_jacobian,
+    stabilised_abc,
+)
+from sysid.estimators.start import (
+    one_step_coefficients,
+    random_coefficients,
+    stable_coefficients,
+    steiglitz_mcbride_coefficients,
+)
+
+_TOLERANCE = 1e-10
+_HUBER = 1.345
+_LIMIT_SCALE = 10.0
+"""Saturation is searched in units of this [rpm], to be of the size of the other parameters."""
+
+
+@dataclass(frozen=True)
+class _Point:
+    """A law with its drive parameters, somewhere in the search."""
+
+    coefficients: FloatArray
+    delay_s: float = 0.0
+    saturation_rpm: float = np.inf
+
+
+@dataclass(frozen=True)
+class _Reached:
+    point: _Point
+    cost: float
+    converged: bool
+    iterations: int
+
+
+def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
+    """Estimate the law by output error from several starts and keep the best.
+
+    Args:
+        runs: one or more runs of one wheel, or of several to be pooled.
+        options: see `Options`; all of it is used.
+
+    Returns:
+        A stable law, always; of unit DC gain unless `options.unit_gain` is off.
+
+    Raises:
+        InputError: no usable data (see `problem.require_excitation`).
+    """
+    options = options or Options()
+    began = time.perf_counter()
+    problem = stack(runs, merge=options.loss == "linear")
+    drive = _drive_start(problem, runs, options)
+    results: list[tuple[StartResult, _Reached]] = []
+    for kind, initial in _starting_points(runs, options):
+        start_began = time.perf_counter()
+        reached = fit_from(problem, initial, options, delay_s=drive.delay_s, saturation_rpm=drive.saturation_rpm)
+        seconds = time.perf_counter() - start_began
+        coefficients = reached.point.coefficients
+        results.append(
+            (
+                StartResult(
+                    kind=kind,
+                    initial=tuple(float(x) for x in initial),
+                    coefficients=tuple(float(x) for x in coefficients),
+                    rms_rpm=_rms(problem, runs, reached.point),
+                    stable=WheelLaw.from_coefficients(coefficients, problem.sample_period_s).is_stable,
+                    converged=reached.converged,
+                    iterations=reached.iterations,
+                    seconds=seconds,
+                ),
+                reached,
+            )
+        )
+    best = min(results, key=lambda pair: pair[1].cost)
+    point = best[1].point
+    free = ["A", "B", "C", "D", "F"] if options.unit_gain else ["A", "B", "C", "D", "E", "F"]
+    free += ["delay_s"] if options.fit_delay else []
+    free += ["saturation_rpm"] if np.isfinite(point.saturation_rpm) else []
+    return Estimate(
+        method="output-error",
+        law=WheelLaw.from_coefficients(point.coefficients, problem.sample_period_s),
+        rms_rpm=best[0].rms_rpm,
+        cost=best[1].cost,
+        free=tuple(free),
+        starts=tuple(start for start, _ in results),
+        seconds=time.perf_counter() - began,
+        delay_s=point.delay_s,
+        saturation_rpm=point.saturation_rpm,
+    )
+
+
+def fit_from(
+    problem: Problem,
+    initial: FloatArray,
+    options: Options,
+    *,
+    delay_s: float = 0.0,
+    saturation_rpm: float = np.inf,
+) -> _Reached:
+    """Search from one start A-F, shape (6,); unstable starts are reflected into the stable region first."""
+    traces = problem.traces(delay_s, saturation_rpm)
+    coefficients, evaluations = _project(problem, traces, stabilised_abc(initial[:3], 0.999), options)
+    return _polish(problem, _Point(coefficients, delay_s, saturation_rpm), options, evaluations)
+
+
+def _project(
+    problem: Problem, traces: Traces, abc: FloatArray, options: Options
+) -> tuple[FloatArray, int]:
+    """Stage 1: return A-F of unit gain, shape (6,), and the number of evaluations used."""
+    weight = problem.weight
+    target = (problem.speed_rpm - problem.initial_rpm[problem.row]) * weight
+
+    def solve(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Return A-F, the weighted residual and an orthonormal basis of the linear columns."""
+        a, b, c = stable_abc(t)
+        by_d, by_e, by_f = (problem.linear_columns([a, b, c], traces) * weight[:, None]).T
+        columns = np.stack([by_d - by_e, by_f - by_e], axis=1)
+        offset = target - (1.0 - a - b - c) * by_e
+        basis, values, right = np.linalg.svd(columns, full_matrices=False)
+        keep = values > 1e-10 * max(values[0], 1e-300)
+        basis = basis[:, keep]
+        inner = basis.T @ offset
+        d, f = right[keep].T @ (inner / values[keep])
+        return np.array([a, b, c, d, 1.0 - (a + b + c + d + f), f]), basis @ inner - offset, basis
+
+    def residual(t: FloatArray) -> FloatArray:
+        return solve(t)[1]
+
+    def jacobian(t: FloatArray) -> FloatArray:
+        coefficients, _, basis = solve(t)
+        full = problem.predict_with_jacobian(coefficients, traces)[1] * weight[:, None]
+        by_t = (full[:, :3] - full[:, [4]]) @ stable_abc_jacobian(t)
+        return np.asarray(by_t - basis @ (basis.T @ by_t))
+
+    found = least_squares(
+        residual,
+        free_coordinates(abc),
+        jacobian,
+        method="trf",
+        ftol=1e-8,
+        xtol=1e-8,
+        gtol=1e-12,
+        max_nfev=options.max_iterations,
+    )
+    return solve(found.x)[0], int(found.nfev)
+
+
+def _polish(problem: Problem, start: _Point, options: Options, evaluations: int) -> _Reached:
+    """Stage 2: all free parameters together from a good start."""
+    free_delay, free_limit = options.fit_delay, bool(np.isfinite(start.saturation_rpm))
+    period = problem.sample_period_s
+    fixed = None if free_delay or free_limit else problem.traces(start.delay_s, start.saturation_rpm)
+    laws = 5 if options.unit_gain else 6
+
+    def unpack(x: FloatArray) -> _Point:
+        abc = stable_abc(x[:3])
+        if options.unit_gain:
+            law = np.array([*abc, x[3], 1.0 - (np.sum(abc) + x[3] + x[4]), x[4]])
+        else:
+            law = np.concatenate([abc, x[3:6]])
+        delay = x[laws] * period if free_delay else start.delay_s
+        limit = x[-1] * _LIMIT_SCALE if free_limit else start.saturation_rpm
+        return _Point(law, float(delay), float(limit))
+
+    def residual(x: FloatArray) -> FloatArray:
+        point = unpack(x)
+        traces = fixed or problem.traces(point.delay_s, point.saturation_rpm)
+        return (problem.predict(point.coefficients, traces) - problem.speed_rpm) * problem.weight
+
+    def jacobian(x: FloatArray) -> FloatArray:
+        point = unpack(x)
+        traces = fixed or problem.traces(
+            point.delay_s, point.saturation_rpm, with_delay=free_delay, with_saturation=free_limit
+        )
+        full = problem.predict_with_jacobian(point.coefficients, traces)[1]
+        if options.unit_gain:
+            law = np.delete(full[:, :6] - full[:, [4]], 4, axis=1)
+        else:
+            law = full[:, :6]
+        extra = full[:, 6:] * np.array([period] * free_delay + [_LIMIT_SCALE] * free_limit)
+        return np.asarray(
+            np.hstack([law[:, :3] @ stable_abc_jacobian(x[:3]), law[:, 3:], extra]) * problem.weight[:, None]
+        )
+
+    c = start.coefficients
+    x = [*free_coordinates(c[:3]), *(c[[3, 5]] if options.unit_gain else c[3:])]
+    low, high = [-np.inf] * laws, [np.inf] * laws
+    if free_delay:
+        longest = max(options.max_delay_s / period, 1e-9)
+        x.append(min(max(start.delay_s / period, 0.0), longest))
+        low, high = [*low, 0.0], [*high, longest]
+    if free_limit:
+        largest = problem.largest_command
+        x.append(min(start.saturation_rpm, largest) / _LIMIT_SCALE)
+        low, high = [*low, 0.0], [*high, largest / _LIMIT_SCALE]
+    found = least_squares(
+        residual,
+        np.array(x),
+        jacobian,
+        bounds=(low, high) if free_delay or free_limit else (-np.inf, np.inf),
+        method="trf",
+        loss=options.loss,
+        f_scale=_HUBER,
+        ftol=_TOLERANCE,
+        xtol=_TOLERANCE,
+        gtol=_TOLERANCE,
+        max_nfev=options.max_iterations,
+    )
+    return _Reached(
+        unpack(found.x),
+        float(found.cost) + problem.within_cost,
+        found.status > 0,
+        evaluations + int(found.nfev),
+    )
+
+
+def _drive_start(problem: Problem, runs: Sequence[WheelRun], options: Options) -> _Point:
+    """Return a first guess of delay and saturation (A-F are not set)."""
+    return _Point(np.zeros(6))
+
+
+def _starting_points(runs: Sequence[WheelRun], options: Options) -> list[tuple[str, FloatArray]]:
+    """Return (kind, A-F) of every start, the informed ones first."""
+    if options.initial:
+        return [("given", np.array(row, float)) for row in options.initial]
+    points: list[tuple[str, FloatArray]] = []
+    if options.first_starts == "informed":
+        points.append(("steiglitz-mcbride", steiglitz_mcbride_coefficients(runs)))
+        points.append(("one-step", stable_coefficients(one_step_coefficients(runs), unit_gain=True)))
+    rng = np.random.default_rng(options.seed)
+    points += [("random", random_coefficients(rng)) for _ in range(options.starts - len(points))]
+    return points[: options.starts]
+
+
+def _rms(problem: Problem, runs: Sequence[WheelRun], point: _Point) -> float:
+    """Return the unweighted rms [rpm] over all samples, merged or not."""
+    traces = problem.traces(point.delay_s, point.saturation_rpm)
+    predicted = problem.predict(point.coefficients, traces)[problem.group]
+    speed = np.concatenate([run.speed_rpm for run in runs])
+    return float(np.sqrt(np.mean((speed - predicted) ** 2)))

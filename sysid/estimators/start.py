@@ -1,0 +1,101 @@
+"""Where a search starts: one-step-ahead least squares, Steiglitz-McBride, and random stable laws."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.linalg import lstsq
+from scipy.signal import lfilter
+
+from mecanum_env.units import FloatArray
+from sysid.estimators.runs import WheelRun
+from sysid.estimators.stability import stabilised_abc
+
+
+def one_step_coefficients(runs: Sequence[WheelRun], *, unit_gain: bool = True) -> FloatArray:
+    """Return A-F, shape (6,), that predict w(k+1) best from *measured* w(k), w(k-1), w(k-2): linear least squares.
+
+    Noise in the regressors biases it (equation error); nothing makes it stable. Samples off the ticks are
+    interpolated linearly; ticks before the first or after the last sample are left out.
+    """
+    return _solve(*_regression([_on_ticks(run) for run in runs], unit_gain), unit_gain)
+
+
+def steiglitz_mcbride_coefficients(
+    runs: Sequence[WheelRun], *, unit_gain: bool = True, rounds: int = 10
+) -> FloatArray:
+    """Return stable A-F, shape (6,): one-step least squares on signals filtered by the last 1/(denominator).
+
+    K. Steiglitz and L. E. McBride, "A technique for the identification of linear systems", IEEE Trans.
+    Automatic Control 10 (1965). Close to the free-running optimum after a few rounds, without a derivative.
+    """
+    series = [_on_ticks(run) for run in runs]
+    coefficients = stable_coefficients(_solve(*_regression(series, unit_gain), unit_gain), unit_gain=unit_gain)
+    for _ in range(rounds):
+        denominator = np.array([1.0, *(-coefficients[:3])])
+        filtered = [tuple(lfilter([1.0], denominator, x) for x in pair) for pair in series]
+        last = coefficients
+        coefficients = _solve(*_regression(filtered, unit_gain), unit_gain)
+        coefficients = stable_coefficients(coefficients, unit_gain=unit_gain)
+        if np.max(np.abs(coefficients - last)) < 1e-9:
+            break
+    return coefficients
+
+
+def stable_coefficients(coefficients: FloatArray, *, unit_gain: bool) -> FloatArray:
+    """Return A-F with unstable poles reflected; with `unit_gain` E is moved so that the six sum to 1."""
+    result = np.nan_to_num(np.array(coefficients, float), nan=0.0, posinf=0.0, neginf=0.0)
+    result[:3] = stabilised_abc(result[:3])
+    if unit_gain:
+        result[4] = 1.0 - (result[0] + result[1] + result[2] + result[3] + result[5])
+    return result
+
+
+def random_coefficients(rng: np.random.Generator) -> FloatArray:
+    """Return a random stable law A-F of unit gain, shape (6,): poles in the disc of 0.98, half of them in pairs."""
+    first, second = rng.uniform(-0.98, 0.98, 2)
+    if rng.random() < 0.5:
+        size, angle = 0.98 * np.sqrt(rng.random()), rng.uniform(0.0, np.pi)
+        poles = np.array([size * np.exp(1j * angle), size * np.exp(-1j * angle), first])
+    else:
+        poles = np.array([first, second, rng.uniform(-0.98, 0.98)])
+    abc = -np.real(np.poly(poles))[1:]
+    d, f = rng.uniform(-0.5, 0.5, 2)
+    return np.array([*abc, d, 1.0 - np.sum(abc) - d - f, f])
+
+
+def _on_ticks(run: WheelRun) -> tuple[FloatArray, FloatArray]:
+    """Return deviations (speed, command) from the start at every tick, the steady past of three ticks included."""
+    order = np.argsort(run.sample_tick, kind="stable")
+    time, speed = run.sample_tick[order], run.speed_rpm[order]
+    last = int(np.floor(time[-1]))
+    ticks = np.arange(last + 1)
+    w = np.interp(ticks, np.concatenate([[-1.0], time]), np.concatenate([[run.initial_rpm], speed]))
+    past = np.zeros(3)
+    command = run.command()[:last] - run.initial_rpm
+    return np.concatenate([past, w - run.initial_rpm]), np.concatenate([past, command])
+
+
+def _regression(
+    series: Sequence[tuple[FloatArray, ...]], unit_gain: bool
+) -> tuple[FloatArray, FloatArray]:
+    """Return the regressors, shape (n, 6), and w(k+1), shape (n,), with E eliminated when `unit_gain`."""
+    rows, targets = [], []
+    for w, r in series:
+        j = np.arange(3, len(r))  # r[j] = r(k), w[j] = w(k); the first three are the steady past
+        rows.append(np.stack([w[j], w[j - 1], w[j - 2], r[j], r[j - 1], r[j - 2]], axis=1))
+        targets.append(w[j + 1])
+    x, y = np.concatenate(rows), np.concatenate(targets)
+    if unit_gain:
+        y = y - x[:, 4]
+        x = x[:, [0, 1, 2, 3, 5]] - x[:, [4]]
+    return x, y
+
+
+def _solve(x: FloatArray, y: FloatArray, unit_gain: bool) -> FloatArray:
+    solution = np.asarray(lstsq(x, y, cond=1e-12)[0])
+    if not unit_gain:
+        return solution
+    a, b, c, d, f = solution
+    return np.array([a, b, c, d, 1.0 - (a + b + c + d + f), f])

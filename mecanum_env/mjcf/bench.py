@@ -1,0 +1,62 @@
+"""The bench: one wheel off the floor, as when its response is measured."""
+
+from __future__ import annotations
+
+import mujoco
+
+from mecanum_env.mjcf import look
+from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
+from mecanum_env.mjcf.geometry import wheel_geometry
+from mecanum_env.mjcf.masses import Inertia, robot_masses
+from mecanum_env.mjcf.physics import SIMULATION_TIMESTEP_S, fitting_timestep, new_spec
+from mecanum_env.mjcf.wheel import set_inertia
+from mecanum_env.model import Model
+
+
+def bench_spec(
+    model: Model,
+    timestep: float | None = None,
+    *,
+    drive: Drive = "plugin",
+    wheel_quantum: bool = True,
+    visuals: bool = True,
+) -> mujoco.MjSpec:
+    """Return one free wheel on a stand: joint and actuator "wheel", sensor "wheel_speed" [rad/s].
+
+    The rollers are fixed to the hub (nothing turns them here), so the wheel has one degree of freedom and
+    the moment of inertia of hub and rollers together.
+
+    Args:
+        model: the identified wheel and its robot.
+        timestep: physics step [s]; by default the nearest to 1/480 s that divides the law's sample period.
+        drive: `plugin` takes rpm, `servo` takes rad/s; see `mecanum_env.mjcf.drive`.
+        wheel_quantum: round each wheel command to the model's quantum, as the drive electronics do.
+        visuals: include what is only seen.
+
+    Raises:
+        InputError: an effect that is not simulated, or an impossible inertia.
+    """
+    timestep = fitting_timestep(model) if timestep is None else timestep
+    spec = new_spec("mecanum wheel bench", timestep)
+    geometry = wheel_geometry(model.robot.wheel_radius_m, model.robot.rollers_per_wheel)
+    masses = robot_masses(model.robot)
+    spin = masses.wheel_spin_inertia(geometry)
+    mass = masses.hub.mass + geometry.rollers * masses.roller.mass
+    # About the other two axes nothing moves; anything that makes a possible body will do.
+    wheel = spec.worldbody.add_body(name="wheel", pos=[0, 0, 2 * geometry.radius])
+    set_inertia(wheel, Inertia(mass, (spin, spin, spin)))
+    wheel.add_joint(name="wheel", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
+    prepare_drives(spec, model, drive)
+    add_drive(spec, model, "wheel", drive, wheel_quantum)
+    spec.add_sensor(
+        name="wheel_speed",
+        type=mujoco.mjtSensor.mjSENS_JOINTVEL,
+        objtype=mujoco.mjtObj.mjOBJ_JOINT,
+        objname="wheel",
+    )
+    if visuals:
+        look.dress_bench(spec, wheel, geometry)
+    return spec
+
+
+__all__ = ["SIMULATION_TIMESTEP_S", "bench_spec"]

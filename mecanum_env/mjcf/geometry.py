@@ -1,0 +1,113 @@
+"""Geometry of a 45-degree Mecanum wheel with a round envelope, and the motion such a wheel gives on average.
+
+A wheel of radius R carries N ellipsoid rollers (semi-axes b, b, c, with c along the roller's axis) whose
+centres lie on a circle of radius r, so R = r + b. The roller at the angle phi from the lowest point has the
+axis (cos phi, s, -sin phi) / sqrt 2, so the support function of an ellipsoid gives how far it reaches below
+the axle:
+
+    reach(phi) = r cos phi + sqrt(b^2 + (c^2 - b^2) sin^2(phi) / 2)
+
+With p = pi / N, half the angle between rollers, two conditions fix r and c:
+
+1. reach(0) = reach(p) = R: as high in the middle of a roller as where the load passes to the next one, so
+   c^2 = b^2 + 2 ((R - r cos p)^2 - b^2) / sin^2 p.
+2. Neighbouring rollers just do not touch. Their axes, two skew lines, pass each other at the distance
+   2 r sin p / sqrt(1 + cos^2 p), at t = sqrt 2 r sin p cos p / (1 + cos^2 p) from their middles, where each
+   roller is b sqrt(1 - t^2 / c^2) thick.
+
+N = 10 and R = 76.2 mm give r = 61.8, b = 14.4, c = 47.2 mm, and a reach that is round to 91 um.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import brentq
+
+from mecanum_env.kinematics import WHEELS
+from mecanum_env.model import Robot
+from mecanum_env.units import FloatArray
+
+ROLLER_SIDE = {"fl": -1.0, "fr": 1.0, "rl": 1.0, "rr": -1.0}
+"""s in the axis (1, s, 0) / sqrt 2 of the roller that touches the floor; seen from above an X."""
+
+
+@dataclass(frozen=True)
+class WheelGeometry:
+    """Lengths of one roller wheel [m]; `wheel_geometry` derives them."""
+
+    radius: float
+    """R, of the round envelope."""
+    rollers: int
+    """N."""
+    roller_circle: float
+    """r, of the rollers' centres about the axle."""
+    roller_radius: float
+    """b, the two short semi-axes of a roller."""
+    roller_half_length: float
+    """c, the semi-axis along the roller's own axis."""
+
+    def reach(self, phi: FloatArray) -> FloatArray:
+        """Return how far [m] the roller at `phi` [rad] from the lowest point reaches below the axle."""
+        b2, c2 = self.roller_radius**2, self.roller_half_length**2
+        below: FloatArray = self.roller_circle * np.cos(phi) + np.sqrt(b2 + (c2 - b2) * np.sin(phi) ** 2 / 2)
+        return below
+
+    @property
+    def half_width(self) -> float:
+        """Half the width of the wheel [m]: the rollers' support along the axle."""
+        return math.sqrt((self.roller_radius**2 + self.roller_half_length**2) / 2)
+
+
+def wheel_geometry(radius: float, rollers: int) -> WheelGeometry:
+    """Derive the wheel of radius R [m] with N rollers by the two conditions of the module docstring."""
+    p = math.pi / rollers
+
+    def roller_half_length(r: float) -> float:
+        b = radius - r
+        return math.sqrt(b**2 + 2 * ((radius - r * math.cos(p)) ** 2 - b**2) / math.sin(p) ** 2)
+
+    def clearance(r: float) -> float:
+        turn = 1 + math.cos(p) ** 2
+        half_distance = r * math.sin(p) / math.sqrt(turn)
+        t = math.sqrt(2) * r * math.sin(p) * math.cos(p) / turn
+        return half_distance - (radius - r) * math.sqrt(1 - (t / roller_half_length(r)) ** 2)
+
+    r = float(brentq(clearance, 0.4 * radius, 0.999 * radius, xtol=1e-15 * radius))
+    return WheelGeometry(radius, rollers, r, radius - r, roller_half_length(r))
+
+
+def sideways_ratio(rollers: int) -> float:
+    """Return sinc(pi/N): the mean sideways motion of a 45-degree wheel over that of ideal kinematics.
+
+    The floor stops a wheel from moving along the axis of the roller that stands on it. That axis is at 45
+    degrees only for a roller in its lowest position; turned on by phi its direction on the floor is
+    (cos phi, s), and the mean of cos phi over -pi/N .. pi/N is sin(pi/N) / (pi/N).
+    """
+    return math.sin(math.pi / rollers) / (math.pi / rollers)
+
+
+def wheel_position(robot: Robot, wheel: str) -> tuple[float, float]:
+    """Return x, y [m] of a wheel's centre in the body frame."""
+    x = robot.half_wheelbase_m if wheel[0] == "f" else -robot.half_wheelbase_m
+    y = robot.half_track_m if wheel[1] == "l" else -robot.half_track_m
+    return x, y
+
+
+def no_slip_rows(robot: Robot) -> FloatArray:
+    """Return the matrix (4, 3) from body velocity (vx, vy, yaw rate) to wheel speeds fl, fr, rl, rr [rad/s].
+
+    This is where the planar plant is matched to the rollers: a wheel at (x, y) whose centre moves with
+    (ux, uy) turns at (ux + s uy / sideways_ratio) / R, since rollers give up some sideways motion. For
+    infinitely many rollers it is the matrix of `mecanum_env.kinematics`.
+    """
+    give = sideways_ratio(robot.rollers_per_wheel)
+    rows = []
+    for wheel in WHEELS:
+        x, y = wheel_position(robot, wheel)
+        s = ROLLER_SIDE[wheel] / give
+        # ux = vx - yaw y, uy = vy + yaw x.
+        rows.append([1.0, s, s * x - y])
+    return np.array(rows) / robot.wheel_radius_m

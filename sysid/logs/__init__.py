@@ -1,0 +1,19 @@
+"""Logs of wheels and robots: reading them strictly, and saying what is odd in them.
+
+`read_dataset` is the door; the folder format is section 1 of FORMATS.md.
+"""
+
+from sysid.logs.reader import read_dataset
+from sysid.logs.records import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, Split, WheelCommand
+
+__all__ = [
+    "BenchCommand",
+    "BodyCommand",
+    "Command",
+    "Dataset",
+    "Finding",
+    "Run",
+    "Split",
+    "WheelCommand",
+    "read_dataset",
+]

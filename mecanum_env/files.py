@@ -21,7 +21,7 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     block raises, the target is untouched and the temporary file is removed.
 
     Raises:
-        InputError: the folder cannot be created or written.
+        InputError: the folder cannot be created or written, or the target is a folder.
     """
     target = Path(target)
     try:
@@ -34,20 +34,35 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield temporary
         temporary.chmod(0o666 & ~_umask())
-        temporary.replace(target)
+        try:
+            temporary.replace(target)
+        except OSError as error:
+            raise InputError(
+                f"{target}: cannot be written ({error.strerror}); choose another name"
+            ) from error
     finally:
         temporary.unlink(missing_ok=True)
 
 
 def write_text(target: str | os.PathLike[str], text: str) -> None:
-    """Write text in UTF-8, whole or not at all."""
+    """Write text to the target in UTF-8, whole or not at all."""
     with atomic_path(target) as path:
         path.write_text(text, encoding="utf-8")
 
 
 def write_json(target: str | os.PathLike[str], value: Any) -> None:
-    """Write strict JSON (no NaN or Infinity) in full double precision, whole or not at all."""
-    write_text(target, json.dumps(value, indent=1, allow_nan=False) + "\n")
+    """Write a value to the target as strict JSON in full double precision, whole or not at all.
+
+    Raises:
+        InputError: the value holds NaN or an infinity, which JSON does not know, or as for `atomic_path`.
+    """
+    try:
+        text = json.dumps(value, indent=1, allow_nan=False)
+    except ValueError as error:
+        raise InputError(
+            f"{target}: not written, JSON knows no NaN or infinity; use null ({error})"
+        ) from error
+    write_text(target, text + "\n")
 
 
 def _umask() -> int:

@@ -54,31 +54,35 @@ def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: np
         np.asarray(v_rpm, float), np.deg2rad(np.asarray(theta_deg, float)), np.asarray(vc_rpm, float)
     )
     body = np.stack([COMMAND_GAIN * v * np.cos(theta), COMMAND_GAIN * v * np.sin(theta), vc], axis=-1)
-    return body @ _MIXING.T
+    wheels: FloatArray = body @ _MIXING.T
+    return wheels
 
 
 def wheels_to_command(wheels_rpm: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return V >= 0 [rpm], theta in (-180, 180] [deg] and VC [rpm], shapes (...), of wheel speeds (..., 4).
 
     Four wheels have one motion more than the body has; that part (wheels working against each other) is
-    dropped, as by the pseudo-inverse.
+    dropped, as by the pseudo-inverse. Where V is 0, so is theta.
     """
     body = np.asarray(wheels_rpm, float) @ _MIXING / 4.0  # columns of the mixing matrix are orthogonal
     v = np.hypot(body[..., 0], body[..., 1]) / COMMAND_GAIN
-    theta = np.rad2deg(np.arctan2(body[..., 1], body[..., 0]))
+    # Adding 0.0 turns -0.0 into 0.0, which arctan2 would take for a direction (-180 or 180 degrees).
+    theta = np.rad2deg(np.arctan2(body[..., 1] + 0.0, body[..., 0] + 0.0))
     return v, theta, body[..., 2]
 
 
 def twist_to_wheels(twist: npt.ArrayLike, geometry: Geometry) -> FloatArray:
-    """Return wheel speeds [rpm], shape (..., 4), of body twists (vx [m/s], vy [m/s], wz [rad/s]), (..., 3)."""
+    """Return wheel speeds [rpm], shape (..., 4), of body twists (vx, vy [m/s], wz [rad/s]), (..., 3)."""
     scale = np.array([1.0, 1.0, yaw_arm_m(geometry)])
-    return (np.asarray(twist, float) * scale) @ _MIXING.T / (geometry.wheel_radius_m * RAD_S_PER_RPM)
+    surface_m_s: FloatArray = (np.asarray(twist, float) * scale) @ _MIXING.T
+    return surface_m_s / (geometry.wheel_radius_m * RAD_S_PER_RPM)
 
 
 def wheels_to_twist(wheels_rpm: npt.ArrayLike, geometry: Geometry) -> FloatArray:
-    """Return body twists (vx [m/s], vy [m/s], wz [rad/s]), shape (..., 3), of wheel speeds [rpm], (..., 4)."""
+    """Return body twists (vx, vy [m/s], wz [rad/s]), shape (..., 3), of wheel speeds [rpm], (..., 4)."""
     surface_m_s = np.asarray(wheels_rpm, float) * (geometry.wheel_radius_m * RAD_S_PER_RPM)
-    return surface_m_s @ _MIXING / 4.0 / np.array([1.0, 1.0, yaw_arm_m(geometry)])
+    twist: FloatArray = surface_m_s @ _MIXING / 4.0 / np.array([1.0, 1.0, yaw_arm_m(geometry)])
+    return twist
 
 
 def command_to_twist(
@@ -108,7 +112,8 @@ def round_command(
 
 def clip_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
     """Clip each wheel to +-limit [rpm] by itself, as the hardware does; the direction of motion may bend."""
-    return np.clip(np.asarray(wheels_rpm, float), -limit_rpm, limit_rpm)
+    clipped: FloatArray = np.clip(np.asarray(wheels_rpm, float), -limit_rpm, limit_rpm)
+    return clipped
 
 
 def scale_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
@@ -116,4 +121,4 @@ def scale_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
     wheels = np.asarray(wheels_rpm, float)
     largest = np.max(np.abs(wheels), axis=-1, keepdims=True)
     factor = np.divide(limit_rpm, largest, out=np.ones_like(largest), where=largest > limit_rpm)
-    return wheels * factor
+    return clip_wheels(wheels * factor, limit_rpm)  # the product may exceed the limit by one rounding

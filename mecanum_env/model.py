@@ -16,6 +16,7 @@ from typing import Any, Final
 from mecanum_env.asset_files import asset_path
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import write_json
+from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
 
 FORMAT: Final = "mecanum-model/1"
@@ -100,7 +101,7 @@ class Robot:
         for name in ("servo_n_m_s_rad", "torque_limit_n_m", "friction"):
             _require(f"robot.{name}", getattr(self, name), 0.0, strict=True)
         _require("robot.servo_integral_n_m_rad", self.servo_integral_n_m_rad, 0.0)
-        if self.rollers_per_wheel != int(self.rollers_per_wheel) or not 4 <= self.rollers_per_wheel <= 24:
+        if not 4 <= self.rollers_per_wheel <= 24 or self.rollers_per_wheel != int(self.rollers_per_wheel):
             raise InputError(
                 f"robot.rollers_per_wheel = {self.rollers_per_wheel}, must be a whole number 4..24"
             )
@@ -108,7 +109,11 @@ class Robot:
 
 @dataclass(frozen=True)
 class Model:
-    """Everything a simulator needs to know; see the package README for the file format."""
+    """Everything a simulator needs to know; the fields are the sections of the file.
+
+    Raises:
+        InputError: an effect, parameter or wheel that does not exist, or a value that is not a number.
+    """
 
     wheel: Wheel
     robot: Robot = field(default_factory=Robot)
@@ -116,7 +121,10 @@ class Model:
     uncertainty: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     extra: Mapping[str, Any] = field(default_factory=dict)
-    """Top-level fields of the file that this version does not know; kept on writing."""
+    """Fields of the file that this version does not know, kept on writing: top-level ones by their name,
+    those inside a section under "wheel" and "robot"."""
+    wheels: Mapping[str, WheelLaw] = field(default_factory=dict)
+    """Laws of single wheels by name (fl, fr, rl, rr), where they differ from `wheel.law`; ask `law_of`."""
 
     def __post_init__(self) -> None:
         for name, parameters in self.effects.items():
@@ -129,18 +137,38 @@ class Model:
                 known = EFFECT_PARAMETERS[name]
                 if key not in known:
                     raise InputError(f"effects.{name}.{key}: no such parameter; known: {', '.join(known)}")
-                _require(f"effects.{name}.{key}", value, -math.inf, finite=False)
+                _require(f"effects.{name}.{key}", value, -math.inf, strict=True, finite=False)
+        for name, law in self.wheels.items():
+            _require_wheel(f"wheels.{name}", name)
+            if law.sample_period_s != self.wheel.law.sample_period_s:
+                raise InputError(
+                    f"wheels.{name}: sample_period_s = {law.sample_period_s}, must be that of the common "
+                    f"law, {self.wheel.law.sample_period_s}; see mecanum_env.law.conversion"
+                )
+
+    def law_of(self, wheel_name: str) -> WheelLaw:
+        """Return the law of one wheel: its own where `wheels` has one, else the common one.
+
+        Raises:
+            InputError: `wheel_name` is not fl, fr, rl or rr.
+        """
+        _require_wheel(wheel_name, wheel_name)
+        return self.wheels.get(wheel_name, self.wheel.law)
 
     def with_effect(self, name: str, **parameters: float) -> Model:
-        """Return a copy with one effect added or replaced."""
+        """Return a copy with the effect `name` added or replaced, with these `parameters`.
+
+        Raises:
+            InputError: no effect or parameter has that name, or a value is not a number.
+        """
         return replace(self, effects={**self.effects, name: parameters})
 
 
 def read_model(path: str | os.PathLike[str]) -> Model:
-    """Read a `model.json`.
+    """Read a `model.json` from a path.
 
     Raises:
-        InputError: no such file, not JSON, another format, a missing, unknown, non-finite or impossible value.
+        InputError: no such file, not JSON, another format, a missing, misspelt or impossible value.
         UnstableLawError: the wheel law is unstable; the message lists the poles.
     """
     path = Path(path)
@@ -151,11 +179,15 @@ def read_model(path: str | os.PathLike[str]) -> Model:
             f"{path}: cannot be read ({error.strerror}); make a model with `python -m sysid.fit LOGS`"
         ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file; a model is JSON as `python -m sysid.fit` writes") from error
+        raise InputError(
+            f"{path}: not a text file; a model is JSON as `python -m sysid.fit` writes"
+        ) from error
     try:
-        value = json.loads(text)
+        value = json.loads(text, parse_constant=_refuse_constant)
     except json.JSONDecodeError as error:
         raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     try:
         return model_from_dict(value)
     except InputError as error:
@@ -163,7 +195,14 @@ def read_model(path: str | os.PathLike[str]) -> Model:
 
 
 def write_model(model: Model, path: str | os.PathLike[str]) -> None:
-    """Write a `model.json` in full double precision, whole or not at all; `read_model` gives it back equal."""
+    """Write a model to a path, whole or not at all, in full precision: `read_model` gives it back equal.
+
+    Raises:
+        UnstableLawError: a law is unstable, and `read_model` would refuse it.
+        InputError: the path cannot be written, or `uncertainty`, `provenance`, `extra` hold NaN or infinity.
+    """
+    for law in (model.wheel.law, *model.wheels.values()):
+        law.require_stable()
     write_json(path, model_to_dict(model))
 
 
@@ -175,71 +214,119 @@ def paper_model() -> Model:
 def model_to_dict(model: Model) -> dict[str, Any]:
     """Return the JSON object of a model."""
     wheel = model.wheel
-    return {
+    value: dict[str, Any] = {
         "format": FORMAT,
         "wheel": {
-            **{name: getattr(wheel.law, name) for name in COEFFICIENTS},
+            **_coefficients(wheel.law),
             "sample_period_s": wheel.law.sample_period_s,
             **{name: _infinite_as_null(getattr(wheel, name)) for name in _WHEEL_FIELDS},
+            **model.extra.get("wheel", {}),
         },
-        "robot": {f.name: getattr(model.robot, f.name) for f in fields(Robot)},
+        "robot": {
+            **{name: getattr(model.robot, name) for name in _ROBOT_FIELDS},
+            **model.extra.get("robot", {}),
+        },
         "effects": {
-            name: {key: _infinite_as_null(value) for key, value in parameters.items()}
+            name: {key: _infinite_as_null(number) for key, number in parameters.items()}
             for name, parameters in model.effects.items()
         },
         "uncertainty": dict(model.uncertainty),
         "provenance": dict(model.provenance),
-        **model.extra,
+        **{name: item for name, item in model.extra.items() if name not in _SECTIONS},
     }
+    if model.wheels:
+        value["wheels"] = {name: _coefficients(law) for name, law in model.wheels.items()}
+    return value
 
 
 def model_from_dict(value: Any) -> Model:
-    """Build a model from a JSON object; the messages name the field.
+    """Build a model from a JSON object `value`; the messages name the field.
 
     Raises:
-        InputError: a missing, unknown, non-finite or impossible value.
-        UnstableLawError: the wheel law is unstable.
+        InputError: a missing, misspelt, non-finite or impossible value.
+        UnstableLawError: a wheel law is unstable.
     """
     top = _mapping("the file", value)
     if top.get("format") != FORMAT:
         raise InputError(f'"format" is {top.get("format")!r}, must be "{FORMAT}"')
     if "wheel" not in top:
         raise InputError('"wheel" is missing; it holds A..F and sample_period_s')
-    wheel = _numbers("wheel", top["wheel"], (*COEFFICIENTS, "sample_period_s", *_WHEEL_FIELDS))
-    missing = [name for name in (*COEFFICIENTS, "sample_period_s") if name not in wheel]
-    if missing:
-        raise InputError(f'"wheel" lacks {", ".join(missing)}')
-    law = WheelLaw(**{name: wheel.pop(name) for name in (*COEFFICIENTS, "sample_period_s")}).require_stable()
-    known = ("format", "wheel", "robot", "effects", "uncertainty", "provenance")
+    wheel_section, wheel_extra = _split("wheel", top["wheel"], (*_LAW_FIELDS, *_WHEEL_FIELDS))
+    robot_section, robot_extra = _split("robot", top.get("robot", {}), _ROBOT_FIELDS)
+    extra = {name: item for name, item in top.items() if name not in _SECTIONS}
+    numbers = _numbers("wheel", wheel_section, (*_LAW_FIELDS, *_WHEEL_FIELDS), null=("saturation_rpm",))
+    law = _law("wheel", {name: numbers.pop(name) for name in _LAW_FIELDS if name in numbers})
     return Model(
-        wheel=Wheel(law, **wheel),
-        robot=robot_from_dict(top.get("robot", {})),
+        wheel=Wheel(law, **numbers),
+        robot=robot_from_dict(robot_section),
         effects={
-            name: _numbers(f"effects.{name}", parameters, EFFECT_PARAMETERS.get(name, ()), null=math.inf)
-            if name in EFFECT_PARAMETERS
-            else dict(_mapping(f"effects.{name}", parameters))
+            name: _effect(name, parameters)
             for name, parameters in _mapping("effects", top.get("effects", {})).items()
         },
         uncertainty=dict(_mapping("uncertainty", top.get("uncertainty", {}))),
         provenance=dict(_mapping("provenance", top.get("provenance", {}))),
-        extra={name: item for name, item in top.items() if name not in known},
+        extra=extra | {k: v for k, v in (("wheel", wheel_extra), ("robot", robot_extra)) if v},
+        wheels={
+            name: _law(
+                f"wheels.{name}",
+                {
+                    **_numbers(f"wheels.{name}", coefficients, COEFFICIENTS),
+                    "sample_period_s": law.sample_period_s,
+                },
+            )
+            for name, coefficients in _mapping("wheels", top.get("wheels", {})).items()
+        },
     )
 
 
 def robot_from_dict(value: Any) -> Robot:
-    """Build the robot from a partial JSON object; packaged values fill in what is absent.
+    """Build the robot from a partial JSON object `value`; packaged values fill in what is absent.
 
     Raises:
         InputError: an unknown name, or a value out of range.
     """
-    numbers: dict[str, Any] = _numbers("robot", value, tuple(f.name for f in fields(Robot)))
-    rollers = numbers.get("rollers_per_wheel")
-    if rollers is not None and float(rollers).is_integer():
-        numbers["rollers_per_wheel"] = int(rollers)
+    numbers: dict[str, Any] = dict(_numbers("robot", value, _ROBOT_FIELDS))
+    if numbers.get("rollers_per_wheel", math.nan).is_integer():
+        numbers["rollers_per_wheel"] = int(numbers["rollers_per_wheel"])
     return Robot(**numbers)
 
 
+_LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
 _WHEEL_FIELDS: Final = ("command_period_s", "command_quantum_rpm", "saturation_rpm")
+_ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
+_SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
+
+
+def _coefficients(law: WheelLaw) -> dict[str, float]:
+    return {name: getattr(law, name) for name in COEFFICIENTS}
+
+
+def _law(where: str, numbers: Mapping[str, float]) -> WheelLaw:
+    missing = [name for name in _LAW_FIELDS if name not in numbers]
+    if missing:
+        raise InputError(f'"{where}" lacks {", ".join(missing)}')
+    try:
+        return WheelLaw(**numbers).require_stable()
+    except InputError as error:
+        raise type(error)(f'"{where}": {error}') from error
+
+
+def _effect(name: str, parameters: Any) -> Mapping[str, float]:
+    """Read an effect's parameters; a name that is not known is left for `Model` to refuse."""
+    known = EFFECT_PARAMETERS.get(name)
+    where = f"effects.{name}"
+    return (
+        dict(_mapping(where, parameters)) if known is None else _numbers(where, parameters, known, null=known)
+    )
+
+
+def _require_wheel(where: str, name: str) -> None:
+    if name not in WHEELS:
+        raise InputError(f"{where}: no such wheel; known: {', '.join(WHEELS)}")
+
+
+def _refuse_constant(name: str) -> float:
+    raise InputError(f"{name} is not valid JSON; an absent limit is null")
 
 
 def _mapping(where: str, value: Any) -> Mapping[str, Any]:
@@ -248,32 +335,39 @@ def _mapping(where: str, value: Any) -> Mapping[str, Any]:
     return value
 
 
-def _numbers(where: str, value: Any, known: tuple[str, ...], null: float = math.inf) -> dict[str, float]:
+def _split(where: str, value: Any, known: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split a section into our names (misspelt ones too, to be refused) and those of other programs."""
+    section = _mapping(where, value)
+    ours = {name: item for name, item in section.items() if name in known or did_you_mean(name, known)}
+    return ours, {name: item for name, item in section.items() if name not in ours}
+
+
+def _numbers(where: str, value: Any, known: tuple[str, ...], null: tuple[str, ...] = ()) -> dict[str, float]:
+    """Read numbers; JSON has no infinity, so null is one, for the names in `null`."""
     numbers: dict[str, float] = {}
     for name, number in _mapping(where, value).items():
         if name not in known:
             raise InputError(
                 f"{where}.{name}: unknown name{did_you_mean(name, known)}; known: {', '.join(known)}"
             )
-        if number is None:
-            numbers[name] = null
+        if number is None and name in null:
+            numbers[name] = math.inf
         elif isinstance(number, bool) or not isinstance(number, int | float):
-            raise InputError(f"{where}.{name} = {number!r}, must be a number")
+            raise InputError(f"{where}.{name} = {json.dumps(number)}, must be a number")
         else:
-            numbers[name] = float(number)
+            try:
+                numbers[name] = float(number)
+            except OverflowError as error:
+                raise InputError(f"{where}.{name} is beyond double precision, must be a number") from error
     return numbers
 
 
-def _require(
-    name: str, value: float, low: float, *, strict: bool = False, finite: bool = True
-) -> None:
+def _require(name: str, value: float, low: float, *, strict: bool = False, finite: bool = True) -> None:
     """Raise `InputError` unless `value` is a number at or above (`strict`: above) `low`."""
-    bad = math.isnan(value) or (finite and math.isinf(value)) or value < low or (strict and value == low)
-    if bad:
-        bound = f"above {low:g}" if strict else f"at least {low:g}"
+    if math.isnan(value) or (finite and math.isinf(value)) or value < low or (strict and value == low):
         kind = "a finite number" if finite else "a number"
-        raise InputError(f"{name} = {value}, must be {kind} {bound}" if low > -math.inf else
-                         f"{name} = {value}, must be {kind}")
+        bound = "" if low == -math.inf else f" above {low:g}" if strict else f" at least {low:g}"
+        raise InputError(f"{name} = {value}, must be {kind}{bound}")
 
 
 def _infinite_as_null(value: float) -> float | None:

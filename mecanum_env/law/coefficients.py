@@ -9,7 +9,7 @@ with w the wheel speed and r the commanded speed [rpm], every `sample_period_s` 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Final
 
 import numpy as np
@@ -71,21 +71,27 @@ class WheelLaw:
 
     @staticmethod
     def from_coefficients(coefficients: npt.ArrayLike, sample_period_s: float) -> WheelLaw:
-        """Build the law from six numbers in the order A-F."""
-        a, b, c, d, e, f = (float(x) for x in np.asarray(coefficients, float))
+        """Build the law that ticks every `sample_period_s` [s] from six coefficients in the order A-F.
+
+        Raises:
+            InputError: not six numbers, or as for the law itself.
+        """
+        values = np.asarray(coefficients, float)
+        if values.shape != (6,):
+            raise InputError(f"wheel law: coefficients of shape {values.shape}, must be the six numbers A-F")
+        a, b, c, d, e, f = (float(x) for x in values)
         return WheelLaw(a, b, c, d, e, f, float(sample_period_s))
 
     @property
     def dc_gain(self) -> float:
-        """Steady speed over constant command; 1 for a drive with integral action."""
-        return (self.D + self.E + self.F) / (1.0 - self.A - self.B - self.C)
+        """Steady speed over constant command; 1 for a drive with integral action, nan for a pole at z = 1."""
+        denominator = 1.0 - self.A - self.B - self.C
+        return (self.D + self.E + self.F) / denominator if denominator != 0.0 else math.nan
 
     @property
     def poles(self) -> npt.NDArray[np.complex128]:
         """The three roots of z^3 - A z^2 - B z - C, shape (3,), largest magnitude first."""
         roots = np.roots([1.0, -self.A, -self.B, -self.C]).astype(np.complex128)
-        # np.roots drops trailing zero coefficients' roots only by returning exact zeros; keep three.
-        roots = np.concatenate([roots, np.zeros(3 - len(roots), np.complex128)])
         order: npt.NDArray[np.intp] = np.argsort(-np.abs(roots), kind="stable")
         return roots[order]
 
@@ -132,11 +138,15 @@ class WheelLaw:
     def simulate(self, command_rpm: npt.ArrayLike, initial: LawState | None = None) -> FloatArray:
         """Free-run the law: return w(0..N), shape (..., N+1), for commands r(0..N-1), shape (..., N), in rpm.
 
-        w(0) is the initial state's speed; the default starts at rest. Leading axes are independent runs.
+        w(0) is the initial state's speed; the default starts at rest. Leading axes are independent runs;
+        those of the commands and of the state's fields are broadcast against each other.
         """
         commands = np.asarray(command_rpm, float)
         state = LawState() if initial is None else initial
-        speeds = np.empty((*commands.shape[:-1], commands.shape[-1] + 1))
+        runs = np.broadcast_shapes(
+            commands.shape[:-1], *(np.shape(getattr(state, f.name)) for f in fields(state))
+        )
+        speeds = np.empty((*runs, commands.shape[-1] + 1))
         speeds[..., 0] = state.w0
         for k in range(commands.shape[-1]):
             speeds[..., k + 1], state = self.tick(state, commands[..., k])

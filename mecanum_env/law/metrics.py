@@ -1,0 +1,179 @@
+"""Step metrics: rise, settling, overshoot and steady-state error of a measured or simulated step response.
+
+The definitions are the paper's where its text gives them (section 4.2): rise from 10 to 90 % of the change,
+settling to within 2 % of it for good, both against the response's *own* steady value. Its Eq. 22 is not
+printed; a relative steady-state error of -4.41e-8 for a law that creeps up from below (ours, exactly
+normalised, is 4.46e-8 short after 120 ticks) tells the sign: (steady - command) / command, negative = short.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import lfilter
+
+from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.units import FloatArray
+
+SETTLING_BAND: Final = 0.02
+_NOISE_SIGMAS: Final = 4.0  # a white sequence of 1,000 samples stays within with 94 % probability
+_MAD_TO_SIGMA: Final = 1.4826
+_LONGEST_TICKS: Final = 1_000_000
+_TRANSIENT_LEFT: Final = 1e-12
+
+
+@dataclass(frozen=True)
+class StepMetrics:
+    """What a step response did; nan where it never got there."""
+
+    rise_time_s: float
+    """From 10 to 90 % of the change, crossings interpolated between samples [s]."""
+    settling_time_s: float
+    """From the step to the first sample from which on all lie within the settling band [s]."""
+    overshoot: float
+    """Largest excursion beyond the steady value over the change; 0.05 = 5 %. 0 where noise explains it."""
+    relative_steady_state_error: float
+    """(steady - command) / command: negative = the wheel stays short. nan for a command of 0."""
+    steady_rpm: float
+    """Mean speed over the last part of the response."""
+    settling_band_rpm: float
+    """Half-width of the band used: 2 % of the change, or 4 standard deviations of the noise where larger."""
+
+
+def step_metrics(
+    time_s: npt.ArrayLike,
+    speed_rpm: npt.ArrayLike,
+    start_rpm: float,
+    command_rpm: float,
+    *,
+    step_time_s: float = 0.0,
+    steady_share: float = 0.2,
+    noise_rpm: float | None = None,
+) -> StepMetrics:
+    """Measure one step response.
+
+    Args:
+        time_s: strictly increasing sample times, shape (N,); those before `step_time_s` are ignored.
+        speed_rpm: wheel speed, shape (N,); nan marks a missing sample.
+        start_rpm: speed from which the step starts.
+        command_rpm: commanded speed after the step.
+        step_time_s: when the command changed.
+        steady_share: the steady value is the mean over this last share of the time after the step (at least
+            one sample).
+        noise_rpm: standard deviation of the measurement noise; None estimates it robustly from the
+            differences of neighbouring samples in the steady part, 0 is right for a simulation.
+
+    Raises:
+        InputError: shapes differ, times do not increase, or no sample follows the step.
+    """
+    time, speed = _usable(time_s, speed_rpm, step_time_s)
+    steady_part = speed[time >= time[-1] - steady_share * (time[-1] - step_time_s)]
+    steady = float(np.mean(steady_part))
+    noise = _noise_of(steady_part) if noise_rpm is None else noise_rpm
+    change = steady - start_rpm
+    band = max(SETTLING_BAND * abs(change), _NOISE_SIGMAS * noise)
+    error = (steady - command_rpm) / command_rpm if command_rpm != 0.0 else math.nan
+    if abs(change) <= _NOISE_SIGMAS * noise or change == 0.0:  # it never moved
+        return StepMetrics(math.nan, math.nan, math.nan, error, steady, band)
+    # 0 at the start, 1 at the steady value, whichever way the step goes; the step itself is a sample.
+    progress = np.concatenate([[0.0], (speed - start_rpm) / change])
+    clock = np.concatenate([[0.0], time - step_time_s])
+    excess = max(float(np.max(progress)) - 1.0, 0.0)
+    return StepMetrics(
+        rise_time_s=_rise_time(clock, progress),
+        settling_time_s=_settling_time(clock, progress, band / abs(change)),
+        overshoot=excess if excess * abs(change) > _NOISE_SIGMAS * noise else 0.0,
+        relative_steady_state_error=error,
+        steady_rpm=steady,
+        settling_band_rpm=band,
+    )
+
+
+def law_step_metrics(law: WheelLaw, command_rpm: float = 1.0, duration_s: float | None = None) -> StepMetrics:
+    """Return the metrics of a law's own response to a step from rest to `command_rpm`.
+
+    The last sample is the steady value. `duration_s` None simulates until the transient is below 1e-12 of the
+    step, so that the steady-state error is that of the DC gain; the paper's figures are those after 1 s.
+
+    Raises:
+        UnstableLawError: the law is unstable and has no steady value.
+        InputError: `duration_s` is shorter than one tick.
+    """
+    speeds = command_rpm * step_response(law, _ticks(law, duration_s))
+    time = np.arange(len(speeds)) * law.sample_period_s
+    return step_metrics(time, speeds, 0.0, command_rpm, steady_share=0.0, noise_rpm=0.0)
+
+
+def step_response(law: WheelLaw, ticks: int) -> FloatArray:
+    """Return w(0..`ticks`), shape (ticks + 1,), for a unit step at tick 0 from rest.
+
+    The same numbers as `WheelLaw.simulate` up to rounding, in compiled code for long horizons.
+    """
+    response: FloatArray = lfilter(
+        [0.0, law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C], np.ones(ticks + 1)
+    )
+    return response
+
+
+def _ticks(law: WheelLaw, duration_s: float | None) -> int:
+    slowest = abs(law.require_stable().poles[0])
+    if duration_s is not None:
+        ticks = round(duration_s / law.sample_period_s)
+        if ticks < 1:
+            raise InputError(
+                f"duration_s = {duration_s}, must be at least one tick of {law.sample_period_s:g} s"
+            )
+        return ticks
+    # Ten ticks more for the zeros; a triple pole decays later than its magnitude tells, hence the factor.
+    decay = math.log(_TRANSIENT_LEFT) / math.log(slowest) if slowest > 0.0 else 0.0
+    return min(10 + math.ceil(1.5 * decay), _LONGEST_TICKS)
+
+
+def _usable(
+    time_s: npt.ArrayLike, speed_rpm: npt.ArrayLike, step_time_s: float
+) -> tuple[FloatArray, FloatArray]:
+    time, speed = np.asarray(time_s, float), np.asarray(speed_rpm, float)
+    if time.ndim != 1 or time.shape != speed.shape:
+        raise InputError(f"time_s {time.shape} and speed_rpm {speed.shape} must have one common shape (N,)")
+    if np.any(np.diff(time) <= 0.0):
+        raise InputError(f"time_s does not increase at sample {int(np.argmax(np.diff(time) <= 0.0)) + 1}")
+    keep = np.isfinite(speed) & (time > step_time_s)
+    if not np.any(keep):
+        raise InputError(f"no finite sample after the step at {step_time_s:g} s")
+    return time[keep], speed[keep]
+
+
+def _noise_of(steady_part: FloatArray) -> float:
+    """Estimate white noise from neighbouring differences: a slow drift or ringing hardly enters."""
+    if len(steady_part) < 3:
+        return 0.0
+    differences = np.diff(steady_part)
+    return float(_MAD_TO_SIGMA * np.median(np.abs(differences)) / math.sqrt(2.0))
+
+
+def _rise_time(clock: FloatArray, progress: FloatArray) -> float:
+    reached = progress >= 0.9
+    if not np.any(reached):
+        return math.nan
+    high = int(np.argmax(reached))
+    low = int(np.flatnonzero(progress[:high] < 0.1)[-1]) + 1  # progress[0] is 0, so there is one
+    return _crossing(clock, progress, high, 0.9) - _crossing(clock, progress, low, 0.1)
+
+
+def _crossing(clock: FloatArray, progress: FloatArray, after: int, level: float) -> float:
+    """Interpolate when `level` was crossed between the samples `after` - 1 and `after`."""
+    fraction = (level - progress[after - 1]) / (progress[after] - progress[after - 1])
+    return float(clock[after - 1] + fraction * (clock[after] - clock[after - 1]))
+
+
+def _settling_time(clock: FloatArray, progress: FloatArray, band: float) -> float:
+    outside = np.flatnonzero(np.abs(progress - 1.0) > band)
+    if len(outside) == 0:  # the band is as wide as the step
+        return 0.0
+    last = int(outside[-1])
+    return float(clock[last + 1]) if last + 1 < len(clock) else math.nan

@@ -14,16 +14,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.optimize import least_squares
 
-from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
+from sysid.estimators.drive_start import drive_start, gain_start
 from sysid.estimators.interface import Estimate, Options, StartResult
 from sysid.estimators.problem import Problem, Traces, stack
+from sysid.estimators.projection import project
 from sysid.estimators.runs import WheelRun
 from sysid.estimators.stability import (
     free_coordinates,
@@ -77,11 +78,14 @@ def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Es
     options = options or Options()
     began = time.perf_counter()
     problem = stack(runs, merge=options.loss == "linear")
-    drive = _drive_start(problem, runs, options)
+    delay, limit = drive_start(problem, options)
+    delivered = [replace(run, command_rpm=run.command(delay, limit), source=None) for run in runs]
     results: list[tuple[StartResult, _Reached]] = []
-    for kind, initial in _starting_points(runs, options):
+    for kind, initial in _starting_points(delivered, options):
         start_began = time.perf_counter()
-        reached = fit_from(problem, initial, options, delay_s=drive.delay_s, saturation_rpm=drive.saturation_rpm)
+        reached = fit_from(
+            problem, initial, options, delay_s=delay, saturation_rpm=limit
+        )
         seconds = time.perf_counter() - start_began
         coefficients = reached.point.coefficients
         results.append(
@@ -90,7 +94,7 @@ def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Es
                     kind=kind,
                     initial=tuple(float(x) for x in initial),
                     coefficients=tuple(float(x) for x in coefficients),
-                    rms_rpm=_rms(problem, runs, reached.point),
+                    rms_rpm=_rms(problem, reached.point),
                     stable=WheelLaw.from_coefficients(coefficients, problem.sample_period_s).is_stable,
                     converged=reached.converged,
                     iterations=reached.iterations,
@@ -127,50 +131,11 @@ def fit_from(
 ) -> _Reached:
     """Search from one start A-F, shape (6,); unstable starts are reflected into the stable region first."""
     traces = problem.traces(delay_s, saturation_rpm)
-    coefficients, evaluations = _project(problem, traces, stabilised_abc(initial[:3], 0.999), options)
+    gain = 1.0 if options.unit_gain else gain_start(problem, traces.command_rpm)
+    scaled = Traces(gain * traces.command_rpm)
+    coefficients, evaluations = project(problem, scaled, stabilised_abc(initial[:3], 0.999))
+    coefficients[3:] *= gain
     return _polish(problem, _Point(coefficients, delay_s, saturation_rpm), options, evaluations)
-
-
-def _project(
-    problem: Problem, traces: Traces, abc: FloatArray, options: Options
-) -> tuple[FloatArray, int]:
-    """Stage 1: return A-F of unit gain, shape (6,), and the number of evaluations used."""
-    weight = problem.weight
-    target = (problem.speed_rpm - problem.initial_rpm[problem.row]) * weight
-
-    def solve(t: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Return A-F, the weighted residual and an orthonormal basis of the linear columns."""
-        a, b, c = stable_abc(t)
-        by_d, by_e, by_f = (problem.linear_columns([a, b, c], traces) * weight[:, None]).T
-        columns = np.stack([by_d - by_e, by_f - by_e], axis=1)
-        offset = target - (1.0 - a - b - c) * by_e
-        basis, values, right = np.linalg.svd(columns, full_matrices=False)
-        keep = values > 1e-10 * max(values[0], 1e-300)
-        basis = basis[:, keep]
-        inner = basis.T @ offset
-        d, f = right[keep].T @ (inner / values[keep])
-        return np.array([a, b, c, d, 1.0 - (a + b + c + d + f), f]), basis @ inner - offset, basis
-
-    def residual(t: FloatArray) -> FloatArray:
-        return solve(t)[1]
-
-    def jacobian(t: FloatArray) -> FloatArray:
-        coefficients, _, basis = solve(t)
-        full = problem.predict_with_jacobian(coefficients, traces)[1] * weight[:, None]
-        by_t = (full[:, :3] - full[:, [4]]) @ stable_abc_jacobian(t)
-        return np.asarray(by_t - basis @ (basis.T @ by_t))
-
-    found = least_squares(
-        residual,
-        free_coordinates(abc),
-        jacobian,
-        method="trf",
-        ftol=1e-8,
-        xtol=1e-8,
-        gtol=1e-12,
-        max_nfev=options.max_iterations,
-    )
-    return solve(found.x)[0], int(found.nfev)
 
 
 def _polish(problem: Problem, start: _Point, options: Options, evaluations: int) -> _Reached:
@@ -242,11 +207,6 @@ def _polish(problem: Problem, start: _Point, options: Options, evaluations: int)
     )
 
 
-def _drive_start(problem: Problem, runs: Sequence[WheelRun], options: Options) -> _Point:
-    """Return a first guess of delay and saturation (A-F are not set)."""
-    return _Point(np.zeros(6))
-
-
 def _starting_points(runs: Sequence[WheelRun], options: Options) -> list[tuple[str, FloatArray]]:
     """Return (kind, A-F) of every start, the informed ones first."""
     if options.initial:
@@ -260,9 +220,6 @@ def _starting_points(runs: Sequence[WheelRun], options: Options) -> list[tuple[s
     return points[: options.starts]
 
 
-def _rms(problem: Problem, runs: Sequence[WheelRun], point: _Point) -> float:
-    """Return the unweighted rms [rpm] over all samples, merged or not."""
+def _rms(problem: Problem, point: _Point) -> float:
     traces = problem.traces(point.delay_s, point.saturation_rpm)
-    predicted = problem.predict(point.coefficients, traces)[problem.group]
-    speed = np.concatenate([run.speed_rpm for run in runs])
-    return float(np.sqrt(np.mean((speed - predicted) ** 2)))
+    return problem.rms(problem.predict(point.coefficients, traces))

@@ -8,8 +8,10 @@ identification, Ljung, "System Identification", section 10.3).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +21,10 @@ from mecanum_env.errors import InputError
 from mecanum_env.units import FloatArray
 from sysid.estimators.runs import WheelRun, require_same_period
 
-_DELAY_STEP: float = 1e-4
+_LEAST_GAIN: Final = 1e-6
+"""No command holds a wheel at speed through a gain of 0; a search may pass there all the same."""
+
+_DELAY_STEP: Final = 1e-4
 """Step [ticks] for d(command)/d(delay): the command is piecewise linear in the delay."""
 
 
@@ -57,7 +62,9 @@ class Problem:
     within_cost: float
     """Half the weighted square sum of repeats about their mean, which no law can change."""
     group: npt.NDArray[np.intp]
-    """Which of the M measurements each original sample went into, in the order of the runs."""
+    """Which of the M measurements each original sample went into, in the order of the runs, shape (N,)."""
+    measured_rpm: FloatArray
+    """The original samples in the order of the runs, shape (N,)."""
     sample_period_s: float
 
     @property
@@ -94,11 +101,15 @@ class Problem:
         return Traces(command, by_delay, by_saturation)
 
     def predict(self, coefficients: npt.ArrayLike, traces: Traces) -> FloatArray:
-        """Return the free-running prediction [rpm] of every measurement, shape (M,), for stable A-F."""
+        """Return the free-running prediction [rpm] of every measurement, shape (M,), for A-F, shape (6,).
+
+        Of an unstable law it may be infinite or NaN, without a warning.
+        """
         c = np.asarray(coefficients, float)
         start = self.initial_rpm[:, None]
-        deviation = lfilter(c[3:], _denominator(c), traces.command_rpm - start / _dc_gain(c))
-        return self.initial_rpm[self.row] + self._gather(deviation, 0)
+        with np.errstate(all="ignore"):
+            deviation = lfilter(c[3:], _denominator(c), traces.command_rpm - start / _dc_gain(c))
+            return np.asarray(self.initial_rpm[self.row] + self._gather(deviation, 0))
 
     def predict_with_jacobian(
         self, coefficients: npt.ArrayLike, traces: Traces
@@ -110,7 +121,9 @@ class Problem:
         by_d = lfilter([1.0], denominator, command)
         deviation = lfilter(c[3:], [1.0], by_d)
         by_a = lfilter([0.0, 1.0], denominator, deviation)
-        columns = [self._gather(by_a, lag) for lag in range(3)] + [self._gather(by_d, lag) for lag in range(3)]
+        columns = [self._gather(by_a, lag) for lag in range(3)] + [
+            self._gather(by_d, lag) for lag in range(3)
+        ]
         extra = [x for x in (traces.by_delay, traces.by_saturation) if x is not None]
         columns += [self._gather(lfilter(c[3:], denominator, x), 0) for x in extra]
         jacobian = np.stack(columns, axis=1)
@@ -126,6 +139,12 @@ class Problem:
         command = traces.command_rpm - self.initial_rpm[:, None]
         by_d = lfilter([1.0], _denominator(np.asarray(abc, float)), command)
         return np.stack([self._gather(by_d, lag) for lag in range(3)], axis=1)
+
+    def rms(self, predicted: FloatArray) -> float:
+        """Return the unweighted rms [rpm] of all original samples about a prediction, shape (M,)."""
+        with np.errstate(all="ignore"):
+            value = float(np.sqrt(np.mean((self.measured_rpm - predicted[self.group]) ** 2)))
+        return value if np.isfinite(value) else np.inf
 
     def _gather(self, after: FloatArray, lag: int) -> FloatArray:
         """Interpolate a signal given after each tick, x(1..K), shape (U, K), at the measurements, `lag` later."""
@@ -162,7 +181,7 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
     length = max(len(run.command_rpm) for run in sources)
     row = np.repeat(rows, [len(run.speed_rpm) for run in runs])
     time = np.concatenate([run.sample_tick for run in runs])
-    speed = np.concatenate([run.speed_rpm for run in runs])
+    speed = measured = np.concatenate([run.speed_rpm for run in runs])
     precision = np.concatenate([run.sigma_rpm for run in runs]) ** -2.0
     group, within = np.arange(len(speed)), 0.0
     if merge:
@@ -183,6 +202,7 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
         weight=np.sqrt(precision),
         within_cost=within,
         group=group,
+        measured_rpm=measured,
         sample_period_s=period,
     )
 
@@ -196,7 +216,9 @@ def require_excitation(runs: Sequence[WheelRun]) -> None:
     """
     samples = sum(len(run.speed_rpm) for run in runs)
     if samples < 7:
-        raise InputError(f"{samples} samples in {len(runs)} run(s), at least 7 are needed for six coefficients")
+        raise InputError(
+            f"{samples} samples in {len(runs)} run(s), at least 7 are needed for six coefficients"
+        )
     moved = max(float(np.max(np.abs(run.command() - run.initial_rpm))) for run in runs)
     if moved == 0.0:
         value = runs[0].initial_rpm
@@ -218,7 +240,8 @@ def _denominator(coefficients: FloatArray) -> FloatArray:
 
 def _dc_gain(c: FloatArray) -> float:
     """Steady speed over command; 1 exactly where the six sum to 1, so that rounding adds no transient."""
-    numerator, denominator = c[3] + c[4] + c[5], 1.0 - c[0] - c[1] - c[2]
+    numerator, denominator = float(c[3] + c[4] + c[5]), float(1.0 - c[0] - c[1] - c[2])
     if abs(numerator - denominator) <= 1e-12:
         return 1.0
-    return float(numerator / denominator)
+    gain = numerator / denominator
+    return math.copysign(max(abs(gain), _LEAST_GAIN), gain)

@@ -68,5 +68,4 @@ def stabilised_abc(abc: npt.ArrayLike, largest_pole: float = 0.995) -> FloatArra
     size = np.abs(poles)
     large = size > largest_pole
     poles[large] *= largest_pole / size[large]
-    polynomial = np.real(np.poly(poles)) if len(poles) else np.array([1.0])
-    return -np.concatenate([polynomial[1:], np.zeros(4 - len(polynomial))])
+    return -np.real(np.poly(poles))[1:]

@@ -31,7 +31,9 @@ def steiglitz_mcbride_coefficients(
     Automatic Control 10 (1965). Close to the free-running optimum after a few rounds, without a derivative.
     """
     series = [_on_ticks(run) for run in runs]
-    coefficients = stable_coefficients(_solve(*_regression(series, unit_gain), unit_gain), unit_gain=unit_gain)
+    coefficients = stable_coefficients(
+        _solve(*_regression(series, unit_gain), unit_gain), unit_gain=unit_gain
+    )
     for _ in range(rounds):
         denominator = np.array([1.0, *(-coefficients[:3])])
         filtered = [tuple(lfilter([1.0], denominator, x) for x in pair) for pair in series]
@@ -77,9 +79,7 @@ def _on_ticks(run: WheelRun) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([past, w - run.initial_rpm]), np.concatenate([past, command])
 
 
-def _regression(
-    series: Sequence[tuple[FloatArray, ...]], unit_gain: bool
-) -> tuple[FloatArray, FloatArray]:
+def _regression(series: Sequence[tuple[FloatArray, ...]], unit_gain: bool) -> tuple[FloatArray, FloatArray]:
     """Return the regressors, shape (n, 6), and w(k+1), shape (n,), with E eliminated when `unit_gain`."""
     rows, targets = [], []
     for w, r in series:

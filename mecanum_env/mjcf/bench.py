@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import mujoco
 
-from mecanum_env.mjcf import look
 from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.mjcf.masses import Inertia, robot_masses
-from mecanum_env.mjcf.physics import SIMULATION_TIMESTEP_S, fitting_timestep, new_spec
+from mecanum_env.mjcf.physics import fitting_timestep, new_spec
+from mecanum_env.mjcf.scene import add_appearance, add_bench_view
 from mecanum_env.mjcf.wheel import set_inertia
+from mecanum_env.mjcf.wheel_look import dress_bench
 from mecanum_env.model import Model
 
 
@@ -55,8 +56,7 @@ def bench_spec(
         objname="wheel",
     )
     if visuals:
-        look.dress_bench(spec, wheel, geometry)
+        add_appearance(spec)
+        dress_bench(spec.worldbody, wheel, geometry)
+        add_bench_view(spec, geometry.radius)
     return spec
-
-
-__all__ = ["SIMULATION_TIMESTEP_S", "bench_spec"]

@@ -23,6 +23,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import mujoco
 import numpy as np
 from scipy.optimize import brentq
 
@@ -111,3 +112,31 @@ def no_slip_rows(robot: Robot) -> FloatArray:
         # ux = vx - yaw y, uy = vy + yaw x.
         rows.append([1.0, s, s * x - y])
     return np.array(rows) / robot.wheel_radius_m
+
+
+PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
+"""Where the first roller of each wheel starts, in parts of the angle between rollers.
+
+Wheels in step would pass their loads from roller to roller at the same moments and bounce the body together:
+a quarter apart, they take turns. The two wheels on a diagonal start as mirror images (+-1/8, +-3/8), so that
+when they stand still on a 45-degree drive both allow the same direction; otherwise the robot would turn.
+"""
+
+
+def roller_angle(geometry: WheelGeometry, wheel: str, index: int) -> float:
+    """Return the angle [rad] of roller `index` from the lowest point, at wheel angle 0."""
+    return 2 * math.pi / geometry.rollers * (index + PHASE_SHARE[wheel])
+
+
+def roller_pose(geometry: WheelGeometry, side: float, phi: float) -> tuple[list[float], list[float]]:
+    """Return position [m] and quaternion, in the hub's frame, of the roller at `phi` [rad].
+
+    The roller's axis is its z. `side` is s of the module docstring.
+    """
+    position = [-geometry.roller_circle * math.sin(phi), 0.0, -geometry.roller_circle * math.cos(phi)]
+    turn = np.array([math.cos(phi / 2), 0.0, math.sin(phi / 2), 0.0])
+    # z onto (1, side, 0)/sqrt 2: a quarter turn about the horizontal axis (-side, 1, 0)/sqrt 2.
+    lay_down = np.array([math.sqrt(0.5), -side / 2, 0.5, 0.0])
+    quaternion = np.empty(4)
+    mujoco.mju_mulQuat(quaternion, turn, lay_down)
+    return position, [float(x) for x in quaternion]

@@ -6,14 +6,15 @@ import mujoco
 import numpy as np
 
 from mecanum_env.kinematics import WHEELS
-from mecanum_env.mjcf import look
+from mecanum_env.mjcf.chassis import dress_robot
 from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
 from mecanum_env.mjcf.geometry import no_slip_rows, wheel_geometry
 from mecanum_env.mjcf.masses import Inertia, robot_masses
 from mecanum_env.mjcf.physics import fitting_timestep, new_spec
-from mecanum_env.mjcf.scene import add_scene
+from mecanum_env.mjcf.scene import add_scene, add_views
 from mecanum_env.mjcf.sensors import add_sensors
 from mecanum_env.mjcf.wheel import set_inertia
+from mecanum_env.mjcf.wheel_look import add_still_wheels
 from mecanum_env.model import Model, Robot
 
 
@@ -40,7 +41,7 @@ def planar_spec(
     spec = new_spec("mecanum robot, planar", timestep)
     # Three joints: a dense matrix of 3 by 3 beats any bookkeeping.
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    add_scene(spec, robot, visuals=visuals)
+    add_scene(spec, visuals=visuals)
     base = spec.worldbody.add_body(name="base", pos=[0, 0, robot.wheel_radius_m])
     # Roll and pitch do not move; half and half is the flat body's own.
     yaw = robot.yaw_inertia_kg_m2
@@ -60,8 +61,9 @@ def planar_spec(
     add_sensors(spec)
     if visuals:
         geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
-        look.dress_robot(base, base, robot, geometry)
-        look.add_still_wheels(base, robot, geometry)
+        dress_robot(base, base, robot, geometry)
+        add_views(spec, base, robot)
+        add_still_wheels(base, robot, geometry)
     return spec
 
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 import mujoco
 
 from mecanum_env.kinematics import WHEELS
-from mecanum_env.mjcf import look
+from mecanum_env.mjcf.chassis import dress_robot
 from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
 from mecanum_env.mjcf.geometry import wheel_geometry, wheel_position
 from mecanum_env.mjcf.masses import base_offset, robot_masses
 from mecanum_env.mjcf.physics import add_floor_pair, fitting_timestep, new_spec
-from mecanum_env.mjcf.scene import add_scene
+from mecanum_env.mjcf.scene import add_scene, add_views
 from mecanum_env.mjcf.sensors import add_sensors
 from mecanum_env.mjcf.wheel import add_wheel, set_inertia
 from mecanum_env.model import Model
@@ -52,7 +52,7 @@ def robot_spec(
     spec = new_spec("mecanum robot", timestep)
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     masses = robot_masses(robot)
-    add_scene(spec, robot, visuals=visuals)
+    add_scene(spec, visuals=visuals)
 
     base = spec.worldbody.add_body(name="base", pos=[0, 0, robot.wheel_radius_m])
     base.add_joint(name="base", type=mujoco.mjtJoint.mjJNT_FREE)
@@ -74,10 +74,11 @@ def robot_spec(
         x, y = wheel_position(robot, wheel)
         name = f"wheel_{wheel}"
         parent, place = (rocker, (0.0, y, 0.0)) if wheel[0] == "f" else (base, (x, y, 0.0))
-        for roller in add_wheel(parent, wheel, name, place, geometry, masses):
+        for roller in add_wheel(parent, wheel, place, geometry, masses, visuals=visuals):
             add_floor_pair(spec, roller, robot.friction, timestep)
         add_drive(spec, model, name, drive, wheel_quantum)
     add_sensors(spec)
     if visuals:
-        look.dress_robot(base, rocker, robot, geometry)
+        dress_robot(base, rocker, robot, geometry)
+        add_views(spec, base, robot)
     return spec

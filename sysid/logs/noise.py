@@ -1,0 +1,98 @@
+"""The noise floor: how far repeats of one command sequence differ, channel by channel."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mecanum_env.units import FloatArray
+from sysid.logs.records import Run
+from sysid.logs.splits import first_change_s
+
+BRIDGED_INTERVALS = 3.0
+"""Across a longer gap than this many median intervals nothing is interpolated."""
+
+
+@dataclass(frozen=True)
+class ChannelNoise:
+    """Noise of one channel."""
+
+    std: float
+    """Standard deviation of one sample, in the channel's unit."""
+    degrees_of_freedom: int
+    """Samples compared, less one for each mean taken."""
+    groups: int
+    """Groups of repeats that it was pooled over."""
+
+    @property
+    def relative_error(self) -> float:
+        """Standard error of `std`, relative, for white normal noise."""
+        return float(1.0 / np.sqrt(2.0 * self.degrees_of_freedom))
+
+
+def noise_from_repeats(runs: Sequence[Run]) -> dict[str, ChannelNoise] | None:
+    """Return the noise of each channel, pooled over the groups that have repeats; None where none has.
+
+    Repeats are compared at equal times after their first change of command. Where stamps differ, values are
+    interpolated; a mean of two neighbours with weights 1-f and f has (1-f)^2 + f^2 of the variance, which
+    is accounted for, so the estimate is unbiased for noise that is independent from sample to sample. What
+    the runs do differently (a latch at another phase, a warmer motor) counts as noise: no model can know it.
+    """
+    groups: dict[str, list[Run]] = {}
+    for run in runs:
+        groups.setdefault(run.group, []).append(run)
+    sums: dict[str, tuple[float, float, int, int]] = {}
+    for members in groups.values():
+        names = [n for n in members[0].channels if sum(n in run.channels for run in members) >= 2]
+        for name in names if len(members) >= 2 else []:
+            squares, weight, freedom = _spread([run for run in members if name in run.channels], name)
+            if freedom:
+                before = sums.get(name, (0.0, 0.0, 0, 0))
+                sums[name] = (before[0] + squares, before[1] + weight, before[2] + freedom, before[3] + 1)
+    if not sums:
+        return None
+    return {n: ChannelNoise(float(np.sqrt(s / w)), freedom, g) for n, (s, w, freedom, g) in sums.items()}
+
+
+def _spread(runs: Sequence[Run], name: str) -> tuple[float, float, int]:
+    """Return the sum of squares about the mean of the repeats, what it is per unit variance, and its freedom."""
+    times = runs[0].time_s - first_change_s(runs[0])
+    parts = [_at(run, name, times) for run in runs]
+    values, variances = (np.array([part[i] for part in parts]) for i in range(2))
+    there = np.isfinite(values)
+    count = there.sum(axis=0)
+    use = count >= 2
+    if not use.any():
+        return 0.0, 0.0, 0
+    values, variances, there, count = values[:, use], variances[:, use], there[:, use], count[use]
+    mean = np.where(there, values, 0.0).sum(axis=0) / count
+    squares = float(np.where(there, (values - mean) ** 2, 0.0).sum())
+    weight = float(((1.0 - 1.0 / count) * np.where(there, variances, 0.0).sum(axis=0)).sum())
+    return squares, weight, int((count - 1).sum())
+
+
+def _at(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a channel at times after the first change, and the variance of each value per unit noise.
+
+    NaN where the run has no sample near.
+    """
+    there = run.finite(name)
+    t, x = run.time_s[there] - first_change_s(run), run.channel(name)[there]
+    nothing = np.full(times.shape, np.nan)
+    if t.size < 2:
+        return nothing, nothing
+    if name == "yaw_rad":
+        x = np.unwrap(x)
+    left = np.clip(np.searchsorted(t, times, side="right") - 1, 0, t.size - 2)
+    interval = t[left + 1] - t[left]
+    fraction = (times - t[left]) / interval
+    # Stamps are rarely equal to the last digit; a thousandth of an interval is equal.
+    fraction = np.where(np.abs(fraction - np.rint(fraction)) < 1e-3, np.rint(fraction), fraction)
+    exact = (fraction == 0.0) | (fraction == 1.0)
+    near = interval <= BRIDGED_INTERVALS * float(np.median(np.diff(t)))
+    usable = (fraction >= 0.0) & (fraction <= 1.0) & (near | exact)
+    values = (1.0 - fraction) * x[left] + fraction * x[left + 1]
+    variance = (1.0 - fraction) ** 2 + fraction**2
+    return np.where(usable, values, np.nan), np.where(usable, variance, np.nan)

@@ -1,0 +1,87 @@
+"""Writing runs in the form that `read_dataset` reads: one CSV each, and a `dataset.toml`."""
+
+from __future__ import annotations
+
+import gzip
+import io
+import json
+import os
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from mecanum_env.errors import InputError
+from mecanum_env.files import atomic_path, write_text
+from sysid.logs.columns import TIME
+from sysid.logs.records import Dataset, Run
+from sysid.logs.settings import FILE_NAME
+from sysid.logs.table import has_log_suffix
+
+
+def write_dataset(dataset: Dataset, folder: str | os.PathLike[str]) -> None:
+    """Write every run under its own file name, and the `dataset.toml` with name, groups and splits.
+
+    Numbers are written in full double precision; what `read_dataset` then gives is equal.
+
+    Raises:
+        InputError: a file name that is no log's, or a folder that cannot be written.
+    """
+    folder = Path(folder)
+    for run in dataset.runs:
+        write_run(run, folder / run.file)
+    write_text(folder / FILE_NAME, settings_text(dataset))
+
+
+def write_run(run: Run, path: str | os.PathLike[str]) -> None:
+    """Write one run as .csv, .csv.gz or .parquet, by the path's suffix; a missing sample is an empty cell.
+
+    Raises:
+        InputError: another suffix, or the folder cannot be written.
+    """
+    path = Path(path)
+    kind = _kind(path)
+    columns = {TIME: run.time_s + run.start_s, **run.command.columns(), **run.channels}
+    if kind == "parquet":
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+        with atomic_path(path) as temporary:
+            pq.write_table(pa.table({name: np.asarray(v) for name, v in columns.items()}), temporary)
+        return
+    text = io.StringIO()
+    text.write(",".join(columns) + "\n")
+    for row in zip(*(values.tolist() for values in columns.values()), strict=True):
+        text.write(",".join("" if cell != cell else _shortest(cell) for cell in row) + "\n")
+    data = text.getvalue().encode()
+    with atomic_path(path) as temporary:
+        # No time stamp inside, so that equal runs make equal files.
+        temporary.write_bytes(gzip.compress(data, mtime=0) if kind == "gz" else data)
+
+
+def settings_text(dataset: Dataset) -> str:
+    """Return the `dataset.toml` of a dataset."""
+    lines = ["[dataset]", f"name = {_quoted(dataset.name)}"]
+    for run in dataset.runs:
+        lines += ["", "[[runs]]", f"file = {_quoted(run.file)}"]
+        lines += [f"group = {_quoted(run.group)}", f"split = {_quoted(run.split)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _kind(path: Path) -> Literal["csv", "gz", "parquet"]:
+    if not has_log_suffix(path):
+        raise InputError(f"{path}: a log's name must end in .csv, .csv.gz or .parquet")
+    suffix = path.name.lower().rsplit(".", 1)[-1]
+    return "gz" if suffix == "gz" else "parquet" if suffix == "parquet" else "csv"
+
+
+def _shortest(value: float) -> str:
+    """Return the shortest text that reads back equal; whole numbers without a point."""
+    return (
+        str(int(value)) if value.is_integer() and abs(value) < 1e15 and str(value) != "-0.0" else repr(value)
+    )
+
+
+def _quoted(text: str) -> str:
+    # A JSON string is a TOML string, but for DEL, which only JSON allows bare.
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

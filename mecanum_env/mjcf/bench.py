@@ -18,6 +18,7 @@ def bench_spec(
     model: Model,
     timestep: float | None = None,
     *,
+    wheel: str | None = None,
     drive: Drive = "plugin",
     wheel_quantum: bool = True,
     visuals: bool = True,
@@ -30,6 +31,7 @@ def bench_spec(
     Args:
         model: the identified wheel and its robot.
         timestep: physics step [s]; by default the nearest to 1/480 s that divides the law's sample period.
+        wheel: fl, fr, rl or rr to put that wheel's own law on the bench; by default the common one.
         drive: `plugin` takes rpm, `servo` takes rad/s; see `mecanum_env.mjcf.drive`.
         wheel_quantum: round each wheel command to the model's quantum, as the drive electronics do.
         visuals: include what is only seen.
@@ -44,11 +46,12 @@ def bench_spec(
     spin = masses.wheel_spin_inertia(geometry)
     mass = masses.hub.mass + geometry.rollers * masses.roller.mass
     # About the other two axes nothing moves; anything that makes a possible body will do.
-    wheel = spec.worldbody.add_body(name="wheel", pos=[0, 0, 2 * geometry.radius])
-    set_inertia(wheel, Inertia(mass, (spin, spin, spin)))
-    wheel.add_joint(name="wheel", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
+    body = spec.worldbody.add_body(name="wheel", pos=[0, 0, 2 * geometry.radius])
+    set_inertia(body, Inertia(mass, (spin, spin, spin)))
+    body.add_joint(name="wheel", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     prepare_drives(spec, model, drive)
-    add_drive(spec, model, "wheel", drive, wheel_quantum)
+    law = model.wheel.law if wheel is None else model.law_of(wheel)
+    add_drive(spec, model, "wheel", drive, wheel_quantum, law)
     spec.add_sensor(
         name="wheel_speed",
         type=mujoco.mjtSensor.mjSENS_JOINTVEL,
@@ -57,6 +60,6 @@ def bench_spec(
     )
     if visuals:
         add_appearance(spec)
-        dress_bench(spec.worldbody, wheel, geometry)
+        dress_bench(spec.worldbody, body, geometry)
         add_bench_view(spec, geometry.radius)
     return spec

@@ -9,10 +9,12 @@ from typing import Literal
 import mujoco
 
 from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.model import Model
 
 Drive = Literal["plugin", "servo"]
-"""`plugin`: ctrl is the wheel command [rpm]. `servo`: ctrl is the setpoint [rad/s], from the law run outside."""
+"""What ctrl means. `plugin`: the wheel command [rpm], and the law runs inside. `servo`: the setpoint [rad/s],
+from a law that runs outside, for engines without plugins."""
 
 USER_SIZE = 16
 EFFECTS_HERE = ("command_latency",)
@@ -52,9 +54,10 @@ def add_drive(
     name: str,
     drive: Drive,
     wheel_quantum: bool,
+    law: WheelLaw,
     site_gear: Sequence[float] | None = None,
 ) -> None:
-    """Add the actuator `name` on the joint `name`, or with `site_gear` on the site "base".
+    """Add the actuator `name` with a wheel's law, on the joint `name` or (`site_gear`) on the site "base".
 
     With `site_gear` the actuator's speed is gear . (site velocity): the wheel speed that the body's motion
     asks for, and its torque acts on the body as the matching force and moment.
@@ -76,8 +79,8 @@ def add_drive(
     actuator.plugin.plugin_name = "mecanum.wheel"
     actuator.plugin.active = True
     actuator.dynprm = [
-        *wheel.law.coefficients,
-        wheel.law.sample_period_s,
+        *law.coefficients,
+        law.sample_period_s,
         wheel.command_period_s,
         quantum,
         saturation,

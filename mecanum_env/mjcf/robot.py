@@ -76,7 +76,7 @@ def robot_spec(
         parent, place = (rocker, (0.0, y, 0.0)) if wheel[0] == "f" else (base, (x, y, 0.0))
         for roller in add_wheel(parent, wheel, place, geometry, masses, visuals=visuals):
             add_floor_pair(spec, roller, robot.friction, timestep)
-        add_drive(spec, model, name, drive, wheel_quantum)
+        add_drive(spec, model, name, drive, wheel_quantum, model.law_of(wheel))
     add_sensors(spec)
     if visuals:
         dress_robot(base, rocker, robot, geometry)

@@ -29,7 +29,9 @@ def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
         return
     add_appearance(spec)
     floor.material = "mat"
-    shapes.add_visual(world, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05), (0, 0, -0.01))
+    floor.castshadow = 0
+    ground = shapes.add_visual(world, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05), (0, 0, -0.01))
+    ground.castshadow = 0
     edge = half - LINE_M / 2
     lines = [
         (half, LINE_M / 2, 0.0, edge),
@@ -54,6 +56,7 @@ def add_appearance(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.ambient = [0.38, 0.38, 0.40]
     spec.visual.headlight.diffuse = [0.25, 0.25, 0.25]
     spec.visual.headlight.specular = [0.1, 0.1, 0.1]
+    spec.visual.rgba.haze = [0.80, 0.84, 0.90, 1.0]
     spec.visual.map.znear = 0.02
     spec.visual.map.zfar = 60.0
     # Fixed, so that shadows and clipping do not depend on what else is in the scene.
@@ -63,8 +66,8 @@ def add_appearance(spec: mujoco.MjSpec) -> None:
         name="sky",
         type=mujoco.mjtTexture.mjTEXTURE_SKYBOX,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_GRADIENT,
-        rgb1=[0.86, 0.90, 0.95],
-        rgb2=[0.55, 0.65, 0.78],
+        rgb1=[0.90, 0.93, 0.96],
+        rgb2=[0.60, 0.70, 0.82],
         width=256,
         height=1536,
     )

@@ -1,0 +1,251 @@
+"""The whole drive in front of the servo: latched, rounded, limited and delayed command, law, setpoint ramp.
+
+This is the reference for the plugin (mecanum_env/plugin/mecanum_wheel.c), which the tests hold equal to it
+bit for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
+
+- Latch j is due at the first substep with n h >= j T, T the command period: u_j = clip(round(command)).
+- Law tick k is due at the first substep with n h >= k tau, tau the sample period. Its input r(k) is the mean
+  over the tick of the command delayed by `delay_s`, as far as it was latched by k tau; so a delay acts
+  continuously, and without one r(k) is simply the last latched command.
+- The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
+  starts: the ramp adds no delay.
+
+A clock may be early by 1e-9 of its period, which absorbs the rounding of n h.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import LawState, WheelLaw
+from mecanum_env.model import Wheel
+from mecanum_env.units import FloatArray
+
+EPS: Final = 1e-9
+"""A clock may be early by this part of its period."""
+ABSURD_RPM: Final = 1e10
+"""Commands beyond this, and NaN, count as 0, as they do for MuJoCo's own actuators."""
+RING: Final = 32
+"""Latched commands remembered; bounds the delay to RING - 3 command periods less a timestep."""
+
+
+@dataclass(frozen=True)
+class DriveParameters:
+    """The law and what happens to a command before it.
+
+    Raises:
+        InputError: a value out of range, or a delay of more than RING - 3 command periods.
+    """
+
+    law: WheelLaw
+    command_period_s: float
+    """The robot latches its command this often [s]."""
+    command_quantum_rpm: float = 0.0
+    """Commands are rounded to multiples of this [rpm], halves to even; 0: not rounded."""
+    saturation_rpm: float = math.inf
+    """Commands are clipped to +- this [rpm]."""
+    delay_s: float = 0.0
+    """A latched command acts this much later [s]."""
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.command_period_s) and self.command_period_s > 0.0):
+            raise InputError(f"command_period_s = {self.command_period_s}, must be a finite number above 0")
+        if not (math.isfinite(self.command_quantum_rpm) and self.command_quantum_rpm >= 0.0):
+            raise InputError(
+                f"command_quantum_rpm = {self.command_quantum_rpm}, must be finite and not below 0"
+            )
+        if not self.saturation_rpm > 0.0:
+            raise InputError(f"saturation_rpm = {self.saturation_rpm}, must be above 0 (infinite: no limit)")
+        longest = (RING - 3) * self.command_period_s
+        if not 0.0 <= self.delay_s <= longest:
+            raise InputError(
+                f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"
+            )
+
+    @staticmethod
+    def from_wheel(wheel: Wheel, delay_s: float = 0.0) -> DriveParameters:
+        """Build the parameters of a model's wheel, with the delay [s] of its `command_latency`."""
+        return DriveParameters(
+            wheel.law, wheel.command_period_s, wheel.command_quantum_rpm, wheel.saturation_rpm, delay_s
+        )
+
+
+@dataclass(frozen=True)
+class DriveState:
+    """What a drive remembers between substeps; arrays share their leading axes (...), one entry a wheel."""
+
+    substeps: int = 0
+    ticks: int = 0
+    latches: int = 0
+    law: LawState = field(default_factory=LawState)
+    """`law.w0` = w(k+1) and `law.w1` = w(k) are the ends of the current ramp [rpm]."""
+    commands: FloatArray = field(default_factory=lambda: np.zeros(RING))
+    """The last latched commands [rpm], shape (..., RING), the newest last."""
+
+    @staticmethod
+    def steady(speed_rpm: npt.ArrayLike) -> DriveState:
+        """Return the state of a drive that has followed a constant command [rpm] for long."""
+        speed = np.asarray(speed_rpm, float)
+        return DriveState(law=LawState.steady(speed), commands=np.repeat(speed[..., None], RING, axis=-1))
+
+
+def received_command(parameters: DriveParameters, command_rpm: npt.ArrayLike) -> FloatArray:
+    """Return what the robot makes of commands [rpm]: NaN to 0, rounding to the quantum, saturation."""
+    command = np.asarray(command_rpm, float)
+    command = np.where(np.abs(command) <= ABSURD_RPM, command, 0.0)
+    if parameters.command_quantum_rpm > 0.0:
+        command = np.rint(command / parameters.command_quantum_rpm) * parameters.command_quantum_rpm
+    limited: FloatArray = np.minimum(
+        np.maximum(command, -parameters.saturation_rpm), parameters.saturation_rpm
+    )
+    return limited
+
+
+def law_inputs(
+    parameters: DriveParameters,
+    ticks: npt.ArrayLike,
+    latched_rpm: FloatArray,
+    latches: npt.ArrayLike,
+    start: int,
+) -> FloatArray:
+    """Return r(k) [rpm], shape (..., K), for the ticks k, shape (K,).
+
+    Args:
+        parameters: of the drive.
+        ticks: which k, shape (K,).
+        latched_rpm: commands in order of latching, shape (..., J).
+        latches: how many commands are latched by each tick, shape (K,) or one number.
+        start: the j of the first of `latched_rpm`; earlier commands equal it.
+    """
+    tau, period, delay = parameters.law.sample_period_s, parameters.command_period_s, parameters.delay_s
+    t = np.asarray(ticks, float) * tau
+    latest = np.minimum(np.floor(t / period + EPS), np.asarray(latches, float) - 1.0)
+    j = np.minimum(np.floor((t - delay) / period + EPS), latest)
+
+    def command(which: FloatArray) -> FloatArray:
+        last = latched_rpm.shape[-1] - 1
+        return latched_rpm[..., np.clip(which - start, 0, last).astype(np.intp)]
+
+    total, done = np.zeros((*latched_rpm.shape[:-1], t.size)), np.zeros(t.shape)
+    while True:
+        arrival = (j + 1.0) * period + delay
+        arrives = (j + 1.0 <= latest) & (arrival < t + tau)
+        if not arrives.any():
+            return total + (1.0 - done) * command(j)
+        part = np.where(arrives, (arrival - t) / tau, done)
+        total = np.where(arrives, total + (part - done) * command(j), total)
+        done, j = part, np.where(arrives, j + 1.0, j)
+
+
+def step_drive(
+    parameters: DriveParameters, state: DriveState, command_rpm: npt.ArrayLike, timestep: float
+) -> tuple[FloatArray, DriveState]:
+    """Advance one substep: return the setpoint at its end [rpm], shape (...), and the next state.
+
+    Args:
+        parameters: of the drive.
+        state: at the substep's start.
+        command_rpm: the command now [rpm], shape (...).
+        timestep: of the physics [s]; the same at every call.
+    """
+    tau, period = parameters.law.sample_period_s, parameters.command_period_s
+    now = state.substeps * timestep
+    received = np.atleast_1d(received_command(parameters, command_rpm))
+    shape = np.broadcast_shapes(np.shape(command_rpm), state.commands.shape[:-1])
+    commands = np.broadcast_to(state.commands, (*shape, RING))
+    latches, ticks, law = state.latches, state.ticks, state.law
+    while now >= latches * period - EPS * period:
+        newest = np.broadcast_to(received.reshape(np.shape(command_rpm)), shape)
+        commands = np.concatenate([commands[..., 1:], newest[..., None]], axis=-1)
+        latches += 1
+    while now >= ticks * tau - EPS * tau:
+        r = law_inputs(parameters, [ticks], commands, latches, latches - RING)[..., 0]
+        _, law = parameters.law.tick(law, r)
+        ticks += 1
+    w0, w1 = np.asarray(law.w0, float), np.asarray(law.w1, float)
+    part = ((state.substeps + 1) * timestep - (ticks - 1) * tau) / tau
+    setpoint = w1 + (w0 - w1) * min(max(part, 0.0), 1.0)
+    return setpoint, DriveState(state.substeps + 1, ticks, latches, law, commands)
+
+
+def simulate_drive(
+    parameters: DriveParameters,
+    command_rpm: npt.ArrayLike,
+    timestep: float,
+    initial_rpm: npt.ArrayLike = 0.0,
+) -> FloatArray:
+    """Return the setpoints at the end of each substep [rpm], shape (..., n).
+
+    The same as `step_drive` again and again, with a Python loop over law ticks only.
+
+    Args:
+        parameters: of the drive.
+        command_rpm: the command at each substep [rpm], shape (..., n); leading axes are wheels or runs.
+        timestep: of the physics [s].
+        initial_rpm: the steady speed before the start [rpm], shape (...).
+    """
+    tau, period = parameters.law.sample_period_s, parameters.command_period_s
+    command = np.asarray(command_rpm, float)
+    n = command.shape[-1]
+    times = np.arange(n + 1) * timestep
+    latched_at = _first_substeps(period, times[:n])
+    ticked_at = _first_substeps(tau, times[:n])
+    before = np.broadcast_to(np.asarray(initial_rpm, float), command.shape[:-1])
+    received = received_command(parameters, command[..., latched_at])
+    latched = np.concatenate([before[..., None], received], axis=-1)
+    latches = np.searchsorted(latched_at, ticked_at, side="right")
+    r = law_inputs(parameters, np.arange(ticked_at.size), latched, latches, start=-1)
+    w = parameters.law.simulate(r, LawState.steady(before))
+    k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
+    part = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
+    setpoints: FloatArray = w[..., k] + (w[..., k + 1] - w[..., k]) * part
+    return setpoints
+
+
+def latched_commands(
+    parameters: DriveParameters,
+    time_s: npt.ArrayLike,
+    command_rpm: npt.ArrayLike,
+    n_ticks: int,
+    initial_rpm: float = 0.0,
+) -> FloatArray:
+    """Return r(k) [rpm], shape (n_ticks,), of a logged command: latch, rounding, saturation and latency.
+
+    Args:
+        parameters: of the drive.
+        time_s: when each command was given [s], shape (N,), increasing; the first is the run's time 0.
+        command_rpm: the commands [rpm], shape (N,), each held until the next. NaN is a missing sample: the
+            one before holds on; before the first there is `initial_rpm`.
+        n_ticks: how many law ticks.
+        initial_rpm: the steady command before the run [rpm], which a delay lets act a little longer.
+
+    Raises:
+        InputError: an empty log, or arrays of different shapes.
+    """
+    time, command = np.asarray(time_s, float), np.asarray(command_rpm, float)
+    if time.ndim != 1 or time.shape != command.shape or time.size == 0:
+        raise InputError(
+            f"time of shape {time.shape}, command of shape {command.shape}; must be one equal length"
+        )
+    tau, period = parameters.law.sample_period_s, parameters.command_period_s
+    given = ~np.isnan(command)
+    # Command j is the last one given by j T; index 0 stands for "none yet".
+    count = math.floor(max(n_ticks - 1, 0) * tau / period + EPS) + 1
+    which = np.searchsorted(time[given] - time[0], np.arange(count) * period + EPS * period, side="right")
+    held = np.concatenate([[initial_rpm], received_command(parameters, command[given])])[which]
+    latched = np.concatenate([[initial_rpm], held])
+    return law_inputs(parameters, np.arange(n_ticks), latched, count, start=-1)
+
+
+def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:
+    """Return, for each multiple of the period up to the last time, the first substep at or after it."""
+    count = math.floor(times[-1] / period + EPS) + 2 if times.size else 0
+    due = np.arange(count) * period - EPS * period
+    first: npt.NDArray[np.intp] = np.searchsorted(times, due, side="left")
+    return first[first < times.size]

@@ -1,0 +1,175 @@
+"""Where the plugin "mecanum.wheel" keeps its parameters and its state; mecanum_wheel.c reads the same places.
+
+Parameters are numeric fields of the wheel's actuator, so they travel with copies, pickles and batches of
+models, and may be rewritten in a compiled model (`write_parameters`):
+
+    dynprm[0:6]   A..F             dynprm[6]  sample_period_s       dynprm[8]  command_quantum_rpm (0: none)
+    biasprm       0, 0, -servo     dynprm[7]  command_period_s      dynprm[9]  saturation_rpm (0: none)
+    user[0]       servo_integral   user[1]    delay_s               forcerange +-torque_limit_n_m
+
+They are checked when an `mujoco.MjData` is made. An edit acts from the next substep on; where it changes the
+timestep or a period, the clocks start anew at that substep, with speeds and the last command kept.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.model import Model, Robot, Wheel
+from mecanum_env.plugin import PLUGIN_NAME
+
+COEFFICIENTS: Final = slice(0, 6)
+"""In dynprm: A..F."""
+SAMPLE_PERIOD: Final = 6
+COMMAND_PERIOD: Final = 7
+QUANTUM: Final = 8
+SATURATION: Final = 9
+"""In dynprm."""
+
+SERVO: Final = 2
+"""In biasprm: minus servo_n_m_s_rad."""
+
+INTEGRAL_GAIN: Final = 0
+DELAY: Final = 1
+"""In user."""
+USER_SIZE: Final = 16
+"""`nuser_actuator` as this project writes it; the plugin needs 2, the rest is reserved and 0."""
+
+RING: Final = 32
+"""Latched commands in the state: a delay may be up to RING - 3 command periods less a timestep."""
+
+STATE: Final = (
+    *("substeps", "ticks", "latches"),
+    *("timestep", "sample_period", "command_period"),
+    *("w0", "w1", "w2", "r1", "r2", "setpoint", "integral"),
+)
+"""Names of the first entries of a wheel's plugin state: counts since the clocks started; the clocks in use
+[s]; the law's memory [rpm], w0 = w(k+1) and w1 = w(k) being the ends of the current ramp; the setpoint at the
+end of the last substep [rad/s]; the integral of the speed error [rad]. RING latched commands [rpm] follow,
+command j at j modulo RING. All zero is rest."""
+COMMANDS: Final = slice(len(STATE), len(STATE) + RING)
+STATE_SIZE: Final = len(STATE) + RING
+
+
+def dynprm(wheel: Wheel, law: WheelLaw | None = None, quantum_rpm: float | None = None) -> list[float]:
+    """Return the ten numbers of an actuator's dynprm.
+
+    Args:
+        wheel: the identified wheel.
+        law: another law instead of the wheel's own, as `Model.law_of` gives it for one wheel.
+        quantum_rpm: another command rounding instead of the wheel's own; 0 where it happens before.
+    """
+    law = wheel.law if law is None else law
+    return [
+        *(float(x) for x in law.coefficients),
+        law.sample_period_s,
+        wheel.command_period_s,
+        wheel.command_quantum_rpm if quantum_rpm is None else quantum_rpm,
+        0.0 if math.isinf(wheel.saturation_rpm) else wheel.saturation_rpm,
+    ]
+
+
+def userdata(robot: Robot, delay_s: float = 0.0) -> list[float]:
+    """Return the numbers of an actuator's user field, USER_SIZE of them."""
+    user = [0.0] * USER_SIZE
+    user[INTEGRAL_GAIN], user[DELAY] = robot.servo_integral_n_m_rad, delay_s
+    return user
+
+
+def command_delay_s(model: Model) -> float:
+    """Return the delay of the effect `command_latency` [s], 0 where the model has none."""
+    return model.effects.get("command_latency", {}).get("delay_s", 0.0)
+
+
+def set_wheel_parameters(
+    spec: mujoco.MjSpec,
+    actuator: mujoco.MjsActuator,
+    model: Model,
+    wheel_name: str | None = None,
+    quantum_rpm: float | None = None,
+) -> None:
+    """Make a named actuator of a spec a wheel drive with a plugin instance of its own; call it once.
+
+    The transmission is left alone. Written XML carries no bias of a plugin actuator: put `biastype` and
+    `biasprm` into the spec's default class too where it is to be written.
+
+    Args:
+        spec: the actuator's spec.
+        actuator: with a unique name.
+        model: the wheel, servo, torque limit and command latency.
+        wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
+        quantum_rpm: as for `dynprm`.
+    """
+    robot = model.robot
+    law = None if wheel_name is None else model.law_of(wheel_name)
+    spec.activate_plugin(PLUGIN_NAME)
+    spec.nuser_actuator = max(spec.nuser_actuator, USER_SIZE)
+    # The instance's name is the actuator's: without one MjSpec finds no instance.
+    actuator.plugin = spec.add_plugin(name=actuator.name, plugin_name=PLUGIN_NAME, active=True)
+    actuator.dynprm = dynprm(model.wheel, law, quantum_rpm)
+    actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
+    actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
+    actuator.userdata = userdata(robot, command_delay_s(model))
+    actuator.forcerange = [-robot.torque_limit_n_m, robot.torque_limit_n_m]
+
+
+def write_parameters(
+    mjmodel: mujoco.MjModel,
+    actuator_id: int,
+    model: Model,
+    wheel_name: str | None = None,
+    quantum_rpm: float | None = None,
+) -> None:
+    """Rewrite the parameters of one wheel drive in a compiled model; arguments as `set_wheel_parameters`.
+
+    They act from the next substep on. `mujoco.MjData(mjmodel)` checks them again.
+
+    Raises:
+        InputError: that actuator is not a wheel drive.
+    """
+    if actuator_id not in wheel_actuators(mjmodel):
+        raise InputError(
+            f"actuator {actuator_id} is not a {PLUGIN_NAME}; these are: {wheel_actuators(mjmodel)}"
+        )
+    robot = model.robot
+    law = None if wheel_name is None else model.law_of(wheel_name)
+    user = userdata(robot, command_delay_s(model))[: mjmodel.nuser_actuator]
+    mjmodel.actuator_dynprm[actuator_id] = dynprm(model.wheel, law, quantum_rpm)
+    mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
+    mjmodel.actuator_user[actuator_id, : len(user)] = user
+    mjmodel.actuator_forcerange[actuator_id] = -robot.torque_limit_n_m, robot.torque_limit_n_m
+
+
+def wheel_actuators(mjmodel: mujoco.MjModel) -> list[int]:
+    """Return the ids of the actuators that are wheel drives, in order."""
+    slots = _wheel_instances(mjmodel)
+    return [i for i, instance in enumerate(mjmodel.actuator_plugin) if instance in slots]
+
+
+def state_slice(mjmodel: mujoco.MjModel, actuator_id: int) -> slice:
+    """Return where `MjData.plugin_state` holds the state of a wheel drive: STATE_SIZE numbers as in STATE.
+
+    Raises:
+        InputError: that actuator is not a wheel drive.
+    """
+    _require_wheel_drive(mjmodel, actuator_id)
+    instance = int(mjmodel.actuator_plugin[actuator_id])
+    start = int(mjmodel.plugin_stateadr[instance])
+    return slice(start, start + STATE_SIZE)
+
+
+def _wheel_instances(mjmodel: mujoco.MjModel) -> set[int]:
+    """Instances of this plugin. MuJoCo has no lookup by name from Python; the state's size tells them."""
+    return {int(i) for i in np.flatnonzero(np.asarray(mjmodel.plugin_statenum) == STATE_SIZE)}
+
+
+def _require_wheel_drive(mjmodel: mujoco.MjModel, actuator_id: int) -> None:
+    known = wheel_actuators(mjmodel)
+    if actuator_id not in known:
+        raise InputError(f"actuator {actuator_id} is not a {PLUGIN_NAME}; these are: {known}")

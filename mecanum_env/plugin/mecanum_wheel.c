@@ -1,0 +1,228 @@
+// Actuator plugin "mecanum.wheel": one identified wheel drive, command [rpm] in, torque [N m] out.
+//
+// Each substep n at time n*h: latch the command when due, tick the wheel law when due, ramp the setpoint
+// linearly from w(k) to w(k+1), and hold it with a (PI) velocity servo:
+//
+//   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
+//   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt             [N m], clamped by forcerange
+//
+// mecanum_env/law/drive.py is the same law in Python; the tests hold the two equal bit for bit.
+//
+// All parameters are numeric fields of the actuator, read anew at each call: nothing is cached, so copies,
+// pickles, batches of different models and edits of a compiled model all do what they say. All memory is in
+// plugin_state (mecanum_env/plugin/layout.py names the entries), written in reset and advance only.
+
+#include <math.h>
+#include <string.h>
+
+#include <mujoco/mujoco.h>
+
+#define PLUGIN_NAME "mecanum.wheel"
+#define RING 32                  // latched commands remembered: bounds the delay
+#define MAX_EVENTS 1024          // law ticks or latches in one substep
+#define EPS 1e-9                 // of a period: a clock may be this early
+static const double RAD_S_PER_RPM = 2.0 * 3.141592653589793 / 60.0;
+
+enum { SAMPLE_PERIOD = 6, COMMAND_PERIOD, QUANTUM, SATURATION };  // in dynprm, after A..F
+enum { INTEGRAL_GAIN, DELAY, NUSER };                             // in user
+
+typedef struct {
+  double substeps, ticks, latches;                 // since the clocks started
+  double timestep, sample_period, command_period;  // the clocks in use; another value restarts them
+  double w0, w1, w2, r1, r2;                       // the law's memory [rpm]: w0 = w(k+1), w1 = w(k)
+  double setpoint;                                 // at the end of the last substep [rad/s]
+  double integral;                                 // of setpoint - speed [rad]
+  double command[RING];                            // latched command j at j modulo RING [rpm]
+} Drive;
+
+_Static_assert(sizeof(mjtNum) == sizeof(double), "the plugin needs MuJoCo in double precision");
+enum { NSTATE = sizeof(Drive) / sizeof(double) };
+
+// Where command j is kept; j may be negative (before the start) or, in a state written by hand, anything.
+static int slot(double j) {
+  double s = fmod(j, RING);
+  if (s < 0) s += RING;
+  return s >= 0 && s < RING ? (int)s : 0;
+}
+
+// What the robot latches: NaN and absurd values are 0, as for MuJoCo's own actuators.
+static double latch(const mjModel* m, const mjData* d, int id) {
+  const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
+  int adr = m->actuator_ctrladr[id];
+  double u = d->ctrl[adr];
+  if (!(fabs(u) <= mjMAXVAL)) u = 0;
+  if (m->actuator_ctrllimited[adr] && !(m->opt.disableflags & mjDSBL_CLAMPCTRL))
+    u = mju_clip(u, m->actuator_ctrlrange[2 * adr], m->actuator_ctrlrange[2 * adr + 1]);
+  if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
+  if (p[SATURATION] > 0) u = fmin(fmax(u, -p[SATURATION]), p[SATURATION]);
+  return u;
+}
+
+// r(k): the mean over the tick of the delayed command, as far as it was sent by the tick's start.
+static double law_input(const Drive* s, double tau, double T, double delay) {
+  double t = s->ticks * tau;
+  double latest = floor(t / T + EPS);
+  if (!(latest <= s->latches - 1)) latest = s->latches - 1;
+  double j = floor((t - delay) / T + EPS);
+  if (!(j <= latest)) j = latest;
+  if (j < latest - (RING - 1)) j = latest - (RING - 1);
+  double sum = 0, done = 0;
+  for (; j + 1 <= latest; j++) {
+    double arrival = (j + 1) * T + delay;
+    if (!(arrival < t + tau)) break;
+    double part = (arrival - t) / tau;
+    sum += (part - done) * s->command[slot(j)];
+    done = part;
+  }
+  return sum + (1 - done) * s->command[slot(j)];
+}
+
+// The drive at the end of this substep; its integral is still that of the start.
+static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtNum* state) {
+  const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
+  const double h = m->opt.timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
+  const double delay = m->actuator_user[id * m->nuser_actuator + DELAY];
+  Drive s;
+  memcpy(&s, state, sizeof s);
+
+  if (s.timestep != h || s.sample_period != tau || s.command_period != T) {
+    double last = s.command[slot(s.latches - 1)];
+    for (int i = 0; i < RING; i++) s.command[i] = last;
+    s.substeps = s.ticks = s.latches = 0;
+    s.timestep = h, s.sample_period = tau, s.command_period = T;
+  }
+  double now = s.substeps * h;
+  for (int i = 0; i < MAX_EVENTS && now >= s.latches * T - EPS * T; i++) {
+    s.command[slot(s.latches)] = latch(m, d, id);
+    s.latches += 1;
+  }
+  for (int i = 0; i < MAX_EVENTS && now >= s.ticks * tau - EPS * tau; i++) {
+    double r = law_input(&s, tau, T, delay);
+    double w = p[0] * s.w0 + p[1] * s.w1 + p[2] * s.w2 + p[3] * r + p[4] * s.r1 + p[5] * s.r2;
+    s.w2 = s.w1, s.w1 = s.w0, s.w0 = w;
+    s.r2 = s.r1, s.r1 = r;
+    s.ticks += 1;
+  }
+  s.substeps += 1;
+  double part = (s.substeps * h - (s.ticks - 1) * tau) / tau;
+  part = part < 0 ? 0 : part > 1 ? 1 : part;
+  s.setpoint = (s.w1 + (s.w0 - s.w1) * part) * RAD_S_PER_RPM;
+  return s;
+}
+
+// The servo's torque before the clamp.
+static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
+  double kv = -m->actuator_biasprm[id * mjNBIAS + 2];
+  double ki = m->actuator_user[id * m->nuser_actuator + INTEGRAL_GAIN];
+  return kv * (s->setpoint - d->actuator_velocity[m->actuator_outadr[id]]) + ki * s->integral;
+}
+
+// The actuator of an instance, -1 if it has none or several.
+static int actuator_of(const mjModel* m, int instance) {
+  int id = -1;
+  for (int i = 0; i < m->nactuator; i++) {
+    if (m->actuator_plugin[i] != instance) continue;
+    if (id >= 0) return -1;
+    id = i;
+  }
+  return id;
+}
+
+static void wheel_compute(const mjModel* m, mjData* d, int instance, int capability) {
+  (void)capability;
+  int id = actuator_of(m, instance);
+  if (id < 0) return;
+  Drive s = after_substep(m, d, id, d->plugin_state + m->plugin_stateadr[instance]);
+  d->actuator_force[m->actuator_outadr[id]] = torque(m, d, id, &s);
+}
+
+static void wheel_advance(const mjModel* m, mjData* d, int instance) {
+  int id = actuator_of(m, instance);
+  if (id < 0) return;
+  mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
+  Drive s = after_substep(m, d, id, state);
+  int out = m->actuator_outadr[id];
+  // The error now, not at the end of the substep: zero where the wheel follows an accelerating setpoint.
+  double now = ((const Drive*)state)->setpoint;
+  double error = now - d->actuator_velocity[out];
+  double asked = torque(m, d, id, &s), given = d->actuator_force[out];
+  int held = (asked > given && error > 0) || (asked < given && error < 0);
+  if (!held) s.integral += m->opt.timestep * error;
+  memcpy(state, &s, sizeof s);
+}
+
+static void wheel_reset(const mjModel* m, mjtNum* state, void* data, int instance) {
+  (void)m, (void)data, (void)instance;
+  memset(state, 0, sizeof(Drive));
+}
+
+static int wheel_nstate(const mjModel* m, int instance) {
+  (void)m, (void)instance;
+  return NSTATE;
+}
+
+// ---------------------------------------------------------------------------------------- checks
+
+#define REFUSE(...) return mju_warning(__VA_ARGS__), -1
+
+static int wheel_init(const mjModel* m, mjData* d, int instance) {
+  d->plugin_data[instance] = 0;
+  int id = actuator_of(m, instance);
+  if (id < 0) REFUSE(PLUGIN_NAME ": instance %d has no actuator or several; one instance drives one wheel", instance);
+  const char* given_name = mj_id2name(m, mjOBJ_ACTUATOR, id);
+  const char* name = given_name && given_name[0] ? given_name : "(unnamed)";
+
+  static const char* const names[] = {"A", "B", "C", "D", "E", "F", "sample_period_s", "command_period_s",
+                                      "command_quantum_rpm", "saturation_rpm"};
+  const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
+  for (int i = 0; i <= SATURATION; i++) {
+    int positive = i == SAMPLE_PERIOD || i == COMMAND_PERIOD;
+    if (isfinite(p[i]) && (i < SAMPLE_PERIOD || p[i] > 0 || (!positive && p[i] == 0))) continue;
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": %s = dynprm[%d] = %g, must be a finite number%s", name, names[i], i, p[i],
+           i < SAMPLE_PERIOD ? "" : positive ? " above 0" : " not below 0 (0: off)");
+  }
+  double A = p[0], B = p[1], C = p[2];
+  if (!(1 - A - B - C > 0 && 3 + A + B - 3 * C > 0 && 1 + A - B + C > 0 && 1 + B + A * C - C * C > 0))
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": the wheel law is unstable (A, B, C = %g, %g, %g); all roots of "
+           "z^3 - A z^2 - B z - C must lie inside the unit circle", name, A, B, C);
+  if (m->actuator_dyntype[id] != mjDYN_NONE)
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": dyntype must be none; dynprm holds the wheel law", name);
+
+  const mjtNum* bias = m->actuator_biasprm + id * mjNBIAS;
+  double kv = 0 - bias[2];
+  if (m->actuator_biastype[id] != mjBIAS_AFFINE || bias[0] != 0 || bias[1] != 0 || !isfinite(kv) || !(kv > 0))
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": servo_n_m_s_rad = -biasprm[2] = %g, must be a finite number above 0, with "
+           "biastype=\"affine\" biasprm=\"0 0 -servo\" in the actuator's default class", name, kv);
+  if (m->nuser_actuator < NUSER)
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": nuser_actuator = %d, must be at least %d (user = servo_integral_n_m_rad, "
+           "delay_s; mecanum_env writes 16)", name, (int)m->nuser_actuator, NUSER);
+  const mjtNum* user = m->actuator_user + id * m->nuser_actuator;
+  if (!isfinite(user[INTEGRAL_GAIN]) || user[INTEGRAL_GAIN] < 0)
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": servo_integral_n_m_rad = user[%d] = %g, must be a finite number not below 0",
+           name, INTEGRAL_GAIN, user[INTEGRAL_GAIN]);
+  double h = m->opt.timestep, longest = (RING - 3) * p[COMMAND_PERIOD] - h;
+  if (!(h <= MAX_EVENTS * p[SAMPLE_PERIOD]) || !(longest >= 0))
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": timestep = %g s, must be at most %d sample periods of %g s and %d command "
+           "periods of %g s", name, h, MAX_EVENTS, p[SAMPLE_PERIOD], RING - 3, p[COMMAND_PERIOD]);
+  if (!(user[DELAY] >= 0) || !(user[DELAY] <= longest))
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a "
+           "timestep)", name, DELAY, user[DELAY], longest, RING - 3);
+  if (m->actuator_history[2 * id] > 0 || m->actuator_delay[id] != 0)
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": nsample and delay are MuJoCo's own delay, which this plugin does not use; "
+           "write the delay to user[%d]", name, DELAY);
+  return 0;
+}
+
+mjPLUGIN_LIB_INIT(mecanum_wheel) {
+  mjpPlugin plugin;
+  mjp_defaultPlugin(&plugin);
+  plugin.name = PLUGIN_NAME;
+  plugin.capabilityflags = mjPLUGIN_ACTUATOR;
+  plugin.needstage = mjSTAGE_VEL;
+  plugin.nstate = wheel_nstate;
+  plugin.init = wheel_init;
+  plugin.reset = wheel_reset;
+  plugin.compute = wheel_compute;
+  plugin.advance = wheel_advance;
+  mjp_registerPlugin(&plugin);
+}

@@ -14,6 +14,8 @@ from mecanum_env.errors import MecanumError
 def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: str | None = None) -> int:
     """Parse `args` for `command` (its signature and docstring are the help), call it, return the exit code.
 
+    `prog` is the name of the program in the help; None takes that of the running one.
+
     Returns:
         0 when the command returned, 2 when it raised a `MecanumError`, 130 when it was interrupted. Wrong
         arguments make tyro print what is known and raise ``SystemExit(2)``.

@@ -154,7 +154,7 @@ class WheelLaw:
 
 
 def stability_margins(abc: npt.ArrayLike) -> FloatArray:
-    """Return the four margins, shape (..., 4), of coefficients (A, B, C), shape (..., 3).
+    """Return the four margins, shape (..., 4), of coefficients `abc` = (A, B, C), shape (..., 3).
 
     All four are positive exactly when z^3 - A z^2 - B z - C has its roots inside the unit circle: the
     Routh-Hurwitz conditions b0, b2, b3, (b2 b1 - b3 b0)/b2 > 0 after the bilinear transformation, cleared of

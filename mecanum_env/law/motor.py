@@ -222,8 +222,8 @@ def drive_from_law(
     if a1 <= 0.0 or a2 < -1e-12 * a1 * law.sample_period_s or discriminant < 0.0:
         raise InputError(
             f"no real motor with these constants has this law (a1 = {drive.a1:.6g}, a2 = {drive.a2:.6g}, "
-            f"discriminant {discriminant:.6g}): its inertia and inductance would be negative or complex; check "
-            "resistance, torque_constant, back_emf and steady_volts_s_rad"
+            f"discriminant {discriminant:.6g}): its inertia and inductance would be negative or complex; "
+            "check resistance, torque_constant, back_emf and steady_volts_s_rad"
         )
     inertia = (a1 + math.sqrt(discriminant)) / (2.0 * resistance)
     inductance = max(a2, 0.0) / inertia

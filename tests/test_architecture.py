@@ -1,0 +1,163 @@
+"""The shape of the code: which room may import which, light imports, file sizes, documented arguments."""
+
+import ast
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+PACKAGES = ("mecanum_env", "sysid", "training")
+FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+MAY_IMPORT = {
+    "mecanum_env": {"mecanum_env"},
+    "sysid": {"sysid", "mecanum_env"},
+    "training": {"training", "mecanum_env"},
+}
+LONGEST_FILE = 400
+OBVIOUS = {"name", "value", "seconds"}
+UNITS = {"rpm", "deg", "rad", "hz", "s", "m", "n", "kg", "m2", "v", "ms", "px", "s2", "s3", "volts"}
+
+
+def module_name(path: Path) -> str:
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+TREES = {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
+IS_PACKAGE = {module_name(path) for path in FILES if path.name == "__init__.py"}
+
+
+def imports_of(name: str, nodes) -> set[str]:
+    """Return the modules of this project that the statements import; names of a package become modules."""
+    found = set()
+    for node in nodes:
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            base = node.module or ""
+            if node.level:
+                parts = name.split(".") if name in IS_PACKAGE else name.split(".")[:-1]
+                parts = parts[: len(parts) - node.level + 1]
+                base = ".".join([*parts, base] if base else parts)
+            for alias in node.names:
+                submodule = f"{base}.{alias.name}"
+                found.add(submodule if submodule in TREES else base)
+    return {module for module in found if module.split(".")[0] in PACKAGES}
+
+
+def import_time_nodes(tree: ast.AST):
+    """Yield the nodes that run at import: not function bodies, not `if TYPE_CHECKING`."""
+    for child in ast.iter_child_nodes(tree):
+        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            continue
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            continue
+        yield child
+        yield from import_time_nodes(child)
+
+
+def test_arrows_between_rooms_point_one_way():
+    wrong = [
+        f"{name} imports {module}"
+        for name, tree in TREES.items()
+        for module in imports_of(name, ast.walk(tree))
+        if module.split(".")[0] not in MAY_IMPORT[name.split(".")[0]]
+    ]
+    assert wrong == []
+
+
+def test_no_files_import_each_other_in_a_circle():
+    waiting = {name: imports_of(name, import_time_nodes(tree)) - {name} for name, tree in TREES.items()}
+    while free := {name for name, needs in waiting.items() if not needs & waiting.keys()}:
+        waiting = {name: needs for name, needs in waiting.items() if name not in free}
+    assert waiting == {}
+
+
+@pytest.mark.parametrize("module", ["mecanum_env", "mecanum_env.plugin"])
+def test_what_mujoco_loads_at_import_stays_light(module):
+    program = f"import sys, {module}; print(*sorted(m for m in sys.modules if '.' not in m))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, check=True, cwd=ROOT
+    )
+    heavy = {"mujoco", "gymnasium", "scipy", "matplotlib", "imageio", "tyro", "numpy"}
+    assert set(done.stdout.split()) & heavy == set()
+
+
+def test_files_stay_short():
+    sources = [
+        path
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.suffix in (".py", ".c", ".h")
+    ]
+    lengths = {
+        str(path.relative_to(ROOT)): len(path.read_text(encoding="utf-8").splitlines()) for path in sources
+    }
+    assert {name: n for name, n in lengths.items() if n > LONGEST_FILE} == {}
+
+
+def public_definitions(tree: ast.Module):
+    """Yield (qualified name, node) of public functions, classes and methods."""
+    for node in tree.body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef) and not node.name.startswith("_"):
+            yield node.name, node
+            # A protocol's members are documented where they are implemented.
+            if isinstance(node, ast.ClassDef) and "Protocol" not in [ast.unparse(b) for b in node.bases]:
+                for inner in node.body:
+                    if isinstance(inner, ast.FunctionDef) and not inner.name.startswith("_"):
+                        yield f"{node.name}.{inner.name}", inner
+
+
+OWN_CLASSES = {node.name for tree in TREES.values() for node in tree.body if isinstance(node, ast.ClassDef)}
+
+
+def explains_itself(name: str, annotation: ast.expr | None) -> bool:
+    """Return whether name and type say all: a quantity with its unit, or a class that is documented itself."""
+    quantity = "_" in name and name.split("_")[-1] in UNITS
+    words = set(re.findall(r"\w+", ast.unparse(annotation))) if annotation else set()
+    own = words & (OWN_CLASSES | {"Path", "PathLike", "Generator"})
+    return name in OBVIOUS or quantity or bool(own) or any(word.startswith("Mj") for word in words)
+
+
+def is_mentioned(name: str, text: str) -> bool:
+    """Return whether a name, or every word of it that is not a unit, begins a word of the text."""
+    words = [w for w in re.findall(r"[a-z0-9]+", name.lower()) if w not in UNITS] or [name.lower()]
+    text = text.lower()
+    return all(re.search(rf"\b{re.escape(w.rstrip('s') or w)}", text.replace("_", " ")) for w in words)
+
+
+def undocumented(tree: ast.Module) -> list[str]:
+    """List public definitions without a docstring, and arguments that it does not mention."""
+    bad = []
+    for name, node in public_definitions(tree):
+        text = ast.get_docstring(node) or ""
+        if not text:
+            bad.append(name)
+        if isinstance(node, ast.FunctionDef):
+            arguments = [*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs]
+            bad += [
+                f"{name}({argument.arg})"
+                for argument in arguments
+                if argument.arg not in ("self", "cls")
+                and not argument.arg.startswith("_")
+                and not explains_itself(argument.arg, argument.annotation)
+                and not is_mentioned(argument.arg, text)
+            ]
+    return bad
+
+
+@pytest.mark.parametrize("module", sorted(TREES))
+def test_public_code_says_what_its_arguments_are(module):
+    assert ast.get_docstring(TREES[module])
+    assert undocumented(TREES[module]) == []
+
+
+def test_the_documentation_rule_can_fail():
+    tree = ast.parse(
+        'def f(speed_rpm, limit, top_speed, model: Model, spec: MjSpec):\n    "Clip to the top SPEEDS."\n'
+        "class Point:\n    pass\n"
+    )
+    assert undocumented(tree) == ["f(limit)", "Point"]

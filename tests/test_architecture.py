@@ -115,7 +115,7 @@ OWN_CLASSES = {node.name for tree in TREES.values() for node in tree.body if isi
 
 
 def explains_itself(name: str, annotation: ast.expr | None) -> bool:
-    """Return whether name and type say all: a quantity with its unit, or a class that is documented itself."""
+    """Return whether name and type say all: a quantity with its unit, a class documented itself."""
     quantity = "_" in name and name.split("_")[-1] in UNITS
     words = set(re.findall(r"\w+", ast.unparse(annotation))) if annotation else set()
     own = words & (OWN_CLASSES | {"Path", "PathLike", "Generator"})

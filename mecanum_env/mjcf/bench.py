@@ -49,9 +49,8 @@ def bench_spec(
     body = spec.worldbody.add_body(name="wheel", pos=[0, 0, 2 * geometry.radius])
     set_inertia(body, Inertia(mass, (spin, spin, spin)))
     body.add_joint(name="wheel", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
-    prepare_drives(spec, model, drive)
-    law = model.wheel.law if wheel is None else model.law_of(wheel)
-    add_drive(spec, model, "wheel", drive, wheel_quantum, law)
+    prepare_drives(spec, model)
+    add_drive(spec, model, "wheel", drive, wheel_quantum, wheel)
     spec.add_sensor(
         name="wheel_speed",
         type=mujoco.mjtSensor.mjSENS_JOINTVEL,

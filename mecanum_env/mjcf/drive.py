@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import Literal
 
 import mujoco
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.model import Model
+from mecanum_env.plugin.layout import set_wheel_parameters
 
 Drive = Literal["plugin", "servo"]
 """What ctrl means. `plugin`: the wheel command [rpm], and the law runs inside. `servo`: the setpoint [rad/s],
 from a law that runs outside, for engines without plugins."""
 
-USER_SIZE = 16
 EFFECTS_HERE = ("command_latency",)
 
 
@@ -34,18 +32,15 @@ def check_effects(model: Model) -> None:
             )
 
 
-def prepare_drives(spec: mujoco.MjSpec, model: Model, drive: Drive) -> None:
+def prepare_drives(spec: mujoco.MjSpec, model: Model) -> None:
     """Set the defaults that every wheel's actuator shares.
 
     The plugin element of MJCF has no bias attributes, so they come from the default class. The affine bias
     tells the implicit integrator how the servo's torque changes with speed.
     """
     check_effects(model)
-    spec.nuser_actuator = USER_SIZE
     spec.default.actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     spec.default.actuator.biasprm = [0.0, 0.0, -model.robot.servo_n_m_s_rad] + [0.0] * 7
-    if drive == "plugin":
-        spec.activate_plugin("mecanum.wheel")
 
 
 def add_drive(
@@ -54,13 +49,14 @@ def add_drive(
     name: str,
     drive: Drive,
     wheel_quantum: bool,
-    law: WheelLaw,
+    law_wheel: str | None,
     site_gear: Sequence[float] | None = None,
 ) -> None:
-    """Add the actuator `name` with a wheel's law, on the joint `name` or (`site_gear`) on the site "base".
+    """Add the actuator `name` on the joint `name` or (`site_gear`) on the site "base".
 
-    With `site_gear` the actuator's speed is gear . (site velocity): the wheel speed that the body's motion
-    asks for, and its torque acts on the body as the matching force and moment.
+    `law_wheel` (fl .. rr, or None for the common law) says whose law it runs. With `site_gear` the actuator's
+    speed is gear . (site velocity), the wheel speed that the body's motion asks for, and its torque acts on
+    the body as the matching force and moment.
     """
     actuator = spec.add_actuator(name=name)
     if site_gear is None:
@@ -73,20 +69,5 @@ def add_drive(
     if drive == "servo":
         actuator.gainprm = [model.robot.servo_n_m_s_rad] + [0.0] * 9
         return
-    wheel = model.wheel
-    saturation = 0.0 if math.isinf(wheel.saturation_rpm) else wheel.saturation_rpm
-    quantum = wheel.command_quantum_rpm if wheel_quantum else 0.0
-    actuator.plugin.plugin_name = "mecanum.wheel"
-    actuator.plugin.active = True
-    actuator.dynprm = [
-        *law.coefficients,
-        law.sample_period_s,
-        wheel.command_period_s,
-        quantum,
-        saturation,
-    ]
-    delay = model.effects.get("command_latency", {}).get("delay_s", 0.0)
-    user = [0.0] * USER_SIZE
-    user[0] = model.robot.servo_integral_n_m_rad
-    user[1] = delay
-    actuator.userdata = user
+    quantum = None if wheel_quantum else 0.0
+    set_wheel_parameters(spec, actuator, model, law_wheel, quantum)

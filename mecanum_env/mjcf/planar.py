@@ -54,10 +54,10 @@ def planar_spec(
     ):
         base.add_joint(name=name, type=kind, axis=axis, armature=armature)
     base.add_site(name="base", group=4)
-    prepare_drives(spec, model, drive)
+    prepare_drives(spec, model)
     for wheel, (x, y, turn) in zip(WHEELS, no_slip_rows(robot), strict=True):
         gear = [float(x), float(y), 0.0, 0.0, 0.0, float(turn)]
-        add_drive(spec, model, f"wheel_{wheel}", drive, wheel_quantum, model.law_of(wheel), gear)
+        add_drive(spec, model, f"wheel_{wheel}", drive, wheel_quantum, wheel, gear)
     add_sensors(spec)
     if visuals:
         geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)

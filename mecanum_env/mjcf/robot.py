@@ -69,14 +69,14 @@ def robot_spec(
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
         range=[-ROCKER_LIMIT_RAD, ROCKER_LIMIT_RAD],
     )
-    prepare_drives(spec, model, drive)
+    prepare_drives(spec, model)
     for wheel in WHEELS:
         x, y = wheel_position(robot, wheel)
         name = f"wheel_{wheel}"
         parent, place = (rocker, (0.0, y, 0.0)) if wheel[0] == "f" else (base, (x, y, 0.0))
         for roller in add_wheel(parent, wheel, place, geometry, masses, visuals=visuals):
             add_floor_pair(spec, roller, robot.friction, timestep)
-        add_drive(spec, model, name, drive, wheel_quantum, model.law_of(wheel))
+        add_drive(spec, model, name, drive, wheel_quantum, wheel)
     add_sensors(spec)
     if visuals:
         dress_robot(base, rocker, robot, geometry)

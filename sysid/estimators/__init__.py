@@ -1,4 +1,4 @@
-"""Methods that identify the wheel law from runs, all behind one interface: `estimate(runs, method, options)`."""
+"""Methods that identify the wheel law from runs, all behind one interface: `estimate`."""
 
 from __future__ import annotations
 
@@ -43,5 +43,7 @@ def estimate(
         InputError: an unknown method, or data that cannot be fitted; the message says why.
     """
     if method not in METHODS:
-        raise InputError(f"method {method!r}: unknown{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}")
+        raise InputError(
+            f"method {method!r}: unknown{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}"
+        )
     return METHODS[method](runs, options or Options())

@@ -1,13 +1,13 @@
 """Output error: the stable law whose free-running simulation is nearest to the measurements.
 
-Maximum likelihood when the measurement noise is white and normal (Ljung, "System Identification", section 7.4).
-The search runs in Schur-Cohn coordinates, so every iterate is stable, and with E eliminated, so every iterate
-has unit DC gain. Two stages per start:
+Maximum likelihood when the measurement noise is white and normal (Ljung, "System Identification", section
+7.4). The search runs in Schur-Cohn coordinates, so every iterate is stable, and with E eliminated, so every
+iterate has unit DC gain. Two stages per start:
 
-1. Variable projection (Golub and Pereyra 1973, Kaufman 1975): D, E, F enter linearly, so for given poles the best
-   ones are solved for, and the trust region moves in the three pole coordinates only. This is what makes random
-   starts converge.
-2. All parameters together, delay and saturation included, by trust-region least squares with the exact Jacobian.
+1. Variable projection (`projection`): D, E, F enter linearly, so for given poles the best ones are solved
+   for, and the trust region moves in the three pole coordinates only. This is what makes random starts converge.
+2. All parameters together, delay and saturation included, by trust-region least squares with the exact
+   Jacobian.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from sysid.estimators.projection import project
 from sysid.estimators.runs import WheelRun
 from sysid.estimators.stability import (
     free_coordinates,
+    stabilised_abc,
     stable_abc,
     stable_abc_jacobian,
-    stabilised_abc,
 )
 from sysid.estimators.start import (
     one_step_coefficients,
@@ -83,9 +83,7 @@ def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Es
     results: list[tuple[StartResult, _Reached]] = []
     for kind, initial in _starting_points(delivered, options):
         start_began = time.perf_counter()
-        reached = fit_from(
-            problem, initial, options, delay_s=delay, saturation_rpm=limit
-        )
+        reached = fit_from(problem, initial, options, delay_s=delay, saturation_rpm=limit)
         seconds = time.perf_counter() - start_began
         coefficients = reached.point.coefficients
         results.append(
@@ -166,10 +164,9 @@ def _polish(problem: Problem, start: _Point, options: Options, evaluations: int)
             point.delay_s, point.saturation_rpm, with_delay=free_delay, with_saturation=free_limit
         )
         full = problem.predict_with_jacobian(point.coefficients, traces)[1]
+        law = full[:, :6]
         if options.unit_gain:
-            law = np.delete(full[:, :6] - full[:, [4]], 4, axis=1)
-        else:
-            law = full[:, :6]
+            law = np.delete(law - law[:, [4]], 4, axis=1)
         extra = full[:, 6:] * np.array([period] * free_delay + [_LIMIT_SCALE] * free_limit)
         return np.asarray(
             np.hstack([law[:, :3] @ stable_abc_jacobian(x[:3]), law[:, 3:], extra]) * problem.weight[:, None]

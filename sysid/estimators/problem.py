@@ -128,7 +128,7 @@ class Problem:
         columns += [self._gather(lfilter(c[3:], denominator, x), 0) for x in extra]
         jacobian = np.stack(columns, axis=1)
         if np.any(self.initial_rpm):
-            # The command that held the start is initial/gain: it moves with the coefficients unless the gain is 1.
+            # The command that held the start is initial/gain: it moves with the coefficients.
             step = self._gather(lfilter(c[3:], denominator, np.broadcast_to(start, command.shape)), 0)
             by_inverse_gain = np.concatenate([-np.ones(3), np.full(3, -1.0 / gain)]) / np.sum(c[3:])
             jacobian[:, :6] -= step[:, None] * by_inverse_gain
@@ -147,7 +147,7 @@ class Problem:
         return value if np.isfinite(value) else np.inf
 
     def _gather(self, after: FloatArray, lag: int) -> FloatArray:
-        """Interpolate a signal given after each tick, x(1..K), shape (U, K), at the measurements, `lag` later."""
+        """Interpolate a signal x(1..K), shape (U, K), at the measurements, `lag` ticks later."""
         padded = np.zeros((len(after), after.shape[1] + 3))
         padded[:, 3:] = after
         flat, stride = padded.ravel(), padded.shape[1]
@@ -164,7 +164,7 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
     Merging changes no least-squares estimate (the mean is sufficient) and shortens every step.
 
     Raises:
-        InputError: no runs, different clocks, or nothing that a law could be fitted to (`require_excitation`).
+        InputError: no runs, different clocks, or nothing to fit a law to (`require_excitation`).
     """
     period = require_same_period(runs)
     require_excitation(runs)
@@ -183,9 +183,11 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
     time = np.concatenate([run.sample_tick for run in runs])
     speed = measured = np.concatenate([run.speed_rpm for run in runs])
     precision = np.concatenate([run.sigma_rpm for run in runs]) ** -2.0
-    group, within = np.arange(len(speed)), 0.0
+    group: npt.NDArray[np.intp] = np.arange(len(speed), dtype=np.intp)
+    within = 0.0
     if merge:
-        _, first, group = np.unique(row * (length + 1.0) + time, return_index=True, return_inverse=True)
+        place = row * (length + 1.0) + time
+        _, first, group = np.unique(place, return_index=True, return_inverse=True)
         total = np.bincount(group, precision)
         mean = np.bincount(group, precision * speed) / total
         within = 0.5 * float(np.sum(precision * (speed - mean[group]) ** 2))
@@ -229,8 +231,8 @@ def require_excitation(runs: Sequence[WheelRun]) -> None:
     still = all(float(np.ptp(run.speed_rpm)) == 0.0 for run in runs)
     if still and len({float(run.speed_rpm[0]) for run in runs}) == 1:
         raise InputError(
-            f"speed_rpm is {runs[0].speed_rpm[0]:g} in every sample while the command moves by {moved:g} rpm: "
-            "a dead sensor or the wrong column; check `speed_rpm` in the logs"
+            f"speed_rpm is {runs[0].speed_rpm[0]:g} in every sample while the command moves by "
+            f"{moved:g} rpm: a dead sensor or the wrong column; check `speed_rpm` in the logs"
         )
 
 

@@ -7,7 +7,6 @@ variables separate", SIAM J. Numer. Anal. 10 (1973); L. Kaufman, BIT 15 (1975) f
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 from scipy.optimize import least_squares
 
 from mecanum_env.units import FloatArray
@@ -33,6 +32,7 @@ def project(problem: Problem, traces: Traces, abc: FloatArray) -> tuple[FloatArr
 
 
 def search_poles(projection: Projection, t: FloatArray) -> tuple[FloatArray, int]:
+    """Return the pole coordinates, shape (3,), of a local minimum near `t`, and the evaluations used."""
     found = least_squares(
         lambda t: projection.at(t)[1],
         t,
@@ -61,6 +61,7 @@ class Projection:
         return self._last[1]
 
     def cost(self, t: FloatArray) -> float:
+        """Return the weighted square sum of the residuals."""
         return float(np.sum(self.at(t)[1] ** 2))
 
     def jacobian(self, t: FloatArray) -> FloatArray:

@@ -12,7 +12,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.units import FloatArray
 
 CommandSource = Callable[[float, float], npt.ArrayLike]
-"""``source(delay_s, saturation_rpm) -> r``: the run's command per law tick [rpm], shape (K,), rebuilt from the log."""
+"""``source(delay_s, saturation_rpm) -> r``: r(0..K-1) [rpm], shape (K,), rebuilt from the log."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +53,7 @@ class WheelRun:
             if not np.all(np.isfinite(value)):
                 bad = int(np.argmin(np.isfinite(value)))
                 raise InputError(
-                    f"{self.name}: {field}[{bad}] = {value[bad]}, must be a finite number; drop missing samples"
+                    f"{self.name}: {field}[{bad}] = {value[bad]}, must be finite; drop missing samples"
                 )
             object.__setattr__(self, field, value)
         for field in ("initial_rpm", "sample_period_s"):
@@ -78,8 +78,8 @@ class WheelRun:
     def command(self, delay_s: float = 0.0, saturation_rpm: float = np.inf) -> FloatArray:
         """Return r(0..K-1) [rpm], shape (K,), with a further transport delay and a limit on the command.
 
-        Without a `source` the delay is fractional, the mean of the delayed zero-order hold over each tick, and
-        before the run the wheel was commanded its initial speed.
+        Without a `source` the delay is fractional, the mean of the delayed zero-order hold over each tick,
+        and before the run the wheel was commanded its initial speed.
 
         Raises:
             InputError: the source gave something that is not K finite numbers.
@@ -100,7 +100,7 @@ class WheelRun:
 
 
 def shifted_command(command_rpm: FloatArray, delay_ticks: float, before_rpm: float) -> FloatArray:
-    """Return `command_rpm` later by `delay_ticks` >= 0 (any real number), with `before_rpm` ahead of its start.
+    """Return `command_rpm` later by `delay_ticks` >= 0, a real number, with `before_rpm` ahead of it.
 
     The command is held between ticks, so the mean over a tick of the shifted hold mixes two neighbours.
     """

@@ -1,8 +1,8 @@
 """Coordinates in which every point is a stable wheel law (Schur-Cohn, or reflection, coefficients).
 
 Any three numbers t map to (A, B, C): k_i = tanh(t_i) are the reflection coefficients of a monic polynomial
-with no root outside the unit circle (Levinson's step-up recursion; Jury and Schur-Cohn), and its roots are then
-multiplied by `POLE_LIMIT`, so that all stay inside by a margin that double precision still resolves.
+with no root outside the unit circle (Levinson's step-up recursion; Jury and Schur-Cohn), and its roots are
+then multiplied by `POLE_LIMIT`, so that all stay inside by a margin that double precision still resolves.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy.typing as npt
 from mecanum_env.units import FloatArray
 
 POLE_LIMIT: Final = 1.0 - 2e-5
-"""Largest pole magnitude. Three poles this close to 1 make 1-A-B-C = 8e-15, just above what rounding leaves."""
+"""Largest pole magnitude. Three poles there make 1-A-B-C = 8e-15, just above what rounding leaves."""
 
 _LARGEST_REFLECTION: Final = 1.0 - 1e-9
 _SCALES: Final = POLE_LIMIT ** np.arange(1, 4)
@@ -25,7 +25,7 @@ def stable_abc(t: npt.ArrayLike) -> FloatArray:
     """Return the stable (A, B, C), shape (..., 3), of free coordinates t, shape (..., 3)."""
     k1, k2, k3 = np.moveaxis(np.tanh(np.asarray(t, float)), -1, 0)
     first = k1 * (1.0 + k2)
-    return -np.stack([first + k3 * k2, k2 + k3 * first, k3], axis=-1) * _SCALES
+    return np.asarray(-np.stack([first + k3 * k2, k2 + k3 * first, k3], axis=-1) * _SCALES)
 
 
 def stable_abc_jacobian(t: npt.ArrayLike) -> FloatArray:
@@ -52,11 +52,11 @@ def free_coordinates(abc: npt.ArrayLike) -> FloatArray:
     scale = 1.0 - k3 * k3
     k2 = float(np.clip((a2 - k3 * a1) / scale, -limit, limit))
     k1 = float(np.clip((a1 - k3 * a2) / scale / (1.0 + k2), -limit, limit))
-    return np.arctanh(np.array([k1, k2, k3]))
+    return np.asarray(np.arctanh([k1, k2, k3]))
 
 
 def stabilised_abc(abc: npt.ArrayLike, largest_pole: float = 0.995) -> FloatArray:
-    """Return (A, B, C) with every pole outside the unit circle reflected into it and none above `largest_pole`.
+    """Return (A, B, C) with poles outside the unit circle reflected into it, none above `largest_pole`.
 
     A reflected pole keeps its frequency; this is how an unstable start becomes a usable one.
     """
@@ -68,4 +68,4 @@ def stabilised_abc(abc: npt.ArrayLike, largest_pole: float = 0.995) -> FloatArra
     size = np.abs(poles)
     large = size > largest_pole
     poles[large] *= largest_pole / size[large]
-    return -np.real(np.poly(poles))[1:]
+    return np.asarray(-np.real(np.poly(poles))[1:])

@@ -14,10 +14,10 @@ from sysid.estimators.stability import stabilised_abc
 
 
 def one_step_coefficients(runs: Sequence[WheelRun], *, unit_gain: bool = True) -> FloatArray:
-    """Return A-F, shape (6,), that predict w(k+1) best from *measured* w(k), w(k-1), w(k-2): linear least squares.
+    """Return A-F, shape (6,), that predict w(k+1) best from the *measured* three speeds before it.
 
-    Noise in the regressors biases it (equation error); nothing makes it stable. Samples off the ticks are
-    interpolated linearly; ticks before the first or after the last sample are left out.
+    Linear least squares. Noise in the regressors biases it (equation error); nothing makes it stable. Samples
+    between ticks are interpolated linearly; ticks after the last sample are left out.
     """
     return _solve(*_regression([_on_ticks(run) for run in runs], unit_gain), unit_gain)
 
@@ -42,7 +42,7 @@ def steiglitz_mcbride_coefficients(
         coefficients = stable_coefficients(coefficients, unit_gain=unit_gain)
         if np.max(np.abs(coefficients - last)) < 1e-9:
             break
-    return coefficients
+    return np.asarray(coefficients)
 
 
 def stable_coefficients(coefficients: FloatArray, *, unit_gain: bool) -> FloatArray:
@@ -55,7 +55,10 @@ def stable_coefficients(coefficients: FloatArray, *, unit_gain: bool) -> FloatAr
 
 
 def random_coefficients(rng: np.random.Generator) -> FloatArray:
-    """Return a random stable law A-F of unit gain, shape (6,): poles in the disc of 0.98, half of them in pairs."""
+    """Return a random stable law A-F of unit gain, shape (6,).
+
+    Poles lie in the disc of radius 0.98, one law in two has a complex pair; D and F lie in -0.5..0.5.
+    """
     first, second = rng.uniform(-0.98, 0.98, 2)
     if rng.random() < 0.5:
         size, angle = 0.98 * np.sqrt(rng.random()), rng.uniform(0.0, np.pi)
@@ -68,7 +71,7 @@ def random_coefficients(rng: np.random.Generator) -> FloatArray:
 
 
 def _on_ticks(run: WheelRun) -> tuple[FloatArray, FloatArray]:
-    """Return deviations (speed, command) from the start at every tick, the steady past of three ticks included."""
+    """Return (speed, command) at every tick as deviations from the start, after three ticks of past."""
     order = np.argsort(run.sample_tick, kind="stable")
     time, speed = run.sample_tick[order], run.speed_rpm[order]
     last = int(np.floor(time[-1]))

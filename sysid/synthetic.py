@@ -1,4 +1,4 @@
-"""Synthetic bench logs with known truth: steps as in the paper, seen through noise and rounding."""
+"""Synthetic bench logs with known truth: a law's steps seen through noise and rounding."""
 
 from __future__ import annotations
 

@@ -1,0 +1,124 @@
+"""The fit linearised at the estimate: weighted residuals and Jacobian, split into directions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.units import FloatArray
+from sysid.estimators.interface import Estimate
+from sysid.estimators.problem import Problem, Traces, stack
+from sysid.estimators.runs import WheelRun
+
+_RANK_TOLERANCE: Final = 1e-11
+"""A direction weaker than this share of the strongest is lost in rounding: nothing is known along it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """Weighted residuals and derivatives at an estimate.
+
+    With J S^-1 = U diag(s) V^T for column norms S, the parameters q = `names` move as
+    `spread` @ z for independent directions z of standard deviation 1/s.
+    """
+
+    problem: Problem
+    traces: Traces
+    names: tuple[str, ...]
+    """A-F, then delay_s and saturation_rpm where they were fitted."""
+    value: FloatArray
+    """Of each name, shape (q,)."""
+    residual: FloatArray
+    """(measured - predicted)/sigma, repeats merged, shape (M,)."""
+    jacobian: FloatArray
+    """d(predicted)/d(free parameter)/sigma, shape (M, p)."""
+    basis: FloatArray
+    """U without the lost directions, shape (M, rank)."""
+    singular: FloatArray
+    """s, shape (p,), largest first."""
+    rank: int
+    spread: FloatArray
+    """d(named)/d(direction), shape (q, p)."""
+    samples: int
+    """Measurements before merging."""
+    fixed_gain: bool
+    """E was eliminated: the DC gain is 1 whatever the other coefficients."""
+
+    @property
+    def square_sum(self) -> float:
+        """Weighted square sum of all residuals, repeats included."""
+        return float(self.residual @ self.residual) + 2.0 * self.problem.within_cost
+
+    @property
+    def factor(self) -> FloatArray:
+        """A matrix L with L L^T the covariance of the named parameters for the given sigmas, shape (q, rank).
+
+        Directions in which nothing is known are left out; see `unknown`.
+        """
+        return np.asarray(self.spread[:, : self.rank] / self.singular[: self.rank])
+
+    @property
+    def lost(self) -> FloatArray:
+        """The named parameters' share in directions in which nothing is known, shape (q, p - rank)."""
+        return self.spread[:, self.rank :]
+
+    @property
+    def unknown(self) -> np.ndarray:
+        """True for a named parameter that has a share in a lost direction, shape (q,)."""
+        size = np.linalg.norm(self.spread, axis=1)
+        lost = np.linalg.norm(self.lost, axis=1)
+        return np.asarray(lost > 1e-6 * np.where(size > 0.0, size, 1.0))
+
+
+def linearise(runs: Sequence[WheelRun], estimate: Estimate) -> Linearised:
+    """Linearise the free-running prediction of `runs` at an estimate.
+
+    Raises:
+        InputError: no usable data (see `sysid.estimators.problem.require_excitation`).
+        UnstableLawError: the estimate is unstable, hence has no free-running prediction.
+    """
+    estimate.law.require_stable()
+    problem = stack(runs)
+    drive = [name for name in ("delay_s", "saturation_rpm") if name in estimate.free]
+    traces = problem.traces(
+        estimate.delay_s,
+        estimate.saturation_rpm,
+        with_delay="delay_s" in drive,
+        with_saturation="saturation_rpm" in drive,
+    )
+    predicted, full = problem.predict_with_jacobian(estimate.coefficients, traces)
+    names = (*COEFFICIENTS, *drive)
+    by_free = np.array([[float(name == free) for free in estimate.free] for name in names])
+    if "E" not in estimate.free:  # E = 1 - A - B - C - D - F
+        by_free[4] = [-float(free in COEFFICIENTS) for free in estimate.free]
+    jacobian = (full @ by_free) * problem.weight[:, None]
+    norms = np.linalg.norm(jacobian, axis=0)
+    norms = np.where(norms > 0.0, norms, 1.0)
+    # The full right factor is needed where samples are fewer than parameters; the left one never.
+    singular, right = _singular(jacobian / norms)
+    rank = int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
+    return Linearised(
+        problem=problem,
+        traces=traces,
+        names=names,
+        value=np.array([*estimate.coefficients, *(getattr(estimate, name) for name in drive)]),
+        residual=(problem.speed_rpm - predicted) * problem.weight,
+        jacobian=jacobian,
+        basis=(jacobian / norms) @ right[:rank].T / singular[:rank],
+        singular=singular,
+        rank=rank,
+        spread=by_free @ (right / norms).T,
+        samples=len(problem.group),
+        fixed_gain="E" not in estimate.free,
+    )
+
+
+def _singular(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return all p singular values and right vectors (rows), shapes (p,) and (p, p), of an (M, p) matrix."""
+    triangle = np.linalg.qr(matrix, mode="r")
+    _, singular, right = np.linalg.svd(triangle, full_matrices=True)
+    return np.concatenate([singular, np.zeros(len(right) - len(singular))]), right

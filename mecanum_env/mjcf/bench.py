@@ -16,7 +16,7 @@ from mecanum_env.model import Model
 
 def bench_spec(
     model: Model,
-    timestep: float | None = None,
+    timestep_s: float | None = None,
     *,
     wheel: str | None = None,
     drive: Drive = "plugin",
@@ -30,7 +30,8 @@ def bench_spec(
 
     Args:
         model: the identified wheel and its robot.
-        timestep: physics step [s]; by default the nearest to 1/480 s that divides the law's sample period.
+        timestep_s: upper bound of the physics step [s], 1/480 s by default (`TRAINING_TIMESTEP_S` for
+            training); made smaller until the law's sample period is a whole multiple.
         wheel: fl, fr, rl or rr to put that wheel's own law on the bench; by default the common one.
         drive: `plugin` takes rpm, `servo` takes rad/s; see `mecanum_env.mjcf.drive`.
         wheel_quantum: round each wheel command to the model's quantum, as the drive electronics do.
@@ -39,8 +40,8 @@ def bench_spec(
     Raises:
         InputError: an effect that is not simulated, or an impossible inertia.
     """
-    timestep = fitting_timestep(model) if timestep is None else timestep
-    spec = new_spec("mecanum wheel bench", timestep)
+    timestep_s = fitting_timestep(model, timestep_s)
+    spec = new_spec("mecanum wheel bench", timestep_s)
     geometry = wheel_geometry(model.robot.wheel_radius_m, model.robot.rollers_per_wheel)
     masses = robot_masses(model.robot)
     spin = masses.wheel_spin_inertia(geometry)

@@ -20,7 +20,7 @@ from mecanum_env.model import Model, Robot
 
 def planar_spec(
     model: Model,
-    timestep: float | None = None,
+    timestep_s: float | None = None,
     *,
     drive: Drive = "plugin",
     wheel_quantum: bool = True,
@@ -36,9 +36,9 @@ def planar_spec(
     Raises:
         InputError: an effect that is not simulated, or a yaw inertia that the wheels alone exceed.
     """
-    timestep = fitting_timestep(model) if timestep is None else timestep
+    timestep_s = fitting_timestep(model, timestep_s)
     robot = model.robot
-    spec = new_spec("mecanum robot, planar", timestep)
+    spec = new_spec("mecanum robot, planar", timestep_s)
     # Three joints: a dense matrix of 3 by 3 beats any bookkeeping.
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
     add_scene(spec, visuals=visuals)

@@ -20,7 +20,7 @@ ROCKER_LIMIT_RAD = 0.2
 
 def robot_spec(
     model: Model,
-    timestep: float | None = None,
+    timestep_s: float | None = None,
     *,
     drive: Drive = "plugin",
     wheel_quantum: bool = True,
@@ -37,8 +37,8 @@ def robot_spec(
 
     Args:
         model: the identified wheel and its robot.
-        timestep: physics step [s]; by default the nearest to 1/480 s that divides the law's sample period
-            (for training: `fitting_timestep(model, TRAINING_TIMESTEP_S)`).
+        timestep_s: upper bound of the physics step [s], 1/480 s by default (`TRAINING_TIMESTEP_S` for
+            training); made smaller until the law's sample period is a whole multiple.
         drive: `plugin` takes rpm, `servo` takes rad/s; see `mecanum_env.mjcf.drive`.
         wheel_quantum: round each wheel command to the model's quantum; False where the program has already
             rounded V, theta and VC, as the robot itself does.
@@ -47,9 +47,9 @@ def robot_spec(
     Raises:
         InputError: an effect that is not simulated, or a yaw inertia that the wheels alone exceed.
     """
-    timestep = fitting_timestep(model) if timestep is None else timestep
+    timestep_s = fitting_timestep(model, timestep_s)
     robot = model.robot
-    spec = new_spec("mecanum robot", timestep)
+    spec = new_spec("mecanum robot", timestep_s)
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     masses = robot_masses(robot)
     add_scene(spec, visuals=visuals)
@@ -75,7 +75,7 @@ def robot_spec(
         name = f"wheel_{wheel}"
         parent, place = (rocker, (0.0, y, 0.0)) if wheel[0] == "f" else (base, (x, y, 0.0))
         for roller in add_wheel(parent, wheel, place, geometry, masses, visuals=visuals):
-            add_floor_pair(spec, roller, robot.friction, timestep)
+            add_floor_pair(spec, roller, robot.friction, timestep_s)
         add_drive(spec, model, name, drive, wheel_quantum, wheel)
     add_sensors(spec)
     if visuals:

@@ -1,0 +1,21 @@
+"""Online identification: the wheel law followed while the wheel runs.
+
+`OnlineEstimator.update` takes one sample at a time; `track` feeds it arrays; `python -m sysid.online LOG`
+replays a log through it.
+"""
+
+from sysid.online.estimator import OnlineEstimate, OnlineEstimator, first_order_law
+from sysid.online.history import Functionals, History, functionals, mean_lag_s, track
+from sysid.online.options import OnlineOptions
+
+__all__ = [
+    "Functionals",
+    "History",
+    "OnlineEstimate",
+    "OnlineEstimator",
+    "OnlineOptions",
+    "first_order_law",
+    "functionals",
+    "mean_lag_s",
+    "track",
+]

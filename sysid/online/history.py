@@ -1,0 +1,158 @@
+"""What the online estimator knew over time: coefficients, and the figures of a law that data do determine.
+
+Under 10 Hz commands many different triples of poles predict nearly the same speeds, so single coefficients
+wander while the behaviour stands still. Rise time and mean lag show the behaviour.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.errors import InputError
+from mecanum_env.law import WheelLaw
+from mecanum_env.law.metrics import law_step_metrics
+from mecanum_env.units import FloatArray
+from sysid.online.estimator import OnlineEstimator
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """One entry a tick, N in all."""
+
+    sample_period_s: float
+    speed_rpm: FloatArray
+    """Measured [rpm], NaN where there was none, shape (N,)."""
+    predicted_rpm: FloatArray
+    """Expected before the measurement [rpm], shape (N,)."""
+    coefficients: FloatArray
+    """A-F after the measurement, shape (N, 6)."""
+    covariance: FloatArray
+    """Of A-F, shape (N, 6, 6)."""
+    noise_rpm: FloatArray
+    """Usual standard deviation of the innovations [rpm], shape (N,)."""
+    forgetting: FloatArray
+    """Share of the information forgotten at the tick, shape (N,)."""
+
+    @property
+    def time_s(self) -> FloatArray:
+        """Time of each tick from the first [s], shape (N,)."""
+        return np.asarray(np.arange(len(self.speed_rpm)) * self.sample_period_s, np.float64)
+
+    @property
+    def innovation_rpm(self) -> FloatArray:
+        """Measured minus predicted [rpm], shape (N,)."""
+        return self.speed_rpm - self.predicted_rpm
+
+    @property
+    def standard_errors(self) -> FloatArray:
+        """Standard errors of A-F, shape (N, 6)."""
+        variances = np.diagonal(self.covariance, axis1=1, axis2=2)
+        return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+
+    def law(self, tick: int) -> WheelLaw:
+        """Return the estimate after a tick; negative ticks count from the end."""
+        return WheelLaw.from_coefficients(self.coefficients[tick], self.sample_period_s)
+
+
+@dataclass(frozen=True, eq=False)
+class Functionals:
+    """Figures of the estimated laws at chosen ticks, each of shape (M,)."""
+
+    tick: npt.NDArray[np.intp]
+    rise_time_s: FloatArray
+    """10 to 90 % of a step [s]."""
+    mean_lag_s: FloatArray
+    """Area between a unit command step and its response [s]."""
+    mean_lag_error_s: FloatArray
+    """Standard error of the mean lag, by the delta method [s]."""
+    dominant_pole: FloatArray
+    """Magnitude of the largest pole."""
+    dc_gain: FloatArray
+    """Steady speed over command; 1 by construction."""
+
+
+def track(
+    estimator: OnlineEstimator,
+    command_rpm: npt.ArrayLike,
+    speed_rpm: npt.ArrayLike,
+    progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
+) -> History:
+    """Feed samples to `estimator` one by one and keep what it says.
+
+    Args:
+        estimator: is moved on by the samples; call its `restart` first where they begin another run.
+        command_rpm: r(0..N-1) at the law's ticks [rpm], shape (N,).
+        speed_rpm: speed measured at the same ticks [rpm], shape (N,); NaN where there was none.
+        progress: wraps the iteration, such as `tqdm`.
+
+    Raises:
+        InputError: the two are not rows of equal length, of at least one sample.
+    """
+    commands, speeds = np.asarray(command_rpm, float), np.asarray(speed_rpm, float)
+    if commands.ndim != 1 or commands.shape != speeds.shape or len(speeds) == 0:
+        raise InputError(
+            f"command_rpm has shape {commands.shape} and speed_rpm {speeds.shape}; must be two rows of equal "
+            "length, at least 1"
+        )
+    n = len(speeds)
+    predicted, noise, forgetting = np.empty(n), np.empty(n), np.empty(n)
+    coefficients, covariance = np.empty((n, 6)), np.empty((n, 6, 6))
+    ticks: Iterable[int] = range(n) if progress is None else progress(range(n))
+    for k in ticks:
+        estimate = estimator.update(float(commands[k]), float(speeds[k]))
+        predicted[k], noise[k], forgetting[k] = (
+            estimate.predicted_rpm,
+            estimate.noise_rpm,
+            estimate.forgetting,
+        )
+        coefficients[k] = estimate.law.coefficients
+        covariance[k] = estimate.covariance
+    period = estimator.law.sample_period_s
+    return History(period, speeds, predicted, coefficients, covariance, noise, forgetting)
+
+
+def functionals(history: History, every: int = 1) -> Functionals:
+    """Return the figures of every `every`-th tick and of the last.
+
+    Raises:
+        InputError: `every` is below 1.
+    """
+    if every < 1:
+        raise InputError(f"every = {every}, must be at least 1")
+    n = len(history.speed_rpm)
+    ticks = np.unique(np.append(np.arange(0, n, every), n - 1))
+    laws = [history.law(int(tick)) for tick in ticks]
+    lag_errors = [
+        np.sqrt(max(float(g @ history.covariance[tick] @ g), 0.0))
+        for tick, g in zip(ticks, (_mean_lag_gradient(law) for law in laws), strict=True)
+    ]
+    return Functionals(
+        tick=ticks,
+        rise_time_s=np.array([law_step_metrics(law).rise_time_s for law in laws]),
+        mean_lag_s=np.array([mean_lag_s(law) for law in laws]),
+        mean_lag_error_s=np.array(lag_errors),
+        dominant_pole=np.array([abs(law.poles[0]) for law in laws]),
+        dc_gain=np.array([law.dc_gain for law in laws]),
+    )
+
+
+def mean_lag_s(law: WheelLaw) -> float:
+    """Return the area between a unit step of the command and the response to it [s], for unit DC gain.
+
+    It is -dH/dz at z = 1 of H = (D/z + E/z^2 + F/z^3) / (1 - A/z - B/z^2 - C/z^3), the delay of a response
+    as W. C. Elmore defines it (J. Appl. Phys. 19 (1948)).
+    """
+    moments = law.D + 2.0 * law.E + 3.0 * law.F + law.A + 2.0 * law.B + 3.0 * law.C
+    return moments / (1.0 - law.A - law.B - law.C) * law.sample_period_s
+
+
+def _mean_lag_gradient(law: WheelLaw) -> FloatArray:
+    """Return d(mean lag)/d(A..F) [s], shape (6,)."""
+    rest = 1.0 - law.A - law.B - law.C
+    order = np.array([1.0, 2.0, 3.0])
+    lag = mean_lag_s(law) / law.sample_period_s
+    return np.concatenate([(order + lag) / rest, order / rest]) * law.sample_period_s

@@ -1,0 +1,148 @@
+"""Replaying logs through the online estimator, one wheel after the other, as if they came in live."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.errors import InputError
+from mecanum_env.law import WheelLaw
+from mecanum_env.law.conversion import convert_law
+from mecanum_env.units import FloatArray
+from sysid.estimators import WheelRun
+from sysid.fit.command_path import CommandPath, infer_command_path
+from sysid.fit.wheel_data import wheel_columns, wheel_run
+from sysid.logs import Dataset
+from sysid.online.estimator import OnlineEstimator, first_order_law
+from sysid.online.history import History, track
+from sysid.online.options import OnlineOptions
+
+_SPARSE: Final = 1.5
+"""A log with more ticks than this between samples gets a slower law: between samples it would be a guess."""
+_NEIGHBOURS_TICKS: Final = 2.0
+"""Samples no further apart than this are interpolated at the tick between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class WheelHistory:
+    """One wheel over all runs of a log, end to end."""
+
+    wheel: str
+    history: History
+    run_start: tuple[int, ...]
+    """Tick at which each run begins."""
+    files: tuple[str, ...]
+    """Each run's file."""
+
+
+def tick_speeds(run: WheelRun) -> FloatArray:
+    """Return the speed measured at ticks 0..K-1 [rpm], shape (K,), NaN where none was.
+
+    Between samples at most two ticks apart it is interpolated; any other sample goes to the nearest tick,
+    where the last one counts if there are several.
+    """
+    n = len(run.command_rpm)
+    speeds = np.full(n, math.nan)
+    nearest = np.rint(run.sample_tick).astype(int)
+    inside = nearest < n
+    speeds[nearest[inside]] = run.speed_rpm[inside]
+    if len(run.sample_tick) < 2:
+        return speeds
+    ticks = np.arange(n, dtype=float)
+    right = np.clip(np.searchsorted(run.sample_tick, ticks, side="left"), 1, len(run.sample_tick) - 1)
+    low, high = run.sample_tick[right - 1], run.sample_tick[right]
+    close = (high - low <= _NEIGHBOURS_TICKS) & (low <= ticks) & (ticks <= high)
+    between = np.interp(ticks, run.sample_tick, run.speed_rpm)
+    return np.where(close, between, speeds)
+
+
+def replay_path(
+    dataset: Dataset, sample_period_s: float | None = None, saturation_rpm: float | None = None
+) -> CommandPath:
+    """Return how the log's commands reach the law, and the law's period.
+
+    The period is that of `infer_command_path` unless the log has fewer samples: then as near to the log's own
+    interval as fits a whole number of times into the command period. No ceiling is assumed that is not given.
+
+    Raises:
+        InputError: see `infer_command_path`.
+    """
+    path = infer_command_path(dataset, sample_period_s=sample_period_s, saturation_rpm=saturation_rpm)
+    interval = float(np.median([run.median_interval_s for run in dataset.runs]))
+    if sample_period_s is None and interval > _SPARSE * path.sample_period_s:
+        per_command = max(1, round(path.command_period_s / interval))
+        path = replace(path, sample_period_s=path.command_period_s / per_command)
+    if saturation_rpm is None:
+        path = replace(path, saturation_rpm=math.inf)
+    return path
+
+
+def replay(
+    dataset: Dataset,
+    options: OnlineOptions | None = None,
+    initial_law: WheelLaw | None = None,
+    path: CommandPath | None = None,
+    progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
+) -> tuple[WheelHistory, ...]:
+    """Feed all runs to one estimator per wheel, in order; the law is kept from run to run.
+
+    Args:
+        dataset: bench or robot logs with wheel speeds.
+        options: settings of the estimators.
+        initial_law: where to start, brought to the path's period; default: a first-order lag.
+        path: default: `replay_path` of the dataset.
+        progress: wraps the iteration over the ticks of one run of one wheel, such as `tqdm`.
+
+    Raises:
+        InputError: no wheel was ever measured.
+    """
+    options = options or OnlineOptions()
+    path = path or replay_path(dataset)
+    period = path.sample_period_s
+    start = first_order_law(period) if initial_law is None else _at_period(initial_law, period)
+    wheels = dict.fromkeys(wheel for run in dataset.runs for wheel in wheel_columns(run))
+    result = []
+    for wheel in wheels:
+        estimator = OnlineEstimator(options, start)
+        parts: list[History] = []
+        files: list[str] = []
+        for run in dataset.runs:
+            data = wheel_run(run, wheel, path, options.noise_rpm) if wheel in wheel_columns(run) else None
+            if data is None:
+                continue
+            estimator.restart()
+            parts.append(track(estimator, data.command_rpm, tick_speeds(data), progress))
+            files.append(run.file)
+        if parts:
+            starts = np.cumsum([0, *(len(part.speed_rpm) for part in parts[:-1])])
+            result.append(WheelHistory(wheel, _joined(parts), tuple(int(s) for s in starts), tuple(files)))
+    if not result:
+        raise InputError(
+            f"{dataset.name}: no wheel speed was measured in any run; nothing to learn a law from"
+        )
+    return tuple(result)
+
+
+def _at_period(law: WheelLaw, period_s: float) -> WheelLaw:
+    if math.isclose(law.sample_period_s, period_s, rel_tol=1e-9):
+        return replace(law, sample_period_s=period_s)
+    return convert_law(law, period_s, approximate=True)
+
+
+def _joined(parts: list[History]) -> History:
+    def joined(name: str) -> FloatArray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    return History(
+        parts[0].sample_period_s,
+        joined("speed_rpm"),
+        joined("predicted_rpm"),
+        joined("coefficients"),
+        joined("covariance"),
+        joined("noise_rpm"),
+        joined("forgetting"),
+    )

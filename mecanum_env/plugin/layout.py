@@ -7,8 +7,9 @@ models, and may be rewritten in a compiled model (`write_parameters`):
     biasprm       0, 0, -servo     dynprm[7]  command_period_s      dynprm[9]  saturation_rpm (0: none)
     user[0]       servo_integral   user[1]    delay_s               forcerange +-torque_limit_n_m
 
-They are checked when an `mujoco.MjData` is made. An edit acts from the next substep on; where it changes the
-timestep or a period, the clocks start anew at that substep, with speeds and the last command kept.
+They are checked on compiling and when an `mujoco.MjData` is made (`require_valid` says what is wrong). An edit
+acts from the next substep on; where it changes the timestep or a period, the clocks start anew at that
+substep, with speeds and the last command kept.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.law.drive import RING, DriveParameters
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin import PLUGIN_NAME
 
@@ -40,9 +42,6 @@ DELAY: Final = 1
 """In user."""
 USER_SIZE: Final = 16
 """`nuser_actuator` as this project writes it; the plugin needs 2, the rest is reserved and 0."""
-
-RING: Final = 32
-"""Latched commands in the state: a delay may be up to RING - 3 command periods less a timestep."""
 
 STATE: Final = (
     *("substeps", "ticks", "latches"),
@@ -126,24 +125,51 @@ def write_parameters(
     wheel_name: str | None = None,
     quantum_rpm: float | None = None,
 ) -> None:
-    """Rewrite the parameters of one wheel drive in a compiled model; arguments as `set_wheel_parameters`.
+    """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
-    They act from the next substep on. `mujoco.MjData(mjmodel)` checks them again.
+    Args:
+        mjmodel: the compiled model, written in place.
+        actuator_id: a wheel drive, one of `wheel_actuators`.
+        model: the wheel, servo, torque limit and command latency.
+        wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
+        quantum_rpm: as for `dynprm`.
 
     Raises:
-        InputError: that actuator is not a wheel drive.
+        InputError: that actuator is not a wheel drive, or the model's delay is too long.
+        UnstableLawError: the wheel's law is unstable.
     """
     if actuator_id not in wheel_actuators(mjmodel):
         raise InputError(
             f"actuator {actuator_id} is not a {PLUGIN_NAME}; these are: {wheel_actuators(mjmodel)}"
         )
     robot = model.robot
-    law = None if wheel_name is None else model.law_of(wheel_name)
+    law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
+    law.require_stable()
+    DriveParameters.from_wheel(model.wheel, command_delay_s(model))  # refuses what the plugin would
     user = userdata(robot, command_delay_s(model))[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(model.wheel, law, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
     mjmodel.actuator_user[actuator_id, : len(user)] = user
     mjmodel.actuator_forcerange[actuator_id] = -robot.torque_limit_n_m, robot.torque_limit_n_m
+
+
+def require_valid(mjmodel: mujoco.MjModel) -> None:
+    """Check the parameters in a compiled model, for one whose fields were edited.
+
+    Compiling and making an `mujoco.MjData` check them too; the latter says only on stderr what was wrong.
+
+    Raises:
+        InputError: the plugin refuses them; the message names the actuator, the field and its value.
+    """
+    warnings: list[str] = []
+    previous = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(warnings.append)
+    try:
+        mujoco.MjData(mjmodel)
+    except mujoco.FatalError as error:
+        raise InputError("; ".join(warnings) or str(error)) from error
+    finally:
+        mujoco.set_mju_user_warning(previous)
 
 
 def wheel_actuators(mjmodel: mujoco.MjModel) -> list[int]:
@@ -153,7 +179,7 @@ def wheel_actuators(mjmodel: mujoco.MjModel) -> list[int]:
 
 
 def state_slice(mjmodel: mujoco.MjModel, actuator_id: int) -> slice:
-    """Return where `MjData.plugin_state` holds the state of a wheel drive: STATE_SIZE numbers as in STATE.
+    """Return where `MjData.plugin_state` holds the state of the wheel drive `actuator_id`, ordered as STATE.
 
     Raises:
         InputError: that actuator is not a wheel drive.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 from scipy.linalg import lstsq
 from scipy.signal import lfilter
 
@@ -23,17 +24,24 @@ def one_step_coefficients(runs: Sequence[WheelRun], *, unit_gain: bool = True) -
 
 
 def steiglitz_mcbride_coefficients(
-    runs: Sequence[WheelRun], *, unit_gain: bool = True, rounds: int = 10
+    runs: Sequence[WheelRun],
+    *,
+    unit_gain: bool = True,
+    rounds: int = 10,
+    filtered_by: npt.ArrayLike | None = None,
 ) -> FloatArray:
     """Return stable A-F, shape (6,): one-step least squares on signals filtered by the last 1/(denominator).
 
+    The first filter has the poles of `filtered_by`, (A, B, C) of shape (3,), or those of the plain one-step law.
     K. Steiglitz and L. E. McBride, "A technique for the identification of linear systems", IEEE Trans.
     Automatic Control 10 (1965). Close to the free-running optimum after a few rounds, without a derivative.
     """
     series = [_on_ticks(run) for run in runs]
-    coefficients = stable_coefficients(
-        _solve(*_regression(series, unit_gain), unit_gain), unit_gain=unit_gain
-    )
+    if filtered_by is None:
+        coefficients = _solve(*_regression(series, unit_gain), unit_gain)
+    else:
+        coefficients = np.concatenate([np.asarray(filtered_by, float), np.zeros(3)])
+    coefficients = stable_coefficients(coefficients, unit_gain=unit_gain)
     for _ in range(rounds):
         denominator = np.array([1.0, *(-coefficients[:3])])
         filtered = [tuple(lfilter([1.0], denominator, x) for x in pair) for pair in series]

@@ -9,7 +9,7 @@ a counting encoder:
 (motor equations: Kuczmann, Electronics 13(11):2225, 2024). The constants are this project's: a 24 V geared
 motor of common size, the PID tuned so that the drive behaves as the published robot does: rise (10-90 %)
 about 0.11 s, settling (2 %) about 0.25 s, relative steady-state error 4.5e-4 on average, no faster than
-135 rpm. `tests/test_target_system.py` holds it to these figures.
+135 rpm. `tests/logs/test_target_system.py` holds it to these figures.
 """
 
 from __future__ import annotations

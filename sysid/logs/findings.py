@@ -5,7 +5,7 @@ Thresholds are where a person looking at the plot would start to wonder; each is
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -36,7 +36,8 @@ KINDS: Final = {
 UNEVEN: Final = 0.05
 """Spread (5 to 95 percent) of the sample intervals, over their median, from which stamps are uneven."""
 GAP_INTERVALS: Final = 5.0
-"""Median sample intervals that make a gap."""
+GAP_S: Final = 0.05
+"""A gap is longer than so many median sample intervals, and than this [s]."""
 HELD_SHARE: Final = 0.2
 """Share of repeated samples while moving from which a channel is held; chance repeats stay far below."""
 COMMAND_PERIOD_S: Final = 0.1
@@ -52,6 +53,47 @@ def run_findings(run: Run) -> list[Finding]:
     return [Finding(run.file, kind, text, float(value)) for c in checks for kind, text, value in c(run)]
 
 
+def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
+    """Return what only all runs together show: a wheel speed in another unit or turned round.
+
+    The gain is the least-squares slope of speed over command where the command has settled; one run alone may
+    be off for other reasons, such as a limit on the body's speed.
+    """
+    findings = []
+    names = ("speed_rpm",) if runs[0].level == "bench" else WHEEL_SPEEDS
+    for index, name in enumerate(names):
+        pairs = [_settled_pairs(run, name, index) for run in runs if name in run.channels]
+        command = np.concatenate([pair[0] for pair in pairs]) if pairs else np.empty(0)
+        speed = np.concatenate([pair[1] for pair in pairs]) if pairs else np.empty(0)
+        power = float(command @ command)
+        if command.size < 5 or power == 0.0:
+            continue
+        gain = float(command @ speed) / power
+        if np.mean((speed - gain * command) ** 2) > 0.25 * np.mean(speed**2):
+            continue  # the command explains too little of the speed to speak of a gain
+        said = _unit_of_gain(gain, name)
+        if said:
+            text = f"{name} is {gain:.3g} times the settled command: {said}"
+            findings.append(Finding("", "units", text, gain))
+    return findings
+
+
+def _unit_of_gain(gain: float, name: str) -> str | None:
+    for unit, scale in (("rad/s", RAD_S_PER_RPM), ("turns/s", 1.0 / 60.0)):
+        for factor, which in ((scale, name), (1.0 / scale, "the command")):
+            if abs(abs(gain) / factor - 1.0) < 0.15:
+                return f"{which} in {unit}? (scale = {1.0 / scale:.9g})"
+    return "the sign is turned round? (scale = -1)" if gain < 0.0 else None
+
+
+def _settled_pairs(run: Run, name: str, index: int) -> tuple[FloatArray, FloatArray]:
+    """Return wheel commands and speeds where the command has been held for `SETTLED_S`."""
+    times, _ = run.command_changes()
+    since = run.time_s - times[np.searchsorted(times, run.time_s, side="right") - 1]
+    use = (since >= SETTLED_S) & run.finite(name)
+    return run.command.wheels_rpm[use, index], run.channel(name)[use]
+
+
 _Items = Iterator[tuple[str, str, float]]
 
 
@@ -64,7 +106,7 @@ def _stamps(run: Run) -> _Items:
             continue
         median = float(np.median(interval))
         low, high = np.percentile(interval, (5.0, 95.0))
-        gaps = interval[interval > GAP_INTERVALS * median]
+        gaps = interval[interval > max(GAP_INTERVALS * median, GAP_S)]
         items = []
         if high - low > UNEVEN * median:
             text = f"intervals of {_ms(low)} to {_ms(high)} ms (5 to 95 percent), median {_ms(median)} ms"
@@ -138,14 +180,11 @@ def _stuck(run: Run) -> _Items:
             continue
         bounds = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [x.size]])
         for first, last in zip(bounds[:-1], bounds[1:] - 1, strict=True):
-            # Zero may be a dead zone, and a slow sensor repeats; half a second after a new command is neither.
+            # Zero may be a dead zone, and a slow sensor repeats; half a second after a command is neither.
             inside = changes[(changes > t[first]) & (changes < t[last] - SETTLED_S)]
-            if x[first] != 0.0 and inside.size:
-                yield (
-                    "stuck",
-                    f"{name}: {x[first]:g} from {t[first]:.3g} to {t[last]:.3g} s",
-                    t[last] - t[first],
-                )
+            if x[first] != 0.0 and last - first >= 4 and inside.size:
+                text = f"{name}: {x[first]:g} from {t[first]:.3g} to {t[last]:.3g} s"
+                yield "stuck", text, t[last] - t[first]
                 break
 
 
@@ -169,23 +208,6 @@ def _units(run: Run) -> _Items:
         if 0.0 < theta.max() <= 2.0 * np.pi + 0.01 and np.any(theta != np.rint(theta)):
             text = f"command_theta_deg is at most {theta.max():.4g}; radians? (scale = 57.29577951308232)"
             yield "units", text, float(theta.max())
-    settled = _settled(run)
-    wheels = run.command.wheels_rpm
-    for index, name in enumerate(("speed_rpm",) if run.level == "bench" else WHEEL_SPEEDS):
-        if name not in run.channels:
-            continue
-        values = run.channels[name]
-        use = settled & np.isfinite(values) & (np.abs(wheels[:, index]) >= 1.0)
-        if use.sum() < 5:
-            continue
-        gain = float(np.median(values[use] / wheels[use, index]))
-        for said, scale in (("rad/s", RAD_S_PER_RPM), ("turns/s", 1.0 / 60.0)):
-            for factor, which in ((scale, name), (1.0 / scale, "the command")):
-                if abs(abs(gain) / factor - 1.0) < 0.15:
-                    text = f"{name} is {gain:.3g} times the command where it has settled; {which} in {said}?"
-                    yield "units", f"{text} (scale = {1.0 / scale:.6g})", gain
-        if gain < -0.01:
-            yield "units", f"{name} is {gain:.3g} times the command: the sign is turned round?", gain
     if "yaw_rate_rad_s" in run.channels:
         fastest = float(np.nanmax(np.abs(run.channels["yaw_rate_rad_s"]), initial=0.0))
         if fastest > 20.0:
@@ -193,20 +215,14 @@ def _units(run: Run) -> _Items:
             yield "units", text, fastest
 
 
-def _settled(run: Run) -> npt.NDArray[np.bool_]:
-    """Return where the command has been held for `SETTLED_S`, shape (n,)."""
-    times, _ = run.command_changes()
-    since = run.time_s - times[np.searchsorted(times, run.time_s, side="right") - 1]
-    settled: npt.NDArray[np.bool_] = since >= SETTLED_S
-    return settled
-
-
 def _commands(run: Run) -> _Items:
-    apart = np.diff(run.command_changes()[0])
+    apart = np.diff(run.command_changes()[0][1:])
     # A change is stamped with the sample that first shows it, so two may look one sample closer.
     fast = int(np.sum(apart < COMMAND_PERIOD_S - run.median_interval_s - 1e-9))
     if fast:
-        text = f"{fast} of {apart.size} command changes come within {COMMAND_PERIOD_S} s of the one before"
+        text = (
+            f"{fast} of {apart.size + 1} command changes come within {COMMAND_PERIOD_S} s of the one before"
+        )
         yield "fast_commands", text, float(fast)
 
 

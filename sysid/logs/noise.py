@@ -57,7 +57,7 @@ def noise_from_repeats(runs: Sequence[Run]) -> dict[str, ChannelNoise] | None:
 
 
 def _spread(runs: Sequence[Run], name: str) -> tuple[float, float, int]:
-    """Return the sum of squares about the mean of the repeats, what it is per unit variance, and its freedom."""
+    """Return the sum of squares about the repeats' mean, what it is per unit variance, and its freedom."""
     times = runs[0].time_s - first_change_s(runs[0])
     parts = [_at(run, name, times) for run in runs]
     values, variances = (np.array([part[i] for part in parts]) for i in range(2))

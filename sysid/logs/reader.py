@@ -13,7 +13,7 @@ import numpy as np
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.units import FloatArray
 from sysid.logs import columns
-from sysid.logs.findings import run_findings
+from sysid.logs.findings import dataset_findings, run_findings
 from sysid.logs.records import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, WheelCommand
 from sysid.logs.settings import FILE_NAME, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
@@ -65,6 +65,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     findings += noticed
     for run in runs:
         findings += run_findings(run)
+    findings += dataset_findings(runs)
     name = settings.name or (folder.resolve().name if path.is_dir() else log_stem(path))
     return Dataset(name, tuple(runs), tuple(findings), _digest(files, settings))
 

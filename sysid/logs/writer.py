@@ -6,6 +6,7 @@ import gzip
 import io
 import json
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal
 
@@ -13,6 +14,7 @@ import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path, write_text
+from mecanum_env.units import FloatArray
 from sysid.logs.columns import TIME
 from sysid.logs.records import Dataset, Run
 from sysid.logs.settings import FILE_NAME
@@ -39,9 +41,18 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
     Raises:
         InputError: another suffix, or the folder cannot be written.
     """
+    columns = {TIME: run.time_s + run.start_s, **run.command.columns(), **run.channels}
+    write_columns(columns, path)
+
+
+def write_columns(columns: Mapping[str, FloatArray], path: str | os.PathLike[str]) -> None:
+    """Write columns, each of shape (n,), as a log file by the path's suffix.
+
+    Raises:
+        InputError: another suffix than .csv, .csv.gz or .parquet, or the folder cannot be written.
+    """
     path = Path(path)
     kind = _kind(path)
-    columns = {TIME: run.time_s + run.start_s, **run.command.columns(), **run.channels}
     if kind == "parquet":
         import pyarrow as pa
         import pyarrow.parquet as pq
@@ -61,10 +72,10 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
 
 def settings_text(dataset: Dataset) -> str:
     """Return the `dataset.toml` of a dataset."""
-    lines = ["[dataset]", f"name = {_quoted(dataset.name)}"]
+    lines = ["[dataset]", f"name = {quoted(dataset.name)}"]
     for run in dataset.runs:
-        lines += ["", "[[runs]]", f"file = {_quoted(run.file)}"]
-        lines += [f"group = {_quoted(run.group)}", f"split = {_quoted(run.split)}"]
+        lines += ["", "[[runs]]", f"file = {quoted(run.file)}"]
+        lines += [f"group = {quoted(run.group)}", f"split = {quoted(run.split)}"]
     return "\n".join(lines) + "\n"
 
 
@@ -82,6 +93,7 @@ def _shortest(value: float) -> str:
     )
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """Return a TOML string."""
     # A JSON string is a TOML string, but for DEL, which only JSON allows bare.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,0 +1,115 @@
+"""Look at logs, or import them.
+
+`python -m sysid.logs check LOGS`, `python -m sysid.logs import BAG --out DIR`.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Annotated, Any, Final
+
+import tyro
+
+from mecanum_env.cli import run as run_command
+from mecanum_env.errors import InputError
+from mecanum_env.files import write_text
+from mecanum_env.model import Robot, robot_from_dict
+from sysid.logs.bag_messages import Unit
+from sysid.logs.bags import Clock, import_bag
+from sysid.logs.describe import describe
+from sysid.logs.reader import read_dataset
+from sysid.logs.settings import FILE_NAME
+from sysid.logs.writer import quoted, write_columns
+
+
+def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> None:
+    """Read logs, print their runs and splits, and what is odd in them.
+
+    Example: python -m sysid.logs check examples/logs
+
+    Args:
+        logs: A folder of runs, or one run.
+        all_findings: Print every finding of every run instead of one line a kind.
+    """
+    print(describe(read_dataset(logs), all_findings=all_findings))
+
+
+def import_bags(
+    bags: tyro.conf.Positional[tuple[Path, ...]],
+    /,
+    out: Path,
+    map: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = (),
+    robot: Path | None = None,
+    unit: Unit | None = None,
+    clock: Clock = "auto",
+) -> None:
+    """Import ROS 1 or ROS 2 bags, one run each, into a new folder of logs.
+
+    Example: python -m sysid.logs import drive_1 drive_2 --out logs --map imu=none --robot robot.json
+
+    Args:
+        bags: .bag files or ROS 2 bag folders.
+        out: Folder to write; it must not hold runs of these names yet.
+        map: ROLE=TOPIC where message types do not decide (command, wheel_commands, wheel_speeds, odometry, imu,
+            battery; command_rpm and speed_rpm for the bench), ROLE=none, or WHEEL=JOINT (fl, fr, rl, rr; joint
+            for the bench). May be given several times.
+        robot: JSON with the robot's dimensions, for Twist commands; the packaged robot's otherwise.
+        unit: Of std_msgs numbers.
+        clock: Stamps by message header or by receipt.
+    """
+    if not bags:
+        raise InputError("no bag given; give .bag files or ROS 2 bag folders")
+    names = [bag.stem if bag.is_file() else bag.resolve().name for bag in bags]
+    for index, name in enumerate(names):
+        if name in names[:index]:
+            raise InputError(f"two bags are called {name}; rename one")
+        if (out / f"{name}.csv").exists():
+            raise InputError(f"{out / f'{name}.csv'}: exists already; choose another --out")
+    geometry = Robot() if robot is None else _read_robot(robot)
+    imported = [
+        import_bag(bag, geometry, topic_map=map, unit=unit, clock=clock, progress=sys.stderr.isatty())
+        for bag in bags
+    ]
+    for name, part in zip(names, imported, strict=True):
+        write_columns(part.columns, out / f"{name}.csv")
+        topics = ", ".join(f"{role} = {topic}" for role, topic in part.choice.topics.items())
+        print(f"{name}: {topics}; stamped by {part.clock}")
+    if robot is None and any("command" in part.choice.topics for part in imported):
+        print("commands by the packaged robot's dimensions; give --robot FILE if yours differ")
+    if not (out / FILE_NAME).exists():
+        write_text(out / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
+    print(describe(read_dataset(out)))
+
+
+def _read_robot(path: Path) -> Robot:
+    try:
+        return robot_from_dict(json.loads(path.read_text(encoding="utf-8")))
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except json.JSONDecodeError as error:
+        raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"check": check, "import": import_bags}
+
+
+def main(args: list[str]) -> int:
+    """Run one of `COMMANDS`; return the exit code."""
+    if args and args[0] in COMMANDS:
+        return run_command(COMMANDS[args[0]], args[1:], prog=f"python -m sysid.logs {args[0]}")
+    asked = bool(args) and args[0] in ("-h", "--help")
+    lines = "\n".join(f"  {name:8}{(c.__doc__ or '').splitlines()[0]}" for name, c in COMMANDS.items())
+    print(
+        f"usage: python -m sysid.logs {{check,import}} ...\n\n{lines}",
+        file=sys.stdout if asked else sys.stderr,
+    )
+    return 0 if asked else 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

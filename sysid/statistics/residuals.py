@@ -59,17 +59,24 @@ class ResidualTests:
 
 
 def residual_tests(
-    runs: Sequence[WheelRun], estimate: Estimate, *, lags: int = 30, level: float = 0.01
+    runs: Sequence[WheelRun],
+    estimate: Estimate,
+    *,
+    lags: int = 30,
+    level: float = 0.01,
+    fitted: bool = True,
 ) -> ResidualTests:
     """Test what the law leaves over.
 
     With very many samples both tests find differences too small to matter: read the correlations too.
 
     Args:
-        runs: what the estimate was fitted to.
+        runs: what the estimate was fitted to, or held-out runs.
         estimate: of any method; its law must be stable.
         lags: how far the tests look [samples; ticks].
         level: probability to flag a right law.
+        fitted: False where `estimate` does not minimise the error of these runs (held-out runs, another
+            method's law), so that nothing of the misfit has been taken out yet.
 
     Raises:
         InputError: data without excitation.
@@ -77,7 +84,7 @@ def residual_tests(
     """
     at = linearise(runs, estimate)
     predicted = at.problem.predict(estimate.coefficients, at.traces)[at.problem.group]
-    return ResidualTests(_whiteness(runs, predicted, lags, level), _input_correlation(at, lags, level), level)
+    return ResidualTests(_whiteness(runs, predicted, lags, level), _input_correlation(at, lags, level, fitted), level)
 
 
 def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level: float) -> Whiteness:
@@ -107,7 +114,7 @@ def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level
     return Whiteness(correlation, bound, statistic, p_value, p_value > level)
 
 
-def _input_correlation(at: Linearised, lags: int, level: float) -> InputCorrelation:
+def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) -> InputCorrelation:
     """F test of the residuals regressed on the command changes of the last `lags` ticks.
 
     Changes instead of levels, since a held command correlates with itself at every lag. What the fit has
@@ -124,11 +131,11 @@ def _input_correlation(at: Linearised, lags: int, level: float) -> InputCorrelat
     columns = [padded.ravel()[np.maximum(index - lag, 0)] for lag in range(lags)]
     regressors = np.stack(columns, axis=1) * problem.weight[:, None]
     regressors[newest < 0] = 0.0
-    outside = regressors - at.basis @ (at.basis.T @ regressors)
+    outside = regressors - at.basis @ (at.basis.T @ regressors) if fitted else regressors
     scale = np.linalg.norm(outside, axis=0)
     raw = np.linalg.norm(regressors, axis=0)
     usable = scale > _RANK_TOLERANCE * np.max(raw, initial=1e-300)
-    freedom = at.samples - at.rank
+    freedom = at.samples - (at.rank if fitted else 0)
     noise = np.sqrt(at.square_sum / freedom) if freedom > 0 else 0.0
     bound = float(norm.isf(level / 2.0))
     if noise <= 0.0 or not np.any(usable):

@@ -91,7 +91,14 @@ class Robot:
     """Torque per wheel-speed error [N m s/rad]: how stiffly the drive holds the law's speed under load."""
     servo_integral_n_m_rad: float = 0.0
     """Torque per integrated speed error [N m/rad]; above 0 friction leaves no steady-state loss."""
-    torque_limit_n_m: float = 6.0
+    torque_limit_n_m: float = 1.5
+    """Largest torque of a drive on its wheel [N m].
+
+    1.5 is the most that starts this robot on this floor without a wheel spinning: it takes 28 N along the
+    roller, and the axle that the start unloads can hold 29 N. The paper's law asks for 10 N m at its steepest
+    (a step to 130 rpm); more torque gives wheelspin, not speed, and a path that hangs on the time step. The
+    free wheel needs 0.8 N m.
+    """
     friction: float = 0.8
     """Coulomb coefficient between roller and floor."""
 

@@ -1,0 +1,203 @@
+"""Measuring a generated robot: does it move as a Mecanum robot does, on how round wheels, losing what energy?
+
+Every function takes a model that `robot_spec` or `planar_spec` made for the plugin (ctrl in rpm). They are
+behind `benchmarks/physics.py` and the tests, and work for anyone's `model.json`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from mecanum_env.kinematics import command_to_twist, command_to_wheels
+from mecanum_env.mjcf.geometry import no_slip_rows
+from mecanum_env.model import Robot
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+
+Command = tuple[float, float, float]
+"""V [rpm], theta [deg], VC [rpm]."""
+
+
+@dataclass(frozen=True)
+class SteadyDrive:
+    """A drive at constant command, after it has settled."""
+
+    ratio: float
+    """Motion along the commanded twist over what ideal kinematics give."""
+    expected_ratio: float
+    """The same for wheels with this number of rollers, on average: `geometry.no_slip_rows`."""
+    bounce_m: float
+    """Root mean square of the base's height about its mean [m]."""
+
+
+def start(mj_model: mujoco.MjModel, settle_s: float = 0.3) -> mujoco.MjData:
+    """Return data in which the robot stands on its floor, with commands of zero.
+
+    Args:
+        mj_model: the compiled robot.
+        settle_s: how long to let it sink into the contacts [s].
+    """
+    data = mujoco.MjData(mj_model)
+    mujoco.mj_step(mj_model, data, nstep=round(settle_s / mj_model.opt.timestep))
+    return data
+
+
+def steady_drive(
+    mj_model: mujoco.MjModel, robot: Robot, command: Command, seconds: float = 3.0
+) -> SteadyDrive:
+    """Drive at one command and average over the last `seconds`.
+
+    Args:
+        mj_model: the compiled robot.
+        robot: the dimensions it was made from.
+        command: what to drive.
+        seconds: how long to average [s], after 1 s that is left out.
+    """
+    data = start(mj_model)
+    data.ctrl[:] = command_to_wheels(*command)
+    mujoco.mj_step(mj_model, data, nstep=round(1.0 / mj_model.opt.timestep))
+    steps = round(seconds / mj_model.opt.timestep)
+    twists, heights = np.empty((steps, 3)), np.empty(steps)
+    for i in range(steps):
+        mujoco.mj_step(mj_model, data)
+        twists[i] = [*data.sensor("base_velocity").data[:2], data.sensor("base_gyro").data[2]]
+        heights[i] = data.body("base").xpos[2]
+    ideal = command_to_twist(*command, robot)
+    return SteadyDrive(
+        ratio=float(twists.mean(axis=0) @ ideal / (ideal @ ideal)),
+        expected_ratio=expected_ratio(robot, command),
+        bounce_m=float(np.std(heights)),
+    )
+
+
+def expected_ratio(robot: Robot, command: Command) -> float:
+    """Return the ratio that wheels with this many rollers give on average (`geometry.no_slip_rows`).
+
+    Args:
+        robot: the robot's dimensions.
+        command: what to drive.
+    """
+    wheels = command_to_wheels(*command) * RAD_S_PER_RPM
+    twist: FloatArray = np.linalg.lstsq(no_slip_rows(robot), wheels, rcond=None)[0]
+    ideal = command_to_twist(*command, robot)
+    return float(twist @ ideal / (ideal @ ideal))
+
+
+def heading_drift_rad(mj_model: mujoco.MjModel, command: Command, distance_m: float = 3.0) -> float:
+    """Return how far [rad] the robot has turned after a straight drive.
+
+    Args:
+        mj_model: the compiled robot.
+        command: what to drive; VC 0.
+        distance_m: length of the drive [m].
+    """
+    data = start(mj_model)
+    data.ctrl[:] = command_to_wheels(*command)
+    begin = pose(data)
+    while np.hypot(*(pose(data) - begin)[:2]) < distance_m:
+        mujoco.mj_step(mj_model, data, nstep=20)
+        if data.time > 60.0:
+            raise ValueError(f"command {command} has not moved the robot {distance_m} m in a minute")
+    return float((pose(data) - begin)[2])
+
+
+def pose(data: mujoco.MjData) -> FloatArray:
+    """Return x, y [m] and yaw [rad] of the base, shape (3,).
+
+    Args:
+        data: of a robot; its `xmat` must be up to date.
+    """
+    base = data.body("base")
+    forward = base.xmat.reshape(3, 3)[:, 0]
+    return np.array([base.xpos[0], base.xpos[1], np.arctan2(forward[1], forward[0])])
+
+
+def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 40.0) -> list[Command]:
+    """Return commands drawn evenly from V in 0..v_rpm, any theta, VC in -vc_rpm..vc_rpm.
+
+    Args:
+        count: how many.
+        seed: of the random generator.
+        v_rpm: largest V.
+        vc_rpm: largest VC.
+    """
+    rng = np.random.default_rng(seed)
+    return [
+        (float(rng.uniform(0, v_rpm)), float(rng.uniform(-180, 180)), float(rng.uniform(-vc_rpm, vc_rpm)))
+        for _ in range(count)
+    ]
+
+
+def follow(mj_model: mujoco.MjModel, commands: list[Command], period_s: float) -> FloatArray:
+    """Drive through commands from rest; return the poses, shape (count + 1, 3), at the changes and the end.
+
+    Args:
+        mj_model: the compiled robot.
+        commands: one after the other.
+        period_s: how long each is held [s]; a whole number of time steps.
+    """
+    data = mujoco.MjData(mj_model)
+    mujoco.mj_forward(mj_model, data)
+    poses = [pose(data)]
+    substeps = round(period_s / mj_model.opt.timestep)
+    for command in commands:
+        data.ctrl[:] = command_to_wheels(*command)
+        mujoco.mj_step(mj_model, data, nstep=substeps)
+        poses.append(pose(data))
+    return np.array(poses)
+
+
+def path_difference(one: FloatArray, other: FloatArray) -> float:
+    """Return the largest distance between two paths at equal times, over the length of the first.
+
+    Args:
+        one: poses, shape (n, 3).
+        other: poses, shape (n, 3).
+    """
+    length = np.sum(np.hypot(*np.diff(one[:, :2], axis=0).T))
+    return float(np.max(np.hypot(*(one - other)[:, :2].T)) / length)
+
+
+def coast_energy(mj_model: mujoco.MjModel, command: Command, seconds: float = 2.0) -> FloatArray:
+    """Return the energy [J] at every step while the robot coasts from a drive, motors off, shape (steps,).
+
+    Args:
+        mj_model: the compiled robot; not changed.
+        command: the drive before.
+        seconds: how long to coast [s].
+    """
+    data = start(mj_model)
+    data.ctrl[:] = command_to_wheels(*command)
+    mujoco.mj_step(mj_model, data, nstep=round(1.0 / mj_model.opt.timestep))
+    free = mj_model.__copy__()
+    free.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_ACTUATION
+    free.opt.enableflags |= mujoco.mjtEnableBit.mjENBL_ENERGY
+    energies = np.empty(round(seconds / free.opt.timestep))
+    for i in range(len(energies)):
+        mujoco.mj_step(free, data)
+        energies[i] = data.energy.sum()
+    return energies
+
+
+def largest_rise(values: FloatArray) -> float:
+    """Return the most by which a sequence ever rises above its least value so far.
+
+    Args:
+        values: shape (n,).
+    """
+    return float(np.max(values - np.minimum.accumulate(values)))
+
+
+def warnings_of(data: mujoco.MjData) -> dict[str, int]:
+    """Return MuJoCo's warnings, name -> how often, of those that were raised.
+
+    Args:
+        data: after a simulation.
+    """
+    return {
+        mujoco.mjtWarning(i).name: int(data.warning[i].number)
+        for i in range(int(mujoco.mjtWarning.mjNWARNING))
+        if data.warning[i].number
+    }

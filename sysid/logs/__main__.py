@@ -53,9 +53,9 @@ def import_bags(
     Args:
         bags: .bag files or ROS 2 bag folders.
         out: Folder to write; it must not hold runs of these names yet.
-        map: ROLE=TOPIC where message types do not decide (command, wheel_commands, wheel_speeds, odometry, imu,
-            battery; command_rpm and speed_rpm for the bench), ROLE=none, or WHEEL=JOINT (fl, fr, rl, rr; joint
-            for the bench). May be given several times.
+        map: ROLE=TOPIC where message types do not decide (command, wheel_commands, wheel_speeds, odometry,
+            imu, battery; command_rpm and speed_rpm for the bench), ROLE=none, or WHEEL=JOINT (fl, fr, rl,
+            rr; joint for the bench). May be given several times.
         robot: JSON with the robot's dimensions, for Twist commands; the packaged robot's otherwise.
         unit: Of std_msgs numbers.
         clock: Stamps by message header or by receipt.

@@ -143,7 +143,7 @@ def _arrays(messages: Sequence[Any], context: Context) -> FloatArray:
 def _velocity(message: Any, index: int, context: Context) -> float:
     if len(message.velocity) != len(message.name):
         raise InputError(
-            f"{context.where}: JointState with {len(message.name)} names and {len(message.velocity)} velocities; "
+            f"{context.where}: {len(message.name)} joints and {len(message.velocity)} velocities; "
             "the driver must publish velocities"
         )
     return float(message.velocity[index])

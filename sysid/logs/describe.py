@@ -46,7 +46,7 @@ def _channels(runs: Sequence[Run]) -> list[str]:
         sets.setdefault(tuple(run.channels), []).append(run.file)
     if len(sets) == 1:
         return ["measured: " + ", ".join(runs[0].channels)]
-    return [f"measured in {', '.join(files)}: {', '.join(names)}" for names, files in sets.items()]
+    return [f"measured in {len(f)} runs ({f[0]} ...): {', '.join(names)}" for names, f in sets.items()]
 
 
 def _table(runs: Sequence[Run]) -> list[str]:

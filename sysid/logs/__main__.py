@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -16,7 +15,7 @@ import tyro
 from mecanum_env.cli import run as run_command
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_text
-from mecanum_env.model import Robot, robot_from_dict
+from mecanum_env.model import Robot, read_robot
 from sysid.logs.bag_messages import Unit
 from sysid.logs.bags import Clock, import_bag
 from sysid.logs.describe import describe
@@ -68,7 +67,7 @@ def import_bags(
             raise InputError(f"two bags are called {name}; rename one")
         if (out / f"{name}.csv").exists():
             raise InputError(f"{out / f'{name}.csv'}: exists already; choose another --out")
-    geometry = Robot() if robot is None else _read_robot(robot)
+    geometry = Robot() if robot is None else read_robot(robot)
     imported = [
         import_bag(bag, geometry, topic_map=map, unit=unit, clock=clock, progress=sys.stderr.isatty())
         for bag in bags
@@ -82,17 +81,6 @@ def import_bags(
     if not (out / FILE_NAME).exists():
         write_text(out / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
     print(describe(read_dataset(out)))
-
-
-def _read_robot(path: Path) -> Robot:
-    try:
-        return robot_from_dict(json.loads(path.read_text(encoding="utf-8")))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error
 
 
 COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"check": check, "import": import_bags}

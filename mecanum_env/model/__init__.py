@@ -1,0 +1,20 @@
+"""`model.json`: the contract between fit, simulator, environment and gap workflow."""
+
+from mecanum_env.model.codec import FORMAT, model_from_dict, model_to_dict, robot_from_dict
+from mecanum_env.model.file import paper_model, read_model, read_robot, write_model
+from mecanum_env.model.records import EFFECT_PARAMETERS, Model, Robot, Wheel
+
+__all__ = [
+    "EFFECT_PARAMETERS",
+    "FORMAT",
+    "Model",
+    "Robot",
+    "Wheel",
+    "model_from_dict",
+    "model_to_dict",
+    "paper_model",
+    "read_model",
+    "read_robot",
+    "robot_from_dict",
+    "write_model",
+]

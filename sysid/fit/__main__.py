@@ -1,0 +1,87 @@
+"""Fit the wheel law to logs: `python -m sysid.fit LOGS`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Literal
+
+import tyro
+from tqdm import tqdm
+
+from mecanum_env.cli import run
+from mecanum_env.files import write_json
+from mecanum_env.model import read_robot, write_model
+from sysid.estimators import DEFAULT_METHOD, METHODS
+from sysid.fit.pipeline import FitOptions, fit_dataset
+from sysid.fit.result import fit_json, fitted_model
+from sysid.fit.table import fit_table
+from sysid.logs import read_dataset
+from sysid.report import write_fit_plots, write_fit_report
+
+
+def fit(
+    logs: tyro.conf.Positional[Path],
+    /,
+    robot: Path | None = None,
+    out: Path = Path("fit"),
+    method: tuple[str, ...] = (DEFAULT_METHOD,),
+    starts: int = 10,
+    seed: int = 0,
+    free_gain: bool = False,
+    per_wheel: bool = False,
+    delay: Literal["auto", "none"] | float = "auto",
+    sample_period: float | None = None,
+    command_period: float | None = None,
+    quantum: float | None = None,
+    saturation: float | None = None,
+) -> None:
+    """Fit the wheel law A-F to a folder of logs and write model.json, fit.json, report.html and plots.
+
+    Example: python -m sysid.fit examples/logs --out fit
+
+    Args:
+        logs: Folder of bench or robot logs, or one file.
+        robot: JSON with what is known of the robot (wheel_radius_m, mass_kg ...).
+        out: Folder to write.
+        method: Methods to run, or "all"; the first gives the model.
+        starts: Starting points of each method.
+        seed: Of the random starting points.
+        free_gain: Estimate the DC gain instead of holding it at exactly 1.
+        per_wheel: On robot logs, fit each wheel as well as all together.
+        delay: Transport delay of the command [s]; auto: adopted where the logs ask for one.
+        sample_period: Period of the law [s]; default near 1/120 s.
+        command_period: Shortest time between commands [s]; default 0.1.
+        quantum: Rounding of commands [rpm]; default 1.
+        saturation: Ceiling of the wheel's speed [rpm]; default 135, or estimated where commands go beyond.
+    """
+    options = FitOptions(
+        methods=tuple(METHODS) if method == ("all",) else method,
+        starts=starts,
+        seed=seed,
+        unit_gain=not free_gain,
+        delay_s={"auto": None, "none": 0.0}[delay] if isinstance(delay, str) else delay,
+        per_wheel=per_wheel,
+        sample_period_s=sample_period,
+        command_period_s=command_period,
+        quantum_rpm=quantum,
+        saturation_rpm=saturation,
+    )
+    around = read_robot(robot) if robot else None
+    with tqdm(total=None, bar_format="{desc} [{elapsed}]", file=sys.stderr) as bar:
+        found = fit_dataset(read_dataset(logs), options, bar.set_description_str)
+        model = fitted_model(found, around)
+        bar.set_description_str("report")
+        write_model(model, out / "model.json")
+        write_json(out / "fit.json", fit_json(found))
+        write_fit_plots(found, model, out)
+        page = write_fit_report(found, model, out / "report.html")
+    print(fit_table(found))
+    print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")
+    print(
+        f" and {out / 'report.html'}" if page else "; for report.html: pip install 'mecanum-tankendo[report]'"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(run(fit, prog="python -m sysid.fit"))

@@ -1,0 +1,150 @@
+"""What happens to a logged command before it reaches the wheel law: clock, rounding and ceiling.
+
+A log says when commands appeared, not how the platform takes them. The defaults are the robot's (a command
+latched every 0.1 s, whole rpm, a ceiling of 135 rpm); where a log contradicts one, what the log shows is used
+instead and said so.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.errors import InputError
+from mecanum_env.units import FloatArray
+from sysid.logs import BodyCommand, Dataset, Run
+
+COMMAND_PERIOD_S: Final = 0.1
+COMMAND_QUANTUM_RPM: Final = 1.0
+SATURATION_RPM: Final = 135.0
+LAW_RATE_HZ: Final = 120.0
+"""The law's default rate: the published rise and settling times fit a period of 1/120 s."""
+
+_CEILING_MARGIN: Final = 1.05
+_BRIEF: Final = (
+    0.95  # an overshoot lasts less than the remaining share of a run; a reached speed lasts longer
+)
+
+
+@dataclass(frozen=True)
+class CommandPath:
+    """How commands of a dataset reach the law."""
+
+    sample_period_s: float
+    """Period of the law [s]; a whole number of them make a command period."""
+    command_period_s: float
+    """Shortest time between commands that the platform takes [s]."""
+    quantum_rpm: float
+    """Commands are rounded to this [rpm]; 0: not rounded."""
+    saturation_rpm: float
+    """Ceiling of a wheel command [rpm]; infinite: the log shows none."""
+    seek_ceiling: bool
+    """Whether commands go beyond the ceiling or beyond what the wheel reaches, so that the log can tell it."""
+    latched: bool
+    """True: commands take effect on the command period's own clock, which starts with the run. False: the log's
+    stamps are taken as the moments at which commands took effect."""
+    notes: tuple[str, ...]
+    """What the log contradicted, in sentences."""
+
+
+def infer_command_path(
+    dataset: Dataset,
+    *,
+    sample_period_s: float | None = None,
+    command_period_s: float | None = None,
+    quantum_rpm: float | None = None,
+    saturation_rpm: float | None = None,
+) -> CommandPath:
+    """Take what is given, and infer the rest from a dataset.
+
+    Args:
+        dataset: bench or robot logs.
+        sample_period_s: period of the law [s]; default: the whole fraction of the command period nearest
+            1/120 s.
+        command_period_s: shortest time between commands [s]; default 0.1 unless commands come faster.
+        quantum_rpm: rounding of commands [rpm]; default 1 unless the log has commands between.
+        saturation_rpm: ceiling [rpm]; default 135 unless speeds go beyond.
+
+    Raises:
+        InputError: a value that is not positive, or a law slower than the commands.
+    """
+    notes: list[str] = []
+    gaps, on_clock = _command_gaps(dataset)
+    period = command_period_s
+    if period is None:
+        period = COMMAND_PERIOD_S
+        fastest = float(np.quantile(gaps, 0.05)) if len(gaps) else math.inf
+        if fastest < 0.75 * COMMAND_PERIOD_S:
+            period = fastest
+            notes.append(
+                f"commands change every {fastest * 1e3:.3g} ms, faster than {COMMAND_PERIOD_S:g} s: "
+                "command_period_s is taken from the log"
+            )
+    latched = command_period_s is not None or (period == COMMAND_PERIOD_S and on_clock)
+    if not latched and period == COMMAND_PERIOD_S:
+        notes.append(
+            f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run: the log's own "
+            "stamps are taken as the moments at which they took effect"
+        )
+    if sample_period_s is None:
+        sample_period_s = period / max(1, round(period * LAW_RATE_HZ))
+    for name, value in (("sample_period_s", sample_period_s), ("command_period_s", period)):
+        if not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} = {value:g}, must be above 0")
+    if sample_period_s > period * (1 + 1e-9):
+        raise InputError(
+            f"sample_period_s = {sample_period_s:g} is longer than command_period_s = {period:g}: "
+            "the law would miss commands; choose a shorter one"
+        )
+    if quantum_rpm is None:
+        quantum_rpm = COMMAND_QUANTUM_RPM
+        if not all(_is_whole(run, quantum_rpm) for run in dataset.runs):
+            quantum_rpm = 0.0
+            notes.append("commands are not whole rpm: command_quantum_rpm is 0 (no rounding)")
+    seek = False
+    if saturation_rpm is None:
+        saturation_rpm = SATURATION_RPM
+        reached = max(_reached_rpm(run) for run in dataset.runs)
+        asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
+        seek = asked > SATURATION_RPM or asked > _CEILING_MARGIN * reached > 0.0
+        if reached > SATURATION_RPM:
+            saturation_rpm = math.inf
+            notes.append(
+                f"speeds stay at up to {reached:.0f} rpm, beyond the robot's ceiling of {SATURATION_RPM:g} rpm: "
+                "the ceiling is not assumed"
+            )
+    return CommandPath(sample_period_s, period, quantum_rpm, saturation_rpm, seek, latched, tuple(notes))
+
+
+def _command_gaps(dataset: Dataset) -> tuple[FloatArray, bool]:
+    """Return the times between command changes [s] and whether all changes fall on the default clock."""
+    gaps, on_clock = [np.empty(0)], True
+    for run in dataset.runs:
+        times, _ = run.command_changes()
+        gaps.append(np.diff(times))
+        # A stamp is as fine as the log's rows; the robot's 10 Hz clock shows only to that precision.
+        tolerance = min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * run.median_interval_s)
+        phase = times / COMMAND_PERIOD_S
+        on_clock &= bool(np.all(np.abs(phase - np.rint(phase)) * COMMAND_PERIOD_S <= tolerance))
+    return np.concatenate(gaps), on_clock
+
+
+def _is_whole(run: Run, quantum_rpm: float) -> bool:
+    command = run.command
+    values = (
+        np.stack([command.v_rpm, command.vc_rpm]) if isinstance(command, BodyCommand) else command.wheels_rpm
+    )
+    return bool(np.allclose(values, np.rint(values / quantum_rpm) * quantum_rpm, rtol=0.0, atol=1e-6))
+
+
+def _reached_rpm(run: Run) -> float:
+    """Return the speed [rpm] that some wheel of the run holds for longer than an overshoot would last."""
+    speeds = [
+        np.abs(values[np.isfinite(values)])
+        for name, values in run.channels.items()
+        if name.startswith("speed_")
+    ]
+    return max((float(np.quantile(speed, _BRIEF)) for speed in speeds if speed.size), default=0.0)

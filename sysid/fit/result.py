@@ -1,0 +1,134 @@
+"""What a fit writes: `model.json` and `fit.json`."""
+
+from __future__ import annotations
+
+import datetime
+from dataclasses import asdict
+from typing import Any, Final
+
+import numpy as np
+
+import mecanum_env
+from mecanum_env.law import WheelLaw
+from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.model import Model, Robot, Wheel
+from sysid.fit.figures import finite_or_none
+from sysid.fit.pipeline import Fit
+from sysid.statistics import Quantity
+
+FORMAT: Final = "mecanum-fit/1"
+
+
+def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
+    """Return the model of a fit.
+
+    Args:
+        fit: the fitted wheel.
+        robot: what is known of the robot around it; packaged values when None.
+
+    Returns:
+        A model whose "uncertainty" holds the covariance of the coefficients, and whose "command_latency" is
+        the fitted delay where there is one.
+    """
+    found, path = fit.estimate, fit.path
+    effects = {"command_latency": {"delay_s": found.delay_s}} if found.delay_s > 0.0 else {}
+    return Model(
+        wheel=Wheel(
+            law=found.law,
+            command_period_s=path.command_period_s,
+            command_quantum_rpm=path.quantum_rpm,
+            saturation_rpm=min(found.saturation_rpm, path.saturation_rpm),
+        ),
+        wheels={wheel: estimate.law for wheel, estimate in fit.wheels.items()},
+        robot=Robot() if robot is None else robot,
+        effects=effects,
+        uncertainty={"wheel": _covariance(fit)},
+        provenance={
+            "program": f"python -m sysid.fit, mecanum-tankendo {mecanum_env.__version__}",
+            "date": datetime.date.today().isoformat(),
+            "method": found.method,
+            "dataset": fit.dataset.name,
+            "data_sha256": fit.dataset.sha256,
+            "seed": fit.options.seed,
+            "notes": list(fit.notes),
+        },
+    )
+
+
+def fit_json(fit: Fit) -> dict[str, Any]:
+    """Return the object of `fit.json`; what is not finite or not known is null."""
+    sure, tests = fit.uncertainty, fit.residual_tests
+    return {
+        "format": FORMAT,
+        "dataset": fit.dataset.name,
+        "method": fit.estimate.method,
+        "methods": {name: figures.as_json() for name, figures in fit.methods.items()},
+        "parameters": {q.name: _quantity(q) for q in sure.parameters},
+        "functionals": {q.name: _quantity(q) for q in sure.functionals},
+        "wheels": {wheel: _law(estimate.law) for wheel, estimate in fit.wheels.items()},
+        "noise": {
+            "sigma_rpm": dict(fit.sigma_rpm),
+            "source": "repeats" if fit.sigma_from_repeats else "residuals of the fit",
+            "residual_over_sigma": finite_or_none(sure.noise_ratio),
+        },
+        "identifiability": {
+            "condition_number": finite_or_none(sure.condition_number),
+            "samples": sure.samples,
+            "effective_samples": finite_or_none(sure.effective_samples),
+            "warnings": list(sure.warnings),
+        },
+        "residual_tests": {
+            "level": tests.level,
+            "whiteness": {
+                "passed": tests.whiteness.passed,
+                "p_value": finite_or_none(tests.whiteness.p_value),
+                "statistic": finite_or_none(tests.whiteness.statistic),
+            },
+            "input_correlation": {
+                "passed": tests.input_correlation.passed,
+                "p_value": finite_or_none(tests.input_correlation.p_value),
+                "statistic": finite_or_none(tests.input_correlation.statistic),
+            },
+        },
+        "command_path": {k: _plain(v) for k, v in asdict(fit.path).items() if k != "notes"},
+        "notes": list(fit.notes),
+        "findings": [asdict(finding) for finding in fit.dataset.findings],
+        "provenance": {
+            "version": mecanum_env.__version__,
+            "data_sha256": fit.dataset.sha256,
+            "seed": fit.options.seed,
+        },
+    }
+
+
+def _covariance(fit: Fit) -> dict[str, Any]:
+    """Return names and covariance of A-F; without the matrix where the data leave a coefficient unknown."""
+    covariance = np.asarray(fit.uncertainty.covariance)[:6, :6]
+    known = bool(np.all(np.isfinite(covariance)))
+    return {
+        "names": list(COEFFICIENTS),
+        "covariance": covariance.tolist() if known else None,
+        "degrees_of_freedom": finite_or_none(fit.uncertainty.degrees_of_freedom),
+    }
+
+
+def _quantity(q: Quantity) -> dict[str, Any]:
+    return {
+        "value": finite_or_none(q.value),
+        "unit": q.unit,
+        "standard_error": finite_or_none(q.standard_error),
+        "cramer_rao_bound": finite_or_none(q.cramer_rao),
+        "low": finite_or_none(q.low),
+        "high": finite_or_none(q.high),
+    }
+
+
+def _law(law: WheelLaw) -> dict[str, float]:
+    return {
+        **dict(zip(COEFFICIENTS, law.coefficients.tolist(), strict=True)),
+        "sample_period_s": law.sample_period_s,
+    }
+
+
+def _plain(value: Any) -> Any:
+    return finite_or_none(value) if isinstance(value, float) else value

@@ -1,0 +1,137 @@
+"""From logs to what the estimators take: one `WheelRun` for each wheel in each run, on the law's clock."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.errors import InputError
+from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
+from mecanum_env.law import WheelLaw
+from mecanum_env.law.drive import RING, DriveParameters, latched_commands
+from mecanum_env.model import Wheel
+from mecanum_env.units import FloatArray
+from sysid.estimators import WheelRun
+from sysid.fit.command_path import CommandPath
+from sysid.logs import BenchCommand, BodyCommand, Run
+
+_AT_REST_SIGMAS: Final = 4.0
+_START_TICKS: Final = 1.0  # samples this early cannot show a response yet: the law answers one tick later
+
+
+def wheel_columns(run: Run) -> dict[str, str]:
+    """Return wheel name -> measured speed column; the bench's one wheel is called "wheel".
+
+    Raises:
+        InputError: the run has no wheel speed, to which alone the law can be fitted.
+    """
+    if isinstance(run.command, BenchCommand):
+        return {"wheel": "speed_rpm"}
+    found = {wheel: f"speed_{wheel}_rpm" for wheel in WHEELS if f"speed_{wheel}_rpm" in run.channels}
+    if not found:
+        raise InputError(
+            f"{run.file}: no wheel speed (speed_fl_rpm ...); the wheel law is fitted to wheel speeds, "
+            f"this run has {', '.join(run.channels)}"
+        )
+    return found
+
+
+def wheel_commands(run: Run, path: CommandPath) -> dict[str, FloatArray]:
+    """Return wheel name -> commanded speed [rpm] at the run's rows, shape (n,), rounded, not saturated."""
+    command = run.command
+    if isinstance(command, BodyCommand):
+        rounded = round_command(command.v_rpm, command.theta_deg, command.vc_rpm, path.quantum_rpm)
+        return dict(zip(WHEELS, command_to_wheels(*rounded).T, strict=True))
+    wheels = command.wheels_rpm
+    if path.quantum_rpm > 0.0:
+        wheels = np.rint(wheels / path.quantum_rpm) * path.quantum_rpm
+    return dict(zip(("wheel",) if isinstance(command, BenchCommand) else WHEELS, wheels.T, strict=True))
+
+
+def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> WheelRun | None:
+    """Put one wheel of a run on the law's clock.
+
+    Args:
+        run: a bench or robot log.
+        wheel: a key of `wheel_columns`.
+        path: how commands reach the law.
+        sigma_rpm: standard deviation of the speed's noise [rpm].
+
+    Returns:
+        The estimators' run, or None where the wheel has no sample at all.
+    """
+    speed = run.channels[wheel_columns(run)[wheel]]
+    finite = np.isfinite(speed)
+    if not finite.any():
+        return None
+    tau = path.sample_period_s
+    ticks = run.time_s[finite] / tau
+    n_ticks = max(1, math.ceil(float(ticks[-1]) - 1e-6))
+    command = wheel_commands(run, path)[wheel]
+    drive = _drive(path)
+
+    initial = _initial_speed(ticks, speed[finite], sigma_rpm)
+
+    def source(delay_s: float, saturation_rpm: float) -> FloatArray:
+        limited = replace(drive, delay_s=delay_s, saturation_rpm=min(saturation_rpm, path.saturation_rpm))
+        return latched_commands(limited, run.time_s, command, n_ticks, initial)
+
+    return WheelRun(
+        command_rpm=source(0.0, math.inf),
+        sample_tick=np.minimum(ticks, float(n_ticks)),
+        speed_rpm=speed[finite],
+        sigma_rpm=np.full(int(finite.sum()), sigma_rpm),
+        initial_rpm=initial,
+        sample_period_s=tau,
+        name=run.file if wheel == "wheel" else f"{run.file} {wheel}",
+        source=source,
+    )
+
+
+def delayed(run: WheelRun, delay_s: float) -> WheelRun:
+    """Return the run with its commands later by `delay_s` [s]; further delays add to it."""
+
+    def source(further_s: float, saturation_rpm: float) -> FloatArray:
+        return run.command(delay_s + further_s, saturation_rpm)
+
+    return replace(run, command_rpm=run.command(delay_s), source=source)
+
+
+def wheel_runs(
+    runs: tuple[Run, ...], path: CommandPath, sigma_rpm: Mapping[str, float]
+) -> dict[str, list[WheelRun]]:
+    """Return wheel name -> its runs; `sigma_rpm` gives each measured column's noise [rpm]."""
+    result: dict[str, list[WheelRun]] = {}
+    for run in runs:
+        for wheel, column in wheel_columns(run).items():
+            data = wheel_run(run, wheel, path, sigma_rpm[column])
+            if data is not None:
+                result.setdefault(wheel, []).append(data)
+    return result
+
+
+def longest_delay_s(path: CommandPath) -> float:
+    """Return the longest transport delay [s] that the wheel plugin can hold for a command path."""
+    # Less one command period: the plugin's own bound is shorter by a physics step.
+    return (RING - 4) * _drive(path).command_period_s
+
+
+def _drive(path: CommandPath) -> DriveParameters:
+    """Return the command path as the drive reference takes it; the law's coefficients play no part here."""
+    period = path.command_period_s if path.latched else path.sample_period_s
+    pass_through = WheelLaw(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, path.sample_period_s)
+    # Rounding happened before the kinematics, where the robot does it.
+    return DriveParameters.from_wheel(Wheel(pass_through, period, 0.0, path.saturation_rpm))
+
+
+def _initial_speed(ticks: FloatArray, speed_rpm: FloatArray, sigma_rpm: float) -> float:
+    """Return the speed [rpm] before the first command, 0 unless the first samples clearly say otherwise."""
+    first = speed_rpm[ticks <= _START_TICKS]
+    if first.size == 0:
+        return 0.0
+    mean = float(np.mean(first))
+    return mean if abs(mean) > _AT_REST_SIGMAS * sigma_rpm / math.sqrt(first.size) else 0.0

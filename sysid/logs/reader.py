@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.tables import Table, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
 from sysid.logs import columns
 from sysid.logs.findings import dataset_findings, run_findings
 from sysid.logs.records import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, WheelCommand
 from sysid.logs.settings import FILE_NAME, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
-from sysid.logs.table import Table, has_log_suffix, log_stem, read_table
 
 
 def read_dataset(path: str | os.PathLike[str]) -> Dataset:
@@ -66,13 +66,13 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     for run in runs:
         findings += run_findings(run)
     findings += dataset_findings(runs)
-    name = settings.name or (folder.resolve().name if path.is_dir() else log_stem(path))
+    name = settings.name or (folder.resolve().name if path.is_dir() else table_stem(path))
     return Dataset(name, tuple(runs), tuple(findings), _digest(files, settings))
 
 
 def _run_files(path: Path) -> list[Path]:
     if path.is_file():
-        if not has_log_suffix(path):
+        if not has_table_suffix(path):
             raise InputError(f"{path}: not a log; a run ends in .csv, .csv.gz or .parquet")
         return [path]
     if not path.is_dir():
@@ -91,14 +91,16 @@ def _run_files(path: Path) -> list[Path]:
         raise InputError(f"{path}: no logs here; a run is a file that ends in .csv, .csv.gz or .parquet")
     stems: dict[str, Path] = {}
     for file in files:
-        twin = stems.setdefault(log_stem(file), file)
+        twin = stems.setdefault(table_stem(file), file)
         if twin is not file:
             raise InputError(f"{path}: {twin.name} and {file.name} are one run twice; remove one")
     return files
 
 
 def _logs_in(folder: Path) -> list[Path]:
-    found = (p for p in folder.iterdir() if p.is_file() and has_log_suffix(p) and not p.name.startswith("."))
+    found = (
+        p for p in folder.iterdir() if p.is_file() and has_table_suffix(p) and not p.name.startswith(".")
+    )
     return sorted(found, key=lambda p: p.name)
 
 

@@ -14,11 +14,11 @@ import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path, write_text
+from mecanum_env.tables import has_table_suffix
 from mecanum_env.units import FloatArray
 from sysid.logs.columns import TIME
 from sysid.logs.records import Dataset, Run
 from sysid.logs.settings import FILE_NAME
-from sysid.logs.table import has_log_suffix
 
 
 def write_dataset(dataset: Dataset, folder: str | os.PathLike[str]) -> None:
@@ -80,7 +80,7 @@ def settings_text(dataset: Dataset) -> str:
 
 
 def _kind(path: Path) -> Literal["csv", "gz", "parquet"]:
-    if not has_log_suffix(path):
+    if not has_table_suffix(path):
         raise InputError(f"{path}: a log's name must end in .csv, .csv.gz or .parquet")
     suffix = path.name.lower().rsplit(".", 1)[-1]
     return "gz" if suffix == "gz" else "parquet" if suffix == "parquet" else "csv"

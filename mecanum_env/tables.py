@@ -1,4 +1,4 @@
-"""Reading one file of numbers, strictly: CSV, gzipped CSV or Parquet.
+"""Reading one table of numbers, strictly: CSV, gzipped CSV or Parquet.
 
 The good case is parsed by numpy in C. Only when that fails are the cells walked one by one, to name the
 line, the value and what would be right.
@@ -50,13 +50,13 @@ class Table:
         return self.values[:, self.names.index(name)]
 
 
-def has_log_suffix(path: Path) -> bool:
-    """Return whether the name ends as a log does."""
+def has_table_suffix(path: Path) -> bool:
+    """Return whether the name ends as a table of numbers does."""
     return path.name.lower().endswith(SUFFIXES)
 
 
-def log_stem(path: Path) -> str:
-    """Return the file's name without its log suffix."""
+def table_stem(path: Path) -> str:
+    """Return the file's name without the suffix of a table."""
     for suffix in (".csv.gz", ".csv", ".parquet"):
         if path.name.lower().endswith(suffix):
             return path.name[: -len(suffix)]

@@ -6,12 +6,22 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
+from sysid.estimators.exhaustive import exhaustive
+from sysid.estimators.gradient import gradient, kkt
 from sysid.estimators.interface import Estimate, Method, Options, StartResult
 from sysid.estimators.one_step import one_step
 from sysid.estimators.output_error import output_error
+from sysid.estimators.pole_discrimination import pole_discrimination
 from sysid.estimators.runs import CommandSource, WheelRun
 
-METHODS: Final[Mapping[str, Method]] = {"output-error": output_error, "one-step": one_step}
+METHODS: Final[Mapping[str, Method]] = {
+    "output-error": output_error,
+    "one-step": one_step,
+    "kkt": kkt,
+    "gradient": gradient,
+    "poles": pole_discrimination,
+    "exhaustive": exhaustive,
+}
 """Every method by the name that `--method` takes."""
 
 DEFAULT_METHOD: Final = "output-error"

@@ -1,0 +1,188 @@
+"""Gradient descent from many starts at once, with or without constraints on (A, B, C).
+
+One iteration is Steps 2-4 of Nie, Igo and Hoshino, section 3.2: the gradient of the Lagrangian
+L = H + sum lambda_i g_i, a step against it, the multipliers lambda_i <- max(0, lambda_i + alpha g_i), and a
+point outside the region is pulled back into it. Step 5 stops where the gradient or the change of H is small.
+
+As printed, with g_i >= 0 meaning stable, Steps 2 and 4 drive the point *out* of the region: lambda grows
+while the law is stable and the step goes down g. With g_i <= 0 meaning stable both signs are right, and that
+is what runs here; `Constraint.printed_signs` keeps the printed form for comparison.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.units import FloatArray
+
+CostAndGradient = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
+"""Laws A-F, shape (S, 6), to H, shape (S,), and dH/d(A-F), shape (S, 6); H is infinite where it overflows."""
+
+Rule = Literal["fixed", "spectral"]
+"""How long a step is.
+
+fixed: alpha is constant, as in the paper. spectral: the Barzilai-Borwein lengths (J. Barzilai and J. M.
+Borwein, "Two-point step size gradient methods", IMA J. Numerical Analysis 8, 1988), accepted only where H
+falls (Armijo) and cut to a quarter otherwise. Both step against the gradient and use nothing else.
+"""
+
+CHANGE_TOLERANCE: Final = 1e-6
+"""Stop where H fell by less than this share of itself in `CHANGE_WINDOW` iterations."""
+
+CHANGE_WINDOW: Final = 50
+GRADIENT_TOLERANCE: Final = 1e-12
+"""Stop where a step of the rate `alpha` would move the coefficients by less than this."""
+
+_LARGEST: Final = 1e3
+"""A coefficient beyond this has diverged."""
+
+_ARMIJO: Final = 1e-4
+_SHRINK: Final = 0.25
+_GROW: Final = 4.0
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """Inequalities g(A, B, C) <= 0 and the way back for a point that breaks them."""
+
+    values: Callable[[FloatArray], FloatArray]
+    """(S, 3) to g, shape (S, n)."""
+    gradients: Callable[[FloatArray], FloatArray]
+    """(S, 3) to dg/d(A, B, C), shape (S, n, 3)."""
+    pull_back: Callable[[FloatArray], FloatArray]
+    """(S, 3) to points that keep the constraints, shape (S, 3)."""
+    printed_signs: bool = False
+    """Take g >= 0 as stable in the Lagrangian and the multipliers, as the paper prints it: for comparison."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Where S starts led; every array has S rows."""
+
+    laws: FloatArray
+    """A-F, shape (S, 6)."""
+    cost: FloatArray
+    """H, infinite where the search diverged."""
+    multipliers: FloatArray
+    """lambda, shape (S, n)."""
+    converged: npt.NDArray[np.bool_]
+    """A stop criterion was met before the limit of iterations."""
+    iterations: npt.NDArray[np.intp]
+
+
+def descend(
+    cost: CostAndGradient,
+    starts: npt.ArrayLike,
+    *,
+    rate: float,
+    iterations: int,
+    rule: Rule = "spectral",
+    constraint: Constraint | None = None,
+    unit_gain: bool = False,
+) -> Descent:
+    """Descend from every start until a stop criterion, divergence or the limit.
+
+    Args:
+        cost: H and its gradient.
+        starts: A-F, shape (S, 6).
+        rate: alpha of the fixed rule; the spectral rule uses it for the stop criterion only.
+        iterations: limit for each start.
+        rule: length of the steps.
+        constraint: None for plain descent. A start outside is pulled back before the first step.
+        unit_gain: stay where A+B+C+D+E+F = 1; the gradient's mean is removed, which is its exact projection.
+    """
+    x = np.array(starts, float)
+    count = len(x)
+    x = _admitted(x, constraint, unit_gain)
+    h, gradient = cost(x)
+    rows = 0 if constraint is None else constraint.values(x[:1, :3]).shape[1]
+    multipliers = np.zeros((count, rows))
+    norm = np.linalg.norm(_tangent(gradient, unit_gain), axis=1)
+    step = np.full(count, rate) if rule == "fixed" else 0.1 / np.maximum(norm, 1e-300)
+    converged = np.zeros(count, bool)
+    used = np.zeros(count, np.intp)
+    before = h.copy()
+    active = np.flatnonzero(np.isfinite(h))
+    for i in range(1, iterations + 1):
+        if len(active) == 0:
+            break
+        at, alpha, old = x[active], step[active][:, None], h[active]
+        slope = _tangent(gradient[active] + _pressure(at, multipliers[active], constraint), unit_gain)
+        trial = at - alpha * slope
+        beyond = ~(np.max(np.abs(trial), axis=1) <= _LARGEST)
+        trial[beyond] = at[beyond]
+        if constraint is not None:
+            g = constraint.values(trial[:, :3])
+            g = -g if constraint.printed_signs else g
+            multipliers[active] = np.maximum(0.0, multipliers[active] + alpha * g)
+        trial = _admitted(trial, constraint, unit_gain)
+        new, new_gradient = cost(trial)
+        moved = trial - at
+        square = np.sum(moved * moved, axis=1)
+        if rule == "fixed":
+            accepted = ~beyond
+        else:
+            accepted = ~beyond & (new <= old - _ARMIJO * square / alpha[:, 0])
+            change = _tangent(new_gradient - gradient[active], unit_gain)
+            step[active] = _next_step(alpha[:, 0], moved, change, accepted, odd=bool(i % 2))
+            multipliers[active[~accepted]] = 0.0
+        taken = active[accepted]
+        x[taken], h[taken], gradient[taken] = trial[accepted], new[accepted], new_gradient[accepted]
+        used[active] = i
+        lost = ~np.isfinite(h[active])
+        if rule == "fixed":
+            lost |= beyond
+            h[active[beyond]] = np.inf
+        still = accepted & (np.sqrt(square) * rate <= GRADIENT_TOLERANCE * alpha[:, 0])
+        if i % CHANGE_WINDOW == 0:
+            with np.errstate(invalid="ignore"):
+                still |= np.abs(before[active] - h[active]) <= CHANGE_TOLERANCE * h[active]
+            before[active] = h[active]
+        converged[active] = still & ~lost
+        active = active[~(lost | still)]
+    return Descent(x, h, multipliers, converged, used)
+
+
+def _admitted(x: FloatArray, constraint: Constraint | None, unit_gain: bool) -> FloatArray:
+    """Return the points pulled back into the constraints and onto unit gain, shape (S, 6)."""
+    if constraint is not None:
+        x = x.copy()
+        x[:, :3] = constraint.pull_back(x[:, :3])
+    if unit_gain:
+        # D, E and F take the difference equally: the nearest point of unit gain that leaves the poles alone.
+        x = x.copy()
+        x[:, 3:] += ((1.0 - np.sum(x, axis=1)) / 3.0)[:, None]
+    return x
+
+
+def _tangent(gradient: FloatArray, unit_gain: bool) -> FloatArray:
+    return gradient - np.mean(gradient, axis=1, keepdims=True) if unit_gain else gradient
+
+
+def _pressure(x: FloatArray, multipliers: FloatArray, constraint: Constraint | None) -> FloatArray:
+    """Return sum lambda_i dg_i/dx, shape (S, 6)."""
+    result = np.zeros_like(x)
+    if constraint is not None and np.any(multipliers):
+        sign = -1.0 if constraint.printed_signs else 1.0
+        result[:, :3] = sign * np.einsum("sn,snj->sj", multipliers, constraint.gradients(x[:, :3]))
+    return result
+
+
+def _next_step(
+    alpha: FloatArray, moved: FloatArray, change: FloatArray, accepted: npt.NDArray[np.bool_], *, odd: bool
+) -> FloatArray:
+    """Return the next lengths: both Barzilai-Borwein formulae in turn, a longer one where H is not convex."""
+    size = np.maximum(np.max(np.abs(change), axis=1), 1e-300)
+    scaled = change / size[:, None]  # The gradients of unstable laws would overflow when squared.
+    curvature = np.sum(moved * scaled, axis=1)
+    convex = curvature > 0.0
+    safe = np.where(convex, curvature, 1.0)
+    long = np.sum(moved * moved, axis=1) / safe / size
+    short = safe / np.maximum(np.sum(scaled * scaled, axis=1), 1e-300) / size
+    spectral = np.where(convex, long if odd else short, _GROW * alpha)
+    return np.where(accepted, spectral, _SHRINK * alpha)

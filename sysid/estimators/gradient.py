@@ -1,0 +1,185 @@
+"""The paper's gradient descent on the free-running error, without and with the stability criterion.
+
+S. Nie, N. Igo and K. Hoshino, "Parameter identification of Mecanum wheel robot using descent with stability
+criterion", sections 3.2 and 3.3.
+
+What `Options.first_starts` chooses:
+
+- random: as published. Random starts (`random_starts`) and one constant learning rate alpha = 1.9/L_h, just
+  inside the paper's bound 2/L_h, with L_h the largest curvature of H at the Steiglitz-McBride law.
+- informed: improved. Every start is refined by Steiglitz-McBride before the descent, and the steps have
+  spectral lengths (`descent.Rule`). The kth start is drawn from the same random numbers as the published kth
+  start, which are its first prefilter, so that the two can be compared start by start.
+
+The paper's proof needs H convex and the region convex. Neither holds: H of the free run is not convex in A,
+B, C (only the one-step error is), and the region is not convex (the midpoint of two stable laws can be
+unstable). So descent finds a local minimum, the projection is the nearest point of a non-convex set, and
+several starts are worth while.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.units import FloatArray
+from sysid.estimators.batch import batch_cost
+from sysid.estimators.descent import Constraint, Descent, Rule, descend
+from sysid.estimators.feasible import nearest_feasible, violation_gradients, violations
+from sysid.estimators.interface import Estimate, Options, StartResult
+from sysid.estimators.problem import Problem, stack
+from sysid.estimators.runs import WheelRun
+from sysid.estimators.start import (
+    one_step_coefficients,
+    stable_coefficients,
+    steiglitz_mcbride_coefficients,
+)
+
+ITERATIONS_PER_EVALUATION: Final = 25
+"""A descent gets this many iterations for each of `Options.max_iterations`: they are many and cheap."""
+
+RATE_SHARE: Final = 1.9
+"""The constant learning rate in units of 1/L_h; the paper allows 0 to 2."""
+
+ROUTH_HURWITZ: Final = Constraint(violations, violation_gradients, nearest_feasible)
+"""The four Routh-Hurwitz conditions, and the nearest stable point for an update that breaks them."""
+
+
+def gradient(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
+    """Estimate by unconstrained gradient descent (section 3.2 of the paper, its method of comparison).
+
+    Nothing keeps the result stable: the start with the least error wins, be it stable or not.
+
+    Args:
+        runs: one or more runs.
+        options: `starts`, `seed`, `first_starts` (see the module), `initial`, `unit_gain` and
+        `max_iterations`
+            are used. Delay and saturation are not estimated, the loss is linear.
+
+    Raises:
+        InputError: no usable data, or no start whose error stays finite.
+    """
+    return estimate_by_descent("gradient", runs, options or Options(), None)
+
+
+def kkt(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
+    """Estimate by gradient descent with Routh-Hurwitz constraints (sections 3.2 and 3.3, the proposal).
+
+    KKT multipliers press on violated conditions, and an unstable update is projected to the nearest stable
+    law, so every result is stable. The multipliers have the signs that work (see `descent`), not those
+    printed.
+
+    Args:
+        runs: one or more runs.
+        options: as for `gradient`.
+
+    Raises:
+        InputError: no usable data.
+    """
+    return estimate_by_descent("kkt", runs, options or Options(), ROUTH_HURWITZ)
+
+
+def random_starts(count: int, seed: int) -> FloatArray:
+    """Return random A-F, shape (count, 6), each coefficient uniform in -1..1: half of the laws are stable.
+
+    The paper says "10 sets of random values" and no more. The first n of any count are the same for one seed.
+    """
+    return np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 6))
+
+
+def starting_laws(runs: Sequence[WheelRun], options: Options) -> tuple[list[str], FloatArray]:
+    """Return the kind of every start and its A-F, shape (S, 6), as the options ask for."""
+    if options.initial:
+        return ["given"] * len(options.initial), np.array(options.initial, float)
+    drawn = random_starts(options.starts, options.seed)
+    if options.first_starts == "random":
+        return ["random"] * options.starts, drawn
+    gain = options.unit_gain
+    laws = [
+        steiglitz_mcbride_coefficients(runs, unit_gain=gain),
+        stable_coefficients(one_step_coefficients(runs, unit_gain=gain), unit_gain=gain),
+    ]
+    kinds = ["steiglitz-mcbride", "one-step"]
+    for row in drawn[2:]:
+        laws.append(steiglitz_mcbride_coefficients(runs, unit_gain=gain, filtered_by=row[:3]))
+        kinds.append("random")
+    return kinds[: options.starts], np.array(laws[: options.starts])
+
+
+def learning_rate(problem: Problem, runs: Sequence[WheelRun]) -> float:
+    """Return alpha = 1.9/L_h, L_h the largest eigenvalue of the Gauss-Newton matrix at the start's law."""
+    law = steiglitz_mcbride_coefficients(runs)
+    jacobian = problem.predict_with_jacobian(law, problem.traces())[1][:, :6] * problem.weight[:, None]
+    largest = float(np.linalg.eigvalsh(2.0 * jacobian.T @ jacobian / np.sum(problem.weight**2))[-1])
+    return RATE_SHARE / largest
+
+
+def estimate_by_descent(
+    method: str, runs: Sequence[WheelRun], options: Options, constraint: Constraint | None
+) -> Estimate:
+    """Run one descent from all starts together and keep the best; the seconds of a start are its equal share.
+
+    Raises:
+        InputError: no usable data, or no start whose error stays finite.
+    """
+    began = time.perf_counter()
+    problem = stack(runs)
+    kinds, starts = starting_laws(runs, options)
+    rule: Rule = "fixed" if options.first_starts == "random" else "spectral"
+    descent = descend(
+        batch_cost(problem),
+        starts,
+        rate=learning_rate(problem, runs),
+        iterations=ITERATIONS_PER_EVALUATION * options.max_iterations,
+        rule=rule,
+        constraint=constraint,
+        unit_gain=options.unit_gain,
+    )
+    if not np.any(np.isfinite(descent.cost)):
+        raise InputError(
+            f"{method}: none of {len(starts)} starts kept a finite error; "
+            "take more starts, informed ones, or the method output-error"
+        )
+    seconds = time.perf_counter() - began
+    results = _results(problem, kinds, starts, descent, seconds)
+    best = int(np.argmin(descent.cost))
+    law = WheelLaw.from_coefficients(descent.laws[best], problem.sample_period_s)
+    return Estimate(
+        method=method,
+        law=law,
+        rms_rpm=results[best].rms_rpm,
+        cost=0.5 * float(descent.cost[best]) * float(np.sum(problem.weight**2)),
+        free=("A", "B", "C", "D", "F") if options.unit_gain else ("A", "B", "C", "D", "E", "F"),
+        starts=tuple(results),
+        seconds=seconds,
+    )
+
+
+def _results(
+    problem: Problem, kinds: Sequence[str], starts: FloatArray, descent: Descent, seconds: float
+) -> list[StartResult]:
+    traces = problem.traces()
+    results = []
+    for i, kind in enumerate(kinds):
+        law = descent.laws[i]
+        finite = bool(np.all(np.isfinite(law)))
+        with np.errstate(all="ignore"):
+            rms = problem.rms(problem.predict(law, traces)) if finite else np.inf
+        results.append(
+            StartResult(
+                kind=kind,
+                initial=tuple(float(x) for x in starts[i]),
+                coefficients=tuple(float(x) for x in law),
+                rms_rpm=rms,
+                stable=finite and WheelLaw.from_coefficients(law, problem.sample_period_s).is_stable,
+                converged=bool(descent.converged[i]),
+                iterations=int(descent.iterations[i]),
+                seconds=seconds / len(kinds),
+            )
+        )
+    return results

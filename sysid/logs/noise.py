@@ -89,9 +89,11 @@ def _at(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, FloatArray]
     interval = t[left + 1] - t[left]
     fraction = (times - t[left]) / interval
     # Stamps are rarely equal to the last digit; a thousandth of an interval is equal.
-    fraction = np.where(np.abs(fraction - np.rint(fraction)) < 1e-3, np.rint(fraction), fraction)
+    median = float(np.median(np.diff(t)))
+    equal = np.abs(fraction - np.rint(fraction)) * interval < 1e-3 * median
+    fraction = np.where(equal, np.rint(fraction), fraction)
     exact = (fraction == 0.0) | (fraction == 1.0)
-    near = interval <= BRIDGED_INTERVALS * float(np.median(np.diff(t)))
+    near = interval <= BRIDGED_INTERVALS * median
     usable = (fraction >= 0.0) & (fraction <= 1.0) & (near | exact)
     values = (1.0 - fraction) * x[left] + fraction * x[left + 1]
     variance = (1.0 - fraction) ** 2 + fraction**2

@@ -50,7 +50,7 @@ BAD_RUNS = {
     "tabs": ("time_s\tspeed_rpm\n0\t1\n", "line 1: cells are separated by tabs, must be by ','"),
     "unknown column": (
         "time_s,command_rpm,sped_rpm\n0,1,2\n1,1,2\n",
-        "line 1: unknown column 'sped_rpm' (did you mean \"speed_rpm\"?); known: time_s, command_rpm, command_v_rpm",
+        "line 1: unknown column 'sped_rpm' (did you mean \"speed_rpm\"?); known: time_s, command_rpm",
     ),
     "no time": (
         "command_rpm,speed_rpm\n1,2\n1,2\n",

@@ -1,0 +1,170 @@
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mecanum_env.units import RAD_S_PER_RPM
+from sysid.logs import BodyCommand, Finding, Run
+from sysid.logs.findings import KINDS, dataset_findings, run_findings
+
+BenchRun = Callable[..., Run]
+Step = Callable[..., np.ndarray]
+COMMAND = np.concatenate([np.zeros(50), np.full(100, 40.0), np.full(100, -60.0), np.full(100, 90.0)])
+
+
+def follow(command: np.ndarray, noise: float = 0.3) -> np.ndarray:
+    """A first-order wheel with a time constant of 0.08 s and noise, read to 0.01 rpm."""
+    speed = np.zeros(command.size)
+    for k in range(command.size - 1):
+        speed[k + 1] = speed[k] + (command[k] - speed[k]) / 8.0
+    return np.round(speed + noise * np.random.default_rng(7).standard_normal(command.size), 2)
+
+
+def kinds(run: Run) -> dict[str, Finding]:
+    found = {finding.kind: finding for finding in run_findings(run)}
+    assert set(found) <= set(KINDS)
+    return found
+
+
+def test_a_good_run_has_no_findings(bench_run: BenchRun) -> None:
+    assert kinds(bench_run("a.csv", COMMAND, follow(COMMAND))) == {}
+
+
+def test_rounding_to_one_rpm_is_not_taken_for_held_samples(bench_run: BenchRun) -> None:
+    assert kinds(bench_run("a.csv", COMMAND, np.round(follow(COMMAND)))) == {}
+
+
+@pytest.mark.parametrize("factor", [2, 3])
+def test_held_samples_are_seen_with_their_share(factor: int, bench_run: BenchRun) -> None:
+    held = np.repeat(follow(COMMAND)[::factor], factor)[: COMMAND.size]
+    found = kinds(bench_run("a.csv", COMMAND, held))
+    assert found["held_samples"].value == pytest.approx(1 - 1 / factor, abs=0.06)
+
+
+def test_uneven_stamps_are_seen_with_their_spread(bench_run: BenchRun) -> None:
+    interval = np.where(np.arange(COMMAND.size) % 4 == 0, 0.012, 0.003)
+    found = kinds(bench_run("a.csv", COMMAND, follow(COMMAND), time_s=np.cumsum(interval)))
+    assert found["uneven_stamps"].value == pytest.approx(3.0)
+    assert "intervals of 3 to 12 ms" in found["uneven_stamps"].message
+
+
+def test_a_gap_is_seen_with_its_length(bench_run: BenchRun) -> None:
+    time = 0.01 * np.arange(COMMAND.size)
+    time[200:] += 0.7
+    found = kinds(bench_run("a.csv", COMMAND, follow(COMMAND), time_s=time))
+    assert found["gap"].value == pytest.approx(0.71)
+    assert "uneven_stamps" not in found
+
+
+def test_missing_cells_are_counted(bench_run: BenchRun) -> None:
+    speed = follow(COMMAND)
+    speed[::5] = np.nan
+    assert kinds(bench_run("a.csv", COMMAND, speed))["missing"].value == pytest.approx(0.2)
+
+
+def test_a_dead_sensor_is_seen(bench_run: BenchRun) -> None:
+    assert "stuck" in kinds(bench_run("a.csv", COMMAND, np.zeros(COMMAND.size)))
+
+
+def test_a_sensor_that_freezes_on_the_way_is_seen(bench_run: BenchRun) -> None:
+    speed = follow(COMMAND)
+    speed[100:240] = speed[100]
+    found = kinds(bench_run("a.csv", COMMAND, speed))
+    assert found["stuck"].value == pytest.approx(1.39)
+
+
+def test_rest_while_nothing_is_commanded_is_not_stuck(bench_run: BenchRun) -> None:
+    assert kinds(bench_run("a.csv", np.zeros(50), np.zeros(50))) == {}
+
+
+@pytest.mark.parametrize(
+    ("scale", "said"),
+    [
+        (RAD_S_PER_RPM, "speed_rpm in rad/s? (scale = 9.549"),
+        (1 / RAD_S_PER_RPM, "the command in rad/s? (scale = 9.549"),
+        (1 / 60, "speed_rpm in turns/s? (scale = 60)"),
+        (-1.0, "the sign is turned round? (scale = -1)"),
+    ],
+)
+def test_a_wrong_unit_is_seen(scale: float, said: str, bench_run: BenchRun) -> None:
+    run = bench_run("a.csv", COMMAND, scale * follow(COMMAND))
+    (finding,) = dataset_findings([run])
+    assert finding.kind == "units"
+    assert said in finding.message
+    assert finding.value == pytest.approx(scale, rel=0.02)
+
+
+@pytest.mark.parametrize("gain", [0.3, 0.7, 1.0, 1.4, 3.0])
+def test_a_wheel_that_is_merely_slow_or_fast_is_no_unit(gain: float, bench_run: BenchRun) -> None:
+    assert dataset_findings([bench_run("a.csv", COMMAND, gain * follow(COMMAND))]) == []
+
+
+def test_milliseconds_are_seen(bench_run: BenchRun) -> None:
+    run = bench_run("a.csv", COMMAND, follow(COMMAND), time_s=10.0 * np.arange(COMMAND.size))
+    assert "milliseconds" in kinds(run)["units"].message
+
+
+def body_run(theta: float, yaw_rate: float) -> Run:
+    n = 50
+    command = BodyCommand(np.full(n, 20.0), np.full(n, theta), np.zeros(n))
+    rate = yaw_rate * np.sin(np.arange(n))
+    return Run("a.csv", "a", "fit", 0.01 * np.arange(n), command, {"yaw_rate_rad_s": rate})
+
+
+def test_an_angle_in_radians_is_seen() -> None:
+    assert "radians" in kinds(body_run(1.5708, 0.01))["units"].message
+    assert "units" not in kinds(body_run(90.0, 0.01))
+
+
+def test_a_yaw_rate_in_degrees_is_seen() -> None:
+    assert "degrees per second" in kinds(body_run(0.0, 80.0))["units"].message
+
+
+def test_commands_faster_than_the_robot_takes_them_are_counted(bench_run: BenchRun) -> None:
+    command = np.repeat([0.0, 10.0, 20.0, 30.0, 40.0], [50, 5, 5, 50, 50])
+    assert kinds(bench_run("a.csv", command, follow(command)))["fast_commands"].value == 2.0
+
+
+def test_commands_at_the_robots_own_period_are_fine(bench_run: BenchRun) -> None:
+    command = np.repeat(10.0 * np.arange(20), 10)[:120]
+    assert "fast_commands" not in kinds(bench_run("a.csv", command, follow(command)))
+
+
+@pytest.mark.parametrize(("peak", "beyond"), [(134.0, False), (135.0, False), (140.0, True)])
+def test_speeds_above_the_limit_are_seen(
+    peak: float, beyond: bool, bench_run: BenchRun, step_command: Step
+) -> None:
+    command = step_command(peak)
+    assert ("beyond_limit" in kinds(bench_run("a.csv", command, follow(command)))) is beyond
+
+
+def test_a_moving_start_is_seen_with_its_speed(bench_run: BenchRun) -> None:
+    found = kinds(bench_run("a.csv", COMMAND, follow(COMMAND) + 12.0))
+    assert found["not_at_rest"].value == pytest.approx(12.0, abs=0.5)
+
+
+def test_noise_at_rest_is_no_moving_start(bench_run: BenchRun) -> None:
+    speed = follow(COMMAND)
+    speed[:3] = (1.2, -0.4, 0.1)
+    assert "not_at_rest" not in kinds(bench_run("a.csv", COMMAND, speed))
+
+
+def test_one_sensor_under_two_names_is_seen() -> None:
+    base = body_run(0.0, 0.1)
+    speed = np.sin(np.arange(50))
+    both = {"speed_fl_rpm": speed, "speed_rl_rpm": speed.copy()}
+    assert (
+        "one sensor"
+        in kinds(Run("a.csv", "a", "fit", base.time_s, base.command, both))["same_channel"].message
+    )
+
+
+@pytest.mark.parametrize(
+    "damage", [lambda x: x * np.nan, lambda x: np.where(np.arange(x.size) < 1, x, np.nan)]
+)
+def test_findings_bear_channels_without_samples(
+    damage: Callable[[np.ndarray], np.ndarray], bench_run: BenchRun
+) -> None:
+    run = bench_run("a.csv", COMMAND, damage(follow(COMMAND)))
+    assert "missing" in kinds(run)
+    assert dataset_findings([run]) == []

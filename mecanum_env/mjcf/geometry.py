@@ -11,11 +11,11 @@ With p = pi / N, half the angle between rollers, two conditions fix r and c:
 
 1. reach(0) = reach(p) = R: as high in the middle of a roller as where the load passes to the next one, so
    c^2 = b^2 + 2 ((R - r cos p)^2 - b^2) / sin^2 p.
-2. Neighbouring rollers just do not touch. Their axes, two skew lines, pass each other at the distance
+2. Neighbouring rollers keep a gap of 1 % of their thickness. Their axes, two skew lines, pass each other at the distance
    2 r sin p / sqrt(1 + cos^2 p), at t = sqrt 2 r sin p cos p / (1 + cos^2 p) from their middles, where each
    roller is b sqrt(1 - t^2 / c^2) thick.
 
-N = 10 and R = 76.2 mm give r = 61.8, b = 14.4, c = 47.2 mm, and a reach that is round to 91 um.
+N = 10 and R = 76.2 mm give r = 61.9, b = 14.3, c = 47.0 mm, and a reach that is round to 91 um.
 """
 
 from __future__ import annotations
@@ -33,6 +33,10 @@ from mecanum_env.units import FloatArray
 
 ROLLER_SIDE = {"fl": -1.0, "fr": 1.0, "rl": 1.0, "rr": -1.0}
 """s in the axis (1, s, 0) / sqrt 2 of the roller that touches the floor; seen from above an X."""
+
+
+GAP = 0.01
+"""Between neighbouring rollers, over their thickness there."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,7 @@ def wheel_geometry(radius: float, rollers: int) -> WheelGeometry:
         turn = 1 + math.cos(p) ** 2
         half_distance = r * math.sin(p) / math.sqrt(turn)
         t = math.sqrt(2) * r * math.sin(p) * math.cos(p) / turn
-        return half_distance - (radius - r) * math.sqrt(1 - (t / roller_half_length(r)) ** 2)
+        return (1 - GAP) * half_distance - (radius - r) * math.sqrt(1 - (t / roller_half_length(r)) ** 2)
 
     r = float(brentq(clearance, 0.4 * radius, 0.999 * radius, xtol=1e-15 * radius))
     return WheelGeometry(radius, rollers, r, radius - r, roller_half_length(r))

@@ -87,7 +87,7 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"check": check, "import": i
 
 
 def main(args: list[str]) -> int:
-    """Run one of `COMMANDS`; return the exit code."""
+    """Run the one of `COMMANDS` that the arguments name; return the exit code."""
     if args and args[0] in COMMANDS:
         return run_command(COMMANDS[args[0]], args[1:], prog=f"python -m sysid.logs {args[0]}")
     asked = bool(args) and args[0] in ("-h", "--help")

@@ -43,7 +43,7 @@ class Context:
 
 
 def body_command(messages: Sequence[Any], context: Context) -> Columns:
-    """Twist or TwistStamped [m/s, rad/s] to V, theta, VC by the robot's geometry."""
+    """Turn Twist or TwistStamped messages [m/s, rad/s] into V, theta, VC by the robot's geometry."""
     twists = [getattr(message, "twist", message) for message in messages]
     values = np.array([(t.linear.x, t.linear.y, t.angular.z) for t in twists], float)
     command = twist_to_command(values, context.geometry)
@@ -51,12 +51,12 @@ def body_command(messages: Sequence[Any], context: Context) -> Columns:
 
 
 def wheel_commands(messages: Sequence[Any], context: Context) -> Columns:
-    """Arrays of four numbers in the order fl, fr, rl, rr to wheel commands."""
+    """Turn messages of four numbers in the order fl, fr, rl, rr into wheel commands."""
     return dict(zip(WHEEL_COMMAND, _arrays(messages, context).T, strict=True))
 
 
 def wheel_speeds(messages: Sequence[Any], context: Context) -> Columns:
-    """JointState velocities [rad/s], or an array of four numbers, to wheel speeds."""
+    """Turn messages of joint velocities [rad/s], or of four numbers, into wheel speeds."""
     if hasattr(messages[0], "data"):
         return dict(zip(WHEEL_SPEEDS, _arrays(messages, context).T, strict=True))
     # A topic may carry the arm's joints in messages of their own: they say nothing of the wheels.
@@ -78,7 +78,7 @@ def wheel_speeds(messages: Sequence[Any], context: Context) -> Columns:
 
 
 def odometry(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG001
-    """Odometry to the body twist (in its child frame, as ROS has it) and the pose."""
+    """Turn Odometry messages into the body twist (in its child frame, as ROS has it) and the pose."""
     twists = [message.twist.twist for message in messages]
     poses = [message.pose.pose for message in messages]
     return {
@@ -92,22 +92,22 @@ def odometry(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG
 
 
 def imu(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG001
-    """Imu to the yaw rate; its z axis must point up."""
+    """Turn Imu messages into the yaw rate; the sensor's z axis must point up."""
     return {"yaw_rate_rad_s": np.array([m.angular_velocity.z for m in messages], float)}
 
 
 def battery(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG001
-    """BatteryState to the supply voltage."""
+    """Turn BatteryState messages into the supply voltage."""
     return {"battery_v": np.array([m.voltage for m in messages], float)}
 
 
 def bench_command(messages: Sequence[Any], context: Context) -> Columns:
-    """One number a message to the commanded wheel speed."""
+    """Turn messages of one number into the commanded wheel speed."""
     return {"command_rpm": np.array([m.data for m in messages], float) * context.rpm_per_number}
 
 
 def bench_speed(messages: Sequence[Any], context: Context) -> Columns:
-    """One number, or one joint's velocity [rad/s], a message to the measured wheel speed."""
+    """Turn messages of one number, or of a joint's velocity [rad/s], into the measured wheel speed."""
     if hasattr(messages[0], "data"):
         return {"speed_rpm": np.array([m.data for m in messages], float) * context.rpm_per_number}
     names = list(messages[0].name)

@@ -144,6 +144,11 @@ def _require_complete(bag: str, chosen: Mapping[str, str], bench: bool, listing:
 def match_joints(where: str, names: Sequence[str], stated: Mapping[str, str]) -> dict[str, int]:
     """Return the index of each wheel's joint by its name: front_left_wheel, wheel_fl, lf_joint and alike.
 
+    Args:
+        where: Bag and topic, for messages.
+        names: All joints of the topic.
+        stated: Joint by wheel, where the user gave one.
+
     Raises:
         InputError: a wheel without, or with several, matching joints; the message lists the names.
     """

@@ -94,6 +94,6 @@ def _shortest(value: float) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return a TOML string."""
+    """Return a text as a TOML string."""
     # A JSON string is a TOML string, but for DEL, which only JSON allows bare.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

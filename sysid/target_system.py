@@ -105,7 +105,7 @@ def simulate_target(
     rpm_per_count = 60.0 / (drive.encoder_counts * drive.gear_ratio * sample_period_s)
     counted = np.concatenate([[0.0], np.diff(counts)]) * rpm_per_count
     return TargetRecord(
-        time_s=rows * drive.control_period_s,
+        time_s=np.asarray(rows * drive.control_period_s, float),
         command_rpm=commands[np.minimum(rows // per_command, commands.size - 1)],
         speed_rpm=counted + noise_rpm * rng.standard_normal(rows.size),
         true_speed_rpm=speed[rows] / (drive.gear_ratio * RAD_S_PER_RPM),

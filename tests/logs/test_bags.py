@@ -243,12 +243,12 @@ REFUSED: dict[str, tuple[list[Message], tuple[str, ...], str]] = {
     "two odometries": (
         [*drive(), renamed(odom(START, 0, 0), "/odom2")],
         (),
-        r"2 topics could be odometry; choose with --map odometry=/odom \(or odometry=none\); topics: /battery ",
+        r"2 topics could be odometry; choose with --map odometry=/odom \(or odometry=none\); topics: /b",
     ),
     "no command": (
         [imu(START, 0.1)],
         (),
-        r"no command found; give --map command=TOPIC .*; topics: /imu \(sensor_msgs",
+        r"no command found; give --map command=TOPIC .*; topics: /imu",
     ),
     "nothing measured": ([twist(START, 0, 0, 0)], (), r"nothing measured found .*; topics: /cmd_vel"),
     "no such topic": (drive(), ("imu=/imo",), r'no topic /imo \(did you mean "/imu"\?\); topics:'),

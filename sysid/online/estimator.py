@@ -47,6 +47,8 @@ _ABSURD_RPM: Final = 1e6
 """Values beyond this are a broken sensor or message, treated as missing."""
 _FORGETTING_PER_INFORMATION: Final = 2.0
 """Under steady excitation psi' R^-1 psi averages 5 g: 2/5 of it binds only when little happens."""
+_LARGEST_CONDITION: Final = 1e13
+"""Samples weigh less where R would come to exceed the prior by more: double precision could not invert it."""
 _TO_SIX: Final = np.array(
     [
         [1, 0, 0, 0, 0],
@@ -114,6 +116,7 @@ class OnlineEstimator:
         self._theta = self._initial.copy()
         self._prior = np.eye(_N) * (options.noise_rpm / options.prior_deviation) ** 2
         self._information = self._prior.copy()
+        self._largest_gradient = math.sqrt(_LARGEST_CONDITION * self._prior[0, 0] / options.memory_samples)
         self._noise = NoiseTracker.start(options.noise_rpm, options.quantum_rpm)
         self.restart()
 
@@ -203,10 +206,11 @@ class OnlineEstimator:
     def _learn(self, innovation: float) -> float:
         """Move the estimate by one measurement; return the share of information forgotten."""
         options, noise = self._options, self._noise
-        psi = self._gradients[0]
+        weight = min(1.0, self._largest_gradient / max(float(np.max(np.abs(self._gradients[0]))), 1e-300))
+        psi = weight * self._gradients[0]
         noise.update(innovation, options.recent_samples, options.usual_samples)
         limit = options.outlier_deviations * math.sqrt(noise.recent_rpm2)
-        clipped = max(-limit, min(limit, innovation))
+        clipped = weight * max(-limit, min(limit, innovation))
         shortening = options.memory_samples / options.shortest_memory_samples
         urgency = min(max(1.0, noise.ratio / options.change_ratio), shortening)
         gained = float(psi @ np.linalg.solve(self._information, psi))

@@ -8,7 +8,7 @@ from typing import Final
 
 _MEDIAN_OF_THREE: Final = 0.70346
 """E m^2 for m the median of three |z|, z standard normal: 6 int z^2 G (1 - G) g dz, G and g those of |z|."""
-_FASTEST_GROWTH: Final = (25.0, 4.0)
+_FASTEST_GROWTH: Final = (25.0, 6.0)
 """Power of one sample is clipped at this multiple of the average it enters: recent, usual."""
 _SMALLEST_RPM: Final = 1e-3
 

@@ -18,9 +18,9 @@ class OnlineOptions:
         InputError: a value out of range; the message names it.
     """
 
-    memory_samples: float = 240.0
+    memory_samples: float = 180.0
     """Memory while the law is steady: a sample this old has lost 63 % of its weight."""
-    shortest_memory_samples: float = 6.0
+    shortest_memory_samples: float = 4.0
     """Memory while the innovations say that the law has changed."""
     noise_rpm: float = 0.6
     """Rough standard deviation of the measured speed [rpm]: scales the prior; the noise is estimated."""
@@ -34,9 +34,9 @@ class OnlineOptions:
     """No published law has D, E or F beyond +- this."""
     largest_step: float = 0.5
     """No coefficient moves by more than this in one sample, before projection."""
-    outlier_deviations: float = 4.0
+    outlier_deviations: float = 6.0
     """Innovations are clipped at this many standard deviations (Huber)."""
-    change_ratio: float = 2.0
+    change_ratio: float = 1.5
     """Memory shortens when recent innovation power exceeds the usual by more than this factor."""
     recent_samples: float = 24.0
     """Over this many samples "recent" power is averaged."""

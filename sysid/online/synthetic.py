@@ -1,0 +1,90 @@
+"""Synthetic samples with known truth, and a law that changes on the way: for tests and the benchmark."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from mecanum_env.law import LawState, WheelLaw
+from mecanum_env.units import FloatArray
+
+NOISE_RPM = 0.5
+HOLD_TICKS = 12
+LIMIT_RPM = 135
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """One wheel, one entry a tick, shape (N,) each."""
+
+    command_rpm: FloatArray
+    true_rpm: FloatArray
+    speed_rpm: FloatArray
+    """Measured: the true speed with noise, rounded."""
+
+
+def random_samples(
+    laws: Sequence[tuple[WheelLaw, int]],
+    rng: np.random.Generator,
+    *,
+    noise_rpm: float = NOISE_RPM,
+    quantum_rpm: float = 1.0,
+    hold_ticks: int = HOLD_TICKS,
+) -> Samples:
+    """Return whole commands within +-135 rpm held for `hold_ticks`, and what each law in turn makes of them.
+
+    Args:
+        laws: each law and for how many ticks it holds; the wheel keeps its speed when the law changes.
+        rng: source of commands and noise.
+        noise_rpm: standard deviation of the measured speed before rounding [rpm].
+        quantum_rpm: rounding of the measured speed [rpm]; 0: none.
+        hold_ticks: ticks between commands.
+    """
+    n = sum(ticks for _, ticks in laws)
+    values = rng.integers(-LIMIT_RPM, LIMIT_RPM + 1, -(-n // hold_ticks))
+    command = np.repeat(values, hold_ticks)[:n].astype(float)
+    true = _simulate(laws, command)
+    speed = true + noise_rpm * rng.standard_normal(n)
+    if quantum_rpm > 0.0:
+        speed = np.rint(speed / quantum_rpm) * quantum_rpm
+    return Samples(command, true, speed)
+
+
+def _simulate(laws: Sequence[tuple[WheelLaw, int]], command: FloatArray) -> FloatArray:
+    parts, state, at = [], LawState(), 0
+    for law, ticks in laws:
+        span = command[at : at + ticks]
+        speeds = law.simulate(span, state)
+        parts.append(speeds[:-1])
+        # What the next law starts from: the last speeds and commands, newest first.
+        past = np.concatenate([[float(np.asarray(state.w2)), float(np.asarray(state.w1))], speeds])
+        sent = np.concatenate([[float(np.asarray(state.r2)), float(np.asarray(state.r1))], span])
+        state = LawState(past[-1], past[-2], past[-3], sent[-1], sent[-2])
+        at += ticks
+    return np.concatenate(parts)
+
+
+def random_stable_law(
+    rng: np.random.Generator, sample_period_s: float, largest_pole: float = 0.95
+) -> WheelLaw:
+    """Return a law of unit gain like a drive's: one real pole, a pair of real or complex ones, any zeros."""
+    poles = [rng.uniform(-0.2, largest_pole)]
+    if rng.random() < 0.5:
+        poles += list(rng.uniform(-0.5, 0.8, 2))
+    else:
+        pair = rng.uniform(0.0, 0.85) * np.exp(1j * rng.uniform(0.0, 1.5))
+        poles += [pair, np.conj(pair)]
+    a, b, c = -np.real(np.poly(poles))[1:]
+    shares = rng.uniform(-0.3, 1.0, 3)
+    while abs(np.sum(shares)) < 0.3:
+        shares = rng.uniform(-0.3, 1.0, 3)
+    d, e, f = shares * (1.0 - a - b - c) / np.sum(shares)
+    return WheelLaw.from_coefficients([a, b, c, d, e, f], sample_period_s).normalised()
+
+
+def free_run_error_rpm(law: WheelLaw, samples: Samples, *, noisy: bool = True) -> float:
+    """Return the rms of measured (or true) minus free-running speed [rpm], from rest at the first tick."""
+    target = samples.speed_rpm if noisy else samples.true_rpm
+    return float(np.sqrt(np.mean((target - law.simulate(samples.command_rpm)[:-1]) ** 2)))

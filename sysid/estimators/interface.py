@@ -36,6 +36,8 @@ class Options:
     """Starting points A-F given by the caller; replaces all others when not empty."""
     unit_gain: bool = True
     """Hold A+B+C+D+E+F = 1, the unit DC gain of a drive with integral action; E is then eliminated."""
+    order: Literal["auto", "third"] = "auto"
+    """auto: C and F (then B) are 0 where the data are explained as well without; third: never."""
     fit_delay: bool = False
     """Estimate a pure transport delay of the command."""
     max_delay_s: float = 0.25

@@ -5,7 +5,8 @@ Maximum likelihood when the measurement noise is white and normal (Ljung, "Syste
 iterate has unit DC gain. Two stages per start:
 
 1. Variable projection (`projection`): D, E, F enter linearly, so for given poles the best ones are solved
-   for, and the trust region moves in the three pole coordinates only. This is what makes random starts converge.
+   for, and the trust region moves in the three pole coordinates only. This is what makes random starts
+   converge.
 2. All parameters together, delay and saturation included, by trust-region least squares with the exact
    Jacobian.
 """
@@ -23,6 +24,7 @@ from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
 from sysid.estimators.drive_start import drive_start, gain_start
 from sysid.estimators.interface import Estimate, Options, StartResult
+from sysid.estimators.order import FREE_BY_ORDER, lower_order, noise_gain, noise_variance
 from sysid.estimators.problem import Problem, Traces, stack
 from sysid.estimators.projection import project
 from sysid.estimators.runs import WheelRun
@@ -102,15 +104,17 @@ def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Es
             )
         )
     best = min(results, key=lambda pair: pair[1].cost)
-    point = best[1].point
-    free = ["A", "B", "C", "D", "F"] if options.unit_gain else ["A", "B", "C", "D", "E", "F"]
+    point, cost, order = best[1].point, best[1].cost, 3
+    if options.order == "auto" and options.loss == "linear":
+        point, cost, order = _simplest(problem, point, cost, options)
+    free = [name for name in FREE_BY_ORDER[order] if name != "E" or not options.unit_gain]
     free += ["delay_s"] if options.fit_delay else []
     free += ["saturation_rpm"] if np.isfinite(point.saturation_rpm) else []
     return Estimate(
         method="output-error",
         law=WheelLaw.from_coefficients(point.coefficients, problem.sample_period_s),
-        rms_rpm=best[0].rms_rpm,
-        cost=best[1].cost,
+        rms_rpm=_rms(problem, point),
+        cost=cost,
         free=tuple(free),
         starts=tuple(start for start, _ in results),
         seconds=time.perf_counter() - began,
@@ -202,6 +206,22 @@ def _polish(problem: Problem, start: _Point, options: Options, evaluations: int)
         found.status > 0,
         evaluations + int(found.nfev),
     )
+
+
+def _simplest(problem: Problem, point: _Point, cost: float, options: Options) -> tuple[_Point, float, int]:
+    """Return (point, cost, order): the lowest order that explains the data as well as the next one."""
+    traces = problem.traces(point.delay_s, point.saturation_rpm)
+    c = point.coefficients
+    gain = 1.0 if options.unit_gain else float(np.sum(c[3:]) / (1.0 - np.sum(c[:3])))
+    samples = len(problem.group)
+    order = 3
+    for lower in (2, 1):
+        found = lower_order(problem, traces, lower, unit_gain=options.unit_gain, gain=gain)
+        variance = noise_variance(cost, samples, 2 * order - options.unit_gain)
+        if 2.0 * (found.cost - cost) > noise_gain(samples) * variance:
+            break
+        point, cost, order = replace(point, coefficients=found.coefficients), found.cost, lower
+    return point, cost, order
 
 
 def _starting_points(runs: Sequence[WheelRun], options: Options) -> list[tuple[str, FloatArray]]:

@@ -191,7 +191,8 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
         total = np.bincount(group, precision)
         mean = np.bincount(group, precision * speed) / total
         within = 0.5 * float(np.sum(precision * (speed - mean[group]) ** 2))
-        row, time, speed, precision = row[first], time[first], mean, total
+        row, time = row[first], time[first]
+        speed, precision = mean, np.asarray(total, float)
     tick = np.minimum(time.astype(np.intp), length)
     return Problem(
         sources=tuple(sources),

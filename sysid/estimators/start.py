@@ -32,7 +32,7 @@ def steiglitz_mcbride_coefficients(
 ) -> FloatArray:
     """Return stable A-F, shape (6,): one-step least squares on signals filtered by the last 1/(denominator).
 
-    The first filter has the poles of `filtered_by`, (A, B, C) of shape (3,), or those of the plain one-step law.
+    The first filter has the poles of `filtered_by`, (A, B, C) of shape (3,), or of the plain one-step law.
     K. Steiglitz and L. E. McBride, "A technique for the identification of linear systems", IEEE Trans.
     Automatic Control 10 (1965). Close to the free-running optimum after a few rounds, without a derivative.
     """
@@ -50,12 +50,12 @@ def steiglitz_mcbride_coefficients(
         coefficients = stable_coefficients(coefficients, unit_gain=unit_gain)
         if np.max(np.abs(coefficients - last)) < 1e-9:
             break
-    return np.asarray(coefficients)
+    return coefficients
 
 
 def stable_coefficients(coefficients: FloatArray, *, unit_gain: bool) -> FloatArray:
     """Return A-F with unstable poles reflected; with `unit_gain` E is moved so that the six sum to 1."""
-    result = np.nan_to_num(np.array(coefficients, float), nan=0.0, posinf=0.0, neginf=0.0)
+    result: FloatArray = np.nan_to_num(np.array(coefficients, float), nan=0.0, posinf=0.0, neginf=0.0)
     result[:3] = stabilised_abc(result[:3])
     if unit_gain:
         result[4] = 1.0 - (result[0] + result[1] + result[2] + result[3] + result[5])

@@ -14,21 +14,24 @@ from sysid.statistics.linearised import Linearised
 if TYPE_CHECKING:
     from sysid.statistics.uncertainty import Quantity
 
-_CORRELATION = 0.95
+_CORRELATION = 0.9
 _MEMBER = 0.25
 """Share of the largest weight from which a coefficient is named in a weak combination."""
 _REMEDY = "commands that change more often and in both directions tell them apart better"
 
 
 def weak_combinations(
-    at: Linearised, parameters: Sequence[Quantity], functionals: Sequence[Quantity]
+    at: Linearised,
+    parameters: Sequence[Quantity],
+    functionals: Sequence[Quantity],
+    second_order_does: bool,
 ) -> tuple[str, ...]:
     """Return warnings, none when every coefficient is well determined.
 
     They name unknown coefficients, pairs that trade off, the least known combination, and what of the wheel's
     behaviour is sure all the same.
     """
-    warnings = _unknown(at, parameters)
+    warnings = _held(at) + _unknown(at, parameters, second_order_does)
     vague = {q.name for q in parameters if math.isfinite(q.high) and q.high - q.low > abs(q.value)}
     pairs = _pairs(at, parameters, vague)
     warnings += pairs
@@ -39,19 +42,35 @@ def weak_combinations(
             f"{q.name} = {q.value:.3g} +- {q.high - q.value:.2g}" for q in parameters if q.name in vague
         )
         warnings.append(f"95 % interval wider than the value: {shown}; {_REMEDY}")
-    if at.rank == len(at.singular):
+    if at.rank == len(at.singular) and not second_order_does:
         warnings.append(
             f"least known combination: {_combination(at)} "
             f"(condition number {at.singular[0] / at.singular[-1]:.3g})"
         )
-    sure = [q for q in functionals if q.relative_error < 0.05]
+    sure = [q for q in functionals if 0.0 < q.relative_error < 0.05]
     if sure:
         shown = ", ".join(f"{q.name} = {q.value:.4g} +- {q.high - q.value:.1g}" for q in sure)
         warnings.append(f"well determined all the same: {shown}")
     return tuple(warnings)
 
 
-def _unknown(at: Linearised, parameters: Sequence[Quantity]) -> list[str]:
+def _held(at: Linearised) -> list[str]:
+    held = [name for name, row in zip(at.names, at.spread, strict=True) if name in "BCF" and not row.any()]
+    if not held:
+        return []
+    order = 3 - len(set(held) & {"B", "C"})
+    return [
+        f"{', '.join(held)} held at 0: a law of order {order} explains these data as well, and a further pole "
+        f"would follow the noise; {_REMEDY}"
+    ]
+
+
+def _unknown(at: Linearised, parameters: Sequence[Quantity], second_order_does: bool) -> list[str]:
+    if second_order_does:
+        return [
+            "a second-order law explains these data as well as the third-order one, so A-F on their own have "
+            f"no interval: any third pole does if a zero cancels it; {_REMEDY}"
+        ]
     names = [q.name for q in parameters if not math.isfinite(q.standard_error)]
     if not names:
         return []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -11,6 +12,7 @@ import numpy as np
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.units import FloatArray
 from sysid.estimators.interface import Estimate
+from sysid.estimators.order import noise_variance
 from sysid.estimators.problem import Problem, Traces, stack
 from sysid.estimators.runs import WheelRun
 
@@ -52,6 +54,11 @@ class Linearised:
     def square_sum(self) -> float:
         """Weighted square sum of all residuals, repeats included."""
         return float(self.residual @ self.residual) + 2.0 * self.problem.within_cost
+
+    def noise_ratio(self, independent: float) -> float:
+        """Residual standard deviation over the sigma given, with so many samples counted as independent."""
+        share = independent / self.samples
+        return math.sqrt(noise_variance(0.5 * self.square_sum * share, independent, self.jacobian.shape[1]))
 
     @property
     def factor(self) -> FloatArray:

@@ -84,7 +84,9 @@ def residual_tests(
     """
     at = linearise(runs, estimate)
     predicted = at.problem.predict(estimate.coefficients, at.traces)[at.problem.group]
-    return ResidualTests(_whiteness(runs, predicted, lags, level), _input_correlation(at, lags, level, fitted), level)
+    return ResidualTests(
+        _whiteness(runs, predicted, lags, level), _input_correlation(at, lags, level, fitted), level
+    )
 
 
 def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level: float) -> Whiteness:
@@ -115,7 +117,7 @@ def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level
 
 
 def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) -> InputCorrelation:
-    """F test of the residuals regressed on the command changes of the last `lags` ticks.
+    """F test of the residuals regressed on the command changes of the last `lags` ticks, plain and by size.
 
     Changes instead of levels, since a held command correlates with itself at every lag. What the fit has
     already taken out (the columns of J) is taken out of the regressors too, so that the level holds.
@@ -128,9 +130,11 @@ def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) ->
     # A sample at tick k + x, 0 < x <= 1, is the first to feel the change at tick k: lag 1.
     newest = np.ceil(problem.tick + problem.fraction - 1e-9).astype(np.intp) - 1
     index = problem.row * stride + lags + newest
-    columns = [padded.ravel()[np.maximum(index - lag, 0)] for lag in range(lags)]
-    regressors = np.stack(columns, axis=1) * problem.weight[:, None]
-    regressors[newest < 0] = 0.0
+    columns = np.stack([padded.ravel()[np.maximum(index - lag, 0)] for lag in range(lags)], axis=1)
+    columns[newest < 0] = 0.0
+    # change * |change|: a response whose shape depends on the step's size (a limit on the acceleration, say).
+    largest = max(float(np.max(np.abs(change))), 1e-300)
+    regressors = np.hstack([columns, columns * np.abs(columns) / largest]) * problem.weight[:, None]
     outside = regressors - at.basis @ (at.basis.T @ regressors) if fitted else regressors
     scale = np.linalg.norm(outside, axis=0)
     raw = np.linalg.norm(regressors, axis=0)
@@ -140,7 +144,7 @@ def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) ->
     bound = float(norm.isf(level / 2.0))
     if noise <= 0.0 or not np.any(usable):
         return InputCorrelation(np.zeros(lags), bound, 0.0, 1.0, True)
-    correlation = np.zeros(lags)
+    correlation = np.zeros(2 * lags)
     correlation[usable] = (outside.T @ at.residual)[usable] / (scale[usable] * noise)
     left, singular, _ = np.linalg.svd(outside[:, usable] / scale[usable], full_matrices=False)
     basis = left[:, singular > _RANK_TOLERANCE * singular[0]]
@@ -148,7 +152,7 @@ def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) ->
     rank, rest = basis.shape[1], freedom - basis.shape[1]
     left_over = at.square_sum - explained
     if rest <= 0 or left_over <= 0.0:
-        return InputCorrelation(correlation, bound, 0.0, 1.0, True)
+        return InputCorrelation(correlation[:lags], bound, 0.0, 1.0, True)
     statistic = explained / rank / (left_over / rest)
     p_value = float(fisher.sf(statistic, rank, rest))
-    return InputCorrelation(correlation, bound, statistic, p_value, p_value > level)
+    return InputCorrelation(correlation[:lags], bound, statistic, p_value, p_value > level)

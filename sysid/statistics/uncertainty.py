@@ -16,6 +16,7 @@ from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.metrics import step_response
 from mecanum_env.units import FloatArray
 from sysid.estimators.interface import Estimate
+from sysid.estimators.order import lower_order, noise_gain
 from sysid.estimators.runs import WheelRun
 from sysid.statistics.identifiability import weak_combinations
 from sysid.statistics.linearised import Linearised, linearise
@@ -113,9 +114,10 @@ def uncertainty(
     if not 0.0 < effective <= at.samples:
         raise InputError(f"effective_samples = {effective_samples}, must be above 0 and at most {at.samples}")
     freedom = effective - len(estimate.free)
+    simpler = _second_order_if_as_good(at, estimate)
     # N samples of which N_eff are independent: every direction is known worse by sqrt(N/N_eff).
     held = at.samples / effective
-    ratio = math.sqrt(at.square_sum / at.samples * effective / freedom) if freedom > 0.0 else math.inf
+    ratio = at.noise_ratio(effective)
     quantile = float(student.ppf(0.5 + level / 2.0, freedom)) if freedom > 0.0 else math.inf
 
     def quantity(name: str, unit: str, value: float, gradient: FloatArray, known: bool) -> Quantity:
@@ -127,16 +129,23 @@ def uncertainty(
 
     units = {"delay_s": "s", "saturation_rpm": "rpm"}
     parameters = tuple(
-        quantity(name, units.get(name, ""), float(value), row, not unknown)
+        quantity(
+            name,
+            units.get(name, ""),
+            float(value),
+            row,
+            not unknown and (name in units or simpler is None),
+        )
         for name, value, row, unknown in zip(at.names, at.value, at.factor, at.unknown, strict=True)
     )
     functionals = tuple(
         quantity(name, unit, value, gradient, known)
-        for name, unit, value, gradient, known in _functionals(at, estimate.law, bool(freedom > 0.0))
+        for name, unit, value, gradient, known in _functionals(at, estimate.law, simpler, freedom > 0.0)
     )
     with np.errstate(invalid="ignore"):
         covariance = at.factor @ at.factor.T * (held * ratio**2)
-    covariance[at.unknown, :] = covariance[:, at.unknown] = np.inf
+    unsure = np.array([not math.isfinite(q.standard_error) for q in parameters])
+    covariance[unsure, :] = covariance[:, unsure] = np.inf
     smallest = at.singular[-1]
     return Uncertainty(
         parameters=parameters,
@@ -147,12 +156,24 @@ def uncertainty(
         samples=at.samples,
         effective_samples=effective,
         degrees_of_freedom=max(freedom, 0.0),
-        warnings=weak_combinations(at, parameters, functionals),
+        warnings=weak_combinations(at, parameters, functionals, simpler is not None),
     )
 
 
+def _second_order_if_as_good(at: Linearised, estimate: Estimate) -> WheelLaw | None:
+    """Return a second-order law that does as well as a third-order estimate; None where there is none."""
+    if "C" not in estimate.free:
+        return None
+    gain = estimate.law.dc_gain
+    found = lower_order(at.problem, at.traces, 2, unit_gain=at.fixed_gain, gain=gain)
+    gained = 2.0 * found.cost - at.square_sum
+    if gained > noise_gain(at.samples) * at.noise_ratio(at.samples) ** 2:
+        return None
+    return WheelLaw.from_coefficients(found.coefficients, estimate.law.sample_period_s)
+
+
 def _functionals(
-    at: Linearised, law: WheelLaw, usable: bool
+    at: Linearised, law: WheelLaw, simpler: WheelLaw | None, usable: bool
 ) -> list[tuple[str, str, float, FloatArray, bool]]:
     """Return (name, unit, value, derivatives by direction, known) of what the law means for the wheel."""
     period = law.sample_period_s
@@ -174,12 +195,17 @@ def _functionals(
     lost = at.lost[:6]
     scale = np.linalg.norm(lost, axis=0)
     nudges = gradient(lost / np.where(scale > 0.0, scale, 1.0), _LARGEST_MOVE)
+    # Two laws that do equally well differ by what the data leave open: one more direction.
+    other = None if simpler is None else _meaning(simpler.coefficients, period, ticks)
+    noise = at.noise_ratio(at.samples)
     result = []
     for i, (name, unit) in enumerate(_MEANINGS):
         known = usable and bool(
             np.isfinite(centre[i]) and np.all(np.isfinite(slopes[i])) and np.all(np.abs(nudges[i]) < 1e-6)
         )
-        result.append((name, unit, float(centre[i]), slopes[i], known))
+        gradient_i = slopes[i] if other is None else np.append(slopes[i], (other[i] - centre[i]) / noise)
+        known = known and bool(np.all(np.isfinite(gradient_i)))
+        result.append((name, unit, float(centre[i]), gradient_i, known))
     return result
 
 

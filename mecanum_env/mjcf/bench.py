@@ -25,6 +25,7 @@ def bench_spec(
 ) -> mujoco.MjSpec:
     """Return one free wheel on a stand: joint and actuator "wheel", sensor "wheel_speed" [rad/s].
 
+    The torque has no limit here: the law is what the drive does without load, its motor's limits included.
     The rollers are fixed to the hub (nothing turns them here), so the wheel has one degree of freedom and
     the moment of inertia of hub and rollers together.
 
@@ -52,6 +53,9 @@ def bench_spec(
     body.add_joint(name="wheel", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     prepare_drives(spec, model)
     add_drive(spec, model, "wheel", drive, wheel_quantum, wheel)
+    # The identified law is what the drive does without load, whatever its motor could or could not.
+    spec.actuator("wheel").forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    spec.actuator("wheel").forcerange = [0.0, 0.0]
     spec.add_sensor(
         name="wheel_speed",
         type=mujoco.mjtSensor.mjSENS_JOINTVEL,

@@ -11,9 +11,9 @@ With p = pi / N, half the angle between rollers, two conditions fix r and c:
 
 1. reach(0) = reach(p) = R: as high in the middle of a roller as where the load passes to the next one, so
    c^2 = b^2 + 2 ((R - r cos p)^2 - b^2) / sin^2 p.
-2. Neighbouring rollers keep a gap of 1 % of their thickness. Their axes, two skew lines, pass each other at the distance
-   2 r sin p / sqrt(1 + cos^2 p), at t = sqrt 2 r sin p cos p / (1 + cos^2 p) from their middles, where each
-   roller is b sqrt(1 - t^2 / c^2) thick.
+2. Neighbouring rollers keep a gap of 1 % of their distance. Their axes, two skew lines, pass each other at
+   the distance 2 r sin p / sqrt(1 + cos^2 p), at t = sqrt 2 r sin p cos p / (1 + cos^2 p) from their
+   middles, where each roller has the radius b sqrt(1 - t^2 / c^2).
 
 N = 10 and R = 76.2 mm give r = 61.9, b = 14.3, c = 47.0 mm, and a reach that is round to 91 um.
 """
@@ -36,7 +36,7 @@ ROLLER_SIDE = {"fl": -1.0, "fr": 1.0, "rl": 1.0, "rr": -1.0}
 
 
 GAP = 0.01
-"""Between neighbouring rollers, over their thickness there."""
+"""Between neighbouring rollers, over their distance."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Measuring a generated robot: does it move as a Mecanum robot does, on how round wheels, losing what energy?
+"""Measuring a generated robot: its motion against geometry, its bounce, drift, energy and warnings.
 
 Every function takes a model that `robot_spec` or `planar_spec` made for the plugin (ctrl in rpm). They are
 behind `benchmarks/physics.py` and the tests, and work for anyone's `model.json`.
@@ -130,22 +130,33 @@ def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 
     ]
 
 
-def follow(mj_model: mujoco.MjModel, commands: list[Command], period_s: float) -> FloatArray:
-    """Drive through commands from rest; return the poses, shape (count + 1, 3), at the changes and the end.
+def paper_like_commands(seed: int) -> list[tuple[float, Command]]:
+    """Return ten seconds of random commands, each with the seconds it is held, as in the paper's random trials.
+
+    Half are held long enough to settle (0.8 s), half not (0.2 s).
+
+    Args:
+        seed: of the random generator.
+    """
+    return [(0.8 if i % 2 else 0.2, command) for i, command in enumerate(random_commands(20, seed))]
+
+
+def follow(mj_model: mujoco.MjModel, commands: list[tuple[float, Command]]) -> FloatArray:
+    """Drive through commands from rest; return the poses, shape (n, 3), at the start and every 0.1 s.
 
     Args:
         mj_model: the compiled robot.
-        commands: one after the other.
-        period_s: how long each is held [s]; a whole number of time steps.
+        commands: seconds to hold, in tenths, and what; one after the other.
     """
     data = mujoco.MjData(mj_model)
     mujoco.mj_forward(mj_model, data)
     poses = [pose(data)]
-    substeps = round(period_s / mj_model.opt.timestep)
-    for command in commands:
+    substeps = round(0.1 / mj_model.opt.timestep)
+    for seconds, command in commands:
         data.ctrl[:] = command_to_wheels(*command)
-        mujoco.mj_step(mj_model, data, nstep=substeps)
-        poses.append(pose(data))
+        for _ in range(round(seconds / 0.1)):
+            mujoco.mj_step(mj_model, data, nstep=substeps)
+            poses.append(pose(data))
     return np.array(poses)
 
 

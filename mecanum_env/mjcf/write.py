@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import ctypes
 import os
-import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import mujoco
@@ -19,21 +15,20 @@ from mecanum_env.model import Model
 
 SPECS = {"robot.xml": robot_spec, "planar.xml": planar_spec, "bench.xml": bench_spec}
 
-_NUMBER = re.compile(r"(?<![\w#])-?\d+\.?\d*(?:e[-+]?\d+)?(?![\w.])")
-_DIGITS = 17
-
 
 def mjcf_text(spec: mujoco.MjSpec) -> str:
-    """Return a spec as MJCF whose numbers read back exactly.
+    """Return a spec as MJCF whose numbers read back exactly; the spec is not changed.
 
-    MuJoCo writes six digits: a sample period of 0.00833333 s would no longer be four steps of 0.00208333 s,
-    and the wheel law would run off the clock. So the writer is told to use 17, and each number is then
-    shortened to the fewest digits that mean the same double.
+    MuJoCo writes the values that compilation made with six digits: a sample period of 0.00833333 s would no
+    longer be four steps of 0.00208333 s, and the wheel law would run off the clock. What the spec itself says
+    it writes in as many digits as it takes.
     """
+    compiled = spec.compiler.savecompiled
     spec.compiler.savecompiled = False
-    with _written_precision(_DIGITS):
-        text = spec.to_xml()
-    return re.sub(r'="([^"]*)"', lambda match: '="' + _NUMBER.sub(_shortest, match.group(1)) + '"', text)
+    try:
+        return spec.to_xml()
+    finally:
+        spec.compiler.savecompiled = compiled
 
 
 def write_models(model: Model, out: str | os.PathLike[str]) -> list[Path]:
@@ -47,21 +42,3 @@ def write_models(model: Model, out: str | os.PathLike[str]) -> list[Path]:
     for name, text in texts.items():
         write_text(Path(out) / name, text)
     return [Path(out) / name for name in texts]
-
-
-def _shortest(match: re.Match[str]) -> str:
-    value = float(match.group())
-    return str(int(value)) if value.is_integer() and abs(value) < 1e15 else repr(value)
-
-
-@contextmanager
-def _written_precision(digits: int) -> Iterator[None]:
-    """Let MuJoCo write this many digits. The switch is not public; the release is pinned, so it is there."""
-    (library,) = Path(mujoco.__file__).parent.glob("*mujoco.*4.0.0*")
-    switch = ctypes.CDLL(str(library))
-    before = switch._mjPRIVATE__get_xml_precision()
-    switch._mjPRIVATE__set_xml_precision(digits)
-    try:
-        yield
-    finally:
-        switch._mjPRIVATE__set_xml_precision(before)

@@ -1,0 +1,69 @@
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+
+from mecanum_env.asset_files import asset_path
+from mecanum_env.errors import InputError
+from mecanum_env.mjcf.write import SPECS, mjcf_text, write_models
+from mecanum_env.model import paper_model, write_model
+
+
+def arrays(mj_model):
+    """Every array of a compiled model by name."""
+    names = [name for name in dir(mj_model) if not name.startswith("_")]
+    return {name: value for name in names if isinstance(value := getattr(mj_model, name), np.ndarray)}
+
+
+@pytest.mark.parametrize("name", SPECS)
+def test_the_packaged_files_are_what_the_generator_makes(name, packaged):
+    """Up to the last digits, in which mathematical libraries differ.
+
+    To write them again: `python -m mecanum_env.mjcf --out assets`.
+    """
+    ours = arrays(mujoco.MjModel.from_xml_path(str(asset_path(name))))
+    for field, value in arrays(SPECS[name](packaged).compile()).items():
+        np.testing.assert_allclose(ours[field], value, rtol=1e-9, atol=1e-12, err_msg=field)
+
+
+@pytest.mark.parametrize("name", SPECS)
+def test_the_written_numbers_read_back_exactly(name, packaged):
+    spec = SPECS[name](packaged)
+    read = mujoco.MjModel.from_xml_string(mjcf_text(spec))
+    compiled = spec.compile()
+    assert read.opt.timestep == compiled.opt.timestep
+    for field, value in arrays(compiled).items():
+        np.testing.assert_array_equal(getattr(read, field), value, err_msg=field)
+
+
+def test_writing_leaves_the_spec_alone(packaged):
+    spec = SPECS["bench.xml"](packaged)
+    before = spec.to_xml()
+    mjcf_text(spec)
+    assert spec.to_xml() == before
+
+
+def test_bad_input_writes_nothing(packaged, tmp_path):
+    with pytest.raises(InputError, match="backlash"):
+        write_models(packaged.with_effect("backlash", gap_deg=2.0), tmp_path / "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_program_writes_files_that_open(tmp_path):
+    write_model(paper_model(), tmp_path / "model.json")
+    command = [sys.executable, "-m", "mecanum_env.mjcf", tmp_path / "model.json", "--out", tmp_path / "mjcf"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split() == [str(tmp_path / "mjcf" / name) for name in SPECS]
+    for name in SPECS:
+        assert mujoco.MjModel.from_xml_path(str(tmp_path / "mjcf" / name)).nu in (1, 4)
+
+
+def test_the_program_names_a_bad_model_and_exits_with_2(tmp_path):
+    (tmp_path / "model.json").write_text("{")
+    command = [sys.executable, "-m", "mecanum_env.mjcf", tmp_path / "model.json", "--out", tmp_path / "mjcf"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert "model.json, line 1" in done.stderr

@@ -44,6 +44,8 @@ _LARGEST: Final = 1e3
 _ARMIJO: Final = 1e-4
 _SHRINK: Final = 0.25
 _GROW: Final = 4.0
+_SAFEGUARD: Final = 1e10
+"""Largest change of the length from one step to the next."""
 
 
 @dataclass(frozen=True)
@@ -177,12 +179,15 @@ def _next_step(
     alpha: FloatArray, moved: FloatArray, change: FloatArray, accepted: npt.NDArray[np.bool_], *, odd: bool
 ) -> FloatArray:
     """Return the next lengths: both Barzilai-Borwein formulae in turn, a longer one where H is not convex."""
-    size = np.maximum(np.max(np.abs(change), axis=1), 1e-300)
+    size = np.maximum(np.max(np.abs(change), axis=1), 1e-150)
     scaled = change / size[:, None]  # The gradients of unstable laws would overflow when squared.
     curvature = np.sum(moved * scaled, axis=1)
     convex = curvature > 0.0
     safe = np.where(convex, curvature, 1.0)
-    long = np.sum(moved * moved, axis=1) / safe / size
-    short = safe / np.maximum(np.sum(scaled * scaled, axis=1), 1e-300) / size
-    spectral = np.where(convex, long if odd else short, _GROW * alpha)
-    return np.where(accepted, spectral, _SHRINK * alpha)
+    with np.errstate(over="ignore"):
+        if odd:
+            length = np.sum(moved * moved, axis=1) / safe / size
+        else:
+            length = safe / np.maximum(np.sum(scaled * scaled, axis=1), 1e-150) / size
+    length = np.clip(length, alpha / _SAFEGUARD, alpha * _SAFEGUARD)
+    return np.where(accepted, np.where(convex, length, _GROW * alpha), _SHRINK * alpha)

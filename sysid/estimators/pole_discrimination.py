@@ -1,6 +1,6 @@
 """Gradient descent constrained by the magnitudes of the poles themselves: the paper's third variant.
 
-The paper names it ("pole discrimination", section 4.1), gives no equations and reports failure in every trial.
+The paper names it ("pole discrimination", section 4.1), gives no equations and reports that all trials fail.
 Here it is the loop of `kkt` with other constraints: g_i = |z_i| - limit <= 0 for the three roots z_i, and an
 unstable update is brought back by moving each offending pole radially to the limit. Two things set it apart
 from Routh-Hurwitz: d|z|/d(A, B, C) is infinite at a double pole, and the radial move is not the nearest

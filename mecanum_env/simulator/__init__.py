@@ -1,0 +1,30 @@
+"""Simulating a model in MuJoCo: the robot driving through commands, and a bench log replayed on one wheel.
+
+Importing this room imports mujoco; programs that draw call `mecanum_env.rendering.backend.use_backend` first.
+"""
+
+from mecanum_env.simulator.bench import bench_lag_s, compile_bench, replay_bench
+from mecanum_env.simulator.command_file import read_commands
+from mecanum_env.simulator.commands import BodyCommands, Commands, WheelCommands
+from mecanum_env.simulator.robot import Plant, compile_plant, drive
+from mecanum_env.simulator.scripted import SCRIPTS, scripted
+from mecanum_env.simulator.stepping import SimulationDivergedError, step_through
+from mecanum_env.simulator.trajectory import Trajectory
+
+__all__ = [
+    "SCRIPTS",
+    "BodyCommands",
+    "Commands",
+    "Plant",
+    "SimulationDivergedError",
+    "Trajectory",
+    "WheelCommands",
+    "bench_lag_s",
+    "compile_bench",
+    "compile_plant",
+    "drive",
+    "read_commands",
+    "replay_bench",
+    "scripted",
+    "step_through",
+]

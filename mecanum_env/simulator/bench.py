@@ -7,8 +7,10 @@ import math
 import mujoco
 import numpy as np
 
+from mecanum_env.errors import InputError
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.model import Model
+from mecanum_env.plugin.layout import SERVO, wheel_actuators
 from mecanum_env.plugin.state import set_steady
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.stepping import step_through
@@ -22,43 +24,83 @@ def replay_bench(
     *,
     sample_times_s: FloatArray | None = None,
     initial_rpm: float = 0.0,
+    wheel: str | None = None,
     mj_model: mujoco.MjModel | None = None,
 ) -> FloatArray:
     """Replay a bench log's commands on the free wheel and return its speed [rpm] at the log's samples.
 
+    The speed is that of the law (`mecanum_env.law.drive.simulate_drive`) behind one first-order lag of
+    `bench_lag_s`, which is what the servo between law and wheel adds.
+
     Args:
         model: the wheel to simulate.
-        time_s: (n,) stamps [s] of the commands, increasing; the run starts at the first.
-        command_rpm: (n,) commanded wheel speed [rpm], held until the next stamp.
-        sample_times_s: (m,) times [s] at which the speed is read; the command stamps when None.
+        time_s: (n,) stamps [s] of the commands, increasing, from any first one: the run starts there.
+        command_rpm: (n,) commanded wheel speed [rpm], held until the next stamp; NaN is a missing sample: the
+            command before holds on, and before the first there is `initial_rpm`.
+        sample_times_s: (m,) times [s] on the same clock at which the speed is read; the stamps when None.
         initial_rpm: speed [rpm] at which the wheel turns steadily when the run starts.
-        mj_model: a compiled bench of the same model, to save compiling.
+        wheel: fl, fr, rl or rr to replay that wheel's own law; by default the common one.
+        mj_model: a compiled bench of the same model and wheel, to save compiling.
 
     Returns:
         (m,) simulated wheel speed [rpm], linear between physics steps.
+
+    Raises:
+        InputError: arrays of different lengths, stamps that do not increase, times or an initial speed that
+            are not finite, samples before the first stamp, or an effect that is not simulated.
+        SimulationDivergedError: the state stopped being finite.
     """
-    compiled = compile_bench(model) if mj_model is None else mj_model
     samples = time_s if sample_times_s is None else sample_times_s
-    step = compiled.opt.timestep
+    _check_log(time_s, command_rpm, samples, initial_rpm)
+    compiled = compile_bench(model, wheel) if mj_model is None else mj_model
     start = float(time_s[0])
+    step = compiled.opt.timestep
     n = max(1, math.ceil((float(np.max(samples)) - start) / step - 1e-9))
     clock = np.arange(n + 1) * step
-    ctrl = hold(time_s - start, command_rpm, clock[:-1])
+    given = ~np.isnan(command_rpm)
+    ctrl = hold(time_s[given] - start, command_rpm[given], clock[:-1], before=initial_rpm)
     data = mujoco.MjData(compiled)
     if initial_rpm != 0.0:
-        set_steady(compiled, data, np.array([initial_rpm]))
+        set_steady(compiled, data, initial_rpm)
         data.qvel[:] = initial_rpm * RAD_S_PER_RPM
     _, qvel = step_through(compiled, data, ctrl[:, None])
     return np.interp(samples - start, clock, qvel[:, 0] / RAD_S_PER_RPM)
 
 
-def compile_bench(model: Model) -> mujoco.MjModel:
-    """Compile the one-wheel model."""
-    return bench_spec(model).compile()
+def compile_bench(model: Model, wheel: str | None = None) -> mujoco.MjModel:
+    """Compile the one-wheel model, without what is only seen.
+
+    Args:
+        model: the identified wheel.
+        wheel: fl, fr, rl or rr for that wheel's own law; by default the common one.
+    """
+    return bench_spec(model, wheel=wheel, visuals=False).compile()
 
 
-def servo_lag(model: Model, wheel_inertia_kg_m2: float) -> float:
-    """Return the time constant [s] that the servo adds on a free wheel: inertia over stiffness."""
-    return wheel_inertia_kg_m2 / model.robot.servo_n_m_s_rad
+def bench_lag_s(model: Model) -> float:
+    """Return the time constant [s] that the servo adds on the free wheel: inertia over stiffness."""
+    compiled = compile_bench(model)
+    stiffness = -float(compiled.actuator_biasprm[wheel_actuators(compiled)[0], SERVO])
+    return float(compiled.dof_M0[0]) / stiffness
 
 
+def _check_log(
+    time_s: FloatArray, command_rpm: FloatArray, samples_s: FloatArray, initial_rpm: float
+) -> None:
+    if time_s.ndim != 1 or time_s.shape != command_rpm.shape or time_s.size == 0:
+        raise InputError(
+            f"time of shape {time_s.shape}, command of shape {command_rpm.shape}; must be one equal length"
+        )
+    if samples_s.ndim != 1 or samples_s.size == 0:
+        raise InputError(f"sample times of shape {samples_s.shape}, must be a row of at least one time")
+    if not (np.all(np.isfinite(time_s)) and np.all(np.isfinite(samples_s)) and math.isfinite(initial_rpm)):
+        raise InputError("stamps, sample times and the initial speed must be finite numbers throughout")
+    if np.any(np.isinf(command_rpm)):
+        raise InputError("a command is infinite; must be a number, or nan where a sample is missing")
+    if np.any(np.diff(time_s) <= 0.0):
+        at = int(np.argmax(np.diff(time_s) <= 0.0)) + 1
+        raise InputError(f"stamp {at + 1} is {time_s[at]:g} s, must be later than {time_s[at - 1]:g} s")
+    if float(np.min(samples_s)) < float(time_s[0]):
+        raise InputError(
+            f"a sample at {np.min(samples_s):g} s, must not be before the first stamp, {time_s[0]:g} s"
+        )

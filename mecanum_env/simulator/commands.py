@@ -88,16 +88,21 @@ class WheelCommands:
 Commands = BodyCommands | WheelCommands
 
 
-def hold(stamp_s: FloatArray, value: FloatArray, time_s: npt.ArrayLike) -> FloatArray:
+def hold(stamp_s: FloatArray, value: FloatArray, time_s: npt.ArrayLike, before: float = 0.0) -> FloatArray:
     """Zero-order hold of values (n,) or (n, m) that appear at increasing stamps (n,) [s].
 
+    Args:
+        stamp_s: when each value appears.
+        value: what is held from then on; n may be 0.
+        time_s: where to read it, shape (...).
+        before: the value before the first stamp.
+
     Returns:
-        The value held at each `time_s`, shape (...) or (..., m); zero before the first stamp.
+        The value held at each time, shape (...) or (..., m).
     """
-    index = np.searchsorted(stamp_s, np.asarray(time_s, float) + _TIME_TOLERANCE_S, side="right") - 1
-    held: FloatArray = np.array(value[np.maximum(index, 0)])
-    held[index < 0] = 0.0
-    return held
+    index = np.searchsorted(stamp_s, np.asarray(time_s, float) + _TIME_TOLERANCE_S, side="right")
+    known: FloatArray = np.concatenate([np.full((1, *value.shape[1:]), before), value])
+    return known[index]
 
 
 def _check_times(time_s: FloatArray, columns: Sequence[FloatArray]) -> None:

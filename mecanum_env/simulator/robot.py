@@ -8,6 +8,7 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from mecanum_env.errors import InputError
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
 from mecanum_env.simulator.commands import Commands
@@ -54,9 +55,12 @@ def drive(
         mj_model: the result of an earlier `compile_plant` with the same arguments, to save compiling.
 
     Raises:
-        InputError: the model asks for an effect that this simulator does not have.
+        InputError: the model asks for an effect that this simulator does not have, or the duration is not a
+            number above 0.
         SimulationDivergedError: the state stopped being finite.
     """
+    if not (math.isfinite(duration_s) and duration_s > 0.0):
+        raise InputError(f"duration_s = {duration_s}, must be a number of seconds above 0")
     compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
     data = at_rest(compiled)
     step = compiled.opt.timestep

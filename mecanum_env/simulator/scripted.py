@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
+from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.simulator.commands import BodyCommands
 
 _LAST_PAUSE_S = 0.8  # time for the robot to stop in the picture
@@ -35,7 +36,14 @@ def scripted(name: str) -> tuple[BodyCommands, float]:
 
     Args:
         name: a key of `SCRIPTS`.
+
+    Raises:
+        InputError: there is no such script.
     """
+    if name not in SCRIPTS:
+        raise InputError(
+            f"no drive called {name!r}{did_you_mean(name, SCRIPTS)}; known: {', '.join(SCRIPTS)}"
+        )
     rows, now = [], 0.0
     for duration, v, theta, vc in SCRIPTS[name]:
         rows.append((round(now, 9), v, theta, vc))

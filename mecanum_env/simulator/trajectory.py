@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import mujoco
 import numpy as np
 
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+
+_SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
+_TWIST: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
+_POSE: Final = ("x_m", "y_m", "yaw_rad")
+CHANNELS: Final = (*_SPEEDS, *_TWIST, *_POSE)
+"""What a robot log may measure and a simulation gives back, by the names of a log's columns."""
 
 
 @dataclass(frozen=True)
@@ -33,15 +40,14 @@ class Trajectory:
     def channels_at(self, time_s: FloatArray) -> dict[str, FloatArray]:
         """Return every channel of a robot log, linearly interpolated at the given times (m,) [s].
 
-        The keys are the column names of a log: speed_fl_rpm ... speed_rr_rpm, vx_m_s, vy_m_s,
-        yaw_rate_rad_s, x_m, y_m, yaw_rad.
+        The keys are `CHANNELS`: speed_fl_rpm ... speed_rr_rpm, vx_m_s, vy_m_s, yaw_rate_rad_s, x_m, y_m,
+        yaw_rad.
         """
-        columns = {
-            **{f"speed_{wheel}_rpm": column for wheel, column in zip(WHEELS, self.wheels_rpm.T, strict=True)},
-            **dict(zip(("vx_m_s", "vy_m_s", "yaw_rate_rad_s"), self.twist.T, strict=True)),
-            **dict(zip(("x_m", "y_m", "yaw_rad"), self.pose.T, strict=True)),
+        columns = (*self.wheels_rpm.T, *self.twist.T, *self.pose.T)
+        return {
+            name: np.interp(time_s, self.time_s, column)
+            for name, column in zip(CHANNELS, columns, strict=True)
         }
-        return {name: np.interp(time_s, self.time_s, column) for name, column in columns.items()}
 
 
 def read_trajectory(
@@ -69,7 +75,7 @@ def read_trajectory(
 
 
 def _free_base(qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Pose and body twist of a free joint: its linear velocity is in the world frame, its angular in the body."""
+    """Read off a free joint, whose linear velocity is in the world frame and whose angular in the body."""
     w, x, y, z = qpos[:, 3:7].T
     yaw = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
     pose = np.stack([qpos[:, 0], qpos[:, 1], yaw], axis=-1)

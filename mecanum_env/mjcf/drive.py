@@ -56,7 +56,7 @@ def add_drive(
 
     `law_wheel` (fl .. rr, or None for the common law) says whose law it runs. With `site_gear` the actuator's
     speed is gear . (site velocity), the wheel speed that the body's motion asks for, and its torque acts on
-    the body as the matching force and moment.
+    the body as the matching force and moment. `drive` and `wheel_quantum` are those of `robot_spec`.
     """
     actuator = spec.add_actuator(name=name)
     if site_gear is None:

@@ -80,7 +80,7 @@ def expected_ratio(robot: Robot, command: Command) -> float:
         command: what to drive.
     """
     wheels = command_to_wheels(*command) * RAD_S_PER_RPM
-    twist: FloatArray = np.linalg.lstsq(no_slip_rows(robot), wheels, rcond=None)[0]
+    twist = np.linalg.lstsq(no_slip_rows(robot), wheels, rcond=None)[0]
     ideal = command_to_twist(*command, robot)
     return float(twist @ ideal / (ideal @ ideal))
 
@@ -131,9 +131,9 @@ def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 
 
 
 def paper_like_commands(seed: int) -> list[tuple[float, Command]]:
-    """Return ten seconds of random commands, each with the seconds it is held, as in the paper's random trials.
+    """Return ten seconds of random commands, each with the seconds it is held, like the paper's.
 
-    Half are held long enough to settle (0.8 s), half not (0.2 s).
+    Half are held long enough to settle (0.8 s), half not (0.2 s), as in its random trials.
 
     Args:
         seed: of the random generator.

@@ -31,7 +31,14 @@ def planar_spec(
     The four actuators act on the site "base" with the rows of `no_slip_rows` as their gear: an actuator's
     speed is the wheel speed that the body's motion asks for, and its torque acts as the matching force and
     moment. The wheels' own inertia is joint armature (`wheel_armature`). Joints "base_x", "base_y" (world
-    axes) and "base_yaw"; everything else is named as in `robot_spec`, and so are the arguments.
+    axes) and "base_yaw"; everything else is named as in `robot_spec`.
+
+    Args:
+        model: the identified wheel and its robot.
+        timestep_s: upper bound of the physics step [s]; see `fitting_timestep`.
+        drive: `plugin` takes rpm, `servo` takes rad/s; see `mecanum_env.mjcf.drive`.
+        wheel_quantum: round each wheel command to the model's quantum; see `robot_spec`.
+        visuals: include what is only seen.
 
     Raises:
         InputError: an effect that is not simulated, or a yaw inertia that the wheels alone exceed.

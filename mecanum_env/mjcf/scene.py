@@ -15,7 +15,7 @@ _LINE_HEIGHT_M = 0.001
 
 
 def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
-    """Add the geom "floor" (an infinite plane to contact, the mat to the eye), lines, light, sky."""
+    """Add the geom "floor": an infinite plane to contact, the mat to the eye; with `visuals` all the rest."""
     world = spec.worldbody
     half = FIELD_M / 2
     floor = world.add_geom(
@@ -116,7 +116,7 @@ def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
 
 
 def add_bench_view(spec: mujoco.MjSpec, radius: float) -> None:
-    """Add a light and the camera `track` for the bench."""
+    """Add a light and the camera `track` for a bench with a wheel of this radius [m]."""
     spec.stat.extent = 8 * radius
     spec.worldbody.add_light(
         name="key",

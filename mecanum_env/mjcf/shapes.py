@@ -1,4 +1,8 @@
-"""Geoms that are only seen: no mass (the bodies have theirs outright), no contact."""
+"""Geoms that are only seen: no mass (the bodies have theirs outright), no contact.
+
+Everywhere: `body` is the body they belong to, `material` a name of `mecanum_env.mjcf.materials`, positions
+are of centres in the body's frame, and lengths in metres.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +23,7 @@ def add_visual(
     position: Sequence[float] = (0.0, 0.0, 0.0),
     quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
 ) -> mujoco.MjsGeom:
-    """Add a geom that is seen and nothing else."""
+    """Add a geom of a kind, material, size (half-lengths, as MuJoCo has them), position and quaternion."""
     return body.add_geom(
         type=kind,
         material=material,
@@ -33,26 +37,26 @@ def add_visual(
 
 
 def box(body: mujoco.MjsBody, material: str, size: Sequence[float], position: Sequence[float]) -> None:
-    """Add a box with half-sizes `size`."""
+    """Add a box of a material, with the half-lengths `size`, at a position."""
     add_visual(body, mujoco.mjtGeom.mjGEOM_BOX, material, size, position)
 
 
 def ball(body: mujoco.MjsBody, material: str, radius: float, position: Sequence[float]) -> None:
-    """Add a sphere."""
+    """Add a sphere of a material and radius at a position."""
     add_visual(body, mujoco.mjtGeom.mjGEOM_SPHERE, material, [radius], position)
 
 
 def disc_z(
     body: mujoco.MjsBody, material: str, radius: float, half_height: float, position: Sequence[float]
 ) -> None:
-    """Add an upright cylinder."""
+    """Add an upright cylinder of a material, radius and half-height at a position."""
     add_visual(body, mujoco.mjtGeom.mjGEOM_CYLINDER, material, [radius, half_height], position)
 
 
 def disc_y(
     body: mujoco.MjsBody, material: str, radius: float, half_width: float, position: Sequence[float]
 ) -> None:
-    """Add a cylinder that lies along y, as wheels and axles do."""
+    """Add a cylinder along y, as wheels lie, of a material, radius and half-width at a position."""
     add_visual(body, mujoco.mjtGeom.mjGEOM_CYLINDER, material, [radius, half_width], position, _LIE_ALONG_Y)
 
 
@@ -65,7 +69,7 @@ def rod(
     *,
     rounded: bool = True,
 ) -> None:
-    """Add a capsule (or a cylinder) between two points."""
+    """Add a rod of a material and radius from start to end; its ends are rounded or flat."""
     kind = mujoco.mjtGeom.mjGEOM_CAPSULE if rounded else mujoco.mjtGeom.mjGEOM_CYLINDER
     body.add_geom(
         type=kind,

@@ -22,7 +22,9 @@ def add_wheel(
     *,
     visuals: bool,
 ) -> list[str]:
-    """Add the wheel fl, fr, rl or rr as body and joint "wheel_fl" .. with its rollers.
+    """Add the wheel fl, fr, rl or rr at a position [m] as body and joint "wheel_fl" .. with its rollers.
+
+    Without `visuals` the rollers are all there is to see.
 
     Returns:
         The names of the roller geoms, for contact pairs with the floor.
@@ -60,7 +62,13 @@ def add_wheel(
 def set_inertia(
     body: mujoco.MjsBody, inertia: Inertia, position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> None:
-    """Give a body its mass and moments outright, so that what it looks like does not weigh."""
+    """Give a body its mass and moments outright, so that what it looks like does not weigh.
+
+    Args:
+        body: of the spec.
+        inertia: mass and moments, axes along the body's frame.
+        position: of the centre of mass in the body's frame [m].
+    """
     body.explicitinertial = True
     body.mass = inertia.mass
     body.ipos = position

@@ -17,7 +17,7 @@ BOLTS = 5
 def add_hub(
     body: mujoco.MjsBody, geometry: WheelGeometry, centre: tuple[float, float, float] = (0, 0, 0)
 ) -> None:
-    """Add the core, the two side plates that hold the rollers, and bolts that show the wheel turning."""
+    """Add core, side plates and bolts, which show the wheel turning, about a centre in the body's frame."""
     x, y, z = centre
     plate = 0.82 * geometry.half_width
     shapes.disc_y(body, "dark_metal", geometry.roller_circle - geometry.roller_radius, plate, centre)
@@ -44,7 +44,7 @@ def roller_material(index: int) -> str:
 def add_still_wheel(
     body: mujoco.MjsBody, wheel: str, geometry: WheelGeometry, centre: tuple[float, float, float]
 ) -> None:
-    """Add a whole wheel that is part of `body` and cannot turn in it."""
+    """Add a whole wheel fl .. rr that is part of `body`, about a centre in its frame [m]."""
     add_hub(body, geometry, centre)
     b, c = geometry.roller_radius, geometry.roller_half_length
     for i in range(geometry.rollers):

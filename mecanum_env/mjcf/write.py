@@ -26,7 +26,7 @@ def mjcf_text(spec: mujoco.MjSpec) -> str:
     compiled = spec.compiler.savecompiled
     spec.compiler.savecompiled = False
     try:
-        return spec.to_xml()
+        return str(spec.to_xml())
     finally:
         spec.compiler.savecompiled = compiled
 

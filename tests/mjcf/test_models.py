@@ -114,7 +114,7 @@ def test_sparse_equals_dense(packaged, rollers):
 
 
 def test_the_bench_wheel_follows_the_law_but_for_the_servos_give(packaged):
-    """The lag is the torque that turns the wheel over the servo's stiffness; it ends with the acceleration."""
+    """The lag is the torque that turns the wheel over the servo's stiffness, and passes with it."""
     mj_model = bench_spec(packaged).compile()
     data = mujoco.MjData(mj_model)
     data.ctrl[0] = 130.0

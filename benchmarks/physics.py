@@ -1,0 +1,197 @@
+"""The physics of the generated robot in figures: motion, bounce, drift, energy, speed.
+
+Example: python benchmarks/physics.py --out out/physics.json
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from statistics import median
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+from tqdm import tqdm
+
+from mecanum_env.cli import run
+from mecanum_env.files import write_json
+from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.mjcf import TRAINING_TIMESTEP_S, planar_spec, robot_spec
+from mecanum_env.mjcf.geometry import sideways_ratio
+from mecanum_env.mjcf.measure import (
+    coast_energy,
+    follow,
+    heading_drift_rad,
+    largest_rise,
+    paper_like_commands,
+    path_difference,
+    random_commands,
+    start,
+    steady_drive,
+    warnings_of,
+)
+from mecanum_env.model import Model, paper_model, read_model
+
+FORWARD, LEFT, DIAGONAL, TURN, MIXED = (80, 0, 0), (80, 90, 0), (80, 45, 0), (0, 0, 80), (60, 30, 30)
+NAMES = {FORWARD: "forward", LEFT: "left", DIAGONAL: "diagonal", TURN: "turn", MIXED: "60 rpm, 30 deg, VC 30"}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One measured number and what it should be; a target of None is for information."""
+
+    name: str
+    value: float
+    unit: str
+    low: float | None = None
+    high: float | None = None
+
+    @property
+    def verdict(self) -> str:
+        """Say ok or MISSED, or nothing where there is no target."""
+        if self.low is None and self.high is None:
+            return ""
+        above = self.low is None or self.value >= self.low
+        return "ok" if above and (self.high is None or self.value <= self.high) else "MISSED"
+
+    @property
+    def target(self) -> str:
+        """Write the bounds out."""
+        if self.low is not None and self.high is not None:
+            return f"{self.low:.4g} .. {self.high:.4g}"
+        return f">= {self.low:.4g}" if self.low is not None else f"<= {self.high:.4g}" if self.high else ""
+
+
+def motion(model: Model) -> list[Figure]:
+    """Measure ratios, bounce, drift, dependence on the time step, energy."""
+    robot = model.robot
+    rollers = robot_spec(model).compile()
+    planar = planar_spec(model).compile()
+    figures = []
+    for command, name in NAMES.items():
+        drive = steady_drive(rollers, robot, command)
+        middle = drive.expected_ratio
+        figures.append(
+            Figure(f"{name}: ratio to ideal kinematics", drive.ratio, "", middle * 0.99, middle * 1.01)
+        )
+        bound = 50.0 if command == FORWARD else None
+        figures.append(Figure(f"{name}: bounce, rms", drive.bounce_m * 1e6, "um", high=bound))
+        figures.append(Figure(f"{name}: the same, planar", steady_drive(planar, robot, command).ratio, ""))
+    figures.append(Figure("sinc(pi/N)", sideways_ratio(robot.rollers_per_wheel), ""))
+    for theta in (0, 180, 90, 45, 135, -45, -135):
+        drift = abs(np.rad2deg(heading_drift_rad(rollers, (80, theta, 0))))
+        bound = 0.5 if theta in (0, 180) else 1.0
+        figures.append(Figure(f"drift of heading over 3 m at {theta} deg", float(drift), "deg", high=bound))
+    coarse, fine = (robot_spec(model, step).compile() for step in (TRAINING_TIMESTEP_S, 1 / 960))
+    for kind, commands in (("held 0.2 and 0.8 s", paper_like_commands), ("new every 0.1 s", _white)):
+        steps, plants = [], []
+        for seed in range(5):
+            drive_through = commands(seed)
+            path = follow(fine, drive_through)
+            steps.append(path_difference(path, follow(coarse, drive_through)))
+            plants.append(path_difference(path, follow(planar, drive_through)))
+        bound = 1.0 if commands is paper_like_commands else None
+        name = f"10 s of random commands {kind}"
+        figures.append(
+            Figure(f"{name}: 1/240 s against 1/960 s, worst of 5", max(steps) * 100, "% of path", high=bound)
+        )
+        figures.append(Figure(f"{name}: planar against rollers, worst of 5", max(plants) * 100, "% of path"))
+    rises = [largest_rise(coast_energy(rollers, command)) for command in NAMES]
+    figures.append(Figure("energy gained in free coast, worst of 5", max(rises) * 1e3, "mJ", high=20.0))
+    return figures
+
+
+def _white(seed: int) -> list[tuple[float, tuple[float, float, float]]]:
+    return [(0.1, command) for command in random_commands(100, seed)]
+
+
+def endurance(model: Model, minutes: float) -> list[Figure]:
+    """Drive random commands for long; count warnings of MuJoCo and non-finite numbers."""
+    mj_model = robot_spec(model).compile()
+    data = start(mj_model)
+    substeps = round(0.1 / mj_model.opt.timestep)
+    for command in tqdm(random_commands(round(minutes * 600), 0, 100, 60), desc="endurance", unit="command"):
+        data.ctrl[:] = command_to_wheels(*command)
+        mujoco.mj_step(mj_model, data, nstep=substeps)
+    bad = sum(warnings_of(data).values()) + int(not np.all(np.isfinite(data.qpos)))
+    return [Figure(f"{minutes:g} min of random commands: warnings", float(bad), "", 0.0, 0.0)]
+
+
+def speed(model: Model, repeats: int) -> list[Figure]:
+    """Measure steps per second, as ratios of runs that alternate, so that a busy machine slows both alike."""
+    rollers, planar = robot_spec(model).compile(), planar_spec(model).compile()
+    floating = robot_spec(model).compile()
+    floating.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    floating.opt.gravity[:] = 0.0
+    runs = {
+        name: _stepper(m) for name, m in (("rollers", rollers), ("floating", floating), ("planar", planar))
+    }
+    batches = {threads: _batch_stepper(rollers, threads) for threads in (1, 2)}
+    rates: dict[str, list[float]] = {name: [] for name in (*runs, "batch 1", "batch 2")}
+    for _ in tqdm(range(repeats), desc="speed", unit="round"):
+        for name, run_steps in runs.items():
+            rates[name].append(_rate(run_steps, 2400))
+        for threads, run_steps in batches.items():
+            rates[f"batch {threads}"].append(_rate(run_steps, 2400))
+
+    def ratios(one: str, other: str) -> list[float]:
+        return [a / b for a, b in zip(rates[one], rates[other], strict=True)]
+
+    scaling = ratios("batch 2", "batch 1")
+    return [
+        Figure("rollers, best", max(rates["rollers"]), "steps/s"),
+        Figure("planar, best", max(rates["planar"]), "steps/s"),
+        Figure(
+            "rollers over the same without contacts, median", median(ratios("rollers", "floating")), "", 0.40
+        ),
+        Figure("planar over rollers, median", median(ratios("planar", "rollers")), ""),
+        Figure("Batch of 8 on 2 threads over 1, best", max(scaling), "", 1.7),
+        Figure("Batch of 8 on 2 threads over 1, median", median(scaling), ""),
+    ]
+
+
+def _stepper(mj_model: mujoco.MjModel) -> Callable[[int], None]:
+    data = mujoco.MjData(mj_model)
+    data.ctrl[:] = command_to_wheels(60, 30, 20)
+    mujoco.mj_step(mj_model, data, nstep=480)
+    return lambda steps: mujoco.mj_step(mj_model, data, nstep=steps)
+
+
+def _batch_stepper(mj_model: mujoco.MjModel, threads: int) -> Callable[[int], None]:
+    batch = Batch(mj_model, nsim=8, nthread=threads)
+    batch.ctrl = np.tile(command_to_wheels(60, 30, 20), (8, 1))
+    batch.step(nstep=480)
+    return lambda steps: batch.step(nstep=steps // 8)
+
+
+def _rate(run_steps: Callable[[int], None], steps: int) -> float:
+    begin = time.perf_counter()
+    run_steps(steps)
+    return steps / (time.perf_counter() - begin)
+
+
+def main(model: Path | None = None, out: Path | None = None, minutes: float = 1.0, repeats: int = 15) -> None:
+    """Measure the robot of a model file and print the figures beside their targets.
+
+    Args:
+        model: the model file; by default the packaged one.
+        out: also write the figures here, as JSON.
+        minutes: length of the drive that looks for warnings (60 for the promised hour: about a minute).
+        repeats: rounds of the speed measurement.
+    """
+    chosen = paper_model() if model is None else read_model(model)
+    figures = [*motion(chosen), *endurance(chosen, minutes), *speed(chosen, repeats)]
+    width = max(len(figure.name) for figure in figures)
+    for figure in figures:
+        value = f"{figure.value:.5g} {figure.unit}"
+        print(f"{figure.name:{width}}  {value:>18}  {figure.target:>18}  {figure.verdict}")
+    if out is not None:
+        rows = [{**asdict(figure), "verdict": figure.verdict} for figure in figures]
+        write_json(out, {"mujoco": mujoco.__version__, "figures": rows})
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main, prog="python benchmarks/physics.py"))

@@ -12,7 +12,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench system clean
+.PHONY: demo test test-all test-wheel check bench system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
@@ -45,8 +45,15 @@ system:
 $(BIN)/python:
 	$(PYTHON) -m venv $(VENV)
 
-# Again when the dependencies or the plugin change.
-$(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt $(wildcard mecanum_env/plugin/*.c) | system $(BIN)/python
+# The editable install knows the modules that there were, so a new or renamed one asks for another.
+$(VENV)/modules: FORCE | $(BIN)/python
+	@find mecanum_env sysid training -name '*.py' | sort > $@.now
+	@cmp -s $@.now $@ && rm $@.now || mv $@.now $@
+
+FORCE:
+
+# Again when the dependencies, the plugin or the set of modules change.
+$(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt $(wildcard mecanum_env/plugin/*.c) $(VENV)/modules | system $(BIN)/python
 	$(BIN)/pip install --quiet -c constraints.txt -e ".[dev]"
 	@touch $@
 

@@ -1,4 +1,4 @@
-"""What a model holds: the identified wheel, the robot around it, the effects found, and where it came from."""
+"""What a model holds: the identified wheel, the robot around it, the effects found, and their origin."""
 
 from __future__ import annotations
 

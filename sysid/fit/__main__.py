@@ -74,7 +74,7 @@ def fit(
         bar.set_description_str("report")
         write_model(model, out / "model.json")
         write_json(out / "fit.json", fit_json(found))
-        write_fit_plots(found, model, out)
+        write_fit_plots(found, out)
         page = write_fit_report(found, model, out / "report.html")
     print(fit_table(found))
     print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")

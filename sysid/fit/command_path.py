@@ -42,10 +42,10 @@ class CommandPath:
     saturation_rpm: float
     """Ceiling of a wheel command [rpm]; infinite: the log shows none."""
     seek_ceiling: bool
-    """Whether commands go beyond the ceiling or beyond what the wheel reaches, so that the log can tell it."""
+    """Whether commands go beyond the ceiling or beyond what the wheel reaches, so that it can be estimated."""
     latched: bool
-    """True: commands take effect on the command period's own clock, which starts with the run. False: the log's
-    stamps are taken as the moments at which commands took effect."""
+    """True: commands take effect on the command period's own clock, which starts with the run. False: the
+    log's stamps are taken as the moments at which commands took effect."""
     notes: tuple[str, ...]
     """What the log contradicted, in sentences."""
 
@@ -86,8 +86,8 @@ def infer_command_path(
     latched = command_period_s is not None or (period == COMMAND_PERIOD_S and on_clock)
     if not latched and period == COMMAND_PERIOD_S:
         notes.append(
-            f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run: the log's own "
-            "stamps are taken as the moments at which they took effect"
+            f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run: the log's "
+            "own stamps are taken as the moments at which they took effect"
         )
     if sample_period_s is None:
         sample_period_s = period / max(1, round(period * LAW_RATE_HZ))
@@ -113,8 +113,8 @@ def infer_command_path(
         if reached > SATURATION_RPM:
             saturation_rpm = math.inf
             notes.append(
-                f"speeds stay at up to {reached:.0f} rpm, beyond the robot's ceiling of {SATURATION_RPM:g} rpm: "
-                "the ceiling is not assumed"
+                f"speeds stay at up to {reached:.0f} rpm, beyond the robot's ceiling of {SATURATION_RPM:g} "
+                "rpm: the ceiling is not assumed"
             )
     return CommandPath(sample_period_s, period, quantum_rpm, saturation_rpm, seek, latched, tuple(notes))
 

@@ -97,7 +97,7 @@ def rms(error: FloatArray) -> float:
 def simulate(
     run: WheelRun, law: WheelLaw, delay_s: float = 0.0, saturation_rpm: float = math.inf
 ) -> FloatArray:
-    """Free-run a law through a run's commands from its steady start and return w(0..K) [rpm], shape (K+1,)."""
+    """Free-run a law through a run's commands from its steady start: w(0..K) [rpm], shape (K+1,)."""
     c = law.coefficients
     deviation = run.command(delay_s, saturation_rpm) - run.initial_rpm / law.dc_gain
     after = lfilter(c[3:], [1.0, *-c[:3]], deviation)

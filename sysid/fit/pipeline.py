@@ -64,7 +64,7 @@ class Fit:
     methods: Mapping[str, MethodFigures]
     wheels: Mapping[str, Estimate]
     """With `per_wheel`: wheel name -> its own estimate."""
-    runs: Mapping[Split, Mapping[str, list[WheelRun]]]
+    runs: Runs
     """Split -> wheel name -> data on the law's clock."""
     notes: tuple[str, ...] = field(default=())
     """What was inferred, assumed or could not be told, in sentences."""
@@ -202,8 +202,8 @@ def _best_clock(
     best = min(tried, key=lambda item: item[1].cost)
     if best[0] is not path:
         notes.append(
-            f"commands fit better latched every {path.command_period_s:g} s from each run's start than at the "
-            "log's own stamps"
+            f"commands fit better latched every {path.command_period_s:g} s from each run's start than at "
+            "the log's own stamps"
         )
     return best
 
@@ -223,8 +223,8 @@ def _adopt_delay(
     if other.delay_s <= 0.0 or gain < _DELAY_BIC or after > before:
         return found
     notes.append(
-        f"a transport delay of {other.delay_s * 1e3:.1f} ms was estimated and is in the model as command_latency; "
-        "a bench log cannot tell it from sensor_latency"
+        f"a transport delay of {other.delay_s * 1e3:.1f} ms was estimated and is in the model as "
+        "command_latency; a bench log cannot tell it from sensor_latency"
     )
     return other
 

@@ -1,0 +1,86 @@
+"""One self-contained HTML page: a template, figures that zoom, no network.
+
+Needs the `report` extra (jinja2, plotly); the plotting script is inlined, so a page weighs about 5 MB and can
+be mailed.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from mecanum_env.files import write_text
+
+Trace = Mapping[str, Any]
+"""A Plotly trace as its JSON object."""
+
+
+def report_available() -> bool:
+    """Return whether the libraries of the `report` extra are installed."""
+    return all(importlib.util.find_spec(name) is not None for name in ("jinja2", "plotly"))
+
+
+def figure(
+    traces: Sequence[Trace],
+    *,
+    title: str = "",
+    x: str = "",
+    y: str = "",
+    height: int = 320,
+    layout: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Return a Plotly figure as a JSON object.
+
+    Args:
+        traces: what is drawn.
+        title: over the figure.
+        x: title of the horizontal axis.
+        y: title of the vertical axis.
+        height: of the figure [pixels].
+        layout: further layout entries, which win over these.
+    """
+    base: dict[str, Any] = {
+        "title": {"text": title, "font": {"size": 14}, "x": 0.01, "xanchor": "left"},
+        "xaxis": {"title": {"text": x}, "zeroline": False},
+        "yaxis": {"title": {"text": y}, "zeroline": False},
+        "height": height,
+        "margin": {"l": 60, "r": 20, "t": 60 if title else 30, "b": 45},
+        "legend": {"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 1.0, "xanchor": "right"},
+    }
+    base.update(layout or {})
+    return {"data": [dict(trace) for trace in traces], "layout": base}
+
+
+def write_page(path: Path, template: str, figures: Mapping[str, Mapping[str, Any]], **values: Any) -> None:
+    """Render a template of `sysid/report/templates` with figures and values, whole or not at all.
+
+    Args:
+        path: of the page.
+        template: file name, such as "fit.html".
+        figures: element id -> figure; the template places them with ``{{ plot("id") }}``.
+        **values: what else the template shows.
+    """
+    import jinja2
+    import plotly.io
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+
+    def plot(name: str) -> Markup:
+        text = plotly.io.to_html(
+            dict(figures[name]), full_html=False, include_plotlyjs=False, div_id=name, validate=False,
+            config={"displaylogo": False, "responsive": True},
+        )  # fmt: skip
+        return Markup(text)
+
+    script = Markup(get_plotlyjs())
+    write_text(path, environment.get_template(template).render(plot=plot, plotly=script, **values))

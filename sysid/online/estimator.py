@@ -83,7 +83,7 @@ class OnlineEstimate:
     def covariance(self) -> FloatArray:
         """Covariance of A-F, shape (6, 6): noise^2 R^-1.
 
-        With forgetting this is about twice what noise alone does to a constant law (Ljung 1999, section
+        With forgetting this is up to twice what noise alone does to a constant law (Ljung 1999, section
         11.2), which leaves room for what the law may have drifted since the old samples.
         """
         inverse = np.linalg.inv(self.information)

@@ -41,7 +41,13 @@ class NoiseTracker:
         return self.recent_rpm2 / self.usual_rpm2
 
     def update(self, innovation_rpm: float, recent_samples: float, usual_samples: float) -> None:
-        """Take in one innovation [rpm]."""
+        """Take in one innovation.
+
+        Args:
+            innovation_rpm: measured minus predicted [rpm].
+            recent_samples: length of the recent average.
+            usual_samples: length of the usual average.
+        """
         size = abs(innovation_rpm)
         typical = sorted((size, self.last, self.before_last))[1]
         self.last, self.before_last = size, self.last

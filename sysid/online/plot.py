@@ -22,7 +22,14 @@ _COLOURS: Final = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple
 
 
 def save_plot(target: Path, title: str, wheel: WheelHistory, figures: Functionals) -> None:
-    """Write a PNG with four panels over time; bands are two standard errors."""
+    """Write a PNG with four panels over time; bands are two standard errors.
+
+    Args:
+        target: file to write.
+        title: shown above the panels.
+        wheel: what was known at every tick.
+        figures: of the same history.
+    """
     history = wheel.history
     time = history.time_s
     every = max(1, -(-len(time) // _MOST_POINTS))

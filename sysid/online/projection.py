@@ -13,7 +13,6 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.coefficients import stability_margins
 from mecanum_env.units import FloatArray
 from sysid.online.options import OnlineOptions
 
@@ -22,18 +21,18 @@ _HALVINGS: Final = 10
 
 
 def free_parameters(law: WheelLaw) -> FloatArray:
-    """Return (A, B, C, D, F), shape (5,): E follows from unit DC gain."""
+    """Return (A, B, C, D, F) of `law`, shape (5,): E follows from unit DC gain."""
     return np.array([law.A, law.B, law.C, law.D, law.F])
 
 
 def law_of(parameters: FloatArray, sample_period_s: float) -> WheelLaw:
-    """Return the law of (A, B, C, D, F); its six coefficients sum to 1 (see `WheelLaw.normalised`)."""
+    """Return the law of `parameters` (A, B, C, D, F); its six sum to 1 (see `WheelLaw.normalised`)."""
     a, b, c, d, f = parameters.tolist()
     return WheelLaw(a, b, c, d, 1.0 - (a + b + c + d + f), f, sample_period_s)
 
 
 def poles_within(abc: Sequence[float], radius: float) -> bool:
-    """Return whether all roots of z^3 - A z^2 - B z - C are smaller than `radius`.
+    """Return whether all roots of z^3 - A z^2 - B z - C, `abc` = (A, B, C), are smaller than `radius`.
 
     Multiplying A, B, C by 1/radius, 1/radius^2, 1/radius^3 divides the roots by the radius.
     """
@@ -44,7 +43,7 @@ def poles_within(abc: Sequence[float], radius: float) -> bool:
 
 
 def contracted(abc: Sequence[float], radius: float) -> Sequence[float]:
-    """Return (A, B, C) with all poles scaled by one common factor so that the largest lies within `radius`.
+    """Return `abc` = (A, B, C) with all poles scaled by one factor so that the largest lies within `radius`.
 
     Unchanged when all are within already. A common factor keeps the angles of the poles and their ratios.
     """
@@ -62,7 +61,7 @@ def contracted(abc: Sequence[float], radius: float) -> Sequence[float]:
 
 
 def feasible_step(parameters: FloatArray, step: FloatArray, options: OnlineOptions) -> FloatArray:
-    """Return the new (A, B, C, D, F), shape (5,), after as much of `step` as the limits allow.
+    """Return the new (A, B, C, D, F), shape (5,), after as much of `step` as the limits in `options` allow.
 
     Where the poles leave the circle of `largest_pole` they are contracted; where D, E or F then exceed
     `largest_numerator` the step is halved, and given up after ten halvings. `parameters` must be within the
@@ -77,7 +76,10 @@ def feasible_step(parameters: FloatArray, step: FloatArray, options: OnlineOptio
 
 
 def feasible_start(parameters: FloatArray, options: OnlineOptions) -> FloatArray:
-    """Return the nearest start within the limits: poles contracted, then D, E, F made equal if too large."""
+    """Return a start within the limits of `options` near `parameters`.
+
+    Its poles are contracted, and D, E, F made equal where they are too large.
+    """
     new = parameters.copy()
     new[:3] = contracted(new[:3].tolist(), options.largest_pole)
     if not _numerator_within(new, options.largest_numerator):
@@ -86,11 +88,6 @@ def feasible_start(parameters: FloatArray, options: OnlineOptions) -> FloatArray
         new[:] = 0.0
         new[3] = min(1.0, options.largest_numerator)
     return new
-
-
-def margins_within(parameters: FloatArray, radius: float) -> FloatArray:
-    """Return the four stability margins, shape (4,), of the poles divided by `radius`; positive: within."""
-    return stability_margins(parameters[:3] / radius ** np.arange(1, 4))
 
 
 def _numerator_within(parameters: FloatArray, limit: float) -> bool:

@@ -69,7 +69,13 @@ def _simulate(laws: Sequence[tuple[WheelLaw, int]], command: FloatArray) -> Floa
 def random_stable_law(
     rng: np.random.Generator, sample_period_s: float, largest_pole: float = 0.95
 ) -> WheelLaw:
-    """Return a law of unit gain like a drive's: one real pole, a pair of real or complex ones, any zeros."""
+    """Return a law of unit gain like a drive's: one real pole, a pair of real or complex ones, any zeros.
+
+    Args:
+        rng: source of the poles and zeros.
+        sample_period_s: the law's period [s].
+        largest_pole: upper end of the real pole.
+    """
     poles = [rng.uniform(-0.2, largest_pole)]
     if rng.random() < 0.5:
         poles += list(rng.uniform(-0.5, 0.8, 2))
@@ -84,7 +90,6 @@ def random_stable_law(
     return WheelLaw.from_coefficients([a, b, c, d, e, f], sample_period_s).normalised()
 
 
-def free_run_error_rpm(law: WheelLaw, samples: Samples, *, noisy: bool = True) -> float:
-    """Return the rms of measured (or true) minus free-running speed [rpm], from rest at the first tick."""
-    target = samples.speed_rpm if noisy else samples.true_rpm
-    return float(np.sqrt(np.mean((target - law.simulate(samples.command_rpm)[:-1]) ** 2)))
+def free_run_error_rpm(law: WheelLaw, samples: Samples) -> float:
+    """Return the rms of measured minus free-running speed of `law` over `samples` [rpm], both from rest."""
+    return float(np.sqrt(np.mean((samples.speed_rpm - law.simulate(samples.command_rpm)[:-1]) ** 2)))

@@ -7,7 +7,7 @@ models, and may be rewritten in a compiled model (`write_parameters`):
     biasprm       0, 0, -servo     dynprm[7]  command_period_s      dynprm[9]  saturation_rpm (0: none)
     user[0]       servo_integral   user[1]    delay_s               forcerange +-torque_limit_n_m
 
-They are checked on compiling and when an `mujoco.MjData` is made (`require_valid` says what is wrong). An edit
+They are checked on compiling and on making an `mujoco.MjData` (`require_valid` says what is wrong). An edit
 acts from the next substep on; where it changes the timestep or a period, the clocks start anew at that
 substep, with speeds and the last command kept.
 """

@@ -13,6 +13,7 @@
 // plugin_state (mecanum_env/plugin/layout.py names the entries), written in reset and advance only.
 
 #include <math.h>
+#include <stdio.h>
 #include <string.h>
 
 #include <mujoco/mujoco.h>
@@ -67,7 +68,7 @@ static double law_input(const Drive* s, double tau, double T, double delay) {
   if (!(j <= latest)) j = latest;
   if (j < latest - (RING - 1)) j = latest - (RING - 1);
   double sum = 0, done = 0;
-  for (; j + 1 <= latest; j++) {
+  for (int i = 1; i < RING && j + 1 <= latest; i++, j++) {
     double arrival = (j + 1) * T + delay;
     if (!(arrival < t + tau)) break;
     double part = (arrival - t) / tau;
@@ -169,8 +170,10 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
   d->plugin_data[instance] = 0;
   int id = actuator_of(m, instance);
   if (id < 0) REFUSE(PLUGIN_NAME ": instance %d has no actuator or several; one instance drives one wheel", instance);
-  const char* given_name = mj_id2name(m, mjOBJ_ACTUATOR, id);
-  const char* name = given_name && given_name[0] ? given_name : "(unnamed)";
+  char name[100];
+  const char* given = mj_id2name(m, mjOBJ_ACTUATOR, id);
+  if (given && given[0]) snprintf(name, sizeof name, "%s", given);
+  else snprintf(name, sizeof name, "#%d", id);
 
   static const char* const names[] = {"A", "B", "C", "D", "E", "F", "sample_period_s", "command_period_s",
                                       "command_quantum_rpm", "saturation_rpm"};

@@ -1,0 +1,149 @@
+"""The plugin is the Python reference, bit for bit, and a native servo fed by it moves the wheel alike."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mecanum_env.law.drive import DriveParameters, DriveState, simulate_drive, step_drive
+from mecanum_env.model import Model, Robot, Wheel
+from mecanum_env.plugin.layout import COMMANDS, RING, STATE, state_slice
+from mecanum_env.plugin.state import drive_state
+from mecanum_env.units import RAD_S_PER_RPM
+
+
+def run(mjmodel, commands):
+    """Step through commands (n, wheels); return setpoints [rad/s] and joint speeds, (n, wheels), and data."""
+    data = mujoco.MjData(mjmodel)
+    setpoints, speeds = [], []
+    for command in commands:
+        data.ctrl[:] = command
+        mujoco.mj_step(mjmodel, data)
+        setpoints.append(drive_state(mjmodel, data)["setpoint"])
+        speeds.append(data.qvel.copy())
+    return np.array(setpoints), np.array(speeds), data
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    sample_period_s=st.sampled_from([1 / 120, 0.01, 0.0073, 1 / 480, 0.001, 0.05]),
+    command_period_s=st.sampled_from([0.1, 0.02, 1 / 120, 0.033, 0.005]),
+    timestep=st.sampled_from([1 / 480, 1 / 240, 0.002, 0.0031, 0.02]),
+    delay_periods=st.one_of(st.just(0.0), st.floats(0.0, 20.0)),
+    quantum=st.sampled_from([0.0, 1.0, 0.3]),
+    saturation=st.sampled_from([135.0, 40.0, np.inf]),
+)
+def test_state_equals_the_reference_bit_for_bit(
+    compile_wheels,
+    stable_law,
+    seed,
+    sample_period_s,
+    command_period_s,
+    timestep,
+    delay_periods,
+    quantum,
+    saturation,
+):
+    rng = np.random.default_rng(seed)
+    law = stable_law(rng, sample_period_s)
+    wheel = Wheel(law, command_period_s, quantum, saturation)
+    delay_s = delay_periods * command_period_s
+    model = Model(wheel, Robot(), {"command_latency": {"delay_s": delay_s}})
+    mjmodel = compile_wheels(model, timestep=timestep)
+    parameters = DriveParameters.from_wheel(wheel, delay_s)
+    data, state = mujoco.MjData(mjmodel), DriveState()
+    where = state_slice(mjmodel, 0)
+    for command in rng.uniform(-160.0, 160.0, 150):
+        data.ctrl[0] = command
+        mujoco.mj_step(mjmodel, data)
+        setpoint, state = step_drive(parameters, state, command, timestep)
+        kept = dict(zip(STATE, data.plugin_state[where], strict=False))
+        assert (kept["substeps"], kept["ticks"], kept["latches"]) == (
+            state.substeps,
+            state.ticks,
+            state.latches,
+        )
+        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2")] == [
+            float(x) for x in (state.law.w0, state.law.w1, state.law.w2, state.law.r1, state.law.r2)
+        ]
+        assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
+    newest = np.arange(state.latches - min(state.latches, RING), state.latches)
+    ring = data.plugin_state[where][COMMANDS]
+    np.testing.assert_array_equal(ring[newest % RING], state.commands[-newest.size :])
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.037])
+def test_motion_equals_a_native_velocity_servo_fed_per_substep(compile_wheels, free_model, delay_s):
+    model = free_model(delay_s)
+    commands = np.repeat(np.random.default_rng(3).uniform(-150.0, 150.0, (30, 2)), 48, axis=0)
+    setpoints, speeds, _ = run(compile_wheels(model, n=2), commands)
+    reference = simulate_drive(DriveParameters.from_wheel(model.wheel, delay_s), commands.T, 1 / 480).T
+    np.testing.assert_array_equal(setpoints, reference * RAD_S_PER_RPM)
+    native = compile_wheels(model, n=2, native=True)
+    data = mujoco.MjData(native)
+    for setpoint, speed in zip(setpoints, speeds, strict=True):
+        data.ctrl[:] = setpoint
+        mujoco.mj_step(native, data)
+        np.testing.assert_allclose(data.qvel, speed, rtol=0.0, atol=1e-12)
+
+
+def test_the_command_is_latched_every_period_only(compile_wheels, free_model):
+    mjmodel = compile_wheels(free_model())
+    # A command that changes at every substep: only those at 0, 0.1, 0.2 ... s count (48 substeps apart).
+    commands = np.random.default_rng(1).uniform(-130.0, 130.0, (480, 1))
+    held = np.repeat(commands[::48], 48, axis=0)
+    np.testing.assert_array_equal(run(mjmodel, commands)[0], run(mjmodel, held)[0])
+
+
+def test_commands_are_rounded_half_to_even_then_limited(compile_wheels, free_model):
+    mjmodel = compile_wheels(free_model())
+    for command, latched in [
+        (0.5, 0.0),
+        (1.5, 2.0),
+        (-2.5, -2.0),
+        (134.6, 135.0),
+        (300.0, 135.0),
+        (-1e9, -135.0),
+    ]:
+        _, _, data = run(mjmodel, [[command]])
+        assert data.plugin_state[state_slice(mjmodel, 0)][COMMANDS][0] == latched
+
+
+@pytest.mark.parametrize("command", [np.nan, np.inf, -np.inf, 1e11])
+def test_an_absurd_command_counts_as_none(compile_wheels, free_model, command):
+    _, speeds, _ = run(compile_wheels(free_model()), [[command]] * 200)
+    np.testing.assert_array_equal(speeds, 0.0)
+
+
+def test_ctrlrange_limits_the_command(wheels_spec, free_model):
+    spec = wheels_spec(free_model())
+    spec.actuators[0].ctrlrange = [-20.0, 20.0]
+    spec.actuators[0].ctrllimited = mujoco.mjtLimited.mjLIMITED_TRUE
+    _, speeds, _ = run(spec.compile(), [[100.0]] * 480)
+    assert speeds[-1, 0] / RAD_S_PER_RPM == pytest.approx(20.0, abs=1e-6)
+
+
+def test_forward_does_not_change_the_state(compile_wheels, free_model):
+    mjmodel = compile_wheels(free_model())
+    _, _, data = run(mjmodel, [[70.0]] * 100)
+    before = data.plugin_state.copy()
+    data.ctrl[0] = -50.0
+    for _ in range(3):
+        mujoco.mj_forward(mjmodel, data)
+    np.testing.assert_array_equal(data.plugin_state, before)
+
+
+def test_the_clocks_do_not_drift_over_an_hour(compile_wheels, free_model):
+    mjmodel = compile_wheels(free_model(), timestep=1 / 240)
+    data = mujoco.MjData(mjmodel)
+    hour = 3600 * 240
+    # Not an hour of stepping: the state of a drive that has run for one, less a second.
+    where = state_slice(mjmodel, 0)
+    mujoco.mj_step(mjmodel, data)
+    state = data.plugin_state[where]
+    state[:3] = hour - 240, (hour - 240) / 2, (hour - 240) / 24
+    for n in range(240):
+        mujoco.mj_step(mjmodel, data)
+        assert state[1] == (hour - 240 + n) // 2 + 1
+        assert state[2] == (hour - 240 + n) // 24 + 1

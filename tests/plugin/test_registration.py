@@ -1,0 +1,106 @@
+"""Loading at `import mujoco`, from an installed package, for exactly the MuJoCo that it was compiled for."""
+
+import subprocess
+import sys
+import warnings
+from importlib.metadata import entry_points
+
+import mujoco
+import pytest
+
+import mecanum_env.plugin
+from mecanum_env.errors import BackendError
+from mecanum_env.plugin import library_path, register
+
+XML = """
+<mujoco>
+  <size nuser_actuator="16"/>
+  <default><general biastype="affine" biasprm="0 0 -5"/></default>
+  <extension><plugin plugin="mecanum.wheel"/></extension>
+  <worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>
+  <actuator>
+    <plugin plugin="mecanum.wheel" joint="j" dynprm="0.5 0 0 0.5 0 0 0.01 0.1 1 100"/>
+  </actuator>
+</mujoco>
+"""
+
+
+def python(code: str, folder) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def test_import_mujoco_alone_is_enough_to_read_a_file(tmp_path):
+    (tmp_path / "wheel.xml").write_text(XML)
+    done = python(
+        "import warnings; warnings.simplefilter('error')\n"
+        "import mujoco, sys\n"
+        "print(mujoco.MjModel.from_xml_path('wheel.xml').nplugin, 'scipy' in sys.modules, 'gymnasium' in sys.modules)",
+        tmp_path,
+    )
+    assert (done.stdout.strip(), done.stderr) == ("1 False False", "")
+
+
+def test_the_entry_point_is_installed():
+    (entry,) = (e for e in entry_points(group="mujoco.plugins") if e.name == "mecanum_wheel")
+    assert entry.load() is register
+
+
+def test_registering_again_changes_nothing():
+    register()
+    assert mujoco.MjModel.from_xml_string(XML).nplugin == 1
+
+
+def test_another_mujoco_is_refused_before_the_library_is_loaded(monkeypatch):
+    monkeypatch.setattr(mujoco, "mj_versionString", lambda: "4.0.1")
+    monkeypatch.setattr(mujoco, "mj_loadPluginLibrary", lambda _: pytest.fail("loaded"))
+    with pytest.raises(
+        BackendError, match=r"compiled for mujoco 4\.0\.0, but mujoco 4\.0\.1 runs; .*pip install"
+    ):
+        register()
+
+
+def test_a_missing_library_says_how_to_build_it(tmp_path, monkeypatch):
+    with pytest.raises(BackendError, match=r"mecanum_wheel-mujoco-4\.0\.0\.so is not in .*pip install"):
+        library_path("4.0.0", [str(tmp_path)])
+    monkeypatch.setattr(mecanum_env.plugin, "__path__", [str(tmp_path)])
+    with pytest.raises(BackendError, match="is not in"):
+        register()
+
+
+def test_import_mujoco_goes_on_and_warns_without_the_library(tmp_path):
+    """MuJoCo turns what an entry point raises into a warning; simulate that with this project's own error."""
+    done = python(
+        "import sys, mecanum_env.plugin as p\n"
+        f"p.__path__[:] = [{str(tmp_path)!r}] if isinstance(p.__path__, list) else p.__path__\n"
+        f"p.__path__ = [{str(tmp_path)!r}]\n"
+        "import mujoco; print(mujoco.MjModel.from_xml_string('<mujoco/>').nbody)",
+        tmp_path,
+    )
+    assert done.stdout.strip() == "1"
+    assert "RuntimeWarning: Failed to load mujoco plugin entry point mecanum_wheel" in done.stderr
+    assert "pip install ." in done.stderr
+
+
+def test_the_library_for_the_running_mujoco_is_found_among_others(tmp_path):
+    for version in ("3.9.0", "4.0.0", "4.0.1"):
+        (tmp_path / f"mecanum_wheel-mujoco-{version}.so").touch()
+    assert library_path("4.0.0", [str(tmp_path)]).name == "mecanum_wheel-mujoco-4.0.0.so"
+    with pytest.raises(
+        BackendError, match=r"compiled for mujoco 3\.9\.0, 4\.0\.0, 4\.0\.1, but mujoco 5\.0\.0 runs"
+    ):
+        library_path("5.0.0", [str(tmp_path)])
+
+
+def test_importing_the_plugin_package_does_not_import_mujoco(tmp_path):
+    done = python(
+        "import sys, mecanum_env.plugin; print('mujoco' in sys.modules, 'numpy' in sys.modules)", tmp_path
+    )
+    assert done.stdout.split() == ["False", "False"]
+
+
+def test_a_library_that_cannot_be_loaded_is_an_error_not_a_crash(tmp_path):
+    (tmp_path / "mecanum_wheel-mujoco-4.0.0.so").write_bytes(b"no library")
+    with warnings.catch_warnings(), pytest.raises(mujoco.FatalError, match="mecanum_wheel"):
+        mujoco.mj_loadPluginLibrary(str(tmp_path / "mecanum_wheel-mujoco-4.0.0.so"))

@@ -174,7 +174,7 @@ EDITS = [
 @pytest.mark.parametrize(("field", "index", "value"), EDITS)
 def test_edits_are_refused_when_data_is_made(mjmodel, field, index, value):
     getattr(mjmodel, field)[0, index] = value
-    with pytest.raises(InputError, match='mecanum.wheel, actuator "wheel_0": '):
+    with pytest.raises(InputError, match=r'mecanum\.wheel, actuator "wheel_0": '):
         require_valid(mjmodel)
     with pytest.raises(mujoco.FatalError, match="plugin->init failed"):
         mujoco.MjData(mjmodel)

@@ -135,8 +135,14 @@ def test_a_log_without_rows_or_of_unequal_columns_is_refused(parameters):
 
 @pytest.mark.parametrize(
     ("name", "value"),
-    [("delay_s", -0.1), ("delay_s", 2.91), ("delay_s", np.nan), ("command_period_s", 0.0)]
-    + [("command_quantum_rpm", -1.0), ("saturation_rpm", 0.0)],
+    [
+        ("delay_s", -0.1),
+        ("delay_s", 2.91),
+        ("delay_s", np.nan),
+        ("command_period_s", 0.0),
+        ("command_quantum_rpm", -1.0),
+        ("saturation_rpm", 0.0),
+    ],
 )
 def test_impossible_drives_are_refused(parameters, name, value):
     with pytest.raises(InputError, match=name):

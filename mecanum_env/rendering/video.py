@@ -1,92 +1,122 @@
 """Offline pictures and videos of a simulated drive.
 
-Import this module after `mecanum_env.rendering.backend.use_backend`: mujoco picks its graphics library when it
-is imported.
+Import this module after `mecanum_env.rendering.backend.use_backend`: mujoco picks its graphics library when
+it is imported.
 """
 
 from __future__ import annotations
 
 import copy
+import math
 import os
-from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any
 
 import imageio.v2 as iio2
 import imageio.v3 as iio
 import mujoco
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import atomic_path
+from mecanum_env.rendering.caption import Frame, draw_caption
+from mecanum_env.rendering.view import View
 from mecanum_env.simulator.trajectory import Trajectory
 
-Quality = Literal["light", "full"]
-Frame = npt.NDArray[np.uint8]
+FPS = 30.0
+"""Frames per second of simulated time, and of the video."""
+STILL_SUFFIXES = (".png", ".jpg", ".jpeg")
+
+_LIGHT_SLICES, _LIGHT_STACKS = 14, 8  # of a round shape; MuJoCo's own are 28 and 16
+_LIGHT_SHADOW_PX = 1024
+_LIGHT_CASTS_SHADOW_M = 0.05  # smaller parts cast none: bolts, rollers, joints
+_WIDEST = "command  V  -000 rpm   theta  -000 deg   VC  -000 rpm"
 
 
-@dataclass(frozen=True)
-class View:
-    """How to look at the robot.
+def render_frames(
+    trajectory: Trajectory, view: View | None = None, rows: Iterable[int] | None = None
+) -> Iterator[Frame]:
+    """Yield pictures (height, width, 3) of a drive.
 
-    "light" leaves out reflections and multisampling and takes a smaller shadow map, which software renderers
-    draw several times faster; "full" keeps everything.
-    """
-
-    camera: str = "track"
-    """A camera of the model by name."""
-    width: int = 640
-    height: int = 480
-    quality: Quality = "light"
-    caption: bool = True
-    """Draw time, command and actual motion into the picture."""
-
-
-def render_frames(trajectory: Trajectory, view: View, fps: float = 30.0) -> Iterator[Frame]:
-    """Yield pictures (height, width, 3) of a drive at `fps` frames per second of simulated time.
+    Args:
+        trajectory: the drive.
+        view: camera, size and quality; `View()` when None.
+        rows: which physics steps to draw, as from `frame_rows`; `FPS` frames a second when None.
 
     Raises:
-        InputError: the model has no such camera, or the picture is larger than its offscreen buffer allows.
+        InputError: the model has no such camera.
     """
+    view = View() if view is None else view
+    rows = frame_rows(trajectory.time_s) if rows is None else rows
     model = _prepare(trajectory.mj_model, view)
     data = mujoco.MjData(model)
     with mujoco.Renderer(model, view.height, view.width) as renderer:
         if view.quality == "light":
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
-        for row in frame_rows(trajectory.time_s, fps):
+        for row in rows:
             data.qpos[:] = trajectory.qpos[row]
+            # What drawing needs of mj_forward: where bodies, cameras and lights are.
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_camlight(model, data)
             renderer.update_scene(data, view.camera)
             frame: Frame = renderer.render()
-            yield _caption(frame, trajectory, row) if view.caption else frame
+            if view.caption:
+                draw_caption(frame, caption_lines(trajectory, row), _WIDEST)
+            yield frame
 
 
-def frame_rows(time_s: npt.NDArray[np.float64], fps: float) -> npt.NDArray[np.intp]:
-    """Return the rows of `time_s` [s] nearest to the frame times 0, 1/fps, 2/fps ... within the drive."""
-    n = int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-9)) + 1
-    rows: npt.NDArray[np.intp] = np.searchsorted(time_s, time_s[0] + np.arange(n) / fps - 1e-9)
+def frame_rows(time_s: npt.NDArray[np.float64], fps: float = FPS) -> npt.NDArray[np.intp]:
+    """Return the rows of `time_s` [s] nearest to the frame times 0, 1/fps, 2/fps ... within the drive.
+
+    Args:
+        time_s: (n,), increasing, n >= 2.
+        fps: frames per second of simulated time.
+
+    Raises:
+        InputError: `fps` is not a number above 0.
+    """
+    if not (math.isfinite(fps) and fps > 0.0):
+        raise InputError(f"fps = {fps}, must be a number above 0, such as {FPS:g}")
+    n = int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
+    return nearest_rows(time_s, time_s[0] + np.arange(n) / fps)
+
+
+def nearest_rows(time_s: npt.NDArray[np.float64], wanted_s: npt.ArrayLike) -> npt.NDArray[np.intp]:
+    """Return the rows of the increasing times `time_s`, shape (n,), nearest to `wanted_s`, shape (...)."""
+    midpoints = (time_s[1:] + time_s[:-1]) / 2
+    rows: npt.NDArray[np.intp] = np.searchsorted(midpoints, wanted_s)
     return rows
 
 
-def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: float = 30.0) -> int:
+def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: float = FPS) -> int:
     """Encode frames as H.264 in an mp4 file, whole or not at all, and return how many there were.
 
+    Args:
+        path: ends in .mp4.
+        frames: pictures (height, width, 3) of one even size.
+        fps: frames per second of the video.
+
     Raises:
-        InputError: the name does not end in .mp4, or there is no frame.
+        InputError: the name does not end in .mp4, there is no frame, or its size is odd.
     """
-    path = Path(path)
-    if path.suffix != ".mp4":
-        raise InputError(f"{path}: a video's name must end in .mp4")
+    path = check_suffix(path, (".mp4",))
     count = 0
     with atomic_path(path) as temporary:
-        # libx264 wants even sizes; macro_block_size 2 asks for no more than that.
-        with iio2.get_writer(temporary, fps=fps, codec="libx264", quality=7, macro_block_size=2) as writer:
+        # Fast and near to lossless: software rendering shares the processor with the encoder. The index goes
+        # to the front, so that a browser can play while it loads.
+        options = ["-preset", "veryfast", "-crf", "18", "-movflags", "+faststart"]
+        writer: Any = iio2.get_writer(
+            temporary, fps=fps, codec="libx264", quality=None, macro_block_size=1, output_params=options
+        )
+        with writer:
             for frame in frames:
+                height, width = frame.shape[:2]
+                if height % 2 or width % 2:
+                    even = f"{width + width % 2} x {height + height % 2}"
+                    raise InputError(f"{path}: {width} x {height}, an H.264 video needs even sizes: {even}")
                 writer.append_data(frame)
                 count += 1
         if count == 0:
@@ -95,40 +125,72 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: floa
 
 
 def write_still(path: str | os.PathLike[str], frame: Frame) -> None:
-    """Write one picture (.png or .jpg), whole or not at all."""
+    """Write one picture (height, width, 3) as .png or .jpg, whole or not at all.
+
+    Raises:
+        InputError: the name ends in neither.
+    """
+    path = check_suffix(path, STILL_SUFFIXES)
     with atomic_path(path) as temporary:
         iio.imwrite(temporary, frame)
 
 
+def check_suffix(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Path:
+    """Return the path if it ends in one of the suffixes.
+
+    Raises:
+        InputError: it does not.
+    """
+    path = Path(path)
+    if path.suffix not in suffixes:
+        raise InputError(f"{path}: its name must end in {' or '.join(suffixes)}")
+    return path
+
+
+def caption_lines(trajectory: Trajectory, row: int) -> list[str]:
+    """Return time, command and actual motion at a physics step, as text."""
+    command = np.rint(trajectory.command[row]) + 0.0  # plus 0.0: no "-0" in the picture
+    vx, vy = np.round(trajectory.twist[row, :2], 2) + 0.0
+    turning = np.rint(np.rad2deg(trajectory.twist[row, 2])) + 0.0
+    if len(command) == 3:
+        sent = f"command  V {command[0]:.0f} rpm   theta {command[1]:.0f} deg   VC {command[2]:.0f} rpm"
+    else:
+        sent = "command  " + "   ".join(f"{c:.0f}" for c in command) + " rpm"
+    return [
+        f"{trajectory.time_s[row]:.2f} s",
+        sent,
+        f"actual  vx {vx:+.2f} m/s   vy {vy:+.2f} m/s   yaw {turning:+.0f} deg/s",
+    ]
+
+
 def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
-    """Return a copy of the model with the drawing quality set and an offscreen buffer that is large enough."""
+    """Return a copy of the model with the quality set and an offscreen buffer that is large enough."""
     names = [mj_model.camera(i).name for i in range(mj_model.ncam)]
     if view.camera not in names:
-        raise InputError(f"no camera {view.camera!r} in this model; it has {', '.join(names)}")
+        raise InputError(
+            f"no camera {view.camera!r} in this model{did_you_mean(view.camera, names)}; "
+            f"it has {', '.join(names) or 'none'}"
+        )
     model = copy.copy(mj_model)
     model.vis.global_.offwidth = max(view.width, model.vis.global_.offwidth)
     model.vis.global_.offheight = max(view.height, model.vis.global_.offheight)
     if view.quality == "light":
-        model.vis.quality.offsamples = 0
-        model.vis.quality.shadowsize = 1024
+        _lighten(model)
     return model
 
 
-def _caption(frame: Frame, trajectory: Trajectory, row: int) -> Frame:
-    """Draw time, command and actual motion over the picture's upper left corner."""
-    command, (vx, vy, rate) = trajectory.command[row], trajectory.twist[row]
-    if len(command) == 3:
-        sent = f"command  V {command[0]:4.0f} rpm  theta {command[1]:4.0f} deg  VC {command[2]:4.0f} rpm"
-    else:
-        sent = "command  " + "  ".join(f"{c:4.0f}" for c in command) + " rpm"
-    text = (
-        f"{trajectory.time_s[row]:6.2f} s\n{sent}\n"
-        f"actual   vx {vx:+.2f} m/s  vy {vy:+.2f} m/s  yaw {np.rad2deg(rate):+5.0f} deg/s"
-    )
-    picture = Image.fromarray(frame)
-    draw = ImageDraw.Draw(picture, "RGBA")
-    font = ImageFont.load_default(size=max(11, frame.shape[0] // 36))
-    box = draw.multiline_textbbox((10, 8), text, font=font)
-    draw.rectangle((box[0] - 6, box[1] - 5, box[2] + 6, box[3] + 5), fill=(0, 0, 0, 140))
-    draw.multiline_text((10, 8), text, font=font, fill=(255, 255, 255, 255))
-    return np.asarray(picture)
+def _lighten(model: mujoco.MjModel) -> None:
+    """Leave out what costs a software renderer much and the eye little; docs/rendering.md has the figures."""
+    quality = model.vis.quality
+    quality.offsamples = 0
+    quality.numslices, quality.numstacks = _LIGHT_SLICES, _LIGHT_STACKS
+    quality.shadowsize = min(_LIGHT_SHADOW_PX, quality.shadowsize)
+    # The bounding radius of planes is 0; those have their own say.
+    small = (model.geom_rbound > 0.0) & (model.geom_rbound < _LIGHT_CASTS_SHADOW_M)
+    model.geom_castshadow[small] = False
+    # An endless ground below a mat is shaded in every pixel that the mat then covers. Beyond it, sky will do.
+    planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
+    endless = planes & np.all(model.geom_size[:, :2] == 0.0, axis=1)
+    if np.any(planes & ~endless):
+        model.geom_matid[endless] = -1
+        model.geom_rgba[endless, 3] = 0.0

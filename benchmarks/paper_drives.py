@@ -110,9 +110,8 @@ def main(model: Path | None = None, plant: Plant = "rollers", out: Path | None =
             f"{r.name:18} {r.commanded:8.4g} {r.unit:>5} {r.steady:8.4g} {r.loss:8.4f} {r.paper_loss:11.4f} "
             f"{r.rise_s:7.3f} {r.wheel_rise_s:7.3f} {r.fall_s:7.3f}"
         )
-    print(
-        f"paper: rise {PAPER_RISE_S['model']} s of its model (no load), {PAPER_RISE_S['robot']} s of its robot"
-    )
+    rise_model_s, rise_robot_s = PAPER_RISE_S["model"], PAPER_RISE_S["robot"]
+    print(f"paper: rise {rise_model_s} s of its model without load, {rise_robot_s} s of its robot")
     if out is not None:
         write_json(
             out, {"plant": plant, "drives": [asdict(r) for r in results], "paper_rise_s": PAPER_RISE_S}

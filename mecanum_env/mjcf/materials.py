@@ -24,9 +24,9 @@ _MATERIALS: dict[str, tuple[tuple[float, float, float], float, float, float, flo
 
 
 def add_materials(spec: mujoco.MjSpec) -> None:
-    """Add every material to the spec, and the pattern of boards, a metre wide, on the mat."""
+    """Add every material to the spec, and the pattern of the mat, squares of a metre."""
     spec.add_texture(
-        name="boards",
+        name="squares",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
         builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
         rgb1=[0.80, 0.67, 0.49],
@@ -44,6 +44,6 @@ def add_materials(spec: mujoco.MjSpec) -> None:
             emission=emission,
         )
     mat = spec.material("mat")
-    mat.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "boards"
+    mat.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "squares"
     mat.texuniform = True
-    mat.texrepeat = [0.5, 0.5]
+    mat.texrepeat = [1.0, 1.0]

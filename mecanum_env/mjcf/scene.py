@@ -97,7 +97,7 @@ def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
         castshadow=True,
     )
     for name, position, target, fovy in (
-        ("track", (1.35 * s, -1.75 * s, 0.95 * s), (0.05 * s, 0.0, 0.22 * s), 36.0),
+        ("track", (1.25 * s, -1.55 * s, 0.90 * s), (0.08 * s, 0.0, 0.23 * s), 36.0),
         ("close", (0.75 * s, -0.85 * s, 0.30 * s), (0.05 * s, -0.05 * s, 0.05 * s), 38.0),
         ("side", (0.0, -2.4 * s, 0.45 * s), (0.05 * s, 0.0, 0.22 * s), 30.0),
     ):

@@ -164,7 +164,7 @@ def caption_lines(trajectory: Trajectory, row: int) -> list[str]:
 
 
 def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
-    """Return a copy of the model with the quality set and an offscreen buffer that is large enough."""
+    """Return a copy of the model with quality and offscreen buffer set for this view."""
     names = [mj_model.camera(i).name for i in range(mj_model.ncam)]
     if view.camera not in names:
         raise InputError(
@@ -172,8 +172,8 @@ def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
             f"it has {', '.join(names) or 'none'}"
         )
     model = copy.copy(mj_model)
-    model.vis.global_.offwidth = max(view.width, model.vis.global_.offwidth)
-    model.vis.global_.offheight = max(view.height, model.vis.global_.offheight)
+    # No larger than the picture: all of it is cleared and resolved for every frame.
+    model.vis.global_.offwidth, model.vis.global_.offheight = view.width, view.height
     if view.quality == "light":
         _lighten(model)
     return model

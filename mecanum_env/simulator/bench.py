@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import mujoco
 import numpy as np
 
 from mecanum_env.errors import InputError
+from mecanum_env.law.drive import DriveParameters, simulate_drive
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import SERVO, wheel_actuators
+from mecanum_env.plugin.layout import SERVO, command_delay_s, wheel_actuators
 from mecanum_env.plugin.state import set_steady
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.stepping import step_through
@@ -65,6 +67,35 @@ def replay_bench(
         data.qvel[:] = initial_rpm * RAD_S_PER_RPM
     _, qvel = step_through(compiled, data, ctrl[:, None])
     return np.interp(samples - start, clock, qvel[:, 0] / RAD_S_PER_RPM)
+
+
+def law_of_bench(
+    model: Model,
+    time_s: FloatArray,
+    command_rpm: FloatArray,
+    clock_s: FloatArray,
+    initial_rpm: float = 0.0,
+    wheel: str | None = None,
+) -> FloatArray:
+    """Return the speed [rpm] that the law alone gives on a physics clock: what `replay_bench` lags behind.
+
+    Args:
+        model: the wheel to simulate.
+        time_s: (n,) stamps [s] of the commands, increasing; the run starts at the first.
+        command_rpm: (n,) commanded wheel speed [rpm], held until the next stamp; NaN is a missing sample.
+        clock_s: (m,) times 0, h, 2 h ... [s] since the run's start.
+        initial_rpm: speed [rpm] at which the wheel turns steadily when the run starts.
+        wheel: fl, fr, rl or rr for that wheel's own law; by default the common one.
+
+    Returns:
+        (m,) the drive's setpoint [rpm].
+    """
+    law = model.wheel.law if wheel is None else model.law_of(wheel)
+    parameters = DriveParameters.from_wheel(replace(model.wheel, law=law), command_delay_s(model))
+    given = ~np.isnan(command_rpm)
+    held = hold(time_s[given] - time_s[0], command_rpm[given], clock_s[:-1], before=initial_rpm)
+    setpoints = simulate_drive(parameters, held, float(clock_s[1] - clock_s[0]), initial_rpm)
+    return np.concatenate([[initial_rpm], setpoints])
 
 
 def compile_bench(model: Model, wheel: str | None = None) -> mujoco.MjModel:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -75,3 +76,9 @@ def free_model(paper: Model) -> Callable[..., Model]:
         return model.with_effect("command_latency", delay_s=delay_s) if delay_s else model
 
     return build
+
+
+@pytest.fixture
+def in_tmp_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Work in a temporary folder: MuJoCo writes its warnings to a file in the working folder."""
+    monkeypatch.chdir(tmp_path)

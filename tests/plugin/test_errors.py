@@ -48,12 +48,6 @@ BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 
 
 @pytest.fixture
-def in_tmp_path(monkeypatch, tmp_path):
-    """MuJoCo writes its warnings to a file in the working folder."""
-    monkeypatch.chdir(tmp_path)
-
-
-@pytest.fixture
 def mjmodel(compile_wheels, free_model):
     return compile_wheels(free_model())
 

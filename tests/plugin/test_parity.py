@@ -110,6 +110,7 @@ def test_commands_are_rounded_half_to_even_then_limited(compile_wheels, free_mod
         assert data.plugin_state[state_slice(mjmodel, 0)][COMMANDS][0] == latched
 
 
+@pytest.mark.usefixtures("in_tmp_path")
 @pytest.mark.parametrize("command", [np.nan, np.inf, -np.inf, 1e11])
 def test_an_absurd_command_counts_as_none(compile_wheels, free_model, command):
     _, speeds, _ = run(compile_wheels(free_model()), [[command]] * 200)

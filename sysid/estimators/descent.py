@@ -105,7 +105,7 @@ def descend(
     rows = 0 if constraint is None else constraint.values(x[:1, :3]).shape[1]
     multipliers = np.zeros((count, rows))
     norm = np.linalg.norm(_tangent(gradient, unit_gain), axis=1)
-    step = np.full(count, rate) if rule == "fixed" else 0.1 / np.maximum(norm, 1e-300)
+    step = np.full(count, rate) if rule == "fixed" else np.minimum(rate, 0.1 / np.maximum(norm, 1e-300))
     converged = np.zeros(count, bool)
     used = np.zeros(count, np.intp)
     before = h.copy()
@@ -122,7 +122,7 @@ def descend(
             g = constraint.values(trial[:, :3])
             g = -g if constraint.printed_signs else g
             multipliers[active] = np.maximum(0.0, multipliers[active] + alpha * g)
-        trial = _admitted(trial, constraint, unit_gain)
+        wanted, trial = trial, _admitted(trial, constraint, unit_gain)
         new, new_gradient = cost(trial)
         moved = trial - at
         square = np.sum(moved * moved, axis=1)
@@ -140,7 +140,9 @@ def descend(
         if rule == "fixed":
             lost |= beyond
             h[active[beyond]] = np.inf
-        still = accepted & (np.sqrt(square) * rate <= GRADIENT_TOLERANCE * alpha[:, 0])
+        pulled = np.any(trial[:, :3] != wanted[:, :3], axis=1)
+        length = np.where(pulled, np.sqrt(square) / alpha[:, 0], np.linalg.norm(slope, axis=1))
+        still = ~beyond & (length * rate <= GRADIENT_TOLERANCE)
         if i % CHANGE_WINDOW == 0:
             with np.errstate(invalid="ignore"):
                 still |= np.abs(before[active] - h[active]) <= CHANGE_TOLERANCE * h[active]

@@ -89,6 +89,7 @@ def many_realisations(noise_rpm: float, realisations: int, seed: int) -> dict[st
     error = np.array([fitted.coefficients for fitted in found]) - law.coefficients
     at_truth = uncertainty(runs, replace(found[-1], law=law))
     bound = np.array([at_truth[name].cramer_rao for name in COEFFICIENTS])
+    expected = np.array([at_truth[name].bias for name in COEFFICIENTS])
     mean_error = error.std(axis=0, ddof=1) / np.sqrt(realisations)
     return {
         "count": realisations,
@@ -96,6 +97,10 @@ def many_realisations(noise_rpm: float, realisations: int, seed: int) -> dict[st
         "cramer_rao": bound.tolist(),
         "rms_error_over_cramer_rao": (np.sqrt(np.mean(error**2, axis=0)) / bound).tolist(),
         "bias_over_its_standard_error": (error.mean(axis=0) / mean_error).tolist(),
+        "bias_less_second_order_over_its_standard_error": (
+            (error.mean(axis=0) - expected) / mean_error
+        ).tolist(),
+        "second_order_bias_over_cramer_rao": (expected / bound).tolist(),
         "coverage_of_95_percent_intervals": np.mean(covered, axis=0).tolist(),
         "whiteness_passed_at_5_percent": float(np.mean(white)),
         "input_correlation_passed_at_5_percent": float(np.mean(uncorrelated)),
@@ -115,6 +120,8 @@ def _print(result: dict[str, Any]) -> None:
         ("Cramer-Rao bound", "cramer_rao"),
         ("rms error / bound", "rms_error_over_cramer_rao"),
         ("bias / its std. error", "bias_over_its_standard_error"),
+        ("same, less Box's bias", "bias_less_second_order_over_its_standard_error"),
+        ("Box's bias / bound", "second_order_bias_over_cramer_rao"),
         ("coverage of 95 %", "coverage_of_95_percent_intervals"),
     ):
         print(f"    {label:<22}" + "".join(f"{value:9.4f}" for value in many[key]))

@@ -46,8 +46,14 @@ def _cost(problem: Problem, delay_s: float, limit: float) -> float:
 
 def _delay_start(problem: Problem, longest_s: float, limit: float) -> float:
     period = problem.sample_period_s
-    delays = np.arange(0.0, longest_s + 0.5 * period, period)
-    return float(min(delays, key=lambda delay: _cost(problem, delay, limit)))
+
+    def best(ticks: range) -> int:
+        return min(ticks, key=lambda tick: _cost(problem, tick * period, limit))
+
+    # D, E and F make up for two ticks of delay, so a minimum is seen from three ticks away.
+    last = int(longest_s / period + 1e-9)
+    coarse = best(range(0, last + 1, 3))
+    return period * best(range(max(coarse - 2, 0), min(coarse + 2, last) + 1))
 
 
 def _saturation_start(problem: Problem) -> float:

@@ -1,8 +1,9 @@
 """How many poles the data ask for: lower-order laws, and when one of them does as well.
 
 Where a second-order law explains the data as well as a third-order one, the third pole may lie anywhere as
-long as a zero cancels it. The least-squares third-order law then follows the noise: it may ring at a frequency
-that the samples never show. The lower order is the honest answer, and its coefficients have honest intervals.
+long as a zero cancels it. The least-squares third-order law then follows the noise: it may ring at a
+frequency that the samples never show. The lower order is the honest answer, and its coefficients have honest
+intervals.
 """
 
 from __future__ import annotations
@@ -80,3 +81,20 @@ def noise_gain(samples: int) -> float:
     degrees of freedom: 2 log N (an extreme value, as for a periodogram's peak); 6 more make it a 5 % event.
     """
     return 2.0 * math.log(samples) + 6.0
+
+
+def correlated_share(residual: FloatArray) -> float:
+    """Return by how much the residuals' autocorrelation overstates their number, >= 1, for samples in order.
+
+    1 + 2 (rho_1 + rho_2 + ...) up to the first negative one (Geyer's initial positive sequence): 1 for noise,
+    large where the law misses something slow, and a test that counted every sample would find it anywhere.
+    """
+    power = float(residual @ residual)
+    total, longest = 1.0, min(200, len(residual) // 4)
+    for lag in range(1, longest + 1):
+        rho = float(residual[lag:] @ residual[:-lag]) / power if power > 0.0 else 0.0
+        # Half the lags of white residuals are positive by chance; only what is beyond it counts.
+        if rho * math.sqrt(len(residual)) < 2.0:
+            break
+        total += 2.0 * rho
+    return total

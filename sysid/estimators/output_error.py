@@ -24,7 +24,13 @@ from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
 from sysid.estimators.drive_start import drive_start, gain_start
 from sysid.estimators.interface import Estimate, Options, StartResult
-from sysid.estimators.order import FREE_BY_ORDER, lower_order, noise_gain, noise_variance
+from sysid.estimators.order import (
+    FREE_BY_ORDER,
+    correlated_share,
+    lower_order,
+    noise_gain,
+    noise_variance,
+)
 from sysid.estimators.problem import Problem, Traces, stack
 from sysid.estimators.projection import project
 from sysid.estimators.runs import WheelRun
@@ -214,11 +220,13 @@ def _simplest(problem: Problem, point: _Point, cost: float, options: Options) ->
     c = point.coefficients
     gain = 1.0 if options.unit_gain else float(np.sum(c[3:]) / (1.0 - np.sum(c[:3])))
     samples = len(problem.group)
+    predicted = problem.predict(c, traces)[problem.group]
+    correlated = correlated_share(problem.measured_rpm - predicted)
     order = 3
     for lower in (2, 1):
         found = lower_order(problem, traces, lower, unit_gain=options.unit_gain, gain=gain)
         variance = noise_variance(cost, samples, 2 * order - options.unit_gain)
-        if 2.0 * (found.cost - cost) > noise_gain(samples) * variance:
+        if 2.0 * (found.cost - cost) > noise_gain(samples) * variance * correlated:
             break
         point, cost, order = replace(point, coefficients=found.coefficients), found.cost, lower
     return point, cost, order

@@ -60,16 +60,16 @@ def _held(at: Linearised) -> list[str]:
         return []
     order = 3 - len(set(held) & {"B", "C"})
     return [
-        f"{', '.join(held)} held at 0: a law of order {order} explains these data as well, and a further pole "
-        f"would follow the noise; {_REMEDY}"
+        f"{', '.join(held)} held at 0: a law of order {order} explains these data as well, and a further "
+        f"pole would follow the noise; {_REMEDY}"
     ]
 
 
 def _unknown(at: Linearised, parameters: Sequence[Quantity], second_order_does: bool) -> list[str]:
     if second_order_does:
         return [
-            "a second-order law explains these data as well as the third-order one, so A-F on their own have "
-            f"no interval: any third pole does if a zero cancels it; {_REMEDY}"
+            "a second-order law explains these data as well as the third-order one, so A-F have no interval "
+            f"of their own: any third pole does if a zero cancels it; {_REMEDY}"
         ]
     names = [q.name for q in parameters if not math.isfinite(q.standard_error)]
     if not names:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -18,6 +18,7 @@ from mecanum_env.units import FloatArray
 from sysid.estimators.interface import Estimate
 from sysid.estimators.order import lower_order, noise_gain
 from sysid.estimators.runs import WheelRun
+from sysid.statistics.bias import second_order_bias
 from sysid.statistics.identifiability import weak_combinations
 from sysid.statistics.linearised import Linearised, linearise
 
@@ -40,6 +41,9 @@ class Quantity:
     low: float
     high: float
     """Ends of the interval at the level asked for, by Student's t."""
+    bias: float = 0.0
+    """Expected error of a parameter from curvature, to second order in the noise; not taken off the value.
+    nan where it cannot be told; 0 for what the law means."""
 
     @property
     def relative_error(self) -> float:
@@ -128,15 +132,19 @@ def uncertainty(
         return Quantity(name, unit, value, error, bound, value - half, value + half)
 
     units = {"delay_s": "s", "saturation_rpm": "rpm"}
+    bias = second_order_bias(at) * held * ratio**2 if freedom > 0.0 else np.full(len(at.names), np.nan)
     parameters = tuple(
-        quantity(
-            name,
-            units.get(name, ""),
-            float(value),
-            row,
-            not unknown and (name in units or simpler is None),
+        replace(
+            quantity(
+                name,
+                units.get(name, ""),
+                float(at.value[i]),
+                at.factor[i],
+                not at.unknown[i] and (name in units or simpler is None),
+            ),
+            bias=float(bias[i]),
         )
-        for name, value, row, unknown in zip(at.names, at.value, at.factor, at.unknown, strict=True)
+        for i, name in enumerate(at.names)
     )
     functionals = tuple(
         quantity(name, unit, value, gradient, known)

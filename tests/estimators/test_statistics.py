@@ -216,3 +216,32 @@ def test_an_unstable_law_has_no_statistics(noisy_runs):
 def test_noise_and_rounding_add_in_squares():
     assert noise_sigma(0.5, 1.0) == pytest.approx(math.sqrt(0.25 + 1 / 12))
     assert noise_sigma([0.0, 3.0]).tolist() == [0.0, 3.0]
+
+
+def test_the_predicted_bias_is_what_antithetic_noise_shows(paper, exact_runs):
+    """The mean error of a fit to +noise and of one to -noise leaves the second order alone."""
+    law, rng = paper.wheel.law, np.random.default_rng(1)
+    errors = []
+    for _ in range(25):
+        noise = [0.8 * rng.standard_normal(len(run.speed_rpm)) for run in exact_runs]
+        pair = []
+        for sign in (1.0, -1.0):
+            runs = [
+                replace(run, speed_rpm=run.speed_rpm + sign * e, sigma_rpm=np.full(len(e), 0.8))
+                for run, e in zip(exact_runs, noise, strict=True)
+            ]
+            fitted = estimate(runs, options=Options(initial=(tuple(law.coefficients),), order="third"))
+            pair.append(fitted.coefficients - law.coefficients)
+        errors.append(np.mean(pair, axis=0))
+    sure = uncertainty(runs, replace(fitted, law=law))
+    bias = np.array([sure[name].bias for name in "ABCDEF"])
+    assert np.sum(bias) == pytest.approx(0.0, abs=1e-12)
+    assert np.all(np.abs(np.mean(errors, axis=0) - bias) < 3.5 * np.std(errors, axis=0) / 5.0)
+    assert 0.01 < abs(sure["C"].bias) / sure["C"].standard_error < 0.2
+
+
+def test_the_predicted_bias_falls_with_the_noise_variance(paper, noisy_runs):
+    fitted = replace(estimate(noisy_runs, options=ONE), law=paper.wheel.law)
+    plain = uncertainty(noisy_runs, fitted)
+    more = uncertainty([*noisy_runs, *noisy_runs], fitted)
+    assert plain["B"].bias == pytest.approx(2.0 * more["B"].bias, rel=0.02)

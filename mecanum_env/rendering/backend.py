@@ -1,4 +1,4 @@
-"""Choosing the graphics backend before mujoco is imported.
+"""Choosing the graphics library before mujoco is imported.
 
 ``MUJOCO_GL=osmesa`` without libOSMesa makes ``import mujoco`` fail with a message about OpenGL functions, so
 the choice is made first, here, without importing mujoco: an explicit MUJOCO_GL wins; else a display; else
@@ -11,32 +11,39 @@ import ctypes
 import ctypes.util
 import os
 import sys
+from typing import Final
 
 from mecanum_env.errors import BackendError
 
-_PACKAGES = {"osmesa": ("OSMesa", "libosmesa6"), "egl": ("EGL", "libegl1")}
+_PACKAGES: Final = {"osmesa": ("OSMesa", "libosmesa6"), "egl": ("EGL", "libegl1")}
+_WINDOWED: Final = ("glfw", "glx", "cgl", "wgl")
+# MuJoCo's own words for "draw, no matter how" and "do not draw".
+_ANY: Final = ("", "enable", "enabled", "on", "true", "1")
+_OFF: Final = ("disable", "disabled", "off", "false", "0")
 
 
 def choose_backend() -> str:
     """Return the backend to render with: "osmesa", "egl", "glfw" or what MUJOCO_GL says.
 
     Raises:
-        BackendError: MUJOCO_GL asks for a library that is not installed, or no backend is there at all; the
-            message names the Debian package.
+        BackendError: MUJOCO_GL asks for a library that is not installed, for none, or for one that does not
+            exist, or no backend is there at all; the message names the Debian package.
     """
-    asked = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if asked:
-        if asked in _PACKAGES and not library_loads(asked):
-            raise BackendError(
-                f"MUJOCO_GL={asked}, but lib{_PACKAGES[asked][0]} is not installed: "
-                f"apt-get install {_PACKAGES[asked][1]}, or unset MUJOCO_GL"
-            )
+    asked = _asked()
+    if asked in _OFF:
+        raise BackendError(f"MUJOCO_GL={asked} switches drawing off; unset it, or set it to osmesa")
+    if asked in _PACKAGES and not library_loads(asked):
+        raise BackendError(
+            f"MUJOCO_GL={asked}, but lib{_PACKAGES[asked][0]} is not installed: "
+            f"apt-get install {_PACKAGES[asked][1]}, or unset MUJOCO_GL"
+        )
+    if asked not in (*_PACKAGES, *_WINDOWED, *_ANY):
+        raise BackendError(f"MUJOCO_GL={asked}, must be {', '.join(_PACKAGES)}, glfw, or unset")
+    if asked not in _ANY:
         return asked
-    if not sys.platform.startswith("linux"):
+    if not sys.platform.startswith("linux") or _has_display():
         return "glfw"
-    if os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"):
-        return "glfw"
-    for backend in ("osmesa", "egl"):
+    for backend in _PACKAGES:
         if library_loads(backend):
             return backend
     raise BackendError("no display and no offline renderer: apt-get install libosmesa6 (or libegl1)")
@@ -48,12 +55,24 @@ def use_backend() -> str:
     When mujoco is loaded already its choice stands; the name returned is what it was loaded with.
 
     Raises:
-        BackendError: as `choose_backend`.
+        BackendError: as `choose_backend`, or mujoco is loaded already and can draw in a window only, without
+            a display.
     """
     if "mujoco" in sys.modules:
-        return os.environ.get("MUJOCO_GL", "").strip().lower() or "glfw"
+        loaded = _asked()
+        if loaded in _PACKAGES:
+            return loaded
+        if sys.platform.startswith("linux") and not _has_display():
+            raise BackendError(
+                "mujoco was imported before its graphics library was chosen, and there is no display; "
+                "set MUJOCO_GL=osmesa, or call mecanum_env.rendering.backend.use_backend() first"
+            )
+        return "glfw"
     backend = choose_backend()
     os.environ["MUJOCO_GL"] = backend
+    if backend in _PACKAGES:
+        # PyOpenGL's own switch; a contradiction (left by a parent process, say) makes the import fail.
+        os.environ["PYOPENGL_PLATFORM"] = backend
     return backend
 
 
@@ -67,3 +86,11 @@ def library_loads(backend: str) -> bool:
     except OSError:
         return False
     return True
+
+
+def _asked() -> str:
+    return os.environ.get("MUJOCO_GL", "").strip().lower()
+
+
+def _has_display() -> bool:
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

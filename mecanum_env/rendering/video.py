@@ -10,6 +10,7 @@ import copy
 import math
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -111,7 +112,8 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: floa
         writer: Any = iio2.get_writer(
             temporary, fps=fps, codec="libx264", quality=None, macro_block_size=1, output_params=options
         )
-        with writer:
+        # Not `with writer`, which leaves the encoder running when its block raises.
+        with closing(writer):
             for frame in frames:
                 height, width = frame.shape[:2]
                 if height % 2 or width % 2:

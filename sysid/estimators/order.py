@@ -41,7 +41,10 @@ class LowerOrder:
 def lower_order(
     problem: Problem, traces: Traces, order: int, *, unit_gain: bool, gain: float = 1.0
 ) -> LowerOrder:
-    """Fit a first- or second-order law by output error; `gain` is where a free DC gain starts."""
+    """Fit a first- or second-order law (`order`) by output error.
+
+    The DC gain is 1 with `unit_gain`, else free and starting at `gain`.
+    """
 
     def law(x: FloatArray) -> FloatArray:
         abc = stable_abc([*x[:order], *([0.0] * (3 - order))])
@@ -66,7 +69,10 @@ def lower_order(
 
 
 def noise_variance(cost: float, samples: float, parameters: int) -> float:
-    """Return the residual variance over the given one; not below 1 where few samples make it unsure."""
+    """Return the residual variance over the given one; at least 1 where few `samples` make it unsure.
+
+    `cost` is half the weighted square sum; each of the `parameters` takes a degree of freedom.
+    """
     freedom = samples - parameters
     if freedom <= 0:
         return math.inf
@@ -77,8 +83,9 @@ def noise_variance(cost: float, samples: float, parameters: int) -> float:
 def noise_gain(samples: int) -> float:
     """Return how much noise alone lets one more pole and zero lower the square sum over the noise variance.
 
-    A pole-zero pair that may lie anywhere picks the largest of about N independent noise terms, each of two
-    degrees of freedom: 2 log N (an extreme value, as for a periodogram's peak); 6 more make it a 5 % event.
+    A pole-zero pair that may lie anywhere picks the largest of about N = `samples` independent noise terms,
+    each of two degrees of freedom: 2 log N (an extreme value, as for a periodogram's peak); 6 more make it a
+    5 % event.
     """
     return 2.0 * math.log(samples) + 6.0
 

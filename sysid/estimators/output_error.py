@@ -137,7 +137,7 @@ def fit_from(
     delay_s: float = 0.0,
     saturation_rpm: float = np.inf,
 ) -> _Reached:
-    """Search from one start A-F, shape (6,); unstable starts are reflected into the stable region first."""
+    """Search from one start `initial`, A-F, shape (6,), first reflected into the stable region."""
     traces = problem.traces(delay_s, saturation_rpm)
     gain = 1.0 if options.unit_gain else gain_start(problem, traces.command_rpm)
     scaled = Traces(gain * traces.command_rpm)

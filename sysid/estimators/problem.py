@@ -80,7 +80,7 @@ class Problem:
         with_delay: bool = False,
         with_saturation: bool = False,
     ) -> Traces:
-        """Return the commands for a delay and a limit, and where asked their derivatives."""
+        """Return the commands for a delay and a limit; derivatives if `with_delay`, `with_saturation`."""
 
         def build(delay: float, limit: float) -> FloatArray:
             rows = np.empty((len(self.sources), self.length))
@@ -101,7 +101,7 @@ class Problem:
         return Traces(command, by_delay, by_saturation)
 
     def predict(self, coefficients: npt.ArrayLike, traces: Traces) -> FloatArray:
-        """Return the free-running prediction [rpm] of every measurement, shape (M,), for A-F, shape (6,).
+        """Return the free-running prediction [rpm] of every measurement, shape (M,), for `coefficients` A-F.
 
         Of an unstable law it may be infinite or NaN, without a warning.
         """
@@ -114,7 +114,10 @@ class Problem:
     def predict_with_jacobian(
         self, coefficients: npt.ArrayLike, traces: Traces
     ) -> tuple[FloatArray, FloatArray]:
-        """Return the prediction, shape (M,), and its derivatives, shape (M, 6 [+ delay] [+ saturation])."""
+        """Return the prediction, shape (M,), and its derivatives, shape (M, 6 [+ delay] [+ saturation]).
+
+        `coefficients` are A-F, shape (6,), of a stable law.
+        """
         c = np.asarray(coefficients, float)
         denominator, gain, start = _denominator(c), _dc_gain(c), self.initial_rpm[:, None]
         command = traces.command_rpm - start / gain
@@ -135,13 +138,13 @@ class Problem:
         return self.initial_rpm[self.row] + self._gather(deviation, 0), jacobian
 
     def linear_columns(self, abc: npt.ArrayLike, traces: Traces) -> FloatArray:
-        """Return what multiplies D, E and F in the prediction, shape (M, 3), for a law of unit gain."""
+        """Return what multiplies D, E and F in the prediction, shape (M, 3), for `abc` and unit gain."""
         command = traces.command_rpm - self.initial_rpm[:, None]
         by_d = lfilter([1.0], _denominator(np.asarray(abc, float)), command)
         return np.stack([self._gather(by_d, lag) for lag in range(3)], axis=1)
 
     def rms(self, predicted: FloatArray) -> float:
-        """Return the unweighted rms [rpm] of all original samples about a prediction, shape (M,)."""
+        """Return the unweighted rms [rpm] of all original samples about `predicted`, shape (M,)."""
         with np.errstate(all="ignore"):
             value = float(np.sqrt(np.mean((self.measured_rpm - predicted[self.group]) ** 2)))
         return value if np.isfinite(value) else np.inf

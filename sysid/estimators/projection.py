@@ -17,7 +17,7 @@ _MOST_EVALUATIONS = 100
 
 
 def project(problem: Problem, traces: Traces, abc: FloatArray) -> tuple[FloatArray, int]:
-    """Stage 1: return A-F of unit gain, shape (6,), and the number of evaluations used.
+    """Stage 1, from `abc`: return A-F of unit gain, shape (6,), and the number of evaluations used.
 
     The projected cost still has a few local minima (poles stuck near the unit circle). They are left by a
     second search from the best of the poles reached, the other two at zero.

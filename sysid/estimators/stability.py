@@ -56,7 +56,7 @@ def free_coordinates(abc: npt.ArrayLike) -> FloatArray:
 
 
 def stabilised_abc(abc: npt.ArrayLike, largest_pole: float = 0.995) -> FloatArray:
-    """Return (A, B, C) with poles outside the unit circle reflected into it, none above `largest_pole`.
+    """Return `abc` = (A, B, C) with poles outside the unit circle reflected, none above `largest_pole`.
 
     A reflected pole keeps its frequency; this is how an unstable start becomes a usable one.
     """

@@ -17,8 +17,9 @@ from sysid.estimators.stability import stabilised_abc
 def one_step_coefficients(runs: Sequence[WheelRun], *, unit_gain: bool = True) -> FloatArray:
     """Return A-F, shape (6,), that predict w(k+1) best from the *measured* three speeds before it.
 
-    Linear least squares. Noise in the regressors biases it (equation error); nothing makes it stable. Samples
-    between ticks are interpolated linearly; ticks after the last sample are left out.
+    Linear least squares, with `unit_gain` under the condition that the six sum to 1. Noise in the regressors
+    biases it (equation error); nothing makes it stable. Samples between ticks are interpolated linearly; ticks
+    after the last sample are left out.
     """
     return _solve(*_regression([_on_ticks(run) for run in runs], unit_gain), unit_gain)
 
@@ -32,7 +33,8 @@ def steiglitz_mcbride_coefficients(
 ) -> FloatArray:
     """Return stable A-F, shape (6,): one-step least squares on signals filtered by the last 1/(denominator).
 
-    The first filter has the poles of `filtered_by`, (A, B, C) of shape (3,), or of the plain one-step law.
+    `unit_gain` makes the six sum to 1. The first filter has the poles of `filtered_by`, (A, B, C) of shape
+    (3,), or of the plain one-step law.
     K. Steiglitz and L. E. McBride, "A technique for the identification of linear systems", IEEE Trans.
     Automatic Control 10 (1965). Close to the free-running optimum after a few rounds, without a derivative.
     """
@@ -54,7 +56,7 @@ def steiglitz_mcbride_coefficients(
 
 
 def stable_coefficients(coefficients: FloatArray, *, unit_gain: bool) -> FloatArray:
-    """Return A-F with unstable poles reflected; with `unit_gain` E is moved so that the six sum to 1."""
+    """Return `coefficients` A-F with unstable poles reflected, and with `unit_gain` E moved to a sum of 1."""
     result: FloatArray = np.nan_to_num(np.array(coefficients, float), nan=0.0, posinf=0.0, neginf=0.0)
     result[:3] = stabilised_abc(result[:3])
     if unit_gain:

@@ -5,14 +5,11 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sysid.statistics.linearised import Linearised
-
-if TYPE_CHECKING:
-    from sysid.statistics.uncertainty import Quantity
+from sysid.statistics.quantity import Quantity
 
 _CORRELATION = 0.9
 _MEMBER = 0.25
@@ -29,7 +26,8 @@ def weak_combinations(
     """Return warnings, none when every coefficient is well determined.
 
     They name unknown coefficients, pairs that trade off, the least known combination, and what of the wheel's
-    behaviour is sure all the same.
+    behaviour is sure all the same. `second_order_does` says that C and F are not needed: a law without them
+    predicts as well.
     """
     warnings = _held(at) + _unknown(at, parameters, second_order_does)
     vague = {q.name for q in parameters if math.isfinite(q.high) and q.high - q.low > abs(q.value)}

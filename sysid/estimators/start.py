@@ -18,8 +18,8 @@ def one_step_coefficients(runs: Sequence[WheelRun], *, unit_gain: bool = True) -
     """Return A-F, shape (6,), that predict w(k+1) best from the *measured* three speeds before it.
 
     Linear least squares, with `unit_gain` under the condition that the six sum to 1. Noise in the regressors
-    biases it (equation error); nothing makes it stable. Samples between ticks are interpolated linearly; ticks
-    after the last sample are left out.
+    biases it (equation error); nothing makes it stable. Samples between ticks are interpolated linearly;
+    ticks after the last sample are left out.
     """
     return _solve(*_regression([_on_ticks(run) for run in runs], unit_gain), unit_gain)
 

@@ -104,7 +104,7 @@ def descend(
     h, gradient = cost(x)
     rows = 0 if constraint is None else constraint.values(x[:1, :3]).shape[1]
     multipliers = np.zeros((count, rows))
-    norm = np.linalg.norm(_tangent(gradient, unit_gain), axis=1)
+    norm = np.max(np.abs(_tangent(gradient, unit_gain)), axis=1)
     step = np.full(count, rate) if rule == "fixed" else np.minimum(rate, 0.1 / np.maximum(norm, 1e-300))
     converged = np.zeros(count, bool)
     used = np.zeros(count, np.intp)
@@ -141,7 +141,7 @@ def descend(
             lost |= beyond
             h[active[beyond]] = np.inf
         pulled = np.any(trial[:, :3] != wanted[:, :3], axis=1)
-        length = np.where(pulled, np.sqrt(square) / alpha[:, 0], np.linalg.norm(slope, axis=1))
+        length = np.max(np.where(pulled[:, None], np.abs(moved) / alpha, np.abs(slope)), axis=1)
         still = ~beyond & (length * rate <= GRADIENT_TOLERANCE)
         if i % CHANGE_WINDOW == 0:
             with np.errstate(invalid="ignore"):

@@ -13,7 +13,7 @@ from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.estimators import Options, WheelRun, estimate
 from sysid.estimators.batch import all_pole, batch_cost
-from sysid.estimators.descent import CostAndGradient, descend
+from sysid.estimators.descent import Constraint, CostAndGradient, Rule, descend
 from sysid.estimators.feasible import (
     FEASIBLE_POLE,
     feasible,
@@ -80,6 +80,19 @@ def test_overflow_is_an_infinite_cost_without_a_warning(mixed_runs: list[WheelRu
     cost, slope = batch_cost(stack(mixed_runs))(np.full((1, 6), 1e30))
     assert cost[0] == np.inf
     np.testing.assert_array_equal(slope, 0.0)
+
+
+@pytest.mark.parametrize("rule", ["fixed", "spectral"])
+@pytest.mark.parametrize("constraint", [None, ROUTH_HURWITZ])
+def test_wildly_unstable_starts_raise_no_warning(
+    noisy_runs: list[WheelRun], rule: Rule, constraint: Constraint | None
+) -> None:
+    """Errors of 1e100 rpm and more, whose squares overflow."""
+    starts = 8.0 * random_starts(30, 0)
+    cost = batch_cost(stack(noisy_runs))
+    reached = descend(cost, starts, rate=1e-7, iterations=60, rule=rule, constraint=constraint)
+    assert np.all(np.isfinite(reached.laws))
+    assert not np.any(np.isnan(reached.cost))
 
 
 def test_few_and_many_laws_give_the_same_filter_output() -> None:

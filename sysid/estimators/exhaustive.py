@@ -160,9 +160,9 @@ def pi_law(
 
 
 def runs_near(runs: Sequence[WheelRun], speed_rpm: float) -> tuple[list[WheelRun], float]:
-    """Return the runs whose largest command is nearest to `speed_rpm`, and that command [rpm]."""
+    """Return the runs whose largest command is nearest to `speed_rpm` (of two, the faster), and it [rpm]."""
     tops = np.array([float(np.max(np.abs(run.command()))) for run in runs])
-    nearest = float(tops[np.argmin(np.abs(tops - speed_rpm))])
+    nearest = float(min(tops, key=lambda top: (abs(top - speed_rpm), -top)))
     return [run for run, top in zip(runs, tops, strict=True) if abs(top - nearest) <= 0.5], nearest
 
 

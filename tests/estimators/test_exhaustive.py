@@ -88,6 +88,14 @@ def test_without_60_rpm_the_nearest_speed_is_used_and_said() -> None:
     assert found.starts[0].kind == "grid at 20 rpm"
 
 
+def test_of_two_speeds_equally_near_the_faster_is_used_in_any_order(noisy_runs: list[WheelRun]) -> None:
+    """The paper's 10, 40, 80 and 130 rpm: 40 and 80 are both 20 away from 60."""
+    for runs in (noisy_runs, noisy_runs[::-1]):
+        used, speed = runs_near(runs, 60.0)
+        assert speed == 80.0
+        assert len(used) == 3
+
+
 def test_reduced_model_is_worse_than_output_error(noisy_runs: list[WheelRun]) -> None:
     reduced = exhaustive(noisy_runs, None, COARSE)
     assert reduced.law.is_stable

@@ -182,7 +182,7 @@ def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
 
 
 def _lighten(model: mujoco.MjModel) -> None:
-    """Leave out what costs a software renderer much and the eye little; docs/rendering.md has the figures."""
+    """Leave out what costs a software renderer much and the eye little; docs/rendering.md lists it."""
     quality = model.vis.quality
     quality.offsamples = 0
     quality.numslices, quality.numstacks = _LIGHT_SLICES, _LIGHT_STACKS

@@ -18,6 +18,8 @@ from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.stepping import step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
+_ROUNDING_S = 1e-9  # of stamps that a program has converted
+
 
 def replay_bench(
     model: Model,
@@ -131,7 +133,7 @@ def _check_log(
     if np.any(np.diff(time_s) <= 0.0):
         at = int(np.argmax(np.diff(time_s) <= 0.0)) + 1
         raise InputError(f"stamp {at + 1} is {time_s[at]:g} s, must be later than {time_s[at - 1]:g} s")
-    if float(np.min(samples_s)) < float(time_s[0]):
+    if float(np.min(samples_s)) < float(time_s[0]) - _ROUNDING_S:
         raise InputError(
             f"a sample at {np.min(samples_s):g} s, must not be before the first stamp, {time_s[0]:g} s"
         )

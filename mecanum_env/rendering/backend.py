@@ -77,7 +77,7 @@ def use_backend() -> str:
 
 
 def library_loads(backend: str) -> bool:
-    """Return whether the shared library of "osmesa" or "egl" can be loaded here."""
+    """Return whether the shared library of a backend, "osmesa" or "egl", can be loaded here."""
     name = ctypes.util.find_library(_PACKAGES[backend][0])
     if name is None:
         return False

@@ -127,7 +127,7 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: floa
 
 
 def write_still(path: str | os.PathLike[str], frame: Frame) -> None:
-    """Write one picture (height, width, 3) as .png or .jpg, whole or not at all.
+    """Write one frame (height, width, 3) as .png or .jpg, whole or not at all.
 
     Raises:
         InputError: the name ends in neither.
@@ -150,7 +150,7 @@ def check_suffix(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Path:
 
 
 def caption_lines(trajectory: Trajectory, row: int) -> list[str]:
-    """Return time, command and actual motion at a physics step, as text."""
+    """Return time, command and actual motion at one row of a trajectory, as text."""
     command = np.rint(trajectory.command[row]) + 0.0  # plus 0.0: no "-0" in the picture
     vx, vy = np.round(trajectory.twist[row, :2], 2) + 0.0
     turning = np.rint(np.rad2deg(trajectory.twist[row, 2])) + 0.0

@@ -66,7 +66,7 @@ class StartResult:
     """Where one starting point led."""
 
     kind: str
-    """steiglitz-mcbride, one-step, random or given."""
+    """steiglitz-mcbride, one-step, random, given, or for `exhaustive` the speed that was fitted."""
     initial: tuple[float, ...]
     """A-F at the start."""
     coefficients: tuple[float, ...]

@@ -135,6 +135,15 @@ def test_stable_region_is_not_convex() -> None:
     assert not feasible(np.mean(ends, axis=0))
 
 
+def test_free_running_error_is_not_convex(noisy_runs: list[WheelRun]) -> None:
+    """The paper's proof needs H convex. Of random pairs of stable laws one in seven disproves it."""
+    rng = np.random.default_rng(0)
+    first, second = (np.array([random_coefficients(rng) for _ in range(200)]) for _ in range(2))
+    cost = batch_cost(stack(noisy_runs))
+    broken = cost.value((first + second) / 2) > (cost.value(first) + cost.value(second)) / 2
+    assert np.mean(broken) > 0.05
+
+
 @given(triples)
 def test_violation_gradients_are_exact(abc: FloatArray) -> None:
     step = 1e-6 * np.eye(3)

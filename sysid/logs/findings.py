@@ -11,6 +11,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.model import Wheel
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.columns import REST, WHEEL_SPEEDS
 from sysid.logs.records import BodyCommand, Finding, Run
@@ -40,9 +41,9 @@ GAP_S: Final = 0.05
 """A gap is longer than so many median sample intervals, and than this [s]."""
 HELD_SHARE: Final = 0.2
 """Share of repeated samples while moving from which a channel is held; chance repeats stay far below."""
-COMMAND_PERIOD_S: Final = 0.1
+COMMAND_PERIOD_S: Final = Wheel.command_period_s
 """The robot takes a command this often."""
-LIMIT_RPM: Final = 135.0
+LIMIT_RPM: Final = Wheel.saturation_rpm
 SETTLED_S: Final = 0.5
 """A command held this long has settled: the published robot needs 0.25 s."""
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from mecanum_env.kinematics import scale_wheels, twist_to_wheels, wheels_to_command
-from mecanum_env.model import Robot
+from mecanum_env.model import Robot, Wheel
 from mecanum_env.units import FloatArray
 
 
@@ -23,7 +23,7 @@ class PoseController:
     """Dimensions of the robot, for its kinematics."""
     gain_per_s: float = 2.0
     """Correction of position and heading errors [1/s]."""
-    limit_rpm: float = 135.0
+    limit_rpm: float = Wheel.saturation_rpm
     """No wheel is asked for more [rpm]; the direction of motion is kept."""
 
     def command(

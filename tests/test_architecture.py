@@ -124,6 +124,8 @@ def explains_itself(name: str, annotation: ast.expr | None) -> bool:
 
 def is_mentioned(name: str, text: str) -> bool:
     """Return whether a name, or every word of it that is not a unit, begins a word of the text."""
+    if name == "abc":  # the law's coefficients are written A, B, C in formulae
+        return "A, B, C" in text or name in text
     words = [w for w in re.findall(r"[a-z0-9]+", name.lower()) if w not in UNITS] or [name.lower()]
     text = text.lower()
     return all(re.search(rf"\b{re.escape(w.rstrip('s') or w)}", text.replace("_", " ")) for w in words)

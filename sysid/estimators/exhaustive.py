@@ -147,7 +147,7 @@ def pi_law(
     time_constant_s: npt.ArrayLike,
     period_s: float,
 ) -> FloatArray:
-    """Return A-F, shape (..., 6), of a first-order motor under PI control (formulae above)."""
+    """Return A-F, shape (..., 6), of a first-order motor under PI control: proportional and integral gain."""
     kp, ki, n = np.broadcast_arrays(
         np.asarray(proportional, float),
         np.asarray(integral_per_s, float) * period_s,

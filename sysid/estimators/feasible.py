@@ -55,7 +55,7 @@ def violation_gradients(abc: npt.ArrayLike) -> FloatArray:
 
 
 def feasible(abc: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return whether no pole exceeds `FEASIBLE_POLE` (up to rounding), shape (...)."""
+    """Return whether no pole of (A, B, C), shape (..., 3), exceeds `FEASIBLE_POLE` up to rounding."""
     return np.asarray(np.all(violations(abc) <= 1e-13, axis=-1))
 
 

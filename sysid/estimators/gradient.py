@@ -143,6 +143,8 @@ def estimate_by_descent(
 ) -> Estimate:
     """Run one descent from all starts together and keep the best; the seconds of a start are its equal share.
 
+    `method` is the name that the estimate bears.
+
     Raises:
         InputError: no usable data, or no start whose error stays finite.
     """

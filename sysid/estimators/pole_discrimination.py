@@ -52,7 +52,7 @@ def poles(abc: npt.ArrayLike) -> npt.NDArray[np.complex128]:
 
 
 def magnitude_excess(abc: FloatArray) -> FloatArray:
-    """Return |z_i| - `FEASIBLE_POLE`, shape (S, 3)."""
+    """Return |z_i| - `FEASIBLE_POLE`, shape (S, 3), of (A, B, C), shape (S, 3)."""
     return np.abs(poles(abc)) - FEASIBLE_POLE
 
 

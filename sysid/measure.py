@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 import time
 import tracemalloc
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import TypeVar
+
+from tqdm import tqdm
 
 Progress = Callable[[str], None]
 """Called with what comes next, before it begins."""
@@ -16,6 +20,33 @@ T = TypeVar("T")
 def silent(message: str) -> None:
     """Ignore progress; `message` is what would be shown."""
     del message
+
+
+@contextmanager
+def stage_bar(stages: int) -> Iterator[Progress]:
+    """Show stages on stderr: a bar on a terminal, one line a stage elsewhere (a log file, CI).
+
+    Args:
+        stages: how many there will be at most.
+    """
+    if not sys.stderr.isatty():
+        began = time.perf_counter()
+        yield lambda text: print(f"[{time.perf_counter() - began:6.1f} s] {text}", file=sys.stderr)
+        return
+    layout = "{percentage:3.0f}% |{bar:20}| [{elapsed}] {desc}"
+    with tqdm(total=stages, bar_format=layout, file=sys.stderr) as bar:
+        begun = 0
+
+        def advance(message: str) -> None:
+            nonlocal begun
+            bar.set_description_str(message, refresh=False)
+            bar.update(min(begun, 1))
+            bar.refresh()
+            begun += 1
+
+        yield advance
+        bar.set_description_str("done", refresh=False)
+        bar.update(max(0, stages - int(bar.n)))
 
 
 def seconds_of(work: Callable[[], T]) -> tuple[T, float]:
@@ -30,15 +61,20 @@ def peak_memory_mib(work: Callable[[], object]) -> float:
 
     Tracing slows the work down, so time it in another call.
     """
+    return with_peak_memory(work)[1]
+
+
+def with_peak_memory(work: Callable[[], T]) -> tuple[T, float]:
+    """Return the result of `work` and the largest memory that it held at once [MiB], while traced."""
     tracing = tracemalloc.is_tracing()
     if not tracing:
         tracemalloc.start()
     try:
         before, _ = tracemalloc.get_traced_memory()
         tracemalloc.reset_peak()
-        work()
+        result = work()
         _, peak = tracemalloc.get_traced_memory()
     finally:
         if not tracing:
             tracemalloc.stop()
-    return (peak - before) / 2**20
+    return result, (peak - before) / 2**20

@@ -8,8 +8,9 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.simulator.bench import bench_lag_s, replay_bench
+from sysid.fit.drive_choice import pooled
 from sysid.fit.figures import residual, rms, simulate
-from sysid.fit.pipeline import Fit, pooled
+from sysid.fit.pipeline import Fit
 from sysid.logs import Split
 
 

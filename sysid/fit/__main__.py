@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import tyro
-from tqdm import tqdm
 
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
@@ -17,7 +16,10 @@ from sysid.fit.pipeline import FitOptions, fit_dataset
 from sysid.fit.result import fit_json, fitted_model
 from sysid.fit.table import fit_table
 from sysid.logs import read_dataset
+from sysid.measure import stage_bar
 from sysid.report import write_fit_plots, write_fit_report
+
+_STAGES: Final = 5
 
 
 def fit(
@@ -68,10 +70,11 @@ def fit(
         saturation_rpm=saturation,
     )
     around = read_robot(robot) if robot else None
-    with tqdm(total=None, bar_format="{desc} [{elapsed}]", file=sys.stderr) as bar:
-        found = fit_dataset(read_dataset(logs), options, bar.set_description_str)
+    dataset = read_dataset(logs)
+    with stage_bar(_STAGES + len(options.methods) - 1 + 4 * per_wheel) as progress:
+        found = fit_dataset(dataset, options, progress)
+        progress("report")
         model = fitted_model(found, around)
-        bar.set_description_str("report")
         write_model(model, out / "model.json")
         write_json(out / "fit.json", fit_json(found))
         write_fit_plots(found, out)

@@ -24,6 +24,7 @@ LAW_RATE_HZ: Final = 120.0
 """The law's default rate: the published rise and settling times fit a period of 1/120 s."""
 
 _CEILING_MARGIN: Final = 1.05
+_FEW_CHANGES: Final = 5  # two commands in quick succession do not make a period
 _BRIEF: Final = (
     0.95  # an overshoot lasts less than the remaining share of a run; a reached speed lasts longer
 )
@@ -42,7 +43,7 @@ class CommandPath:
     saturation_rpm: float
     """Ceiling of a wheel command [rpm]; infinite: the log shows none."""
     seek_ceiling: bool
-    """Whether commands go beyond the ceiling or beyond what the wheel reaches, so that it can be estimated."""
+    """Whether commands go beyond the ceiling or what the wheel reaches, so that it can be estimated."""
     latched: bool
     """True: commands take effect on the command period's own clock, which starts with the run. False: the
     log's stamps are taken as the moments at which commands took effect."""
@@ -72,23 +73,10 @@ def infer_command_path(
         InputError: a value that is not positive, or a law slower than the commands.
     """
     notes: list[str] = []
-    gaps, on_clock = _command_gaps(dataset)
-    period = command_period_s
-    if period is None:
-        period = COMMAND_PERIOD_S
-        fastest = float(np.quantile(gaps, 0.05)) if len(gaps) else math.inf
-        if fastest < 0.75 * COMMAND_PERIOD_S:
-            period = fastest
-            notes.append(
-                f"commands change every {fastest * 1e3:.3g} ms, faster than {COMMAND_PERIOD_S:g} s: "
-                "command_period_s is taken from the log"
-            )
-    latched = command_period_s is not None or (period == COMMAND_PERIOD_S and on_clock)
-    if not latched and period == COMMAND_PERIOD_S:
-        notes.append(
-            f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run: the log's "
-            "own stamps are taken as the moments at which they took effect"
-        )
+    if command_period_s is not None:
+        period, latched = command_period_s, True
+    else:
+        period, latched = _command_clock(dataset, sample_period_s, notes)
     if sample_period_s is None:
         sample_period_s = period / max(1, round(period * LAW_RATE_HZ))
     for name, value in (("sample_period_s", sample_period_s), ("command_period_s", period)):
@@ -119,17 +107,47 @@ def infer_command_path(
     return CommandPath(sample_period_s, period, quantum_rpm, saturation_rpm, seek, latched, tuple(notes))
 
 
-def _command_gaps(dataset: Dataset) -> tuple[FloatArray, bool]:
-    """Return the times between command changes [s] and whether all changes fall on the default clock."""
-    gaps, on_clock = [np.empty(0)], True
-    for run in dataset.runs:
-        times, _ = run.command_changes()
-        gaps.append(np.diff(times))
-        # A stamp is as fine as the log's rows; the robot's 10 Hz clock shows only to that precision.
-        tolerance = min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * run.median_interval_s)
-        phase = times / COMMAND_PERIOD_S
-        on_clock &= bool(np.all(np.abs(phase - np.rint(phase)) * COMMAND_PERIOD_S <= tolerance))
-    return np.concatenate(gaps), on_clock
+def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[str]) -> tuple[float, bool]:
+    """Return the command period [s] and whether commands are latched on its clock; say what is unusual.
+
+    Per run, so that a run of slow commands beside one of fast commands hides nothing.
+    """
+    changes = [run.command_changes()[0] for run in dataset.runs]
+    # A stamp is as fine as the log's rows: two commands 0.1 s apart may look closer by one row.
+    rows = [run.median_interval_s for run in dataset.runs]
+    fast = [
+        float(np.quantile(np.diff(t), 0.05))
+        for t, row in zip(changes, rows, strict=True)
+        if len(t) > _FEW_CHANGES and np.quantile(np.diff(t), 0.05) < 0.75 * (COMMAND_PERIOD_S - row)
+    ]
+    if fast:
+        notes.append(
+            f"commands change every {min(fast) * 1e3:.3g} ms, faster than {COMMAND_PERIOD_S:g} s: "
+            "command_period_s is taken from the log"
+        )
+        return min(fast), False
+    if all(
+        _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
+        for t, row in zip(changes, rows, strict=True)
+    ):
+        return COMMAND_PERIOD_S, True
+    said = f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run"
+    row = float(np.median(rows))
+    if 1.0 / LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):
+        notes.append(f"{said}, but on the log's own of {row:g} s, which is taken as command_period_s")
+        return row, True
+    period = sample_period_s or 1.0 / LAW_RATE_HZ
+    notes.append(
+        f"{said}: the log's own stamps are taken as the moments at which they took effect, and the model "
+        f"takes commands at every tick of the law (command_period_s = {period:.4g})"
+    )
+    return period, False
+
+
+def _on_clock(times_s: FloatArray, period_s: float, tolerance_s: float) -> bool:
+    """Return whether all times [s] are multiples of a period, within a tolerance."""
+    phase = times_s / period_s
+    return bool(np.all(np.abs(phase - np.rint(phase)) * period_s <= tolerance_s))
 
 
 def _is_whole(run: Run, quantum_rpm: float) -> bool:

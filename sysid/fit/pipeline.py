@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -11,19 +11,25 @@ import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
-from sysid.estimators import DEFAULT_METHOD, Estimate, Options, WheelRun, estimate
-from sysid.fit.command_path import COMMAND_PERIOD_S, CommandPath, infer_command_path
-from sysid.fit.figures import MethodFigures, Runs, method_figures, residual, rms
-from sysid.fit.wheel_data import delayed, longest_delay_s, wheel_columns, wheel_runs
-from sysid.logs import Dataset, Split
+from sysid.estimators import DEFAULT_METHOD, Estimate
+from sysid.fit.command_path import CommandPath, infer_command_path
+from sysid.fit.drive_choice import (
+    Search,
+    choose_clock,
+    choose_drive,
+    delay_is_vague,
+    pooled,
+    runs_by_split,
+)
+from sysid.fit.figures import MethodFigures, Runs, method_figures
+from sysid.fit.notes import drive_notes, gain_notes
+from sysid.fit.wheel_data import wheel_columns
+from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
-from sysid.logs.records import SPLITS
-from sysid.measure import Progress, peak_memory_mib, silent
+from sysid.measure import Progress, peak_memory_mib, silent, with_peak_memory
 from sysid.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
 
-_LONGEST_DELAY_S: Final = 0.25
 _LEAST_SIGMA: Final = 1e-6  # rpm; noiseless repeats still need a finite weight
-_DELAY_BIC: Final = 10.0  # "very strong" evidence on the scale of Kass and Raftery (1995)
 
 
 @dataclass(frozen=True)
@@ -97,43 +103,49 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         saturation_rpm=options.saturation_rpm,
     )
     notes = list(path.notes)
-    repeats = noise_from_repeats(dataset.runs) or {}
     columns = {column for run in dataset.runs for column in wheel_columns(run).values()}
-    sigma = {
-        column: max(repeats[column].std, _LEAST_SIGMA) if column in repeats else 1.0 for column in columns
-    }
+    repeats = noise_from_repeats(dataset.runs) or {}
     known = all(column in repeats for column in columns)
-    method = options.methods[0]
+    sigma = {c: max(repeats[c].std, _LEAST_SIGMA) if c in repeats else 1.0 for c in columns}
+    share = independent_share(dataset)
+    method, given_s = options.methods[0], options.delay_s or 0.0
+    search = Search(method, options.seed, options.unit_gain, path, share)
 
-    progress(f"{method}: first fit")
-    path, found, runs = _best_clock(dataset, path, sigma, options, notes)
+    progress("clock of the commands")
+    (search, plain, runs, note), memory = with_peak_memory(
+        lambda: choose_clock(dataset, search, sigma, options.command_period_s is not None)
+    )
+    notes += [note] if note else []
+    path = search.path
     if not known:
-        scale = found.rms_rpm / math.sqrt(float(np.mean([sigma[c] ** 2 for c in columns])))
-        sigma = {column: max(value * scale, _LEAST_SIGMA) for column, value in sigma.items()}
-        runs = _runs_by_split(dataset, path, sigma)
-        notes.append("no repeats: the noise is taken from the fit's own residuals, model error included")
+        sigma = _residual_sigma(sigma, plain)
+        runs = runs_by_split(dataset, path, sigma)
+    if given_s or not known:
+        plain = search.run(pooled(runs["fit"]), delay_s=given_s)
+    progress("delay and ceiling")
+    drive = choose_drive(runs, search, plain, delay=options.delay_s is None)
     progress(f"{method}: {options.starts} starts")
-    found = _estimate(runs, path, options, method)
-    if options.delay_s is None:
-        progress(f"{method}: delay")
-        found = _adopt_delay(runs, path, options, found, notes)
-    if path.seek_ceiling:
-        notes.append(
-            f"the commands go beyond what the wheel reaches; a ceiling of {found.saturation_rpm:.1f} rpm was "
-            "estimated"
-            if math.isfinite(found.saturation_rpm)
-            else "commands go beyond the assumed ceiling, and the speeds show none"
-        )
-    methods = {method: _figures(runs, path, options, found)}
+    found = _all_starts(runs, search, options, drive)
+    if not known:
+        sigma = _residual_sigma(sigma, found)
+        scale = found.cost / (0.5 * _samples(runs))
+        found = replace(found, cost=found.cost / max(scale, 1e-300))
+        runs = runs_by_split(dataset, path, sigma)
+        notes.append("no repeats: the noise is taken from the fit's own residuals, model error included")
+    notes += drive_notes(dataset, path, found, options.delay_s is None)
+    methods = {method: method_figures(found, runs, memory)}
     for name in options.methods[1:]:
         progress(name)
-        methods[name] = _figures(runs, path, options, _estimate(runs, path, options, name, found.delay_s))
+        methods[name] = _other_method(runs, search, options, found, name)
     wheels = {}
     if options.per_wheel:
         for wheel, data in runs["fit"].items():
             progress(f"{method}: {wheel}")
-            wheels[wheel] = _estimate({"fit": {wheel: data}}, path, options, method, found.delay_s)
-    progress("statistics")
+            wheels[wheel] = search.run(
+                data, starts=options.starts, delay_s=found.delay_s, saturation_rpm=found.saturation_rpm
+            )
+    progress("how sure it is")
+    notes += gain_notes(runs, search, found)
     data = pooled(runs["fit"])
     return Fit(
         dataset=dataset,
@@ -142,7 +154,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         sigma_rpm=sigma,
         sigma_from_repeats=known,
         estimate=found,
-        uncertainty=uncertainty(data, found),
+        uncertainty=uncertainty(data, found, effective_samples=max(1.0, share * _samples(runs))),
         residual_tests=residual_tests(data, found),
         methods=methods,
         wheels=wheels,
@@ -151,84 +163,62 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     )
 
 
-def pooled(wheels: Mapping[str, Sequence[WheelRun]]) -> list[WheelRun]:
-    """Return the runs of all wheels in one list."""
-    return [run for runs in wheels.values() for run in runs]
+def independent_share(dataset: Dataset) -> float:
+    """Return which share of the fit runs' wheel speeds counts as independent, above 0 and at most 1.
 
-
-def _runs_by_split(dataset: Dataset, path: CommandPath, sigma: Mapping[str, float]) -> Runs:
-    return {split: wheel_runs(dataset.split(split), path, sigma) for split in SPLITS}
-
-
-def _estimate(
-    runs: Mapping[Split, Mapping[str, Sequence[WheelRun]]],
-    path: CommandPath,
-    options: FitOptions,
-    method: str,
-    delay_s: float | None = None,
-    *,
-    fit_delay: bool = False,
-    starts: int | None = None,
-) -> Estimate:
-    """Run one method on the fit runs of all wheels; a delay that is given goes into the commands first."""
-    given = options.delay_s if delay_s is None else delay_s
-    data = [delayed(run, given) for run in pooled(runs["fit"])] if given else pooled(runs["fit"])
-    found = estimate(
-        data,
-        method,
-        Options(
-            starts=starts or options.starts,
-            seed=options.seed,
-            unit_gain=options.unit_gain,
-            fit_delay=fit_delay,
-            max_delay_s=min(_LONGEST_DELAY_S, longest_delay_s(path)),
-            fit_saturation=path.seek_ceiling,
-        ),
-    )
-    return replace(found, delay_s=found.delay_s + given) if given else found
-
-
-def _best_clock(
-    dataset: Dataset, path: CommandPath, sigma: Mapping[str, float], options: FitOptions, notes: list[str]
-) -> tuple[CommandPath, Estimate, Runs]:
-    """Fit with the log's stamps as they are and, where these leave it open, with the platform's own clock."""
-    paths = [path]
-    if not path.latched and path.command_period_s == COMMAND_PERIOD_S:
-        paths.append(replace(path, latched=True))
-    tried = []
-    for candidate in paths:
-        runs = _runs_by_split(dataset, candidate, sigma)
-        tried.append((candidate, _estimate(runs, candidate, options, options.methods[0], starts=2), runs))
-    best = min(tried, key=lambda item: item[1].cost)
-    if best[0] is not path:
-        notes.append(
-            f"commands fit better latched every {path.command_period_s:g} s from each run's start than at "
-            "the log's own stamps"
-        )
-    return best
-
-
-def _adopt_delay(
-    runs: Runs, path: CommandPath, options: FitOptions, found: Estimate, notes: list[str]
-) -> Estimate:
-    """Return the estimate with a transport delay where the data ask for one beyond doubt, else `found`.
-
-    The delay must explain the fit runs far better than chance and must not make held-out runs worse.
+    A slow sensor's repeated samples say nothing new, nor does a channel that repeats another.
     """
-    other = _estimate(runs, path, options, options.methods[0], fit_delay=True)
-    samples = sum(len(run.speed_rpm) for run in pooled(runs["fit"]))
-    gain = 2.0 * (found.cost - other.cost) - math.log(samples)  # difference of BIC for one more parameter
-    held_out = pooled(runs["validation"]) or pooled(runs["fit"])
-    before, after = (rms(np.concatenate([residual(run, e) for run in held_out])) for e in (found, other))
-    if other.delay_s <= 0.0 or gain < _DELAY_BIC or after > before:
-        return found
-    notes.append(
-        f"a transport delay of {other.delay_s * 1e3:.1f} ms was estimated and is in the model as "
-        "command_latency; a bench log cannot tell it from sensor_latency"
+    held = {(f.file, f.message.split(":")[0]): f.value for f in dataset.findings if f.kind == "held_samples"}
+    copies = {(f.file, f.message.split(" ")[0]) for f in dataset.findings if f.kind == "same_channel"}
+    total = independent = 0.0
+    for run in dataset.split("fit"):
+        for column in wheel_columns(run).values():
+            count = float(run.finite(column).sum())
+            total += count
+            independent += (
+                0.0 if (run.file, column) in copies else count * (1.0 - held.get((run.file, column), 0.0))
+            )
+    return independent / total if independent > 0.0 else 1.0
+
+
+def _residual_sigma(sigma: Mapping[str, float], found: Estimate) -> dict[str, float]:
+    """Scale all noises together so that the estimate's residual is as large as they say."""
+    scale = found.rms_rpm / math.sqrt(float(np.mean([value**2 for value in sigma.values()])))
+    return {column: max(value * scale, _LEAST_SIGMA) for column, value in sigma.items()}
+
+
+def _samples(runs: Runs) -> int:
+    return sum(len(run.speed_rpm) for run in pooled(runs["fit"]))
+
+
+def _all_starts(runs: Runs, search: Search, options: FitOptions, drive: Estimate) -> Estimate:
+    """Run every start of the law behind the delay and ceiling chosen, then all parameters together."""
+    data = pooled(runs["fit"])
+    free = [name for name in ("delay_s", "saturation_rpm") if name in drive.free]
+    found = search.run(
+        data, starts=options.starts, delay_s=drive.delay_s, saturation_rpm=drive.saturation_rpm
     )
-    return other
+    if not free:
+        return found
+    held = drive.delay_s if "delay_s" not in free else 0.0
+    together = search.run(data, free=free, delay_s=held, initial=[found.coefficients.tolist()])
+    if delay_is_vague(data, together):
+        whole = round(together.delay_s / search.path.sample_period_s) * search.path.sample_period_s
+        free = [name for name in free if name != "delay_s"]
+        together = search.run(data, free=free, delay_s=whole, initial=[together.coefficients.tolist()])
+    return replace(together, starts=found.starts, seconds=found.seconds + together.seconds)
 
 
-def _figures(runs: Runs, path: CommandPath, options: FitOptions, found: Estimate) -> MethodFigures:
-    memory = peak_memory_mib(lambda: _estimate(runs, path, options, found.method, found.delay_s, starts=1))
-    return method_figures(found, runs, memory)
+def _other_method(
+    runs: Runs, search: Search, options: FitOptions, found: Estimate, name: str
+) -> MethodFigures:
+    """Run another method behind the delay and ceiling of the first."""
+    data = pooled(runs["fit"])
+
+    def run(starts: int) -> Estimate:
+        return search.run(
+            data, method=name, starts=starts, delay_s=found.delay_s, saturation_rpm=found.saturation_rpm
+        )
+
+    estimate = run(options.starts)
+    return method_figures(estimate, runs, peak_memory_mib(lambda: run(1)))

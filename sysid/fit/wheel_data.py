@@ -92,13 +92,15 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
     )
 
 
-def delayed(run: WheelRun, delay_s: float) -> WheelRun:
-    """Return the run with its commands later by `delay_s` [s]; further delays add to it."""
+def driven(run: WheelRun, delay_s: float = 0.0, saturation_rpm: float = math.inf) -> WheelRun:
+    """Return the run with its commands later by `delay_s` [s] and limited; further delays add to it."""
+    if delay_s == 0.0 and saturation_rpm == math.inf:
+        return run
 
-    def source(further_s: float, saturation_rpm: float) -> FloatArray:
-        return run.command(delay_s + further_s, saturation_rpm)
+    def source(further_s: float, limit_rpm: float) -> FloatArray:
+        return run.command(delay_s + further_s, min(limit_rpm, saturation_rpm))
 
-    return replace(run, command_rpm=run.command(delay_s), source=source)
+    return replace(run, command_rpm=run.command(delay_s, saturation_rpm), source=source)
 
 
 def wheel_runs(

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from mecanum_env.units import FloatArray
+from sysid.fit.drive_choice import pooled
 from sysid.fit.figures import residual, rms, simulate
-from sysid.fit.pipeline import Fit, pooled
+from sysid.fit.pipeline import Fit
 from sysid.logs import Split
 
 

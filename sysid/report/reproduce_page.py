@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
 import mecanum_env
+from mecanum_env.units import FloatArray
 from sysid.report.page import figure, report_available, write_page
 from sysid.reproduce.chapters import chapters
 from sysid.reproduce.charts import Line, Panel, charts
@@ -45,7 +47,7 @@ def write_reproduction_page(found: Reproduction, path: Path) -> bool:
         verdict=verdict(found),
         chapters=chapters(found),
         grids=grids,
-        provenance=f"mecanum-tankendo {mecanum_env.__version__}, seed {found.seed}, {found.effort.starts} starts",
+        provenance=f"mecanum-tankendo {mecanum_env.__version__}, seed {found.seed}",
     )
     return True
 
@@ -66,15 +68,13 @@ def _panel(panel: Panel) -> dict[str, Any]:
 
 
 def _trace(line: Line) -> dict[str, Any]:
-    style = {
-        key: dict(value) if isinstance(value, dict) else value for key, value in _STYLE[line.style].items()
-    }
+    style = copy.deepcopy(_STYLE[line.style])
     for key in ("line", "marker"):
         if key in style:
             style[key]["color"] = line.colour
+    return {"type": "scatter", "x": _numbers(line.x), "y": _numbers(line.y), "name": line.label, **style}
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
     # Five digits are more than a screen shows, and keep the page small.
-    x, y = (
-        [float(f"{v:.5g}") if np.isfinite(v) else None for v in values.tolist()]
-        for values in (line.x, line.y)
-    )
-    return {"type": "scatter", "x": x, "y": y, "name": line.label, **style}
+    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.tolist()]

@@ -1,25 +1,14 @@
-"""The paper's robot drives, as `benchmarks/paper_drives.py` runs them."""
-
-import importlib.util
-import sys
-from pathlib import Path
+"""The paper's robot drives, as the experiment and `benchmarks/paper_drives.py` run them."""
 
 import pytest
 
 from mecanum_env.law.metrics import law_step_metrics
-
-SCRIPT = Path(__file__).parents[2] / "benchmarks" / "paper_drives.py"
-if not SCRIPT.exists():
-    pytest.skip("benchmarks are in the checkout, not in the wheel", allow_module_level=True)
+from sysid.reproduce.robot import robot_drives
 
 
 @pytest.fixture(scope="module")
 def results(packaged):
-    specification = importlib.util.spec_from_file_location("paper_drives", SCRIPT)
-    module = importlib.util.module_from_spec(specification)
-    sys.modules["paper_drives"] = module
-    specification.loader.exec_module(module)
-    return {result.name: result for result in module.paper_drives(packaged)}
+    return {result.name: result for result in robot_drives(packaged)}
 
 
 def test_they_are_the_papers_five(results):

@@ -1,0 +1,50 @@
+"""Reproduce the paper's experiments: `python -m sysid.reproduce`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from mecanum_env.cli import run
+from mecanum_env.files import write_json, write_text
+from sysid.measure import stage_bar
+from sysid.report.reproduce_page import write_reproduction_page
+from sysid.report.reproduce_plots import write_reproduction_plots
+from sysid.reproduce.contenders import QUICK, Effort
+from sysid.reproduce.experiment import STAGES, reproduce
+from sysid.reproduce.markdown import reproduction_markdown
+from sysid.reproduce.record import reproduction_json
+from sysid.reproduce.tables import verdict
+
+
+def main(
+    out: Path = Path("reproduce"), quick: bool = False, seed: int = 0, markdown: Path | None = None
+) -> None:
+    """Run every method of the paper on a target system and write reproduce.json, report.html and pictures.
+
+    Example: python -m sysid.reproduce --out out/reproduce
+
+    Args:
+        out: Folder to write.
+        quick: 20 starts, few iterations, a coarse search: to see that it runs, not for its figures.
+        seed: Of the recordings and of the random starts.
+        markdown: Also write all tables to this file, with the pictures in a folder beside it.
+    """
+    with stage_bar(len(STAGES) + 1) as progress:
+        found = reproduce(seed, QUICK if quick else Effort(), progress)
+        progress("page and pictures")
+        write_json(out / "reproduce.json", reproduction_json(found))
+        write_reproduction_plots(found, out)
+        page = write_reproduction_page(found, out / "report.html")
+        if markdown is not None:
+            write_reproduction_plots(found, markdown.parent / markdown.stem)
+            write_text(markdown, reproduction_markdown(found, markdown.stem))
+    print(verdict(found))
+    print(f"\nwrote {out / 'reproduce.json'}, pictures", end="")
+    print(
+        f" and {out / 'report.html'}" if page else "; for report.html: pip install 'mecanum-tankendo[report]'"
+    )
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m sysid.reproduce"))

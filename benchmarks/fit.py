@@ -77,7 +77,7 @@ def many_realisations(noise_rpm: float, realisations: int, seed: int) -> dict[st
     rng = np.random.default_rng(seed + 1)
     found: list[Estimate] = []
     covered, white, uncorrelated = [], [], []
-    for _ in tqdm(range(realisations), desc=f"{noise_rpm:g} rpm noise", leave=False):
+    for _ in tqdm(range(realisations), desc=f"{noise_rpm:g} rpm noise", leave=False, disable=None):
         runs = step_runs(law, rng, noise_rpm=noise_rpm)
         fitted = estimate(runs, options=Options(starts=1))
         found.append(fitted)

@@ -113,7 +113,9 @@ def endurance(model: Model, minutes: float) -> list[Figure]:
     mj_model = robot_spec(model).compile()
     data = start(mj_model)
     substeps = round(0.1 / mj_model.opt.timestep)
-    for command in tqdm(random_commands(round(minutes * 600), 0, 100, 60), desc="endurance", unit="command"):
+    for command in tqdm(
+        random_commands(round(minutes * 600), 0, 100, 60), desc="endurance", unit="command", disable=None
+    ):
         data.ctrl[:] = command_to_wheels(*command)
         mujoco.mj_step(mj_model, data, nstep=substeps)
     bad = sum(warnings_of(data).values()) + int(not np.all(np.isfinite(data.qpos)))
@@ -136,7 +138,7 @@ def speed(model: Model, repeats: int) -> list[Figure]:
     }
     batches = {threads: _batch_stepper(rollers, threads) for threads in (1, 2)}
     rates: dict[str, list[float]] = {name: [] for name in (*runs, "batch 1", "batch 2")}
-    for _ in tqdm(range(repeats), desc="speed", unit="round"):
+    for _ in tqdm(range(repeats), desc="speed", unit="round", disable=None):
         for name, run_steps in runs.items():
             rates[name].append(_rate(run_steps, 2400, time.process_time))
         for threads, run_steps in batches.items():

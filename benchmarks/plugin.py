@@ -51,7 +51,7 @@ def median_us(models: dict[str, mujoco.MjModel], blocks: int, steps: int) -> dic
     for name, data in datas.items():
         data.ctrl[:] = 60.0 if name == "plugin" else 6.0
         mujoco.mj_step(models[name], data, steps)
-    for _ in tqdm(range(blocks), desc="blocks"):
+    for _ in tqdm(range(blocks), desc="blocks", disable=None):
         for name, mjmodel in models.items():
             start = time.perf_counter()
             mujoco.mj_step(mjmodel, datas[name], steps)

@@ -43,7 +43,7 @@ def benchmark(frames: int = 60, repeats: int = 5, out: Path | None = None) -> No
     """
     results: list[dict[str, Any]] = []
     cases = [(backend, quality) for backend in BACKENDS for quality in QUALITIES]
-    for backend, quality in tqdm(cases, leave=False):
+    for backend, quality in tqdm(cases, leave=False, disable=None):
         if not library_loads(backend):
             results.append({"backend": backend, "quality": quality, "missing": True})
             continue

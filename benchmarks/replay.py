@@ -37,7 +37,7 @@ def benchmark(logs: Path = Path("examples/logs"), model: Path | None = None, out
     chosen = paper_model() if model is None else read_model(model)
     step_time = np.arange(0.0, 2.0, 0.01)
     results = [_compare(chosen, "step to 80 rpm", step_time, np.full(step_time.shape, 80.0))]
-    for log in tqdm(read_dataset(logs).runs, desc="replaying", leave=False):
+    for log in tqdm(read_dataset(logs).runs, desc="replaying", leave=False, disable=None):
         if isinstance(log.command, BenchCommand):
             results.append(_compare(chosen, log.file, log.time_s, log.command.command_rpm))
     lag_ms = 1e3 * bench_lag_s(chosen)

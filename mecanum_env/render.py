@@ -85,7 +85,7 @@ def render(
         print(f"{still}: {width} x {height} at {trajectory.time_s[row]:.2f} s, drawn with {backend}")
     if out is not None:
         rows = video.frame_rows(trajectory.time_s, fps)
-        frames = video.render_frames(trajectory, view, tqdm(rows, desc="drawing", unit="frame"))
+        frames = video.render_frames(trajectory, view, tqdm(rows, desc="drawing", unit="frame", disable=None))
         count = video.write_video(out, frames, fps)
         print(f"{out}: {count} frames, {length:.1f} s, {width} x {height}, drawn with {backend}")
 

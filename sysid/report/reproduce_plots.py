@@ -30,10 +30,10 @@ def _write(chart: Chart, path: Path) -> Path:
     rows = math.ceil(len(chart.panels) / chart.columns)
     width, height = _WIDE_INCHES if len(chart.panels) == 1 else _PANEL_INCHES
     figure = Figure(figsize=(width * chart.columns, height * rows + 0.5), layout="constrained")
-    axes = figure.subplots(rows, chart.columns, squeeze=False).flat
+    axes = list(figure.subplots(rows, chart.columns, squeeze=False).flat)
     for ax, panel in zip(axes, chart.panels, strict=False):
         _draw(ax, panel)
-    for ax in list(axes)[len(chart.panels) :]:
+    for ax in axes[len(chart.panels) :]:
         ax.set_axis_off()
     handles = {
         label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
@@ -61,7 +61,7 @@ def _draw(ax: Axes, panel: Panel) -> None:
 
 def _add(ax: Axes, line: Line) -> None:
     if line.style == "stairs":
-        ax.step(line.x, line.y, where="post", lw=1.3, color=line.colour, label=line.label)
+        ax.step(line.x, line.y, where="post", lw=1.1, color=line.colour, label=line.label)
     elif line.style == "points":
         ax.plot(line.x, line.y, ".", ms=3, color=line.colour, label=line.label)
     else:

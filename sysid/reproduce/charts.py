@@ -31,8 +31,9 @@ COLOURS: Final = {
     "one-step": "#8c6d31",
 }
 _MEASURED, _COMMAND, _BLACK = "#9a9a9a", "#555555", "#000000"
-_SHOWN: Final = ("exhaustive", "gradient", "kkt", "output-error")
-"""The paper's three models, and ours."""
+_SHOWN: Final = ("gradient", "kkt", "exhaustive", "output-error")
+"""The paper's three models, and ours, in the order of drawing."""
+_STEP_LIMITS: Final = (0.05, 0.6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,13 +74,13 @@ def charts(found: Reproduction) -> list[Chart]:
     """Return all pictures in the order of the page."""
     return [
         Chart("starts", (_starts_panel(found),), 1),
-        Chart("fig3-steps", tuple(_response_panel(shown) for shown in found.shown), 3),
+        Chart("fig3-steps", tuple(_response_panel(shown, limits=_STEP_LIMITS) for shown in found.shown), 3),
         Chart("fig4-metrics", _metric_panels(found), 3),
         Chart(
             "fig5-beyond",
             (
-                _response_panel(found.beyond, title="140 rpm, commands as they are"),
-                _response_panel(found.beyond_limited, title="140 rpm, commands limited to 135 rpm"),
+                _response_panel(found.beyond, "140 rpm, commands as they are", _STEP_LIMITS),
+                _response_panel(found.beyond_limited, "140 rpm, commands limited to 135 rpm", _STEP_LIMITS),
             ),
             2,
         ),
@@ -118,7 +119,7 @@ def _starts_panel(found: Reproduction) -> Panel:
     )
 
 
-def _response_panel(shown: Response, title: str = "") -> Panel:
+def _response_panel(shown: Response, title: str = "", limits: tuple[float, float] | None = None) -> Panel:
     top = float(np.max(shown.command_rpm))
     lines = [
         Line("measured", shown.time_s, shown.measured_rpm, _MEASURED, "points"),
@@ -129,7 +130,12 @@ def _response_panel(shown: Response, title: str = "") -> Panel:
         seen = np.where(np.abs(speed) <= 10.0 * top, speed, np.nan)  # an unstable law leaves the picture
         lines.append(Line(CONTENDERS[name].label, shown.tick_s, seen, COLOURS[name]))
     return Panel(
-        title or shown.name, "time [s]", "wheel speed [rpm]", tuple(lines), y_limits=(-0.06 * top, 1.14 * top)
+        title or shown.name,
+        "time [s]",
+        "wheel speed [rpm]",
+        tuple(lines),
+        x_limits=limits,
+        y_limits=(-0.06 * top, 1.14 * top),
     )
 
 

@@ -29,7 +29,10 @@ class Cost:
     median_s: float
     longest_s: float
     mean_wall_s: float
+    diverged: int
+    """Repeats that ended without a finite error, at once."""
     mean_iterations: float
+    """Of the others."""
     peak_memory_mib: float
     """Of Python objects and arrays, in a further call that is not timed."""
 
@@ -79,6 +82,7 @@ def _cost(label: str, work: Callable[[int], Estimate | None], repeats: int) -> C
         median_s=float(np.median(processor)),
         longest_s=float(np.max(processor)),
         mean_wall_s=float(np.mean(wall)),
+        diverged=repeats - len(iterations),
         mean_iterations=float(np.mean(iterations)) if iterations else 0.0,
         peak_memory_mib=memory,
     )

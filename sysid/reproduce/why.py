@@ -84,12 +84,17 @@ def _starts(found: Reproduction) -> list[Comparison]:
 
 def _why_starts(name: str, found: Reproduction) -> str:
     rates, adaptive = found.many_starts[name], found.many_starts[f"{name}-adaptive"]
-    text = (
-        "The step length decides, and the paper does not print its own. With a constant rate of 1.9/L_h, "
-        f"just inside its bound of 2/L_h, {rates.diverged.count} of {rates.starts} searches end worse than "
-        f"a wheel at rest and {rates.out_of_iterations.count} still descend when the iterations are used "
-        f"up. With steps of adaptive length from the same starts {adaptive.usable.count} end usable."
+    fates = (
+        f"{rates.diverged.count} of {rates.starts} searches end worse than a wheel at rest and "
+        f"{rates.out_of_iterations.count} still descend when the iterations are used up; with steps of "
+        f"adaptive length from the same starts {adaptive.usable.count} end usable"
     )
+    if name == "gradient":
+        return (
+            "The step length decides, and the paper does not print its own. Ours is constant, 1.9/L_h, "
+            f"just inside its bound of 2/L_h: {fates}."
+        )
+    text = f"As for gradient descent: {fates}."
     if name == "poles":
         text += (
             " How the paper's pole discrimination fails is not told; ours is the loop of kkt on |z| itself."
@@ -163,9 +168,9 @@ def _why_error(name: str, found: Reproduction) -> str:
     if abs(model.relative_error) <= 1e-12:
         return (
             f"Unit DC gain by construction (A+B+C+D+E+F = 1; error for ever {model.relative_error:.0e}); "
-            f"{left}. "
+            f"{left}."
             + (
-                "-4.41e-8 is the same effect: 1 - y(120) of the published law, normalised, is "
+                " -4.41e-8 is the same effect: 1 - y(120) of the published law, normalised, is "
                 f"{_published_remainder():.2e}."
                 if name == OURS
                 else ""
@@ -244,15 +249,15 @@ def _cost(found: Reproduction) -> list[Comparison]:
             f"{kkt.mean_s:.2f} s against {gradient.mean_s:.2f} s",
             ""
             if kkt.mean_s < gradient.mean_s
-            else f"A search that diverges stops at once: the mean is {gradient.mean_iterations:.0f} "
-            f"iterations for gradient, {kkt.mean_iterations:.0f} for kkt, whose projection costs further "
-            "time.",
+            else f"{gradient.diverged} of {gradient.repeats} searches without constraint diverge and end at "
+            f"once; the others take {gradient.mean_iterations:.0f} iterations, as those of kkt, whose "
+            "projection costs further time.",
         ),
         Comparison(
             "cost",
             "memory, kkt against gradient",
             "kkt needs more",
-            f"{kkt.peak_memory_mib:.2f} against {gradient.peak_memory_mib:.2f} MiB",
+            f"{kkt.peak_memory_mib:.3f} against {gradient.peak_memory_mib:.3f} MiB",
             "" if kkt.peak_memory_mib > gradient.peak_memory_mib else "The multipliers are four numbers.",
         ),
         Comparison(

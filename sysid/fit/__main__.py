@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from pathlib import Path
 from typing import Final, Literal
@@ -10,7 +11,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
-from mecanum_env.model import read_robot, write_model
+from mecanum_env.model import Robot, read_robot, write_model
 from sysid.estimators import DEFAULT_METHOD, METHODS
 from sysid.fit.pipeline import FitOptions, fit_dataset
 from sysid.fit.result import fit_json, fitted_model
@@ -19,7 +20,7 @@ from sysid.logs import read_dataset
 from sysid.measure import stage_bar
 from sysid.report import write_fit_plots, write_fit_report
 
-_STAGES: Final = 5
+_STAGES: Final = 6
 
 
 def fit(
@@ -44,7 +45,7 @@ def fit(
 
     Args:
         logs: Folder of bench or robot logs, or one file.
-        robot: JSON with what is known of the robot (wheel_radius_m, mass_kg ...).
+        robot: JSON with what is known of the robot (wheel_radius_m, mass_kg ...); not fitted then.
         out: Folder to write.
         method: Methods to run, or "all"; the first gives the model.
         starts: Starting points of each method.
@@ -68,13 +69,14 @@ def fit(
         command_period_s=command_period,
         quantum_rpm=quantum,
         saturation_rpm=saturation,
+        robot=read_robot(robot) if robot else Robot(),
+        robot_given=tuple(json.loads(robot.read_text(encoding="utf-8"))) if robot else (),
     )
-    around = read_robot(robot) if robot else None
     dataset = read_dataset(logs)
     with stage_bar(_STAGES + len(options.methods) - 1 + 4 * per_wheel) as progress:
         found = fit_dataset(dataset, options, progress)
         progress("report")
-        model = fitted_model(found, around)
+        model = fitted_model(found)
         write_model(model, out / "model.json")
         write_json(out / "fit.json", fit_json(found))
         write_fit_plots(found, out)

@@ -11,6 +11,7 @@ import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
+from mecanum_env.model import Model, Robot, Wheel
 from sysid.estimators import DEFAULT_METHOD, Estimate
 from sysid.fit.command_path import CommandPath, infer_command_path
 from sysid.fit.drive_choice import (
@@ -23,6 +24,8 @@ from sysid.fit.drive_choice import (
 )
 from sysid.fit.figures import MethodFigures, Runs, method_figures
 from sysid.fit.notes import drive_notes, gain_notes
+from sysid.fit.robot_parameters import RobotFit
+from sysid.fit.robot_stage import robot_of
 from sysid.fit.wheel_data import wheel_columns
 from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
@@ -50,6 +53,10 @@ class FitOptions:
     command_period_s: float | None = None
     quantum_rpm: float | None = None
     saturation_rpm: float | None = None
+    robot: Robot = field(default_factory=Robot)
+    """What is known of the robot; the packaged values stand for the rest."""
+    robot_given: tuple[str, ...] = ()
+    """Names of the robot's parameters that were measured: they are not fitted."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +79,8 @@ class Fit:
     """With `per_wheel`: wheel name -> its own estimate."""
     runs: Runs
     """Split -> wheel name -> data on the law's clock."""
+    robot: RobotFit | None = None
+    """From robot logs: the law behind the servo, and what of the robot they show."""
     notes: tuple[str, ...] = field(default=())
     """What was inferred, assumed or could not be told, in sentences."""
 
@@ -146,6 +155,12 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
             )
     progress("how sure it is")
     notes += gain_notes(runs, search, found)
+    robot = None
+    if dataset.level == "robot" and not options.per_wheel:
+        progress("servo, inertia and grip")
+        known_robot = Model(wheel_model(path, found), options.robot, latency(found))
+        robot, note = robot_of(dataset, runs, known_robot, options.robot_given, sigma, known)
+        notes.append(note)
     data = pooled(runs["fit"])
     return Fit(
         dataset=dataset,
@@ -159,8 +174,24 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         methods=methods,
         wheels=wheels,
         runs=runs,
+        robot=robot,
         notes=tuple(notes),
     )
+
+
+def wheel_model(path: CommandPath, found: Estimate) -> Wheel:
+    """Return the model's wheel: the law and what happens to a command before it."""
+    return Wheel(
+        law=found.law,
+        command_period_s=path.command_period_s,
+        command_quantum_rpm=path.quantum_rpm,
+        saturation_rpm=min(found.saturation_rpm, path.saturation_rpm),
+    )
+
+
+def latency(found: Estimate) -> dict[str, dict[str, float]]:
+    """Return the model's effects: the fitted delay where there is one."""
+    return {"command_latency": {"delay_s": found.delay_s}} if found.delay_s > 0.0 else {}
 
 
 def independent_share(dataset: Dataset) -> float:

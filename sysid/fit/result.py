@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import datetime
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any, Final
 
 import numpy as np
@@ -11,9 +11,9 @@ import numpy as np
 import mecanum_env
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.model import Model, Robot, Wheel
+from mecanum_env.model import Model, Robot
 from sysid.fit.figures import finite_or_none
-from sysid.fit.pipeline import Fit
+from sysid.fit.pipeline import Fit, latency, wheel_model
 from sysid.statistics import Quantity
 
 FORMAT: Final = "mecanum-fit/1"
@@ -24,25 +24,25 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
 
     Args:
         fit: the fitted wheel.
-        robot: what is known of the robot around it; packaged values when None.
+        robot: what is known of the robot around it; what the fit was given when None.
 
     Returns:
         A model whose "uncertainty" holds the covariance of the coefficients, and whose "command_latency" is
         the fitted delay where there is one.
     """
     found, path = fit.estimate, fit.path
-    effects = {"command_latency": {"delay_s": found.delay_s}} if found.delay_s > 0.0 else {}
+    wheel = wheel_model(path, found)
+    around = fit.options.robot if robot is None else robot
+    if fit.robot is not None:
+        wheel = replace(wheel, law=fit.robot.law)
+        fitted: dict[str, Any] = {p.name: p.value for p in fit.robot.parameters if p.fitted}
+        around = replace(around, **fitted)
     return Model(
-        wheel=Wheel(
-            law=found.law,
-            command_period_s=path.command_period_s,
-            command_quantum_rpm=path.quantum_rpm,
-            saturation_rpm=min(found.saturation_rpm, path.saturation_rpm),
-        ),
+        wheel=wheel,
         wheels={wheel: estimate.law for wheel, estimate in fit.wheels.items()},
-        robot=Robot() if robot is None else robot,
-        effects=effects,
-        uncertainty={"wheel": _covariance(fit)},
+        robot=around,
+        effects=latency(found),
+        uncertainty={"wheel": _covariance(fit), "robot": _robot_errors(fit)},
         provenance={
             "program": f"python -m sysid.fit, mecanum-tankendo {mecanum_env.__version__}",
             "date": datetime.date.today().isoformat(),
@@ -66,6 +66,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
         "parameters": {q.name: _quantity(q) for q in sure.parameters},
         "functionals": {q.name: _quantity(q) for q in sure.functionals},
         "wheels": {wheel: _law(estimate.law) for wheel, estimate in fit.wheels.items()},
+        "robot": _robot(fit),
         "noise": {
             "sigma_rpm": dict(fit.sigma_rpm),
             "source": "repeats" if fit.sigma_from_repeats else "residuals of the fit",
@@ -101,9 +102,31 @@ def fit_json(fit: Fit) -> dict[str, Any]:
     }
 
 
+def _robot(fit: Fit) -> dict[str, Any]:
+    """Return what is known of the parameters that no ruler measures; empty for bench logs."""
+    if fit.robot is None:
+        return {}
+    return {
+        p.name: {
+            "value": p.value,
+            "standard_error": finite_or_none(p.standard_error),
+            "fitted": p.fitted,
+            "reason": p.reason,
+        }
+        for p in fit.robot.parameters
+    }
+
+
+def _robot_errors(fit: Fit) -> dict[str, float]:
+    """Return the standard errors of the robot's fitted parameters."""
+    return {p.name: p.standard_error for p in fit.robot.parameters if p.fitted} if fit.robot else {}
+
+
 def _covariance(fit: Fit) -> dict[str, Any]:
     """Return names and covariance of A-F; without the matrix where the data leave a coefficient unknown."""
     covariance = np.asarray(fit.uncertainty.covariance)[:6, :6]
+    if fit.robot is not None:
+        covariance = fit.robot.covariance
     known = bool(np.all(np.isfinite(covariance)))
     return {
         "names": list(COEFFICIENTS),

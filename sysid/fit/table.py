@@ -22,6 +22,7 @@ def fit_table(fit: Fit) -> str:
         "",
         *_columns(quantity_table(fit)),
         "",
+        *([*_columns(robot_table(fit)), ""] if fit.robot else []),
         f"residuals: {_verdict('white', tests.whiteness.passed, tests.whiteness.p_value)}; "
         f"{_verdict('free of the input', tests.input_correlation.passed, tests.input_correlation.p_value)}; "
         f"{sure.noise_ratio:.2f} times the noise",
@@ -44,6 +45,18 @@ def quantity_table(fit: Fit) -> list[tuple[str, ...]]:
     return [
         _QUANTITY_HEAD,
         *(_quantity_row(q) for q in (*fit.uncertainty.parameters, *fit.uncertainty.functionals)),
+    ]
+
+
+def robot_table(fit: Fit) -> list[tuple[str, ...]]:
+    """Return what robot logs say of the robot as rows of cells, the head first, alone for bench logs."""
+    parameters = fit.robot.parameters if fit.robot else ()
+    return [
+        ("robot", "value", "standard error", ""),
+        *(
+            (p.name, f"{p.value:.4g}", f"{p.standard_error:.2g}" if p.fitted else "-", p.reason)
+            for p in parameters
+        ),
     ]
 
 

@@ -11,7 +11,7 @@ import mecanum_env
 from mecanum_env.law.metrics import step_response
 from mecanum_env.model import Model
 from sysid.fit.pipeline import Fit
-from sysid.fit.table import method_table, quantity_table
+from sysid.fit.table import method_table, quantity_table, robot_table
 from sysid.logs import Split
 from sysid.replay import BenchReplay, replay_worst
 from sysid.report.page import figure, report_available, write_page
@@ -53,6 +53,7 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
         overlays=list(overlays),
         methods=method_table(fit),
         quantities=quantity_table(fit),
+        robot=robot_table(fit),
         period_ms=f"{fit.law.sample_period_s * 1e3:.4g}",
         noise_source="repeats" if fit.sigma_from_repeats else "the residuals too, as there are no repeats",
         residual_verdict=(
@@ -145,7 +146,7 @@ def _residuals(fit: Fit, views: list[RunView]) -> dict[str, Any]:
         title="measured minus simulated; band: noise, 2 sigma",
         x="time [s]",
         y="rpm",
-        layout={"shapes": band},
+        layout={"shapes": band, "showlegend": False},
     )
 
 

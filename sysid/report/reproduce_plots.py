@@ -39,7 +39,7 @@ def _write(chart: Chart, path: Path) -> Path:
         label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
     }
     figure.legend(
-        handles.values(), handles.keys(), loc="outside lower center", ncols=min(len(handles), 6), fontsize=8
+        handles.values(), handles.keys(), loc="outside lower center", ncols=2 * chart.columns + 1, fontsize=8
     )
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=80)

@@ -97,7 +97,7 @@ def chart(found: Reproduction, name: str) -> Chart:
 def _starts_panel(found: Reproduction) -> Panel:
     lines = []
     count = 1
-    for name, rates in found.many_starts.items():
+    for name, rates in reversed(list(found.many_starts.items())):
         count = rates.starts
         x = np.clip(rates.rms_rpm, 0.1, 1e3)
         # Steps of an empirical distribution: at each rms, the share of starts that came as near.

@@ -70,7 +70,6 @@ def starts_table(found: Reproduction) -> Table:
         f"usable of {lots}",
         f"stable of {few}",
         f"stable of {lots}",
-        f"usable and stable of {lots}",
         "paper: success, stable",
     )
     rows = [
@@ -82,7 +81,6 @@ def starts_table(found: Reproduction) -> Table:
             _rate(many.usable),
             _count(ten.stable),
             _rate(many.stable),
-            _rate(many.usable_and_stable),
             _printed(name),
         )
         for name, ten, many in _both(found)
@@ -103,6 +101,7 @@ def fates_table(found: Reproduction) -> Table:
     head = (
         "method",
         "unstable at the start",
+        "usable and stable",
         "diverged",
         "out of iterations",
         "median rms [rpm]",
@@ -112,6 +111,7 @@ def fates_table(found: Reproduction) -> Table:
         (
             CONTENDERS[name].label,
             "refined first" if name == "kkt-improved" else f"{many.unstable_starts.count}",
+            f"{many.usable_and_stable.count}",
             f"{many.diverged.count}",
             f"{many.out_of_iterations.count}",
             number(float(np.median(many.rms_rpm))),

@@ -38,10 +38,11 @@ def demo(out: Path = Path("out")) -> None:
     best = figures["methods"][figures["method"]]
     runs = sum(best["runs"].values())
     sigma = figures["noise"]["sigma_rpm"]["speed_rpm"]
+    rms, rise, settling = best["rms_rpm"]["test"], best["rise_time_s"], best["settling_time_s"]
     print(f"""
 The wheel was identified from {runs} bench runs of a motor that no third-order law describes exactly:
-{best["rms_rpm"]["test"]:.2f} rpm rms on runs it never saw, where repeats differ by {sigma:.2f} rpm; it
-rises in {best["rise_time_s"]:.3f} s and settles in {best["settling_time_s"]:.3f} s, and is stable by construction.
+{rms:.2f} rpm rms on runs it never saw, where repeats differ by {sigma:.2f} rpm; it rises in {rise:.3f} s
+and settles in {settling:.3f} s, and is stable by construction.
 
 Look at   {out / "report.html"}    how well, how sure, and what is left over
           {out / "fit.png"}        the same as one picture

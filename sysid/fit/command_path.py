@@ -73,15 +73,15 @@ def infer_command_path(
         InputError: a value that is not positive, or a law slower than the commands.
     """
     notes: list[str] = []
+    for name, value in (("sample_period_s", sample_period_s), ("command_period_s", command_period_s)):
+        if value is not None and not (math.isfinite(value) and value > 0.0):
+            raise InputError(f"{name} = {value:g}, must be above 0 and finite")
     if command_period_s is not None:
         period, latched = command_period_s, True
     else:
         period, latched = _command_clock(dataset, sample_period_s, notes)
     if sample_period_s is None:
         sample_period_s = period / max(1, round(period * LAW_RATE_HZ))
-    for name, value in (("sample_period_s", sample_period_s), ("command_period_s", period)):
-        if not (math.isfinite(value) and value > 0.0):
-            raise InputError(f"{name} = {value:g}, must be above 0")
     if sample_period_s > period * (1 + 1e-9):
         raise InputError(
             f"sample_period_s = {sample_period_s:g} is longer than command_period_s = {period:g}: "

@@ -12,6 +12,7 @@ from mecanum_env.mjcf.scene import add_appearance, add_bench_view
 from mecanum_env.mjcf.wheel import set_inertia
 from mecanum_env.mjcf.wheel_look import dress_bench
 from mecanum_env.model import Model
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT
 
 
 def bench_spec(
@@ -52,10 +53,8 @@ def bench_spec(
     set_inertia(body, Inertia(mass, (spin, spin, spin)))
     body.add_joint(name="wheel", type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     prepare_drives(spec, model)
-    add_drive(spec, model, "wheel", drive, wheel_quantum, wheel)
     # The identified law is what the drive does without load, whatever its motor could or could not.
-    spec.actuator("wheel").forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
-    spec.actuator("wheel").forcerange = [0.0, 0.0]
+    add_drive(spec, model, "wheel", drive, wheel_quantum, wheel, torque_limit_n_m=NO_TORQUE_LIMIT)
     spec.add_sensor(
         name="wheel_speed",
         type=mujoco.mjtSensor.mjSENS_JOINTVEL,

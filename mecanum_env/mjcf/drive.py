@@ -9,11 +9,12 @@ import mujoco
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import set_wheel_parameters
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, set_wheel_parameters
 
 Drive = Literal["plugin", "servo"]
 """What ctrl means. `plugin`: the wheel command [rpm], and the law runs inside. `servo`: the setpoint [rad/s],
-from a law that runs outside, for engines without plugins."""
+from a law that runs outside, for engines without plugins. Its torque limit is MuJoCo's own clamp, with which
+a free or slipping wheel rings at the step rate while the limit acts; the plugin's does not."""
 
 EFFECTS_HERE = ("command_latency",)
 
@@ -51,12 +52,15 @@ def add_drive(
     wheel_quantum: bool,
     law_wheel: str | None,
     site_gear: Sequence[float] | None = None,
+    *,
+    torque_limit_n_m: float | None = None,
 ) -> None:
     """Add the actuator `name` on the joint `name` or (`site_gear`) on the site "base".
 
     `law_wheel` (fl .. rr, or None for the common law) says whose law it runs. With `site_gear` the actuator's
     speed is gear . (site velocity), the wheel speed that the body's motion asks for, and its torque acts on
-    the body as the matching force and moment. `drive` and `wheel_quantum` are those of `robot_spec`.
+    the body as the matching force and moment. `torque_limit_n_m` replaces the robot's limit. `drive` and
+    `wheel_quantum` are those of `robot_spec`.
     """
     actuator = spec.add_actuator(name=name)
     if site_gear is None:
@@ -64,10 +68,11 @@ def add_drive(
     else:
         actuator.trntype, actuator.target = mujoco.mjtTrn.mjTRN_SITE, "base"
         actuator.gear = site_gear
-    limit = model.robot.torque_limit_n_m
-    actuator.forcerange = [-limit, limit]
     if drive == "servo":
+        limit = model.robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
         actuator.gainprm = [model.robot.servo_n_m_s_rad] + [0.0] * 9
+        if limit < NO_TORQUE_LIMIT:
+            actuator.forcerange = [-limit, limit]
         return
     quantum = None if wheel_quantum else 0.0
-    set_wheel_parameters(spec, actuator, model, law_wheel, quantum)
+    set_wheel_parameters(spec, actuator, model, law_wheel, quantum, torque_limit_n_m)

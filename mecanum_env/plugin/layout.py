@@ -5,7 +5,10 @@ models, and may be rewritten in a compiled model (`write_parameters`):
 
     dynprm[0:6]   A..F             dynprm[6]  sample_period_s       dynprm[8]  command_quantum_rpm (0: none)
     biasprm       0, 0, -servo     dynprm[7]  command_period_s      dynprm[9]  saturation_rpm (0: none)
-    user[0]       servo_integral   user[1]    delay_s               forcerange +-torque_limit_n_m
+    user[0]       servo_integral   user[1]    delay_s               user[2]    torque_limit_n_m (1e10: none)
+
+The torque limit is not MuJoCo's `forcerange`, which is refused: clamping there drops the servo's implicit
+damping, and a free or slipping wheel rings (mecanum_wheel.c says why, and how the plugin limits instead).
 
 They are checked on compiling and on making an `mujoco.MjData` (`require_valid` says what is wrong). An edit
 acts from the next substep on; where it changes the timestep or a period, the clocks start anew at that
@@ -39,18 +42,22 @@ SERVO: Final = 2
 
 INTEGRAL_GAIN: Final = 0
 DELAY: Final = 1
+TORQUE_LIMIT: Final = 2
 """In user."""
+NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
+"""In user[TORQUE_LIMIT]: no limit. A number, not 0: a file that forgets the limit is refused."""
 USER_SIZE: Final = 16
-"""`nuser_actuator` as this project writes it; the plugin needs 2, the rest is reserved and 0."""
+"""`nuser_actuator` as this project writes it; the plugin needs 3, the rest is reserved and 0."""
 
 STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
-    *("w0", "w1", "w2", "r1", "r2", "setpoint", "integral"),
+    *("w0", "w1", "w2", "r1", "r2", "setpoint", "integral", "change"),
 )
 """Names of the first entries of a wheel's plugin state: counts since the clocks started; the clocks in use
 [s]; the law's memory [rpm], w0 = w(k+1) and w1 = w(k) being the ends of the current ramp; the setpoint at the
-end of the last substep [rad/s]; the integral of the speed error [rad]. RING latched commands [rpm] follow,
+end of the last substep [rad/s]; the integral of the speed error [rad]; the wheel's change of speed over the
+last substep [rad/s], from which the torque limit guesses the next. RING latched commands [rpm] follow,
 command j at j modulo RING. All zero is rest."""
 COMMANDS: Final = slice(len(STATE), len(STATE) + RING)
 STATE_SIZE: Final = len(STATE) + RING
@@ -74,10 +81,23 @@ def dynprm(wheel: Wheel, law: WheelLaw | None = None, quantum_rpm: float | None 
     ]
 
 
-def userdata(robot: Robot, delay_s: float = 0.0) -> list[float]:
-    """Return the numbers of an actuator's user field, USER_SIZE of them."""
+def userdata(robot: Robot, delay_s: float = 0.0, torque_limit_n_m: float | None = None) -> list[float]:
+    """Return the numbers of an actuator's user field, USER_SIZE of them.
+
+    Args:
+        robot: its servo and torque limit.
+        delay_s: of the commands [s].
+        torque_limit_n_m: another limit instead of the robot's; infinite or NO_TORQUE_LIMIT for none.
+
+    Raises:
+        InputError: the limit is not above 0.
+    """
+    limit = robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
+    if not limit > 0.0:
+        raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
     user = [0.0] * USER_SIZE
     user[INTEGRAL_GAIN], user[DELAY] = robot.servo_integral_n_m_rad, delay_s
+    user[TORQUE_LIMIT] = min(limit, NO_TORQUE_LIMIT)
     return user
 
 
@@ -92,11 +112,12 @@ def set_wheel_parameters(
     model: Model,
     wheel_name: str | None = None,
     quantum_rpm: float | None = None,
+    torque_limit_n_m: float | None = None,
 ) -> None:
     """Make a named actuator of a spec a wheel drive with a plugin instance of its own; call it once.
 
-    The transmission is left alone. Written XML carries no bias of a plugin actuator: put `biastype` and
-    `biasprm` into the spec's default class too where it is to be written.
+    The transmission is left alone; a `forcerange` is removed. Written XML carries no bias of a plugin
+    actuator: put `biastype` and `biasprm` into the spec's default class too where it is to be written.
 
     Args:
         spec: the actuator's spec.
@@ -104,6 +125,7 @@ def set_wheel_parameters(
         model: the wheel, servo, torque limit and command latency.
         wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
         quantum_rpm: as for `dynprm`.
+        torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
     """
     robot = model.robot
     law = None if wheel_name is None else model.law_of(wheel_name)
@@ -114,8 +136,9 @@ def set_wheel_parameters(
     actuator.dynprm = dynprm(model.wheel, law, quantum_rpm)
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
-    actuator.userdata = userdata(robot, command_delay_s(model))
-    actuator.forcerange = [-robot.torque_limit_n_m, robot.torque_limit_n_m]
+    actuator.userdata = userdata(robot, command_delay_s(model), torque_limit_n_m)
+    actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+    actuator.forcerange = [0.0, 0.0]
 
 
 def write_parameters(
@@ -124,6 +147,7 @@ def write_parameters(
     model: Model,
     wheel_name: str | None = None,
     quantum_rpm: float | None = None,
+    torque_limit_n_m: float | None = None,
 ) -> None:
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
@@ -133,9 +157,11 @@ def write_parameters(
         model: the wheel, servo, torque limit and command latency.
         wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
         quantum_rpm: as for `dynprm`.
+        torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
 
     Raises:
-        InputError: that actuator is not a wheel drive, or the model's delay is too long.
+        InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not
+            above 0.
         UnstableLawError: the wheel's law is unstable.
     """
     if actuator_id not in wheel_actuators(mjmodel):
@@ -146,11 +172,10 @@ def write_parameters(
     law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
     law.require_stable()
     DriveParameters.from_wheel(model.wheel, command_delay_s(model))  # refuses what the plugin would
-    user = userdata(robot, command_delay_s(model))[: mjmodel.nuser_actuator]
+    user = userdata(robot, command_delay_s(model), torque_limit_n_m)[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(model.wheel, law, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
     mjmodel.actuator_user[actuator_id, : len(user)] = user
-    mjmodel.actuator_forcerange[actuator_id] = -robot.torque_limit_n_m, robot.torque_limit_n_m
 
 
 def require_valid(mjmodel: mujoco.MjModel) -> None:

@@ -4,7 +4,7 @@
 // linearly from w(k) to w(k+1), and hold it with a (PI) velocity servo:
 //
 //   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
-//   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt             [N m], clamped by forcerange
+//   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt             [N m], limited to torque_limit_n_m
 //
 // mecanum_env/law/drive.py is the same law in Python; the tests hold the two equal bit for bit.
 //
@@ -25,7 +25,7 @@
 static const double RAD_S_PER_RPM = 2.0 * 3.141592653589793 / 60.0;
 
 enum { SAMPLE_PERIOD = 6, COMMAND_PERIOD, QUANTUM, SATURATION };  // in dynprm, after A..F
-enum { INTEGRAL_GAIN, DELAY, NUSER };                             // in user
+enum { INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, NUSER };               // in user
 
 typedef struct {
   double substeps, ticks, latches;                 // since the clocks started
@@ -33,6 +33,7 @@ typedef struct {
   double w0, w1, w2, r1, r2;                       // the law's memory [rpm]: w0 = w(k+1), w1 = w(k)
   double setpoint;                                 // at the end of the last substep [rad/s]
   double integral;                                 // of setpoint - speed [rad]
+  double change;                                   // of the speed over the last substep [rad/s]
   double command[RING];                            // latched command j at j modulo RING [rpm]
 } Drive;
 
@@ -91,6 +92,7 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
     for (int i = 0; i < RING; i++) s.command[i] = last;
     s.substeps = s.ticks = s.latches = 0;
     s.timestep = h, s.sample_period = tau, s.command_period = T;
+    s.change = 0;  // it belongs to a substep of the old length
   }
   double now = s.substeps * h;
   for (int i = 0; i < MAX_EVENTS && now >= s.latches * T - EPS * T; i++) {
@@ -111,11 +113,36 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
   return s;
 }
 
-// The servo's torque before the clamp.
-static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
+// The servo's torque without its limit.
+static double asked_torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
   double kv = -m->actuator_biasprm[id * mjNBIAS + 2];
   double ki = m->actuator_user[id * m->nuser_actuator + INTEGRAL_GAIN];
   return kv * (s->setpoint - d->actuator_velocity[m->actuator_outadr[id]]) + ki * s->integral;
+}
+
+// The torque to report, limited. The implicit integrators take kv times the coming change of speed off it:
+// that is the servo's damping, and a free wheel is left a fifth. MuJoCo's forcerange clamps what is reported
+// and drops the damping there; a free or slipping wheel (kv h / J = 4) then overshoots at every substep and
+// rings. So the limit is put on what the wheel gets, the coming change being guessed as the last one: exact
+// at constant acceleration a, else off by kv h (a - a before). After a jump that error shrinks by
+// kv h / (J + kv h) a substep (0.81 for the free wheel, 0.25 for one that carries the paper's robot): never
+// negative, so it cannot ring, whatever the inertia. A guess that assumes an inertia has no such bound.
+static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
+  double asked = asked_torque(m, d, id, s), limit = m->actuator_user[id * m->nuser_actuator + TORQUE_LIMIT];
+  int implicit = m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
+  double damping = implicit ? -m->actuator_biasprm[id * mjNBIAS + 2] * s->change : 0;
+  if (asked - damping > limit) return limit + damping;
+  if (asked - damping < -limit) return -limit + damping;
+  return asked;
+}
+
+// The actuator's speed from qvel; d->actuator_velocity stays that of the substep's start until the next one.
+static double speed_now(const mjData* d, int out) {
+  int first = d->moment_rowadr[out];
+  double speed = 0;
+  for (int i = first; i < first + d->moment_rownnz[out]; i++)
+    speed += d->actuator_moment[i] * d->qvel[d->moment_colind[i]];
+  return speed;
 }
 
 // The actuator of an instance, -1 if it has none or several.
@@ -146,9 +173,12 @@ static void wheel_advance(const mjModel* m, mjData* d, int instance) {
   // The error now, not at the end of the substep: zero where the wheel follows an accelerating setpoint.
   double now = ((const Drive*)state)->setpoint;
   double error = now - d->actuator_velocity[out];
-  double asked = torque(m, d, id, &s), given = d->actuator_force[out];
+  double asked = asked_torque(m, d, id, &s), given = d->actuator_force[out];
   int held = (asked > given && error > 0) || (asked < given && error < 0);
   if (!held) s.integral += m->opt.timestep * error;
+  // MuJoCo has advanced qvel by now. Taken here and not at the next substep, a speed set by hand in between
+  // does not count as acceleration.
+  s.change = speed_now(d, out) - d->actuator_velocity[out];
   memcpy(state, &s, sizeof s);
 }
 
@@ -198,7 +228,7 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
            "biastype=\"affine\" biasprm=\"0 0 -servo\" in the actuator's default class", name, kv);
   if (m->nuser_actuator < NUSER)
     REFUSE(PLUGIN_NAME ", actuator \"%s\": nuser_actuator = %d, must be at least %d (user = servo_integral_n_m_rad, "
-           "delay_s; mecanum_env writes 16)", name, (int)m->nuser_actuator, NUSER);
+           "delay_s, torque_limit_n_m; mecanum_env writes 16)", name, (int)m->nuser_actuator, NUSER);
   const mjtNum* user = m->actuator_user + id * m->nuser_actuator;
   if (!isfinite(user[INTEGRAL_GAIN]) || user[INTEGRAL_GAIN] < 0)
     REFUSE(PLUGIN_NAME ", actuator \"%s\": servo_integral_n_m_rad = user[%d] = %g, must be a finite number not below 0",
@@ -210,6 +240,12 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
   if (!(user[DELAY] >= 0) || !(user[DELAY] <= longest))
     REFUSE(PLUGIN_NAME ", actuator \"%s\": delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a "
            "timestep)", name, DELAY, user[DELAY], longest, RING - 3);
+  if (!(user[TORQUE_LIMIT] > 0))
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": torque_limit_n_m = user[%d] = %g, must be above 0 (1e10 or inf: no limit)",
+           name, TORQUE_LIMIT, user[TORQUE_LIMIT]);
+  if (m->actuator_forcelimited[id])
+    REFUSE(PLUGIN_NAME ", actuator \"%s\": forcerange is MuJoCo's own limit, with which a free wheel rings; write "
+           "forcelimited=\"false\" and the limit to user[%d]", name, TORQUE_LIMIT);
   if (m->actuator_history[2 * id] > 0 || m->actuator_delay[id] != 0)
     REFUSE(PLUGIN_NAME ", actuator \"%s\": nsample and delay are MuJoCo's own delay, which this plugin does not use; "
            "write the delay to user[%d]", name, DELAY);

@@ -1,11 +1,14 @@
 """The robot's promises, machine-independent and short; `benchmarks/physics.py` prints the figures."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
 from tqdm import tqdm
 
 from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.law.drive import DriveParameters, simulate_drive
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S, robot_spec
 from mecanum_env.mjcf.geometry import sideways_ratio
 from mecanum_env.mjcf.measure import (
@@ -20,9 +23,20 @@ from mecanum_env.mjcf.measure import (
     steady_drive,
     warnings_of,
 )
+from mecanum_env.units import RAD_S_PER_RPM
 
 FORWARD, BACKWARD, LEFT, TURN = (80, 0, 0), (80, 180, 0), (80, 90, 0), (0, 0, 80)
 DIAGONALS = [(80, 45, 0), (80, 135, 0), (80, -45, 0), (80, -135, 0)]
+
+
+@pytest.fixture(scope="module")
+def coarse(packaged):
+    return robot_spec(packaged, TRAINING_TIMESTEP_S, visuals=False).compile()
+
+
+@pytest.fixture(scope="module")
+def fine(packaged):
+    return robot_spec(packaged, 1 / 960, visuals=False).compile()
 
 
 @pytest.mark.parametrize("command", [FORWARD, BACKWARD, (10, 0, 0), (130, 0, 0)])
@@ -50,10 +64,22 @@ def test_the_heading_holds_over_three_metres(rollers, command, degrees):
     assert abs(np.rad2deg(heading_drift_rad(rollers, command))) <= degrees
 
 
-def test_the_path_hardly_depends_on_the_time_step(packaged):
-    coarse, fine = (robot_spec(packaged, h).compile() for h in (TRAINING_TIMESTEP_S, 1 / 960))
-    commands = paper_like_commands(seed=0)
+@pytest.mark.parametrize("seed", range(5))
+def test_the_path_hardly_depends_on_the_time_step(coarse, fine, seed):
+    commands = paper_like_commands(seed)
     assert path_difference(follow(fine, commands), follow(coarse, commands)) <= 0.01
+
+
+def test_a_slipping_wheel_does_not_ring(packaged):
+    """On a floor with little grip its speed changes smoothly.
+
+    MuJoCo's own clamp, as the plain servo has it, makes it jump to and fro at the step rate while it spins.
+    """
+    slippery = replace(packaged, robot=replace(packaged.robot, friction=0.3))
+    plugin, servo = (np.diff(wheel_speeds(slippery, drive)) for drive in ("plugin", "servo"))
+    assert reversals(servo) > 20
+    assert reversals(plugin) == 0
+    assert np.abs(plugin).max() < 15 * RAD_S_PER_RPM < np.abs(servo).max()
 
 
 def test_planar_and_rollers_drive_the_same_path(rollers, planar):
@@ -80,6 +106,26 @@ def test_an_hour_of_random_commands_raises_no_warning(rollers):
     # Still on its wheels.
     assert data.body("base").xmat[8] > 0.99
     assert data.body("base").xpos[2] == pytest.approx(0.0762, abs=1e-3)
+
+
+def wheel_speeds(model, drive: str) -> np.ndarray:
+    """Return the speed [rad/s] of a wheel at each substep of a start to 130 rpm, 0.3 s long."""
+    mj_model = robot_spec(model, drive=drive, visuals=False).compile()
+    data = start(mj_model)
+    steps = round(0.3 / mj_model.opt.timestep)
+    setpoints = simulate_drive(DriveParameters.from_wheel(model.wheel), np.full(steps, 130.0), 1 / 480)
+    speeds = np.empty(steps)
+    for i, setpoint in enumerate(setpoints * RAD_S_PER_RPM):
+        data.ctrl[:] = 130.0 if drive == "plugin" else setpoint
+        mujoco.mj_step(mj_model, data)
+        speeds[i] = data.joint("wheel_fl").qvel[0]
+    return speeds
+
+
+def reversals(changes: np.ndarray) -> int:
+    """Return how often a change of more than 10 rpm is followed by its opposite."""
+    large = np.abs(changes) > 10 * RAD_S_PER_RPM
+    return int(np.sum((changes[1:] * changes[:-1] < 0) & large[1:] & large[:-1]))
 
 
 def random_drive(mj_model: mujoco.MjModel, count: int) -> mujoco.MjData:

@@ -17,7 +17,7 @@ N_MODELS, N_STEPS = 6, 150
 
 @pytest.fixture(scope="module")
 def variants(stable_law):
-    """Return what differs between the models of a batch: law, saturation, delay, servo."""
+    """Return what differs between the models of a batch: law, saturation, delay, servo, torque limit."""
     rng = np.random.default_rng(4)
     return [
         {
@@ -25,6 +25,7 @@ def variants(stable_law):
             "saturation_rpm": rng.uniform(60.0, 135.0),
             "delay_s": rng.uniform(0.0, 0.2),
             "servo_n_m_s_rad": rng.uniform(1.0, 5.0),
+            "torque_limit_n_m": rng.uniform(0.2, 1.5),  # the free wheel asks for 0.8
         }
         for _ in range(N_MODELS)
     ]
@@ -94,7 +95,7 @@ def test_batch_of_different_models(models, controls, alone, threads, persistent)
 @pytest.mark.parametrize("threads", [1, 2, 4])
 def test_batch_of_expanded_fields(models, controls, alone, threads):
     simulations = batch.Batch(models[0], N_MODELS, nthread=threads)
-    for name in ("actuator_dynprm", "actuator_biasprm", "actuator_user", "actuator_forcerange"):
+    for name in ("actuator_dynprm", "actuator_biasprm", "actuator_user"):
         simulations.expand(name)[:] = np.stack([getattr(mjmodel, name) for mjmodel in models])
     check_batch(simulations, controls, alone)
 

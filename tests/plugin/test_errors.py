@@ -13,6 +13,7 @@ from mecanum_env.plugin.layout import (
     SAMPLE_PERIOD,
     SATURATION,
     SERVO,
+    TORQUE_LIMIT,
     require_valid,
     write_parameters,
 )
@@ -43,6 +44,9 @@ BAD_USER = [
     (DELAY, -0.1, "delay_s"),
     (DELAY, 5.0, "delay_s"),
     (DELAY, np.nan, "delay_s"),
+    (TORQUE_LIMIT, 0.0, "torque_limit_n_m"),
+    (TORQUE_LIMIT, -1.0, "torque_limit_n_m"),
+    (TORQUE_LIMIT, np.nan, "torque_limit_n_m"),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 
@@ -74,7 +78,7 @@ def test_bad_parameters_do_not_compile(spec, index, value, word):
 
 @pytest.mark.parametrize(("index", "value", "word"), BAD_USER)
 def test_bad_user_values_do_not_compile(spec, index, value, word):
-    values = np.zeros(16)
+    values = np.array(spec.actuators[0].userdata)
     values[index] = value
     spec.actuators[0].userdata = values
     refused(spec, word)
@@ -100,6 +104,12 @@ def test_native_dynamics_and_delay_do_not_compile(wheels_spec, free_model):
     refused(spec, "nsample")
 
 
+def test_mujocos_own_force_limit_does_not_compile(spec):
+    spec.actuators[0].forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+    spec.actuators[0].forcerange = [-1.5, 1.5]
+    refused(spec, "forcerange", "user[2]")
+
+
 XML = """
 <mujoco>
   <option timestep="0.002" integrator="implicitfast"/>
@@ -114,6 +124,7 @@ XML = """
 </mujoco>
 """
 LAW = 'dynprm="0.881 -0.151 0.122 0.0744 0.1484 -0.0748 0.01 0.1 1 135"'
+LIMIT = 'user="0 0 1.5"'
 SIZE = '<size nuser_actuator="16"/>'
 
 
@@ -122,7 +133,7 @@ def load(size: str = SIZE, instances: str = "", actuators: str = "") -> mujoco.M
 
 
 def test_a_handwritten_file_drives():
-    mjmodel = load(actuators=f'<plugin name="w" joint="one" plugin="mecanum.wheel" {LAW}/>')
+    mjmodel = load(actuators=f'<plugin name="w" joint="one" plugin="mecanum.wheel" {LAW} {LIMIT}/>')
     data = mujoco.MjData(mjmodel)
     data.ctrl[0] = 30.0
     mujoco.mj_step(mjmodel, data, 1000)
@@ -130,8 +141,13 @@ def test_a_handwritten_file_drives():
 
 
 def test_missing_user_fields_are_named():
-    with pytest.raises(ValueError, match='actuator "w": nuser_actuator = 0, must be at least 2'):
+    with pytest.raises(ValueError, match='actuator "w": nuser_actuator = 0, must be at least 3'):
         load(size="", actuators=f'<plugin name="w" joint="one" plugin="mecanum.wheel" {LAW}/>')
+
+
+def test_a_forgotten_torque_limit_is_named():
+    with pytest.raises(ValueError, match=r'actuator "w": torque_limit_n_m = user\[2\] = 0, must be above 0'):
+        load(actuators=f'<plugin name="w" joint="one" plugin="mecanum.wheel" {LAW}/>')
 
 
 def test_missing_parameters_are_named():
@@ -142,7 +158,7 @@ def test_missing_parameters_are_named():
 def test_an_actuator_without_a_name_is_told_by_its_number():
     with pytest.raises(ValueError, match='actuator "#1": command_period_s'):
         load(
-            actuators=f'<plugin joint="one" plugin="mecanum.wheel" {LAW}/>'
+            actuators=f'<plugin joint="one" plugin="mecanum.wheel" {LAW} {LIMIT}/>'
             '<plugin joint="two" plugin="mecanum.wheel" dynprm="0 0 0 1 0 0 0.01"/>'
         )
 
@@ -152,7 +168,7 @@ def test_one_instance_drives_one_wheel():
         load(
             instances='<instance name="shared"/>',
             actuators="".join(
-                f'<plugin name="{joint}" joint="{joint}" instance="shared" {LAW}/>'
+                f'<plugin name="{joint}" joint="{joint}" instance="shared" {LAW} {LIMIT}/>'
                 for joint in ("one", "two")
             ),
         )

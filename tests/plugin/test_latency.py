@@ -19,7 +19,7 @@ from mecanum_env.law.drive import (
     step_drive,
 )
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import DELAY, state_slice
+from mecanum_env.plugin.layout import DELAY, STATE_SIZE
 from mecanum_env.plugin.state import drive_state, set_steady
 
 delays = st.floats(0.0, 0.35)
@@ -173,4 +173,4 @@ def test_commands_from_before_a_steady_start_still_arrive(compile_wheels, free_m
         mujoco.mj_step(mjmodel, data)
         inputs.append(drive_state(mjmodel, data)["r1"][0])
     np.testing.assert_array_equal(inputs, np.repeat([60.0, 20.0], [120, 360]))
-    assert data.plugin_state[state_slice(mjmodel, 0)].size == 13 + RING
+    assert data.plugin_state.size == STATE_SIZE

@@ -6,9 +6,17 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.plugin.layout import USER_SIZE, state_slice, wheel_actuators, write_parameters
+from mecanum_env.plugin.layout import (
+    NO_TORQUE_LIMIT,
+    TORQUE_LIMIT,
+    USER_SIZE,
+    require_valid,
+    state_slice,
+    wheel_actuators,
+    write_parameters,
+)
 
-FIELDS = ("actuator_dynprm", "actuator_biasprm", "actuator_user", "actuator_forcerange")
+FIELDS = ("actuator_dynprm", "actuator_biasprm", "actuator_user")
 
 
 def values() -> dict[str, float]:
@@ -30,9 +38,8 @@ def test_every_parameter_has_its_place(compile_wheels, free_model, paper):
         mjmodel.actuator_dynprm[0], [*law.coefficients, law.sample_period_s, 0.05, 0.5, 90.0]
     )
     np.testing.assert_array_equal(mjmodel.actuator_biasprm[0, :3], [0.0, 0.0, -3.0])
-    np.testing.assert_array_equal(mjmodel.actuator_user[0], [7.0, 0.04, *np.zeros(USER_SIZE - 2)])
-    np.testing.assert_array_equal(mjmodel.actuator_forcerange[0], [-2.0, 2.0])
-    assert mjmodel.actuator_forcelimited[0]
+    np.testing.assert_array_equal(mjmodel.actuator_user[0], [7.0, 0.04, 2.0, *np.zeros(USER_SIZE - 3)])
+    assert not mjmodel.actuator_forcelimited[0]  # the plugin limits, not MuJoCo
 
 
 def test_rewriting_a_compiled_model_equals_compiling_anew(compile_wheels, free_model):
@@ -47,6 +54,20 @@ def test_no_saturation_and_no_rounding_are_written_as_zero(compile_wheels, free_
     mjmodel = compile_wheels(free_model(saturation_rpm=np.inf))
     write_parameters(mjmodel, 0, free_model(saturation_rpm=np.inf), quantum_rpm=0.0)
     np.testing.assert_array_equal(mjmodel.actuator_dynprm[0, 8:], 0.0)
+
+
+def test_no_torque_limit_is_written_as_a_number_that_files_can_hold(compile_wheels, free_model):
+    mjmodel = compile_wheels(free_model())
+    write_parameters(mjmodel, 0, free_model(), torque_limit_n_m=np.inf)
+    assert mjmodel.actuator_user[0, TORQUE_LIMIT] == NO_TORQUE_LIMIT
+    require_valid(mjmodel)
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, np.nan])
+def test_an_impossible_torque_limit_is_refused(compile_wheels, free_model, limit):
+    mjmodel = compile_wheels(free_model())
+    with pytest.raises(InputError, match="torque_limit_n_m"):
+        write_parameters(mjmodel, 0, free_model(), torque_limit_n_m=limit)
 
 
 def test_a_wheel_with_a_law_of_its_own(compile_wheels, paper, stable_law):

@@ -75,7 +75,7 @@ def test_state_equals_the_reference_bit_for_bit(
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.037])
 def test_motion_equals_a_native_velocity_servo_fed_per_substep(compile_wheels, free_model, delay_s):
-    model = free_model(delay_s)
+    model = free_model(delay_s, torque_limit_n_m=50.0)  # never reached
     commands = np.repeat(np.random.default_rng(3).uniform(-150.0, 150.0, (30, 2)), 48, axis=0)
     setpoints, speeds, _ = run(compile_wheels(model, n=2), commands)
     reference = simulate_drive(DriveParameters.from_wheel(model.wheel, delay_s), commands.T, 1 / 480).T

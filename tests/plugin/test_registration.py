@@ -18,7 +18,7 @@ XML = """
   <extension><plugin plugin="mecanum.wheel"/></extension>
   <worldbody><body><joint name="j"/><geom size="0.1"/></body></worldbody>
   <actuator>
-    <plugin plugin="mecanum.wheel" joint="j" dynprm="0.5 0 0 0.5 0 0 0.01 0.1 1 100"/>
+    <plugin plugin="mecanum.wheel" joint="j" dynprm="0.5 0 0 0.5 0 0 0.01 0.1 1 100" user="0 0 1"/>
   </actuator>
 </mujoco>
 """

@@ -127,6 +127,10 @@ static double asked_torque(const mjModel* m, const mjData* d, int id, const Driv
 // at constant acceleration a, else off by kv h (a - a before). After a jump that error shrinks by
 // kv h / (J + kv h) a substep (0.81 for the free wheel, 0.25 for one that carries the paper's robot): never
 // negative, so it cannot ring, whatever the inertia. A guess that assumes an inertia has no such bound.
+//
+// Measured on random drives of the packaged robot at 1/480 s: the largest change of a wheel's speed in one
+// substep is 6.5 rpm (with forcerange 28 rpm, and 50 rpm to and fro on a slippery floor with twice the limit);
+// while limited the wheel gets 4 % more than the limit in the mean, and over 1.2 times it in 0.3 % of substeps.
 static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
   double asked = asked_torque(m, d, id, s), limit = m->actuator_user[id * m->nuser_actuator + TORQUE_LIMIT];
   int implicit = m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;

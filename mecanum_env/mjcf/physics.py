@@ -13,8 +13,8 @@ SIMULATION_TIMESTEP_S = 1 / 480
 """What a study of the robot uses, or a little less (`fitting_timestep`)."""
 TRAINING_TIMESTEP_S = 1 / 240
 """What training uses: half the cost. Over ten seconds of commands like the paper's, held for 0.2 and 0.8 s,
-the path is that of 1/960 s within 1 %; with a new random command every 0.1 s the rollers' path is off by 2 to 6 %
-(at 1/480 s by 0.4 to 1.1 %), that of the planar plant by 0.3 %."""
+the path is that of 1/960 s within 1 %; with a new random command every 0.1 s the rollers' path is off by
+2 to 6 % (at 1/480 s by 0.4 to 1.1 %), that of the planar plant by 0.3 %."""
 
 SOLIMP = (0.99, 0.999, 0.001, 0.5, 2.0)
 """Contact impedance. MuJoCo's default gives 2 mm of bounce and loses a tenth of sideways motion."""

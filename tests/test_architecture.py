@@ -8,7 +8,10 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+import mecanum_env
+
+# The checkout, or site-packages where the tests run against a built wheel.
+ROOT = Path(mecanum_env.__file__).parent.parent
 PACKAGES = ("mecanum_env", "sysid", "training")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 MAY_IMPORT = {

@@ -6,8 +6,8 @@ half wheelbase + half track), and hard starts meet the torque limit. A law fitte
 swallows what is common to both. So law and robot are fitted together, by simulating the planar plant on the
 logs' commands (output error, logarithms of the parameters), and what the logs do not show stays as it was.
 
-Grip shows only where rollers slip: it is sought last, with the roller plant, on a few seconds of the
-liveliest runs.
+Grip shows only where rollers slip: it is sought first, with the roller plant, on a few seconds of the
+liveliest runs. Where it shows, law, servo, inertia and grip are fitted together with that plant.
 """
 
 from __future__ import annotations
@@ -85,48 +85,55 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
         runs=liveliest_runs(data.runs, _PLANAR_SECONDS),
         channels=tuple(name for name in data.channels if name.startswith("speed_")),
     )
-    search = _Search(model, wheels)
     before = wheels.spread(model)
     sought = [name for name in SOUGHT if name not in given]
-    found = simplest = search.fit(())
-    errors: dict[str, float] = dict.fromkeys(sought, math.inf)
-    while sought:
-        found = search.fit(sought)
-        log_error = dict(zip(sought, map(float, found.errors), strict=True))
-        errors.update(log_error)
-        worst = max(sought, key=lambda name: log_error[name])
-        variance = wheels.variance(found.cost, search.samples)
-        gained = 2.0 * (simplest.cost - found.cost) / variance
-        evidence = gained - len(sought) * math.log(search.samples)
-        if log_error[worst] <= _SHOWN and evidence >= _EVIDENCE:
-            break
-        sought.remove(worst)
-    if not sought:
-        found = simplest
-    fitted = found.model
-    grip = _grip(fitted, "friction" in given, data)
+    grip = _grip(model, "friction" in given, data)
     if grip.fitted:
-        # Where wheels slip, the plant without slip misread the rest: all again, with rollers.
-        names = [*sought, "friction"]
-        slipping = replace(fitted, robot=replace(fitted.robot, friction=grip.value))
-        few = replace(data, runs=liveliest_runs(data.runs, _ROLLER_SECONDS))
-        found = _Search(slipping, few, "rollers").fit(names)
-        fitted = found.model
-        errors.update(zip(names, map(float, found.errors), strict=True))
-        value = fitted.robot.friction
+        # Where wheels slip, the plant without slip would misread all the rest.
+        slipping = replace(model, robot=replace(model.robot, friction=grip.value))
+        used = replace(data, runs=liveliest_runs(data.runs, _ROLLER_SECONDS))
+        search = _Search(slipping, used, "rollers")
+        found, shown, errors = _shown(search, sought, ["friction"])
+        value = found.model.robot.friction
         grip = replace(grip, value=value, standard_error=value * errors["friction"])
+    else:
+        found, shown, errors = _shown(_Search(model, wheels), sought, [])
     parameters = [
-        _parameter(name, fitted.robot, name in sought, name in given, errors.get(name, math.nan))
+        _parameter(name, found.model.robot, name in shown, name in given, errors.get(name, math.nan))
         for name in SOUGHT
     ]
     return RobotFit(
-        law=fitted.wheel.law,
-        robot=fitted.robot,
+        law=found.model.wheel.law,
+        robot=found.model.robot,
         parameters=(*parameters, grip),
         covariance=found.covariance,
         residual_before=before,
-        residual_after=wheels.spread(fitted),
+        residual_after=wheels.spread(found.model),
     )
+
+
+def _shown(
+    search: _Search, sought: Sequence[str], always: Sequence[str]
+) -> tuple[_Found, list[str], dict[str, float]]:
+    """Fit all that is sought, drop the least known until the logs show every one that is left.
+
+    Returns:
+        What was found, the names shown, and the standard errors of all logarithms as last seen.
+    """
+    names = list(sought)
+    found = simplest = search.fit(always)
+    errors = dict.fromkeys(sought, math.inf) | dict(zip(always, map(float, found.errors), strict=True))
+    while names:
+        found = search.fit([*names, *always])
+        errors.update(zip([*names, *always], map(float, found.errors), strict=True))
+        worst = max(names, key=lambda name: errors[name])
+        variance = search.data.variance(found.cost, search.samples)
+        gained = 2.0 * (simplest.cost - found.cost) / variance
+        evidence = gained - len(names) * math.log(search.samples)
+        if errors[worst] <= _SHOWN and evidence >= _EVIDENCE:
+            return found, names, errors
+        names.remove(worst)
+    return simplest, [], errors
 
 
 def _parameter(name: str, robot: Robot, fitted: bool, given: bool, log_error: float) -> RobotParameter:
@@ -156,7 +163,7 @@ class _Search:
     """Output error through the planar plant, from the law fitted to the wheel speeds."""
 
     def __init__(self, model: Model, data: PlantData, plant: Plant = "planar") -> None:
-        self._model, self._data, self._plant = model, data, plant
+        self._model, self.data, self._plant = model, data, plant
         # Contacts make the roller plant rough on the scale of a small step.
         self._step = 1e-4 if plant == "planar" else 2e-2
         self._measured = data.measured()
@@ -181,7 +188,7 @@ class _Search:
         high = [np.inf] * laws + [_RANGE] * len(names)
 
         def residual(x: FloatArray) -> FloatArray:
-            return self._data.predicted(self._at(x, names), self._plant) - self._measured
+            return self.data.predicted(self._at(x, names), self._plant) - self._measured
 
         def search(start: FloatArray, evaluations: int) -> OptimizeResult:
             return least_squares(
@@ -201,7 +208,7 @@ class _Search:
         if self._plant == "planar":
             found = search(found.x, _THEN)
         jacobian = _central(residual, found.x, 10.0 * self._step)
-        variance = self._data.variance(float(found.cost), self.samples, found.x.size)
+        variance = self.data.variance(float(found.cost), self.samples, found.x.size)
         covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14) * variance
         errors = np.sqrt(np.diag(covariance)[laws:])
         at_bound = [abs(x - b) < 1e-3 for x, b in zip(found.x[laws:], low[laws:], strict=True)]

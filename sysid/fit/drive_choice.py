@@ -56,7 +56,18 @@ class Search:
         initial: Sequence[Sequence[float]] = (),
         unit_gain: bool | None = None,
     ) -> Estimate:
-        """Estimate the law and what is `free` of "delay_s", "saturation_rpm"; the rest is held as given."""
+        """Estimate the law and what is `free` of "delay_s", "saturation_rpm"; the rest is held as given.
+
+        Args:
+            data: the runs.
+            method: which; the search's own when None.
+            starts: how many.
+            delay_s: held, unless free [s].
+            saturation_rpm: held, unless free [rpm].
+            free: what is estimated beside the law.
+            initial: starting points A-F instead of the method's own.
+            unit_gain: hold the DC gain at 1; as the search does when None.
+        """
         held_delay = 0.0 if "delay_s" in free else delay_s
         held_limit = math.inf if "saturation_rpm" in free else saturation_rpm
         options = Options(

@@ -32,7 +32,7 @@ class PlantData:
         return float(np.sqrt(np.mean((self.predicted(model) - self.measured()) ** 2)))
 
     def variance(self, cost: float, samples: int, parameters: int = 0) -> float:
-        """Return the residual variance over the noise's, for half the square sum `cost`.
+        """Return the residual variance over the noise's, for half the square sum `cost` of `samples`.
 
         A residual above the noise is error of the model, and no parameter is surer than that leaves it; one
         below known noise is luck.

@@ -1,0 +1,73 @@
+"""The page of a fit: self-contained, drawn by a browser without network and without an error."""
+
+import re
+import shutil
+import subprocess
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model
+from sysid.logs import read_dataset
+from sysid.report import write_fit_plots, write_fit_report
+from sysid.report.worst_runs import run_views
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    return fit_dataset(read_dataset(Path(__file__).parents[2] / "examples" / "logs"), FitOptions(starts=1))
+
+
+@pytest.fixture(scope="module")
+def page(fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("plotly", reason="the report extra is not installed")
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    assert write_fit_report(fit, fitted_model(fit), path)
+    return path
+
+
+def test_the_page_loads_nothing_from_elsewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    outside = re.sub(r"<script.*?</script>", "", text, flags=re.S)
+    assert not re.search(r"(?:src|href)\s*=\s*[\"']?(?:https?:)?//", outside)
+    assert not re.search(r"<script[^>]*\bsrc\b", text)
+
+
+def test_the_page_says_what_was_found(page: Path, fit: Fit) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert fit.dataset.name in text
+    assert "The identified wheel inside MuJoCo" in text
+    assert "A stable third-order law predicts the test runs" in text
+    assert "The robot around the wheels" not in text  # a bench log
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no chromium here to open the page with")
+def test_a_browser_without_network_draws_every_plot(page: Path, tmp_path: Path) -> None:
+    assert BROWSER is not None
+    done = subprocess.run(
+        [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND",
+         "--enable-logging=stderr", "--v=0", f"--user-data-dir={tmp_path}", "--virtual-time-budget=20000",
+         "--dump-dom", page.as_uri()],
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    figures = page.read_text(encoding="utf-8").count('class="plotly-graph-div"')
+    drawn = len(re.findall(r'<div class="[^"]*svg-container', done.stdout))
+    assert figures >= 8
+    assert drawn == figures
+    console = [line for line in done.stderr.splitlines() if ":CONSOLE" in line and "rror" in line]
+    assert console == []
+
+
+def test_held_out_runs_are_shown_worst_first(fit: Fit) -> None:
+    views = run_views(fit, most=6)
+    assert [view.split for view in views[:2]] == ["test", "test"]
+    assert views[0].rms_rpm >= views[1].rms_rpm
+    assert {view.split for view in views} == {"fit", "validation", "test"}
+
+
+def test_the_picture_is_written(fit: Fit, tmp_path: Path) -> None:
+    path = write_fit_plots(replace(fit), tmp_path)
+    assert path.read_bytes().startswith(b"\x89PNG")

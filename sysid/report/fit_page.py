@@ -79,11 +79,13 @@ def _verdict(fit: Fit) -> str:
     found = fit.methods[fit.estimate.method]
     split = next(split for split in _HELD_OUT_FIRST if split in found.errors)
     error, sigma = found.errors[split], float(np.mean(list(fit.sigma_rpm.values())))
+    free = fit.estimate.free
+    order = ("first", "second", "third")[("B" in free) + ("C" in free)]
     against = (
         f"against {sigma:.2f} rpm of noise" if fit.sigma_from_repeats else "with no repeats to tell the noise"
     )
     return (
-        f"A stable third-order law predicts the {split} runs to {error.rms_rpm:.2f} rpm rms, {against}; "
+        f"A stable {order}-order law predicts the {split} runs to {error.rms_rpm:.2f} rpm rms, {against}; "
         f"it rises in {found.metrics.rise_time_s:.3f} s and settles in {found.metrics.settling_time_s:.3f} s."
     )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
+from mecanum_env.effects.apply import change_spec, changed_model
 from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.mjcf.masses import Inertia, robot_masses
@@ -42,6 +43,7 @@ def bench_spec(
     Raises:
         InputError: an effect that is not simulated, or an impossible inertia.
     """
+    model = changed_model(model, "bench")
     timestep_s = fitting_timestep(model, timestep_s)
     spec = new_spec("mecanum wheel bench", timestep_s)
     geometry = wheel_geometry(model.robot.wheel_radius_m, model.robot.rollers_per_wheel)
@@ -61,6 +63,7 @@ def bench_spec(
         objtype=mujoco.mjtObj.mjOBJ_JOINT,
         objname="wheel",
     )
+    change_spec(spec, model, "bench")
     if visuals:
         add_appearance(spec)
         dress_bench(spec.worldbody, body, geometry)

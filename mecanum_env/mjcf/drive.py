@@ -7,7 +7,6 @@ from typing import Literal
 
 import mujoco
 
-from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, set_wheel_parameters
 
@@ -16,22 +15,6 @@ Drive = Literal["plugin", "servo"]
 from a law that runs outside, for engines without plugins. Its torque limit is MuJoCo's own clamp, with which
 a free or slipping wheel rings at the step rate while the limit acts; the plugin's does not."""
 
-EFFECTS_HERE = ("command_latency",)
-
-
-def check_effects(model: Model) -> None:
-    """Refuse a model with an effect that the generated physics would leave out.
-
-    Raises:
-        InputError: the model names such an effect.
-    """
-    for name in model.effects:
-        if name not in EFFECTS_HERE:
-            raise InputError(
-                f"effects.{name}: not simulated yet (simulated: {', '.join(EFFECTS_HERE)}); "
-                "remove it from the model file to simulate without it"
-            )
-
 
 def prepare_drives(spec: mujoco.MjSpec, model: Model) -> None:
     """Set the defaults that every wheel's actuator shares.
@@ -39,7 +22,6 @@ def prepare_drives(spec: mujoco.MjSpec, model: Model) -> None:
     The plugin element of MJCF has no bias attributes, so they come from the default class. The affine bias
     tells the implicit integrator how the servo's torque changes with speed.
     """
-    check_effects(model)
     spec.default.actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     spec.default.actuator.biasprm = [0.0, 0.0, -model.robot.servo_n_m_s_rad] + [0.0] * 7
 

@@ -118,6 +118,23 @@ def no_slip_rows(robot: Robot) -> FloatArray:
     return np.array(rows) / robot.wheel_radius_m
 
 
+def wheels_on_body(robot: Robot, per_wheel: float) -> tuple[float, float]:
+    """Return what the four wheels put on the body's translation and yaw where they never slip.
+
+    With wheel speeds w = G (vx, vy, yaw rate), the energy J |w|^2 / 2 of four inertias J, or the power of
+    four dampers, has the matrix J G'G: 4 J / R^2 forward, slightly more sideways (the rollers' give), and
+    about 4 J k^2 / R^2 in yaw; no cross terms. The planar joints lie along the world's axes, so forward and
+    sideways share their mean (they differ by 3.3 % for ten rollers).
+
+    Args:
+        robot: its wheels.
+        per_wheel: inertia [kg m^2] or damping [N m s/rad] of one wheel.
+    """
+    rows = no_slip_rows(robot)
+    forward, sideways, yaw = per_wheel * np.diag(rows.T @ rows)
+    return float(forward + sideways) / 2, float(yaw)
+
+
 PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
 """Where the first roller of each wheel starts, in parts of the angle between rollers.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import mujoco
-import numpy as np
 
+from mecanum_env.effects.apply import change_spec, changed_model
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf.chassis import dress_robot
 from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
-from mecanum_env.mjcf.geometry import no_slip_rows, wheel_geometry
+from mecanum_env.mjcf.geometry import no_slip_rows, wheel_geometry, wheels_on_body
 from mecanum_env.mjcf.masses import Inertia, robot_masses
 from mecanum_env.mjcf.physics import fitting_timestep, new_spec
 from mecanum_env.mjcf.scene import add_scene, add_views
@@ -43,6 +43,7 @@ def planar_spec(
     Raises:
         InputError: an effect that is not simulated, or a yaw inertia that the wheels alone exceed.
     """
+    model = changed_model(model, "planar")
     timestep_s = fitting_timestep(model, timestep_s)
     robot = model.robot
     spec = new_spec("mecanum robot, planar", timestep_s)
@@ -66,6 +67,7 @@ def planar_spec(
         gear = [float(x), float(y), 0.0, 0.0, 0.0, float(turn)]
         add_drive(spec, model, f"wheel_{wheel}", drive, wheel_quantum, wheel, gear)
     add_sensors(spec)
+    change_spec(spec, model, "planar")
     if visuals:
         geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
         dress_robot(base, base, robot, geometry)
@@ -75,15 +77,7 @@ def planar_spec(
 
 
 def wheel_armature(robot: Robot) -> tuple[float, float]:
-    """Return what the turning wheels add to the body's mass [kg] and yaw inertia [kg m^2].
-
-    With wheel speeds w = G (vx, vy, yaw rate) their energy J |w|^2 / 2 has the matrix J G'G: 4 J / R^2
-    forward, slightly more sideways (the rollers' give), and about 4 J k^2 / R^2 in yaw; no cross terms.
-    The joints lie along the world's axes, so forward and sideways share their mean (they differ by 3.3 % of
-    about 2 kg for ten rollers).
-    """
+    """Return what the turning wheels add to the body's mass [kg] and yaw inertia [kg m^2]."""
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     spin = robot_masses(robot).wheel_spin_inertia(geometry)
-    rows = no_slip_rows(robot)
-    forward, sideways, yaw = spin * np.diag(rows.T @ rows)
-    return float(forward + sideways) / 2, float(yaw)
+    return wheels_on_body(robot, spin)

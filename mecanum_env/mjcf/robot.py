@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import mujoco
 
+from mecanum_env.effects.apply import change_spec, changed_model
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf.chassis import dress_robot
 from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
@@ -47,6 +48,7 @@ def robot_spec(
     Raises:
         InputError: an effect that is not simulated, or a yaw inertia that the wheels alone exceed.
     """
+    model = changed_model(model, "rollers")
     timestep_s = fitting_timestep(model, timestep_s)
     robot = model.robot
     spec = new_spec("mecanum robot", timestep_s)
@@ -78,6 +80,7 @@ def robot_spec(
             add_floor_pair(spec, roller, robot.friction, timestep_s)
         add_drive(spec, model, name, drive, wheel_quantum, wheel)
     add_sensors(spec)
+    change_spec(spec, model, "rollers")
     if visuals:
         dress_robot(base, rocker, robot, geometry)
         add_views(spec, base, robot)

@@ -8,9 +8,10 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final
 
+from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
-from mecanum_env.model.records import EFFECT_PARAMETERS, Model, Robot, Wheel
+from mecanum_env.model.records import Model, Robot, Wheel
 
 FORMAT: Final = "mecanum-model/1"
 

@@ -5,42 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Final
+from typing import Any
 
+from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import WheelLaw
-
-EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = {
-    "command_latency": ("delay_s",),
-    "command_deadband": ("threshold_rpm",),
-    "body_speed_limit": ("v_rpm", "vc_rpm"),
-    "body_acceleration_limit": ("v_rpm_s", "vc_rpm_s"),
-    "speed_gain": ("gain",),
-    "wheel_gain_mismatch": ("gain_fl", "gain_fr", "gain_rl", "gain_rr"),
-    "direction_asymmetry": ("reverse_ratio",),
-    "speed_saturation": ("limit_rpm", "softness_rpm"),
-    "acceleration_limit": ("limit_rpm_s",),
-    "battery_sag": ("drop_per_s", "per_volt"),
-    "coulomb_friction": ("torque_n_m",),
-    "stiction": ("breakaway_n_m", "stribeck_rpm"),
-    "viscous_friction": ("damping_n_m_s_rad",),
-    "backlash": ("gap_deg",),
-    "weak_servo": ("servo_n_m_s_rad",),
-    "payload": ("mass_kg", "height_m"),
-    "com_offset": ("x_m", "y_m"),
-    "roller_friction": ("torque_n_m", "damping_n_m_s_rad"),
-    "low_grip": ("friction",),
-    "wheel_radius": ("scale",),
-    "track_width": ("scale",),
-    "mount_yaw": ("angle_deg",),
-    "floor_slope": ("slope_deg", "heading_deg"),
-    "sensor_latency": ("delay_s",),
-    "sensor_lowpass": ("time_constant_s",),
-    "sensor_scale": ("wheel", "linear", "yaw"),
-    "sensor_bias": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
-}
-"""Names a model file may use under "effects", with their parameters."""
 
 
 @dataclass(frozen=True)

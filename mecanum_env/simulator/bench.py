@@ -8,6 +8,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 
+from mecanum_env.effects.apply import measured
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import DriveParameters, simulate_drive
 from mecanum_env.mjcf import bench_spec
@@ -68,7 +69,8 @@ def replay_bench(
         set_steady(compiled, data, initial_rpm)
         data.qvel[:] = initial_rpm * RAD_S_PER_RPM
     _, qvel = step_through(compiled, data, ctrl[:, None])
-    return np.interp(samples - start, clock, qvel[:, 0] / RAD_S_PER_RPM)
+    speed = measured(model, clock, {"speed_rpm": qvel[:, 0] / RAD_S_PER_RPM})["speed_rpm"]
+    return np.interp(samples - start, clock, speed)
 
 
 def law_of_bench(

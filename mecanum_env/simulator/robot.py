@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from typing import Literal
 
@@ -68,13 +69,18 @@ def drive(
     time_s = np.arange(n + 1) * step
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
     qpos, qvel = step_through(compiled, data, ctrl)
-    return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s))
+    return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s), model)
 
 
 def at_rest(mj_model: mujoco.MjModel) -> mujoco.MjData:
     """Return data in which the robot stands still on the floor, drives at rest, at time 0."""
     data = mujoco.MjData(mj_model)
-    if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
+    if np.any(mj_model.opt.gravity[:2] != 0.0):
+        # It would creep down the slope while it settles: settle on the level.
+        level = copy.copy(mj_model)
+        level.opt.gravity[:] = 0.0, 0.0, -np.linalg.norm(mj_model.opt.gravity)
+        data.qpos[:] = at_rest(level).qpos
+    elif mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
         mujoco.mj_step(mj_model, data, math.ceil(_SETTLING_S / mj_model.opt.timestep))
         standing = data.qpos.copy()
         mujoco.mj_resetData(mj_model, data)  # time, velocities and the drives' clocks back to 0

@@ -66,7 +66,7 @@ class RobotSession:
 
     def _read(self, rows: list[_Row]) -> Trajectory:
         time_s, qpos, qvel, command = (np.array(column) for column in zip(*rows, strict=True))
-        return read_trajectory(self._compiled, time_s, qpos, qvel, command)
+        return read_trajectory(self._compiled, time_s, qpos, qvel, command, self._model)
 
     def _row(self, command: FloatArray) -> _Row:
         data = self._data

@@ -8,7 +8,9 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from mecanum_env.effects.apply import measured
 from mecanum_env.kinematics import WHEELS
+from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 _SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
@@ -37,21 +39,29 @@ class Trajectory:
     pose: FloatArray
     """(n, 3) pose in the world frame: x [m], y [m], yaw [rad], yaw unwrapped."""
 
+    model: Model | None = None
+    """Whose sensors `channels_at` reads; without one it shows the motion as it is."""
+
     def channels_at(self, time_s: FloatArray) -> dict[str, FloatArray]:
-        """Return every channel of a robot log, linearly interpolated at the given times (m,) [s].
+        """Return every channel of a robot log as measured, linear between the steps, at times (m,) [s].
 
         The keys are `CHANNELS`: speed_fl_rpm ... speed_rr_rpm, vx_m_s, vy_m_s, yaw_rate_rad_s, x_m, y_m,
         yaw_rad.
         """
         columns = (*self.wheels_rpm.T, *self.twist.T, *self.pose.T)
-        return {
-            name: np.interp(time_s, self.time_s, column)
-            for name, column in zip(CHANNELS, columns, strict=True)
-        }
+        channels = dict(zip(CHANNELS, columns, strict=True))
+        if self.model is not None:
+            channels = measured(self.model, self.time_s, channels)
+        return {name: np.interp(time_s, self.time_s, column) for name, column in channels.items()}
 
 
 def read_trajectory(
-    mj_model: mujoco.MjModel, time_s: FloatArray, qpos: FloatArray, qvel: FloatArray, command: FloatArray
+    mj_model: mujoco.MjModel,
+    time_s: FloatArray,
+    qpos: FloatArray,
+    qvel: FloatArray,
+    command: FloatArray,
+    model: Model | None = None,
 ) -> Trajectory:
     """Read wheel speeds, body twist and pose off MuJoCo states.
 
@@ -61,6 +71,7 @@ def read_trajectory(
         qpos: (n, nq).
         qvel: (n, nv).
         command: (n, 3) or (n, 4), kept as it is.
+        model: whose sensors `Trajectory.channels_at` reads.
     """
     if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
         pose, twist = _free_base(qpos, qvel)
@@ -71,7 +82,7 @@ def read_trajectory(
         # The planar plant's wheels turn as its body moves; the actuators' site transmission says how.
         gear = np.array([mj_model.actuator(f"wheel_{wheel}").gear[[0, 1, 5]] for wheel in WHEELS])
         wheels = twist @ gear.T / RAD_S_PER_RPM
-    return Trajectory(mj_model, time_s, qpos, command, wheels, twist, pose)
+    return Trajectory(mj_model, time_s, qpos, command, wheels, twist, pose, model)
 
 
 def _free_base(qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:

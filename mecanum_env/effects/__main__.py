@@ -1,0 +1,18 @@
+"""`python -m mecanum_env.effects`: print the catalogue of effects."""
+
+from __future__ import annotations
+
+from mecanum_env.cli import run
+from mecanum_env.effects.table import markdown_table
+
+
+def main() -> None:
+    """Print the catalogue of effects as a table in Markdown.
+
+    Example: python -m mecanum_env.effects
+    """
+    print(markdown_table(), end="")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main, prog="python -m mecanum_env.effects"))

@@ -1,0 +1,117 @@
+"""Putting a model's effects into a simulation; always in the order of the chain."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import mujoco
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.definition import Channels, Effect, Plant
+from mecanum_env.errors import InputError
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+
+
+def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
+    """Yield the model's effects that are not neutral, with all their parameters."""
+    for name, effect in CATALOGUE.items():
+        if name in model.effects and not effect.is_neutral(model.effects[name], model):
+            yield effect, effect.complete(model.effects[name], model)
+
+
+def check_effects(model: Model, plant: Plant) -> None:
+    """Refuse a model with an effect that a plant would leave out, or with a value it cannot have.
+
+    Args:
+        model: its effects count.
+        plant: where they are to act.
+
+    Raises:
+        InputError: an effect that is not simulated (there), or a parameter out of range.
+    """
+    for effect, values in active_effects(model):
+        if not effect.simulated:
+            known = ", ".join(name for name, known in CATALOGUE.items() if known.simulated)
+            raise InputError(
+                f"effects.{effect.name}: not simulated yet (simulated: {known}); "
+                "remove it from the model file to simulate without it"
+            )
+        if plant in effect.refused_by:
+            raise InputError(
+                f"effects.{effect.name}: the {plant} plant cannot simulate it; use the rollers, or "
+                "remove it from the model file to simulate without it"
+            )
+        for parameter in effect.parameters:
+            value, (low, high) = values[parameter.name], parameter.valid
+            endless = math.isinf(value) and value != parameter.neutral_in(model)
+            if not low <= value <= high or endless:
+                raise InputError(
+                    f"effects.{effect.name}.{parameter.name} = {value:g}, "
+                    f"must be a number {low:g} .. {high:g}"
+                )
+
+
+def changed_model(model: Model, plant: Plant) -> Model:
+    """Return the model with the effects that are other numbers in its sections put there, unlisted.
+
+    Args:
+        model: as read from its file.
+        plant: where the effects are to act.
+
+    Raises:
+        InputError: as `check_effects`.
+    """
+    check_effects(model, plant)
+    changed = model
+    for effect, values in active_effects(model):
+        if effect.change_model is not None and effect.acts_in(plant):
+            left = {name: kept for name, kept in changed.effects.items() if name != effect.name}
+            changed = replace(effect.change_model(changed, values), effects=left)
+    return changed
+
+
+def change_spec(spec: mujoco.MjSpec, model: Model, plant: Plant) -> None:
+    """Write the effects that are MuJoCo's own parts into the finished spec of a plant.
+
+    Args:
+        spec: written in place.
+        model: the one it was made from, as `changed_model` returned it.
+        plant: what the spec is.
+    """
+    for effect, values in active_effects(model):
+        if effect.change_spec is not None and effect.acts_in(plant):
+            effect.change_spec(spec, values, model, plant)
+
+
+def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParameters:
+    """Return the drive of one wheel, with the effects that act in it.
+
+    Args:
+        model: wheel and effects.
+        wheel_name: fl, fr, rl or rr; None for the common one.
+    """
+    law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
+    drive = DriveParameters.from_wheel(replace(model.wheel, law=law))
+    for effect, values in active_effects(model):
+        if effect.change_drive is not None:
+            drive = effect.change_drive(drive, values, wheel_name)
+    return drive
+
+
+def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
+    """Return what the sensors make of a motion.
+
+    Args:
+        model: its effects count.
+        time_s: uniform clock (n,) [s].
+        channels: column of a log -> true values (n,) on that clock.
+    """
+    shown = dict(channels)
+    for effect, values in active_effects(model):
+        if effect.change_channels is not None:
+            shown = effect.change_channels(time_s, shown, values)
+    return shown

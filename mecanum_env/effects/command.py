@@ -1,0 +1,59 @@
+"""Effects on the command, between the robot's latch and the drives."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+from mecanum_env.effects.definition import Effect, Parameter, Values
+
+if TYPE_CHECKING:
+    from mecanum_env.law.drive import DriveParameters
+
+
+def _delay(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, delay_s=values["delay_s"])
+
+
+COMMAND_LATENCY: Final = Effect(
+    name="command_latency",
+    acts_on="command",
+    parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3)),),
+    summary="A latched command acts later.",
+    signature="Every rise and fall moves later by the same time; speeds reached stay the same. On a bench "
+    "log the same as sensor_latency.",
+    change_drive=_delay,
+)
+
+COMMAND_DEADBAND: Final = Effect(
+    name="command_deadband",
+    acts_on="command",
+    parameters=(Parameter("threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40)),),
+    summary="Wheel commands below a threshold do nothing; those above are not changed.",
+    signature="No motion for small commands, no error for large ones; a diagonal loses its slow wheels.",
+)
+
+BODY_SPEED_LIMIT: Final = Effect(
+    name="body_speed_limit",
+    acts_on="command, on V and VC",
+    parameters=(
+        Parameter("v_rpm", "rpm", math.inf, (5.0, 200.0), scan=(20, 40, 60, 80, 100, 120, 150)),
+        Parameter("vc_rpm", "rpm", math.inf, (5.0, 200.0), scan=(20, 40, 60, 80, 100, 120, 150)),
+    ),
+    summary="V and VC are limited each, before the kinematics.",
+    signature="All wheels stop rising together, in the ratio of the command; the direction is kept.",
+    absent_from=("bench",),
+)
+
+BODY_ACCELERATION_LIMIT: Final = Effect(
+    name="body_acceleration_limit",
+    acts_on="command, on V and VC",
+    parameters=(
+        Parameter("v_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), scan=(50, 100, 200, 400, 800, 1600)),
+        Parameter("vc_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), scan=(50, 100, 200, 400, 800, 1600)),
+    ),
+    summary="V (as a vector) and VC change no faster than this, before the kinematics.",
+    signature="Ramps instead of steps, on all wheels together; what is reached stays the same.",
+    absent_from=("bench",),
+)

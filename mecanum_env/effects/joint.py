@@ -1,0 +1,88 @@
+"""Effects between motor and wheel, and in the wheel's bearing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Final
+
+from mecanum_env.effects.definition import Effect, Parameter, Plant, Values
+from mecanum_env.kinematics import WHEELS
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from mecanum_env.model import Model
+
+_WHEEL_JOINTS: Final = ("wheel", *(f"wheel_{wheel}" for wheel in WHEELS))
+
+
+def add_joint_friction(joint: mujoco.MjsJoint, torque_n_m: float, timestep_s: float) -> None:
+    """Add Coulomb friction to a joint of a spec.
+
+    MuJoCo's friction constraint is soft: by default a loaded joint creeps visibly. Two timesteps and an
+    impedance near 1 hold it.
+    """
+    joint.frictionloss += torque_n_m
+    joint.solref_friction = [2 * timestep_s, 1.0]
+    joint.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
+
+
+def _coulomb(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:  # noqa: ARG001
+    for joint in spec.joints:
+        if joint.name in _WHEEL_JOINTS:
+            add_joint_friction(joint, values["torque_n_m"], spec.option.timestep)
+
+
+def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
+    damping = values["damping_n_m_s_rad"]
+    if plant == "planar":
+        # The wheels have no joints here: their damping as the body feels it through the kinematics.
+        from mecanum_env.mjcf.geometry import wheels_on_body
+
+        translation, rotation = wheels_on_body(model.robot, damping)
+        for name, share in (("base_x", translation), ("base_y", translation), ("base_yaw", rotation)):
+            spec.joint(name).damping[0] += share
+        return
+    for joint in spec.joints:
+        if joint.name in _WHEEL_JOINTS:
+            joint.damping[0] += damping
+
+
+COULOMB_FRICTION: Final = Effect(
+    name="coulomb_friction",
+    acts_on="wheel joint",
+    parameters=(Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0)),),
+    summary="A constant torque against the wheel's motion.",
+    signature="The same rpm lost at every speed (torque / servo), so the relative loss falls with speed; "
+    "with an integrating drive only at starts and reversals.",
+    refused_by=("planar",),
+    change_spec=_coulomb,
+)
+
+STICTION: Final = Effect(
+    name="stiction",
+    acts_on="wheel joint",
+    parameters=(
+        Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0)),
+        Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0),
+    ),
+    summary="Friction beyond coulomb_friction near rest: breakaway exp(-(speed / stribeck)^2).",
+    signature="Small commands do not start the wheel, then it jumps; large ones are hardly changed.",
+    refused_by=("planar",),
+)
+
+VISCOUS_FRICTION: Final = Effect(
+    name="viscous_friction",
+    acts_on="wheel joint",
+    parameters=(Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.5)),),
+    summary="A torque against the wheel's motion in proportion to its speed.",
+    signature="The same relative loss at every speed; with an integrating drive none.",
+    change_spec=_viscous,
+)
+
+BACKLASH: Final = Effect(
+    name="backlash",
+    acts_on="between motor and wheel",
+    parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 20.0), scan=(0.5, 1, 2, 4, 8, 16)),),
+    summary="The motor turns through a gap before it drives the wheel the other way.",
+    signature="A dead time after each reversal of the torque; steady motion is not changed.",
+)

@@ -1,0 +1,88 @@
+"""What the tests of the effects share: short drives with and without them."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mecanum_env.effects import CATALOGUE, Effect, Plant
+from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator import BodyCommands, Trajectory, compile_plant, drive, replay_bench
+from mecanum_env.units import FloatArray
+
+# Starts, reversals and a diagonal, in less than a second.
+ROUND = BodyCommands.from_rows([(0, 70, 0, 0), (0.2, 70, 140, 0), (0.4, 0, 0, -40), (0.6, 20, 45, 10)])
+ROUND_S = 0.8
+BENCH_TIME = np.arange(0.0, 1.5, 0.01)
+BENCH_COMMAND = np.select([BENCH_TIME < 0.4, BENCH_TIME < 0.9], [60.0, -100.0], 10.0)
+
+# A size at which each parameter shows, where half way from neutral to the search's bound would not do.
+CLEAR = {
+    ("speed_saturation", "limit_rpm"): 30.0,
+    ("low_grip", "friction"): 0.1,
+    ("weak_servo", "servo_n_m_s_rad"): 0.5,
+    ("body_speed_limit", "v_rpm"): 30.0,
+    ("body_speed_limit", "vc_rpm"): 20.0,
+    ("command_deadband", "threshold_rpm"): 25.0,
+}
+# What another parameter must be for this one to matter.
+BESIDE = {
+    ("payload", "height_m"): {"mass_kg": 20.0},
+    ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
+    ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
+    ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
+}
+
+
+def clear_value(name: str, parameter: str) -> float:
+    """Return a value of a parameter at which an effect is clearly there."""
+    found = next(p for p in CATALOGUE[name].parameters if p.name == parameter)
+    low, high = found.bounds
+    return CLEAR.get((name, parameter), low + 0.75 * (high - low))
+
+
+def clear_model(name: str, parameter: str | None = None) -> Model:
+    """Return the paper's model with an effect at a clear size, by its first parameter where none is named."""
+    parameter = CATALOGUE[name].parameters[0].name if parameter is None else parameter
+    beside = BESIDE.get((name, parameter), {})
+    return paper_model().with_effect(name, **beside, **{parameter: clear_value(name, parameter)})
+
+
+def acting(plant: Plant) -> list[Effect]:
+    """Return the effects that act on a plant."""
+    return [effect for effect in CATALOGUE.values() if effect.acts_in(plant)]
+
+
+def channels(
+    model: Model, plant: Plant, commands: BodyCommands = ROUND, duration_s: float = ROUND_S
+) -> FloatArray:
+    """Return what a log would show, all channels in one array (channels, n)."""
+    if plant == "bench":
+        return replay_bench(model, BENCH_TIME, BENCH_COMMAND, wheel="fl")[None]
+    path = drive(model, commands, duration_s, plant=plant)
+    return np.array(list(path.channels_at(path.time_s).values()))
+
+
+@pytest.fixture(scope="session")
+def plain() -> Callable[[Plant], FloatArray]:
+    """Return the channels without any effect, by plant."""
+    known = {plant: channels(paper_model(), plant) for plant in ("bench", "rollers", "planar")}
+    return known.__getitem__
+
+
+@pytest.fixture(scope="session")
+def base() -> Model:
+    """Return the packaged model, read once."""
+    return paper_model()
+
+
+@pytest.fixture(scope="session")
+def steady() -> Callable[..., Trajectory]:
+    """Return a drive of a constant command."""
+
+    def of(model: Model, *command: float, seconds: float = 1.5, plant: Plant = "rollers") -> Trajectory:
+        return drive(
+            model, BodyCommands.constant(*command), seconds, plant=plant, mj_model=compile_plant(model, plant)
+        )
+
+    return of

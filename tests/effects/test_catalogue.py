@@ -1,0 +1,158 @@
+"""The definitions, and what they promise of every effect alike."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mecanum_env.effects import CATALOGUE, EFFECT_PARAMETERS, PLANTS
+from mecanum_env.effects.apply import active_effects, changed_model
+from mecanum_env.effects.table import markdown_table
+from mecanum_env.errors import InputError
+from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
+from mecanum_env.model import model_from_dict, model_to_dict, read_model, write_model
+
+from .conftest import acting, channels, clear_model, clear_value
+
+ROOT = Path(__file__).parents[2]
+SPECS = {"bench": bench_spec, "rollers": robot_spec, "planar": planar_spec}
+CHAIN = """command_latency body_speed_limit body_acceleration_limit command_deadband speed_gain
+wheel_gain_mismatch direction_asymmetry battery_sag speed_saturation acceleration_limit weak_servo
+backlash coulomb_friction stiction viscous_friction roller_friction low_grip payload com_offset wheel_radius
+track_width floor_slope mount_yaw sensor_latency sensor_lowpass sensor_scale sensor_bias"""
+ALL = [(name, p) for name, effect in CATALOGUE.items() for p in effect.parameters]
+
+
+def neutral_model(base, name):
+    values = {p.name: p.neutral_in(base) for p in CATALOGUE[name].parameters}
+    return base.with_effect(name, **values)
+
+
+def test_the_chain_is_in_the_order_of_the_contract():
+    assert list(CATALOGUE) == CHAIN.split()
+
+
+def test_the_documentation_holds_the_catalogue():
+    assert markdown_table() in (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("name", "parameter"), ALL)
+def test_parameters_are_consistent(base, name, parameter):
+    low, high = parameter.bounds
+    assert parameter.valid[0] <= low < high <= parameter.valid[1]
+    neutral = parameter.neutral_in(base)
+    assert parameter.valid[0] <= neutral <= parameter.valid[1]
+    # What is searched begins, ends or passes through neutral, unless neutral is "no limit".
+    assert low <= neutral <= high or neutral == np.inf
+    assert all(low <= value <= high for value in parameter.scan or ())
+    assert parameter.name in EFFECT_PARAMETERS[name]
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_neutral_is_bit_for_bit_nothing(base, plain, name):
+    model = neutral_model(base, name)
+    assert list(active_effects(model)) == []
+    for plant in ("bench", "planar"):
+        np.testing.assert_array_equal(channels(model, plant), plain(plant))
+    assert robot_spec(model).to_xml() == robot_spec(base).to_xml()
+
+
+def test_all_neutral_together_are_nothing_on_the_rollers(base, plain):
+    model = base
+    for name in CATALOGUE:
+        model = neutral_model(model, name)
+    np.testing.assert_array_equal(channels(model, "rollers"), plain("rollers"))
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "parameter"),
+    [
+        (plant, effect.name, p)
+        for plant in ("bench", "planar")
+        for effect in acting(plant)
+        for p in effect.parameters
+        if p.neutral is not None
+    ],
+)
+def test_near_neutral_is_nearly_nothing(base, plain, plant, name, parameter):
+    neutral = parameter.neutral_in(base)
+    near = 1e9 if neutral == np.inf else neutral + 1e-7 * np.sign(clear_value(name, parameter.name) - neutral)
+    model = base.with_effect(name, **{parameter.name: float(near)})
+    assert list(active_effects(model)) != []
+    np.testing.assert_allclose(channels(model, plant), plain(plant), atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("plant", "name", "parameter"),
+    [(plant, e.name, p.name) for plant in PLANTS for e in acting(plant) for p in e.parameters],
+)
+def test_each_parameter_moves_the_prediction(base, plain, plant, name, parameter):
+    moved = channels(clear_model(name, parameter), plant)
+    model = clear_model(name, parameter)
+    values = dict(model.effects[name])
+    del values[parameter]
+    without = channels(base.with_effect(name, **values), plant) if values else plain(plant)
+    seen = np.max(np.abs(moved - without))
+    # A bench shows one wheel, and the planar plant has no height.
+    hidden = (plant == "bench" and (name, parameter) in BENCH_DOES_NOT_SHOW) or (
+        plant == "planar" and parameter == "height_m"
+    )
+    assert (seen == 0) if hidden else (seen > 0.01)
+
+
+BENCH_DOES_NOT_SHOW = {
+    *(("wheel_gain_mismatch", f"gain_{wheel}") for wheel in ("fr", "rl", "rr")),
+    ("sensor_scale", "linear"),
+    ("sensor_scale", "yaw"),
+}
+
+
+@pytest.mark.parametrize("plant", PLANTS)
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_a_plant_simulates_an_effect_or_refuses_it_or_has_nothing_for_it(base, plant, name):
+    effect, model = CATALOGUE[name], clear_model(name)
+    if effect.acts_in(plant):
+        assert (
+            SPECS[plant](model).to_xml() != SPECS[plant](base).to_xml()
+            or effect.limit_body
+            or effect.change_channels
+        )
+    elif effect.simulated and plant in effect.absent_from:
+        assert SPECS[plant](model).to_xml() == SPECS[plant](base).to_xml()
+    else:
+        with pytest.raises(InputError, match=rf"effects\.{name}: "):
+            SPECS[plant](model)
+
+
+@pytest.mark.parametrize(
+    ("name", "parameter", "value"),
+    [
+        ("payload", "mass_kg", -1.0),
+        ("coulomb_friction", "torque_n_m", -0.1),
+        ("low_grip", "friction", 0.0),
+        ("wheel_radius", "scale", -1.0),
+        ("payload", "mass_kg", np.inf),
+    ],
+)
+def test_an_impossible_value_is_refused_by_name(base, name, parameter, value):
+    with pytest.raises(InputError, match=re.escape(f"effects.{name}.{parameter} = {value:g}, must be")):
+        robot_spec(base.with_effect(name, **{parameter: value}))
+
+
+def test_a_model_with_every_effect_survives_its_file(base, tmp_path):
+    model = base
+    for name, effect in CATALOGUE.items():
+        model = model.with_effect(name, **{p.name: clear_value(name, p.name) for p in effect.parameters})
+    write_model(model, tmp_path / "model.json")
+    assert read_model(tmp_path / "model.json") == model
+    assert model_from_dict(model_to_dict(model)) == model
+
+
+def test_effects_on_the_models_own_numbers_are_put_there_once(base):
+    model = base.with_effect("wheel_radius", scale=1.1).with_effect("low_grip", friction=0.3)
+    once = changed_model(model, "rollers")
+    assert once.robot == replace(base.robot, wheel_radius_m=base.robot.wheel_radius_m * 1.1, friction=0.3)
+    assert changed_model(once, "rollers") == once
+    assert once.effects == {}

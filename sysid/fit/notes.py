@@ -15,7 +15,8 @@ from sysid.fit.wheel_data import longest_delay_s
 from sysid.logs import Dataset
 
 _WORTH_SAYING: Final = 0.02
-"""Relative fall of the validation error by a free gain from which unit gain is doubted."""
+"""Distance of a free gain from 1, and relative fall of the validation error by it, from which unit gain is
+doubted."""
 
 
 def drive_notes(dataset: Dataset, path: CommandPath, found: Estimate, sought_delay: bool) -> list[str]:
@@ -93,7 +94,8 @@ def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
     ]
     free = min(others, key=lambda other: held_out_rms(runs, other))
     before, after = held_out_rms(runs, found), held_out_rms(runs, free)
-    if after < (1.0 - _WORTH_SAYING) * before:
+    another = abs(free.law.dc_gain - 1.0) > _WORTH_SAYING
+    if another and after < (1.0 - _WORTH_SAYING) * before:
         notes.append(
             f"unit DC gain is assumed, but a gain of {free.law.dc_gain:.3g} lowers the held-out error from "
             f"{before:.3g} to {after:.3g} rpm: try --free-gain, or check the units of command and speed"

@@ -58,8 +58,9 @@ def robot_of(
     said = f"with {', '.join(named)}" if named else "alone (nothing of the robot shows in the logs)"
     return found, (
         f"the law in model.json is the one behind the robot's servo, fitted {said} through the simulated "
-        f"robot: validation error {after_rms / before_rms:.0%} of that of the law fitted to the wheel "
-        "speeds, which carries the load's lag"
+        "robot; with it the simulated robot's error on validation runs from rest is "
+        f"{after_rms / before_rms:.0%} of what it is with the law fitted to the wheel speeds, whose lag the "
+        "simulated load would add a second time"
     )
 
 

@@ -2,6 +2,7 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
 
@@ -59,6 +60,19 @@ def test_markdown_holds_every_table_and_picture(quick):
         assert f"## {chapter.title}" in text
         for table in chapter.tables:
             assert markdown_table(table) in text
+
+
+def test_the_committed_results_are_of_this_command(quick):
+    path = Path(__file__).parents[2] / "docs" / "results" / "reproduce.md"
+    if not path.exists():
+        pytest.skip("the documentation is in the checkout, not in the wheel")
+
+    def headings(text):
+        return [re.sub(r"\d+ starts", "starts", line) for line in text.splitlines() if line.startswith("#")]
+
+    committed = path.read_text(encoding="utf-8")
+    assert headings(committed) == headings(reproduction_markdown(quick, "reproduce"))
+    assert all((path.parent / name).exists() for name in re.findall(r"\]\((reproduce/.*\.png)\)", committed))
 
 
 def test_a_markdown_table_escapes_bars():

@@ -47,6 +47,8 @@ def check_effects(model: Model, plant: Plant) -> None:
             )
         for parameter in effect.parameters:
             value, (low, high) = values[parameter.name], parameter.valid
+            if not parameter.simulated and value != parameter.neutral_in(model):
+                raise InputError(f"effects.{effect.name}.{parameter.name}: not simulated yet, leave it out")
             endless = math.isinf(value) and value != parameter.neutral_in(model)
             if not low <= value <= high or endless:
                 raise InputError(

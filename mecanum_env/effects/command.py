@@ -16,6 +16,10 @@ def _delay(drive: DriveParameters, values: Values, wheel: str | None) -> DrivePa
     return replace(drive, delay_s=values["delay_s"])
 
 
+def _deadband(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, deadband_rpm=values["threshold_rpm"])
+
+
 COMMAND_LATENCY: Final = Effect(
     name="command_latency",
     acts_on="command",
@@ -32,6 +36,7 @@ COMMAND_DEADBAND: Final = Effect(
     parameters=(Parameter("threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40)),),
     summary="Wheel commands below a threshold do nothing; those above are not changed.",
     signature="No motion for small commands, no error for large ones; a diagonal loses its slow wheels.",
+    change_drive=_deadband,
 )
 
 BODY_SPEED_LIMIT: Final = Effect(

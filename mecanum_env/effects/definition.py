@@ -49,6 +49,9 @@ class Parameter:
     scan: tuple[float, ...] | None = None
     """Values to try one by one, where the response has no useful gradient (thresholds)."""
 
+    simulated: bool = True
+    """False: named in the contract, but refused unless neutral."""
+
     def neutral_in(self, model: Model) -> float:
         """Return the value that a model without it has: neutral, the model's own, or the default."""
         if self.neutral is None:

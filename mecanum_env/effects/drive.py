@@ -10,11 +10,36 @@ from mecanum_env.effects.definition import Effect, Parameter, Values
 from mecanum_env.kinematics import WHEELS
 
 if TYPE_CHECKING:
+    from mecanum_env.law.drive import DriveParameters
     from mecanum_env.model import Model
 
 
 def _servo(model: Model, values: Values) -> Model:
     return replace(model, robot=replace(model.robot, servo_n_m_s_rad=values["servo_n_m_s_rad"]))
+
+
+def _gain(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, gain=drive.gain * values["gain"])
+
+
+def _mismatch(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
+    return drive if wheel is None else replace(drive, gain=drive.gain * values[f"gain_{wheel}"])
+
+
+def _reverse(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, reverse_ratio=values["reverse_ratio"])
+
+
+def _sag(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, drop_per_s=values["drop_per_s"])
+
+
+def _saturation(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, saturation_rpm=values["limit_rpm"], softness_rpm=values["softness_rpm"])
+
+
+def _acceleration(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, acceleration_rpm_s=values["limit_rpm_s"])
 
 
 _POSITIVE: Final = (1e-6, math.inf)
@@ -25,6 +50,7 @@ SPEED_GAIN: Final = Effect(
     parameters=(Parameter("gain", "1", 1.0, (0.5, 1.5), _POSITIVE),),
     summary="All wheels are told this multiple of their command.",
     signature="Loss or surplus in proportion to speed, the same in every direction, on wheel speeds too.",
+    change_drive=_gain,
 )
 
 WHEEL_GAIN_MISMATCH: Final = Effect(
@@ -33,6 +59,7 @@ WHEEL_GAIN_MISMATCH: Final = Effect(
     parameters=tuple(Parameter(f"gain_{wheel}", "1", 1.0, (0.5, 1.5), _POSITIVE) for wheel in WHEELS),
     summary="Each wheel is told its own multiple of its command.",
     signature="One wheel's speed is off in proportion; the robot's path bends.",
+    change_drive=_mismatch,
 )
 
 DIRECTION_ASYMMETRY: Final = Effect(
@@ -41,6 +68,7 @@ DIRECTION_ASYMMETRY: Final = Effect(
     parameters=(Parameter("reverse_ratio", "1", 1.0, (0.5, 1.5), _POSITIVE),),
     summary="Commands to turn backwards are multiplied by this.",
     signature="Error in proportion to speed in reverse only; turning on the spot drifts.",
+    change_drive=_reverse,
 )
 
 BATTERY_SAG: Final = Effect(
@@ -48,10 +76,11 @@ BATTERY_SAG: Final = Effect(
     acts_on="drive",
     parameters=(
         Parameter("drop_per_s", "1/s", 0.0, (0.0, 0.05)),
-        Parameter("per_volt", "1/V", 0.0, (0.0, 0.5)),
+        Parameter("per_volt", "1/V", 0.0, (0.0, 0.5), simulated=False),
     ),
     summary="The drives' gain falls with time, or with the voltage where `battery_v` is logged.",
     signature="The same command gives less and less speed in the course of a run.",
+    change_drive=_sag,
 )
 
 SPEED_SATURATION: Final = Effect(
@@ -70,6 +99,7 @@ SPEED_SATURATION: Final = Effect(
     ),
     summary="Each wheel's command ends at a limit; with softness it bends towards it that far below.",
     signature="Error at high speed only, wheel by wheel: the direction of motion bends.",
+    change_drive=_saturation,
 )
 
 ACCELERATION_LIMIT: Final = Effect(
@@ -82,6 +112,7 @@ ACCELERATION_LIMIT: Final = Effect(
     ),
     summary="Each wheel's command changes no faster than this.",
     signature="Ramps instead of steps, longer for larger steps; what is reached stays the same.",
+    change_drive=_acceleration,
 )
 
 WEAK_SERVO: Final = Effect(

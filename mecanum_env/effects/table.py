@@ -27,7 +27,8 @@ def _parameter(parameter: Parameter) -> str:
             f"{parameter.default:g} if left out" if parameter.neutral is None else f"{parameter.neutral:g}"
         )
     low, high = parameter.bounds
-    return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g})"
+    note = "" if parameter.simulated else "; not yet"
+    return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g}{note})"
 
 
 def _plant(effect: Effect, plant: Plant) -> str:

@@ -3,10 +3,12 @@
 This is the reference for the plugin (mecanum_env/plugin/mecanum_wheel.c), which the tests hold equal to it
 bit for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
 
-- Latch j is due at the first substep with n h >= j T, T the command period: u_j = clip(round(command)).
+- Latch j is due at the first substep with n h >= j T, T the command period. u_j is the command rounded, then
+  shaped by what the drive does to it: dead band, gain, limit (`received_command`).
 - Law tick k is due at the first substep with n h >= k tau, tau the sample period. Its input r(k) is the mean
   over the tick of the command delayed by `delay_s`, as far as it was latched by k tau; so a delay acts
-  continuously, and without one r(k) is simply the last latched command.
+  continuously, and without one r(k) is simply the last latched command. An acceleration limit then holds
+  r(k) near r(k-1).
 - The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
   starts: the ramp adds no delay.
 
@@ -52,6 +54,18 @@ class DriveParameters:
     """Commands are clipped to +- this [rpm]."""
     delay_s: float = 0.0
     """A latched command acts this much later [s]."""
+    deadband_rpm: float = 0.0
+    """Smaller commands count as 0 [rpm]."""
+    gain: float = 1.0
+    """Commands are multiplied by this."""
+    reverse_ratio: float = 1.0
+    """Commands to turn backwards are multiplied by this too."""
+    drop_per_s: float = 0.0
+    """Part of the gain that is lost in each second [1/s]."""
+    softness_rpm: float = 0.0
+    """The saturation begins this far below its limit, with a parabola that reaches it as far above [rpm]."""
+    acceleration_rpm_s: float = math.inf
+    """The law's input changes no faster than this [rpm/s]."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.command_period_s) and self.command_period_s > 0.0):
@@ -62,6 +76,16 @@ class DriveParameters:
             )
         if not self.saturation_rpm > 0.0:
             raise InputError(f"saturation_rpm = {self.saturation_rpm}, must be above 0 (infinite: no limit)")
+        for name in ("deadband_rpm", "drop_per_s", "softness_rpm"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+                raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
+        for name in ("gain", "reverse_ratio"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
+        if not self.acceleration_rpm_s > 0.0:
+            raise InputError(
+                f"acceleration_rpm_s = {self.acceleration_rpm_s}, must be above 0 (infinite: no limit)"
+            )
         longest = (RING - 3) * self.command_period_s
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
@@ -95,15 +119,53 @@ class DriveState:
         return DriveState(law=LawState.steady(speed), commands=np.repeat(speed[..., None], RING, axis=-1))
 
 
-def received_command(parameters: DriveParameters, command_rpm: npt.ArrayLike) -> FloatArray:
-    """Return what the robot makes of commands [rpm]: NaN to 0, rounding to the quantum, saturation."""
+def received_command(
+    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
+) -> FloatArray:
+    """Return what the drive makes of latched commands [rpm].
+
+    NaN counts as 0; then rounding to the quantum, dead band, gain (in reverse another one, and less as time
+    goes on) and saturation.
+
+    Args:
+        parameters: of the drive.
+        command_rpm: the commands [rpm].
+        seconds: since the start, at which each acts, of a shape that fits.
+    """
     command = np.asarray(command_rpm, float)
     command = np.where(np.abs(command) <= ABSURD_RPM, command, 0.0)
     if parameters.command_quantum_rpm > 0.0:
         command = np.rint(command / parameters.command_quantum_rpm) * parameters.command_quantum_rpm
-    limited: FloatArray = np.minimum(
-        np.maximum(command, -parameters.saturation_rpm), parameters.saturation_rpm
-    )
+    command = np.where(np.abs(command) < parameters.deadband_rpm, 0.0, command)
+    command = command * parameters.gain
+    command = np.where(command < 0.0, command * parameters.reverse_ratio, command)
+    command = command * np.maximum(0.0, 1.0 - parameters.drop_per_s * np.asarray(seconds, float))
+    return saturated(command, parameters.saturation_rpm, parameters.softness_rpm)
+
+
+def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) -> FloatArray:
+    """Limit commands to +-limit [rpm], bent towards it by a parabola from `softness_rpm` below it on."""
+    command, knee = command_rpm, min(softness_rpm, limit_rpm)
+    if knee > 0.0 and math.isfinite(limit_rpm):
+        beyond = np.abs(command) - (limit_rpm - knee)
+        bent = np.copysign(limit_rpm - knee + beyond - beyond * beyond / (4.0 * knee), command)
+        command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
+    limited: FloatArray = np.minimum(np.maximum(command, -limit_rpm), limit_rpm)
+    return limited
+
+
+def limited_change(parameters: DriveParameters, inputs_rpm: FloatArray, before: npt.ArrayLike) -> FloatArray:
+    """Return inputs of the law (..., K) [rpm] held to the acceleration limit, `before` being the one before.
+
+    A tick may change its input by the limit times the sample period.
+    """
+    most = parameters.acceleration_rpm_s * parameters.law.sample_period_s
+    if math.isinf(most):
+        return inputs_rpm
+    limited, last = np.empty_like(inputs_rpm), np.asarray(before, float)
+    for k in range(inputs_rpm.shape[-1]):
+        last = np.minimum(np.maximum(inputs_rpm[..., k], last - most), last + most)
+        limited[..., k] = last
     return limited
 
 
@@ -156,16 +218,17 @@ def step_drive(
     """
     tau, period = parameters.law.sample_period_s, parameters.command_period_s
     now = state.substeps * timestep
-    received = np.atleast_1d(received_command(parameters, command_rpm))
     shape = np.broadcast_shapes(np.shape(command_rpm), state.commands.shape[:-1])
     commands = np.broadcast_to(state.commands, (*shape, RING))
     latches, ticks, law = state.latches, state.ticks, state.law
     while now >= latches * period - EPS * period:
-        newest = np.broadcast_to(received.reshape(np.shape(command_rpm)), shape)
+        received = received_command(parameters, command_rpm, latches * period + parameters.delay_s)
+        newest = np.broadcast_to(received, shape)
         commands = np.concatenate([commands[..., 1:], newest[..., None]], axis=-1)
         latches += 1
     while now >= ticks * tau - EPS * tau:
-        r = law_inputs(parameters, [ticks], commands, latches, latches - RING)[..., 0]
+        r = law_inputs(parameters, [ticks], commands, latches, latches - RING)
+        r = limited_change(parameters, r, law.r1)[..., 0]
         _, law = parameters.law.tick(law, r)
         ticks += 1
     w0, w1 = np.asarray(law.w0, float), np.asarray(law.w1, float)
@@ -197,10 +260,12 @@ def simulate_drive(
     latched_at = _first_substeps(period, times[:n])
     ticked_at = _first_substeps(tau, times[:n])
     before = np.broadcast_to(np.asarray(initial_rpm, float), command.shape[:-1])
-    received = received_command(parameters, command[..., latched_at])
+    acts_at = np.arange(latched_at.size) * period + parameters.delay_s
+    received = received_command(parameters, command[..., latched_at], acts_at)
     latched = np.concatenate([before[..., None], received], axis=-1)
     latches = np.searchsorted(latched_at, ticked_at, side="right")
     r = law_inputs(parameters, np.arange(ticked_at.size), latched, latches, start=-1)
+    r = limited_change(parameters, r, before)
     w = parameters.law.simulate(r, LawState.steady(before))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     part = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
@@ -215,7 +280,7 @@ def latched_commands(
     n_ticks: int,
     initial_rpm: float = 0.0,
 ) -> FloatArray:
-    """Return r(k) [rpm], shape (n_ticks,), of a logged command: latch, rounding, saturation and latency.
+    """Return r(k) [rpm], shape (n_ticks,), of a logged command: all that comes before the law.
 
     Args:
         parameters: of the drive.
@@ -238,9 +303,11 @@ def latched_commands(
     # Command j is the last one given by j T; index 0 stands for "none yet".
     count = math.floor(max(n_ticks - 1, 0) * tau / period + EPS) + 1
     which = np.searchsorted(time[given] - time[0], np.arange(count) * period + EPS * period, side="right")
-    held = np.concatenate([[initial_rpm], received_command(parameters, command[given])])[which]
-    latched = np.concatenate([[initial_rpm], held])
-    return law_inputs(parameters, np.arange(n_ticks), latched, count, start=-1)
+    acts_at = np.arange(count) * period + parameters.delay_s
+    received = received_command(parameters, np.concatenate([[0.0], command[given]])[which], acts_at)
+    latched = np.concatenate([[initial_rpm], np.where(which == 0, initial_rpm, received)])
+    r = law_inputs(parameters, np.arange(n_ticks), latched, count, start=-1)
+    return limited_change(parameters, r, initial_rpm)
 
 
 def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:

@@ -6,6 +6,10 @@ models, and may be rewritten in a compiled model (`write_parameters`):
     dynprm[0:6]   A..F             dynprm[6]  sample_period_s       dynprm[8]  command_quantum_rpm (0: none)
     biasprm       0, 0, -servo     dynprm[7]  command_period_s      dynprm[9]  saturation_rpm (0: none)
     user[0]       servo_integral   user[1]    delay_s               user[2]    torque_limit_n_m (1e10: none)
+    user[3]       deadband_rpm     user[4]    gain                  user[5]    reverse_ratio
+    user[6]       drop_per_s       user[7]    softness_rpm          user[8]    acceleration_rpm_s
+
+From user[3] on 0 means "off" (a gain of 1, no limit), and a model may have fewer.
 
 The torque limit is not MuJoCo's `forcerange`, which is refused: clamping there drops the servo's implicit
 damping, and a free or slipping wheel rings (mecanum_wheel.c says why, and how the plugin limits instead).
@@ -23,10 +27,10 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import RING, DriveParameters
-from mecanum_env.model import Model, Robot, Wheel
+from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME
 
 COEFFICIENTS: Final = slice(0, 6)
@@ -43,6 +47,12 @@ SERVO: Final = 2
 INTEGRAL_GAIN: Final = 0
 DELAY: Final = 1
 TORQUE_LIMIT: Final = 2
+DEADBAND: Final = 3
+GAIN: Final = 4
+REVERSE_RATIO: Final = 5
+DROP: Final = 6
+SOFTNESS: Final = 7
+ACCELERATION: Final = 8
 """In user."""
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """In user[TORQUE_LIMIT]: no limit. A number, not 0: a file that forgets the limit is refused."""
@@ -63,30 +73,28 @@ COMMANDS: Final = slice(len(STATE), len(STATE) + RING)
 STATE_SIZE: Final = len(STATE) + RING
 
 
-def dynprm(wheel: Wheel, law: WheelLaw | None = None, quantum_rpm: float | None = None) -> list[float]:
+def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[float]:
     """Return the ten numbers of an actuator's dynprm.
 
     Args:
-        wheel: the identified wheel.
-        law: another law instead of the wheel's own, as `Model.law_of` gives it for one wheel.
-        quantum_rpm: another command rounding instead of the wheel's own; 0 where it happens before.
+        drive: of this wheel.
+        quantum_rpm: another command rounding instead of the drive's own; 0 where it happens before.
     """
-    law = wheel.law if law is None else law
     return [
-        *(float(x) for x in law.coefficients),
-        law.sample_period_s,
-        wheel.command_period_s,
-        wheel.command_quantum_rpm if quantum_rpm is None else quantum_rpm,
-        0.0 if math.isinf(wheel.saturation_rpm) else wheel.saturation_rpm,
+        *(float(x) for x in drive.law.coefficients),
+        drive.law.sample_period_s,
+        drive.command_period_s,
+        drive.command_quantum_rpm if quantum_rpm is None else quantum_rpm,
+        0.0 if math.isinf(drive.saturation_rpm) else drive.saturation_rpm,
     ]
 
 
-def userdata(robot: Robot, delay_s: float = 0.0, torque_limit_n_m: float | None = None) -> list[float]:
+def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | None = None) -> list[float]:
     """Return the numbers of an actuator's user field, USER_SIZE of them.
 
     Args:
         robot: its servo and torque limit.
-        delay_s: of the commands [s].
+        drive: of this wheel.
         torque_limit_n_m: another limit instead of the robot's; infinite or NO_TORQUE_LIMIT for none.
 
     Raises:
@@ -96,14 +104,13 @@ def userdata(robot: Robot, delay_s: float = 0.0, torque_limit_n_m: float | None 
     if not limit > 0.0:
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
     user = [0.0] * USER_SIZE
-    user[INTEGRAL_GAIN], user[DELAY] = robot.servo_integral_n_m_rad, delay_s
+    user[INTEGRAL_GAIN], user[DELAY] = robot.servo_integral_n_m_rad, drive.delay_s
     user[TORQUE_LIMIT] = min(limit, NO_TORQUE_LIMIT)
+    user[DEADBAND], user[DROP], user[SOFTNESS] = drive.deadband_rpm, drive.drop_per_s, drive.softness_rpm
+    user[GAIN] = 0.0 if drive.gain == 1.0 else drive.gain
+    user[REVERSE_RATIO] = 0.0 if drive.reverse_ratio == 1.0 else drive.reverse_ratio
+    user[ACCELERATION] = 0.0 if math.isinf(drive.acceleration_rpm_s) else drive.acceleration_rpm_s
     return user
-
-
-def command_delay_s(model: Model) -> float:
-    """Return the delay of the effect `command_latency` [s], 0 where the model has none."""
-    return model.effects.get("command_latency", {}).get("delay_s", 0.0)
 
 
 def set_wheel_parameters(
@@ -122,21 +129,20 @@ def set_wheel_parameters(
     Args:
         spec: the actuator's spec.
         actuator: with a unique name.
-        model: the wheel, servo, torque limit and command latency.
+        model: the wheel, servo, torque limit, and the effects that act in the drive.
         wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
         quantum_rpm: as for `dynprm`.
         torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
     """
-    robot = model.robot
-    law = None if wheel_name is None else model.law_of(wheel_name)
+    robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
     spec.nuser_actuator = max(spec.nuser_actuator, USER_SIZE)
     # The instance's name is the actuator's: without one MjSpec finds no instance.
     actuator.plugin = spec.add_plugin(name=actuator.name, plugin_name=PLUGIN_NAME, active=True)
-    actuator.dynprm = dynprm(model.wheel, law, quantum_rpm)
+    actuator.dynprm = dynprm(parameters, quantum_rpm)
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
-    actuator.userdata = userdata(robot, command_delay_s(model), torque_limit_n_m)
+    actuator.userdata = userdata(robot, parameters, torque_limit_n_m)
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]
 
@@ -154,7 +160,7 @@ def write_parameters(
     Args:
         mjmodel: the compiled model, written in place.
         actuator_id: a wheel drive, one of `wheel_actuators`.
-        model: the wheel, servo, torque limit and command latency.
+        model: the wheel, servo, torque limit, and the effects that act in the drive.
         wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
         quantum_rpm: as for `dynprm`.
         torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
@@ -168,12 +174,16 @@ def write_parameters(
         raise InputError(
             f"actuator {actuator_id} is not a {PLUGIN_NAME}; these are: {wheel_actuators(mjmodel)}"
         )
-    robot = model.robot
-    law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
-    law.require_stable()
-    DriveParameters.from_wheel(model.wheel, command_delay_s(model))  # refuses what the plugin would
-    user = userdata(robot, command_delay_s(model), torque_limit_n_m)[: mjmodel.nuser_actuator]
-    mjmodel.actuator_dynprm[actuator_id] = dynprm(model.wheel, law, quantum_rpm)
+    # The servo may be an effect; what the body is made of is not written here.
+    robot, parameters = changed_model(model, "rollers").robot, drive_parameters(model, wheel_name)
+    parameters.law.require_stable()
+    user = userdata(robot, parameters, torque_limit_n_m)
+    if any(user[mjmodel.nuser_actuator :]):
+        raise InputError(
+            f"nuser_actuator = {mjmodel.nuser_actuator}, must be {USER_SIZE} for a model with these effects"
+        )
+    user = user[: mjmodel.nuser_actuator]
+    mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
     mjmodel.actuator_user[actuator_id, : len(user)] = user
 

@@ -1,6 +1,6 @@
 // Actuator plugin "mecanum.wheel": one identified wheel drive, command [rpm] in, torque [N m] out.
 //
-// Each substep n at time n*h: latch the command when due, tick the wheel law when due, ramp the setpoint
+// Each substep n at time n*h: latch and shape the command when due, tick the wheel law when due, ramp the setpoint
 // linearly from w(k) to w(k+1), and hold it with a (PI) velocity servo:
 //
 //   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
@@ -25,7 +25,8 @@
 static const double RAD_S_PER_RPM = 2.0 * 3.141592653589793 / 60.0;
 
 enum { SAMPLE_PERIOD = 6, COMMAND_PERIOD, QUANTUM, SATURATION };  // in dynprm, after A..F
-enum { INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, NUSER };               // in user
+enum { INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, NUSER };               // in user; those that follow may be absent
+enum { DEADBAND = NUSER, GAIN, REVERSE_RATIO, DROP, SOFTNESS, ACCELERATION, LAST_USER };
 
 typedef struct {
   double substeps, ticks, latches;                 // since the clocks started
@@ -47,8 +48,30 @@ static int slot(double j) {
   return s >= 0 && s < RING ? (int)s : 0;
 }
 
+// A number that the model may leave out: 0, which is "off" for all of them.
+static double option(const mjModel* m, int id, int i) {
+  return i < m->nuser_actuator ? m->actuator_user[id * m->nuser_actuator + i] : 0;
+}
+
+// What the drive makes of a received command that acts at a time since the start of the clocks.
+static double shaped(const mjModel* m, int id, double u, double seconds) {
+  double gain = option(m, id, GAIN), ratio = option(m, id, REVERSE_RATIO), drop = option(m, id, DROP);
+  double limit = m->actuator_dynprm[id * mjNDYN + SATURATION], knee = fmin(option(m, id, SOFTNESS), limit);
+  if (fabs(u) < option(m, id, DEADBAND)) u = 0;
+  if (gain > 0) u *= gain;
+  if (ratio > 0 && u < 0) u *= ratio;
+  if (drop > 0) u *= fmax(0, 1 - drop * seconds);
+  if (limit > 0 && knee > 0) {
+    double beyond = fabs(u) - (limit - knee);
+    // A parabola that leaves the line with slope 1 and reaches the limit with slope 0.
+    if (beyond > 0 && beyond < 2 * knee) u = copysign(limit - knee + beyond - beyond * beyond / (4 * knee), u);
+  }
+  if (limit > 0) u = fmin(fmax(u, -limit), limit);
+  return u;
+}
+
 // What the robot latches: NaN and absurd values are 0, as for MuJoCo's own actuators.
-static double latch(const mjModel* m, const mjData* d, int id) {
+static double latch(const mjModel* m, const mjData* d, int id, double seconds) {
   const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
   int adr = m->actuator_ctrladr[id];
   double u = d->ctrl[adr];
@@ -56,8 +79,7 @@ static double latch(const mjModel* m, const mjData* d, int id) {
   if (m->actuator_ctrllimited[adr] && !(m->opt.disableflags & mjDSBL_CLAMPCTRL))
     u = mju_clip(u, m->actuator_ctrlrange[2 * adr], m->actuator_ctrlrange[2 * adr + 1]);
   if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
-  if (p[SATURATION] > 0) u = fmin(fmax(u, -p[SATURATION]), p[SATURATION]);
-  return u;
+  return shaped(m, id, u, seconds);
 }
 
 // r(k): the mean over the tick of the delayed command, as far as it was sent by the tick's start.
@@ -84,6 +106,7 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
   const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
   const double h = m->opt.timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   const double delay = m->actuator_user[id * m->nuser_actuator + DELAY];
+  const double most = option(m, id, ACCELERATION) * tau;  // change of r per tick
   Drive s;
   memcpy(&s, state, sizeof s);
 
@@ -96,11 +119,12 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
   }
   double now = s.substeps * h;
   for (int i = 0; i < MAX_EVENTS && now >= s.latches * T - EPS * T; i++) {
-    s.command[slot(s.latches)] = latch(m, d, id);
+    s.command[slot(s.latches)] = latch(m, d, id, s.latches * T + delay);
     s.latches += 1;
   }
   for (int i = 0; i < MAX_EVENTS && now >= s.ticks * tau - EPS * tau; i++) {
     double r = law_input(&s, tau, T, delay);
+    if (most > 0) r = fmin(fmax(r, s.r1 - most), s.r1 + most);
     double w = p[0] * s.w0 + p[1] * s.w1 + p[2] * s.w2 + p[3] * r + p[4] * s.r1 + p[5] * s.r2;
     s.w2 = s.w1, s.w1 = s.w0, s.w0 = w;
     s.r2 = s.r1, s.r1 = r;
@@ -247,6 +271,13 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
   if (!(user[TORQUE_LIMIT] > 0))
     REFUSE(PLUGIN_NAME ", actuator \"%s\": torque_limit_n_m = user[%d] = %g, must be above 0 (1e10 or inf: no limit)",
            name, TORQUE_LIMIT, user[TORQUE_LIMIT]);
+  static const char* const options[] = {"command_deadband.threshold_rpm", "gain", "reverse_ratio",
+                                        "battery_sag.drop_per_s", "speed_saturation.softness_rpm",
+                                        "acceleration_limit.limit_rpm_s"};
+  for (int i = DEADBAND; i < LAST_USER; i++)
+    if (!(option(m, id, i) >= 0) || !isfinite(option(m, id, i)))
+      REFUSE(PLUGIN_NAME ", actuator \"%s\": %s = user[%d] = %g, must be a finite number not below 0 (0: off)", name,
+             options[i - DEADBAND], i, option(m, id, i));
   if (m->actuator_forcelimited[id])
     REFUSE(PLUGIN_NAME ", actuator \"%s\": forcerange is MuJoCo's own limit, with which a free wheel rings; write "
            "forcelimited=\"false\" and the limit to user[%d]", name, TORQUE_LIMIT);

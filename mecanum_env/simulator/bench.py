@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import measured
+from mecanum_env.effects.apply import drive_parameters, measured
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import DriveParameters, simulate_drive
+from mecanum_env.law.drive import simulate_drive
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import SERVO, command_delay_s, wheel_actuators
+from mecanum_env.plugin.layout import SERVO, wheel_actuators
 from mecanum_env.plugin.state import set_steady
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.stepping import step_through
@@ -94,8 +93,7 @@ def law_of_bench(
     Returns:
         (m,) the drive's setpoint [rpm].
     """
-    law = model.wheel.law if wheel is None else model.law_of(wheel)
-    parameters = DriveParameters.from_wheel(replace(model.wheel, law=law), command_delay_s(model))
+    parameters = drive_parameters(model, wheel)
     given = ~np.isnan(command_rpm)
     held = hold(time_s[given] - time_s[0], command_rpm[given], clock_s[:-1], before=initial_rpm)
     setpoints = simulate_drive(parameters, held, float(clock_s[1] - clock_s[0]), initial_rpm)

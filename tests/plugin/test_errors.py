@@ -6,13 +6,19 @@ import pytest
 
 from mecanum_env.errors import InputError, UnstableLawError
 from mecanum_env.plugin.layout import (
+    ACCELERATION,
     COMMAND_PERIOD,
+    DEADBAND,
     DELAY,
+    DROP,
+    GAIN,
     INTEGRAL_GAIN,
     QUANTUM,
+    REVERSE_RATIO,
     SAMPLE_PERIOD,
     SATURATION,
     SERVO,
+    SOFTNESS,
     TORQUE_LIMIT,
     require_valid,
     write_parameters,
@@ -47,6 +53,12 @@ BAD_USER = [
     (TORQUE_LIMIT, 0.0, "torque_limit_n_m"),
     (TORQUE_LIMIT, -1.0, "torque_limit_n_m"),
     (TORQUE_LIMIT, np.nan, "torque_limit_n_m"),
+    (DEADBAND, -1.0, "command_deadband.threshold_rpm"),
+    (GAIN, -0.5, "gain"),
+    (REVERSE_RATIO, np.nan, "reverse_ratio"),
+    (DROP, np.inf, "battery_sag.drop_per_s"),
+    (SOFTNESS, -1.0, "speed_saturation.softness_rpm"),
+    (ACCELERATION, -1.0, "acceleration_limit.limit_rpm_s"),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

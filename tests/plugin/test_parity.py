@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.law.drive import DriveParameters, DriveState, simulate_drive, step_drive
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import COMMANDS, RING, STATE, state_slice
@@ -33,6 +34,21 @@ def run(mjmodel, commands):
     delay_periods=st.one_of(st.just(0.0), st.floats(0.0, 20.0)),
     quantum=st.sampled_from([0.0, 1.0, 0.3]),
     saturation=st.sampled_from([135.0, 40.0, np.inf]),
+    shaping=st.one_of(
+        st.just({}),
+        st.fixed_dictionaries(
+            {
+                "command_deadband": st.fixed_dictionaries({"threshold_rpm": st.floats(0.0, 60.0)}),
+                "speed_gain": st.fixed_dictionaries({"gain": st.floats(0.5, 1.5)}),
+                "direction_asymmetry": st.fixed_dictionaries({"reverse_ratio": st.floats(0.5, 1.5)}),
+                "battery_sag": st.fixed_dictionaries({"drop_per_s": st.floats(0.0, 2.0)}),
+                "speed_saturation": st.fixed_dictionaries(
+                    {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 200.0)}
+                ),
+                "acceleration_limit": st.fixed_dictionaries({"limit_rpm_s": st.floats(10.0, 1e5)}),
+            }
+        ),
+    ),
 )
 def test_state_equals_the_reference_bit_for_bit(
     compile_wheels,
@@ -44,17 +60,19 @@ def test_state_equals_the_reference_bit_for_bit(
     delay_periods,
     quantum,
     saturation,
+    shaping,
 ):
     rng = np.random.default_rng(seed)
     law = stable_law(rng, sample_period_s)
     wheel = Wheel(law, command_period_s, quantum, saturation)
     delay_s = delay_periods * command_period_s
-    model = Model(wheel, Robot(), {"command_latency": {"delay_s": delay_s}})
+    model = Model(wheel, Robot(), {"command_latency": {"delay_s": delay_s}, **shaping})
     mjmodel = compile_wheels(model, timestep=timestep)
-    parameters = DriveParameters.from_wheel(wheel, delay_s)
+    parameters = drive_parameters(model)
     data, state = mujoco.MjData(mjmodel), DriveState()
     where = state_slice(mjmodel, 0)
-    for command in rng.uniform(-160.0, 160.0, 150):
+    commands, setpoints = rng.uniform(-160.0, 160.0, 150), []
+    for command in commands:
         data.ctrl[0] = command
         mujoco.mj_step(mjmodel, data)
         setpoint, state = step_drive(parameters, state, command, timestep)
@@ -68,6 +86,9 @@ def test_state_equals_the_reference_bit_for_bit(
             float(x) for x in (state.law.w0, state.law.w1, state.law.w2, state.law.r1, state.law.r2)
         ]
         assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
+        setpoints.append(float(setpoint))
+    whole = simulate_drive(parameters, commands, timestep)
+    np.testing.assert_allclose(whole, setpoints, rtol=0.0, atol=1e-9)
     newest = np.arange(state.latches - min(state.latches, RING), state.latches)
     ring = data.plugin_state[where][COMMANDS]
     np.testing.assert_array_equal(ring[newest % RING], state.commands[-newest.size :])

@@ -14,20 +14,20 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.errors import InputError
+from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
 from sysid.logs import BodyCommand, Dataset, Run
 
-COMMAND_PERIOD_S: Final = 0.1
-COMMAND_QUANTUM_RPM: Final = 1.0
-SATURATION_RPM: Final = 135.0
+COMMAND_PERIOD_S: Final = Wheel.command_period_s
+COMMAND_QUANTUM_RPM: Final = Wheel.command_quantum_rpm
+SATURATION_RPM: Final = Wheel.saturation_rpm
 LAW_RATE_HZ: Final = 120.0
 """The law's default rate: the published rise and settling times fit a period of 1/120 s."""
 
 _CEILING_MARGIN: Final = 1.05
 _FEW_CHANGES: Final = 5  # two commands in quick succession do not make a period
-_BRIEF: Final = (
-    0.95  # an overshoot lasts less than the remaining share of a run; a reached speed lasts longer
-)
+_UNSEEN_TICKS: Final = 2.0  # samples further apart than this hide modes of a faster law between them
+_BRIEF: Final = 0.95  # an overshoot is over in the remaining share of a run; a reached speed lasts longer
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def infer_command_path(
     Args:
         dataset: bench or robot logs.
         sample_period_s: period of the law [s]; default: the whole fraction of the command period nearest
-            1/120 s.
+            1/120 s, or nearest the log's own interval where samples are more than two such ticks apart.
         command_period_s: shortest time between commands [s]; default 0.1 unless commands come faster.
         quantum_rpm: rounding of commands [rpm]; default 1 unless the log has commands between.
         saturation_rpm: ceiling [rpm]; default 135 unless speeds go beyond.
@@ -81,7 +81,7 @@ def infer_command_path(
     else:
         period, latched = _command_clock(dataset, sample_period_s, notes)
     if sample_period_s is None:
-        sample_period_s = period / max(1, round(period * LAW_RATE_HZ))
+        sample_period_s = period / max(1, round(period * _law_rate_hz(dataset, notes)))
     if sample_period_s > period * (1 + 1e-9):
         raise InputError(
             f"sample_period_s = {sample_period_s:g} is longer than command_period_s = {period:g}: "
@@ -148,6 +148,20 @@ def _on_clock(times_s: FloatArray, period_s: float, tolerance_s: float) -> bool:
     """Return whether all times [s] are multiples of a period, within a tolerance."""
     phase = times_s / period_s
     return bool(np.all(np.abs(phase - np.rint(phase)) * period_s <= tolerance_s))
+
+
+def _law_rate_hz(dataset: Dataset, notes: list[str]) -> float:
+    """Return the default rate of the law, no faster than the log can show.
+
+    Between samples a law may alternate from tick to tick unseen, and a fit would use that freedom.
+    """
+    interval = min(run.median_interval_s for run in dataset.runs)
+    if interval * LAW_RATE_HZ <= _UNSEEN_TICKS * (1.0 + 1e-6):
+        return LAW_RATE_HZ
+    notes.append(
+        f"samples come every {interval * 1e3:.3g} ms, and so does the law's tick: a faster one is not seen"
+    )
+    return 1.0 / interval
 
 
 def _is_whole(run: Run, quantum_rpm: float) -> bool:

@@ -62,3 +62,14 @@ def test_an_impossible_period_is_refused(bench: Callable[..., Dataset], period: 
 def test_a_law_slower_than_the_commands_is_refused(bench: Callable[..., Dataset]) -> None:
     with pytest.raises(InputError, match="would miss commands"):
         infer_command_path(bench(), sample_period_s=0.2)
+
+
+@pytest.mark.parametrize(
+    ("rate_hz", "period_s"), [(200.0, 1 / 120), (100.0, 1 / 120), (60.0, 1 / 120), (50.0, 0.02)]
+)
+def test_the_law_ticks_no_faster_than_the_log_can_show(
+    bench: Callable[..., Dataset], rate_hz: float, period_s: float
+) -> None:
+    path = infer_command_path(bench(rate_hz=rate_hz))
+    assert path.sample_period_s == pytest.approx(period_s)
+    assert any("samples come every" in note for note in path.notes) == (period_s > 1 / 120)

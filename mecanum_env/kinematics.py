@@ -54,17 +54,32 @@ def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: np
         np.asarray(v_rpm, float), np.deg2rad(np.asarray(theta_deg, float)), np.asarray(vc_rpm, float)
     )
     body = np.stack([COMMAND_GAIN * v * np.cos(theta), COMMAND_GAIN * v * np.sin(theta), vc], axis=-1)
-    wheels: FloatArray = body @ _MIXING.T
+    return body_to_wheels(body)
+
+
+def body_to_wheels(body_rpm: npt.ArrayLike) -> FloatArray:
+    """Return wheel speeds (..., 4) of a body command (forward, left, counter-clockwise), (..., 3), in rpm."""
+    wheels: FloatArray = np.asarray(body_rpm, float) @ _MIXING.T
     return wheels
+
+
+def wheels_to_body(wheels_rpm: npt.ArrayLike) -> FloatArray:
+    """Return the body command (forward, left, counter-clockwise), (..., 3), of wheel speeds (..., 4), in rpm.
+
+    Four wheels have one motion more than the body has; that part (wheels working against each other) is
+    dropped, as by the pseudo-inverse.
+    """
+    # The columns of the mixing matrix are orthogonal.
+    body: FloatArray = np.asarray(wheels_rpm, float) @ _MIXING / 4.0
+    return body
 
 
 def wheels_to_command(wheels_rpm: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return V >= 0 [rpm], theta in (-180, 180] [deg] and VC [rpm], shapes (...), of wheel speeds (..., 4).
 
-    Four wheels have one motion more than the body has; that part (wheels working against each other) is
-    dropped, as by the pseudo-inverse. Where V is 0, so is theta.
+    What of the wheels' motion the body cannot have is dropped (`wheels_to_body`). Where V is 0, so is theta.
     """
-    body = np.asarray(wheels_rpm, float) @ _MIXING / 4.0  # columns of the mixing matrix are orthogonal
+    body = wheels_to_body(wheels_rpm)
     v = np.hypot(body[..., 0], body[..., 1]) / COMMAND_GAIN
     # Adding 0.0 turns -0.0 into 0.0, which arctan2 would take for a direction (-180 or 180 degrees).
     theta = np.rad2deg(np.arctan2(body[..., 1] + 0.0, body[..., 0] + 0.0))

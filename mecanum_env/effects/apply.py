@@ -65,11 +65,16 @@ def changed_model(model: Model, plant: Plant) -> Model:
         plant: where the effects are to act.
 
     Raises:
-        InputError: as `check_effects`.
+        InputError: as `check_effects`, or an effect that acts before the wheels' commands.
     """
     check_effects(model, plant)
     changed = model
     for effect, values in active_effects(model):
+        if effect.limit_body is not None and effect.acts_in(plant):
+            raise InputError(
+                f"effects.{effect.name}: acts on the robot's command, not in its physics; drive the robot "
+                "through mecanum_env.simulator, or remove it from the model file"
+            )
         if effect.change_model is not None and effect.acts_in(plant):
             left = {name: kept for name, kept in changed.effects.items() if name != effect.name}
             changed = replace(effect.change_model(changed, values), effects=left)

@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from mecanum_env.effects.definition import Effect, Parameter, Values
+from mecanum_env.units import FloatArray
 
 if TYPE_CHECKING:
     from mecanum_env.law.drive import DriveParameters
@@ -19,6 +20,34 @@ def _delay(drive: DriveParameters, values: Values, wheel: str | None) -> DrivePa
 def _deadband(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
     return replace(drive, deadband_rpm=values["threshold_rpm"])
 
+
+def _limit_speed(
+    body: FloatArray,
+    previous: FloatArray,  # noqa: ARG001
+    values: Values,
+    seconds: float,  # noqa: ARG001
+) -> FloatArray:
+    limited = body.copy()
+    speed = math.hypot(body[0], body[1])
+    if speed > values["v_rpm"]:
+        limited[:2] *= values["v_rpm"] / speed
+    limited[2] = min(max(body[2], -values["vc_rpm"]), values["vc_rpm"])
+    return limited
+
+
+def _limit_acceleration(body: FloatArray, previous: FloatArray, values: Values, seconds: float) -> FloatArray:
+    limited = body.copy()
+    change = body - previous
+    length, most = math.hypot(change[0], change[1]), values["v_rpm_s"] * seconds
+    if length > most:
+        limited[:2] = previous[:2] + change[:2] * (most / length)
+    most = values["vc_rpm_s"] * seconds
+    if abs(change[2]) > most:
+        limited[2] = previous[2] + math.copysign(most, change[2])
+    return limited
+
+
+_LIMIT: Final = (1e-6, math.inf)
 
 COMMAND_LATENCY: Final = Effect(
     name="command_latency",
@@ -43,22 +72,24 @@ BODY_SPEED_LIMIT: Final = Effect(
     name="body_speed_limit",
     acts_on="command, on V and VC",
     parameters=(
-        Parameter("v_rpm", "rpm", math.inf, (5.0, 200.0), scan=(20, 40, 60, 80, 100, 120, 150)),
-        Parameter("vc_rpm", "rpm", math.inf, (5.0, 200.0), scan=(20, 40, 60, 80, 100, 120, 150)),
+        Parameter("v_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
+        Parameter("vc_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
     ),
     summary="V and VC are limited each, before the kinematics.",
     signature="All wheels stop rising together, in the ratio of the command; the direction is kept.",
     absent_from=("bench",),
+    limit_body=_limit_speed,
 )
 
 BODY_ACCELERATION_LIMIT: Final = Effect(
     name="body_acceleration_limit",
     acts_on="command, on V and VC",
     parameters=(
-        Parameter("v_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), scan=(50, 100, 200, 400, 800, 1600)),
-        Parameter("vc_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), scan=(50, 100, 200, 400, 800, 1600)),
+        Parameter("v_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), _LIMIT, scan=(50, 100, 200, 400, 800, 1600)),
+        Parameter("vc_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), _LIMIT, scan=(50, 100, 200, 400, 800, 1600)),
     ),
     summary="V (as a vector) and VC change no faster than this, before the kinematics.",
     signature="Ramps instead of steps, on all wheels together; what is reached stays the same.",
     absent_from=("bench",),
+    limit_body=_limit_acceleration,
 )

@@ -9,9 +9,11 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from mecanum_env.effects.apply import check_effects
 from mecanum_env.errors import InputError
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
+from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
 from mecanum_env.simulator.commands import Commands
 from mecanum_env.simulator.stepping import step_through
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory
@@ -33,7 +35,9 @@ def compile_plant(model: Model, plant: Plant = "rollers", timestep_s: float | No
         timestep_s: upper bound of the physics step [s]; the generator's choice when None.
     """
     spec = robot_spec if plant == "rollers" else planar_spec
-    return spec(model, timestep_s=timestep_s, wheel_quantum=False).compile()
+    check_effects(model, plant)
+    after_limits = wheel_side(model) if limits_body(model) else model
+    return spec(after_limits, timestep_s=timestep_s, wheel_quantum=False).compile()
 
 
 def drive(
@@ -68,6 +72,9 @@ def drive(
     n = math.ceil(duration_s / step - 1e-9)
     time_s = np.arange(n + 1) * step
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
+    if limits_body(model):
+        limits = BodyLimits(model, step)
+        ctrl = np.array([limits.step(row) for row in ctrl])
     qpos, qvel = step_through(compiled, data, ctrl)
     return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s), model)
 

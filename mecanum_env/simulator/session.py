@@ -7,6 +7,7 @@ import numpy as np
 
 from mecanum_env.kinematics import command_to_wheels, round_command
 from mecanum_env.model import Model
+from mecanum_env.simulator.body_limits import BodyLimits, limits_body
 from mecanum_env.simulator.robot import Plant, at_rest, compile_plant
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory
 from mecanum_env.units import FloatArray
@@ -33,6 +34,8 @@ class RobotSession:
         """Put the robot at rest at the origin and forget what was driven."""
         self._data = at_rest(self._compiled)
         self._rows = [self._row(np.zeros(3))]
+        limited = limits_body(self._model)
+        self._limits = BodyLimits(self._model, self._compiled.opt.timestep) if limited else None
 
     @property
     def time_s(self) -> float:
@@ -54,9 +57,10 @@ class RobotSession:
             vc_rpm: turning speed VC [rpm], counter-clockwise positive.
         """
         quantum = self._model.wheel.command_quantum_rpm
-        self._data.ctrl[:] = command_to_wheels(*round_command(v_rpm, theta_deg, vc_rpm, quantum))
+        wheels = command_to_wheels(*round_command(v_rpm, theta_deg, vc_rpm, quantum))
         command = np.array([v_rpm, theta_deg, vc_rpm])
         for _ in range(self._steps):
+            self._data.ctrl[:] = wheels if self._limits is None else self._limits.step(wheels)
             mujoco.mj_step(self._compiled, self._data)
             self._rows.append(self._row(command))
 

@@ -32,7 +32,7 @@ check: $(VENV)/installed
 	$(BIN)/mypy
 
 bench: $(VENV)/installed
-	for name in plugin physics paper_drives replay fit online render; do \
+	for name in plugin physics paper_drives replay fit online render real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
 # System packages: the offline renderer, and a compiler for the plugin.

@@ -1,51 +1,76 @@
 """Fit recordings of real robots and print what the law reaches on them, as a Markdown table.
 
-Example: python benchmarks/real_logs.py > table.md
+Example: python benchmarks/real_logs.py --out out/real_logs.json
 
 The recordings are not part of the repository: MECANUM_REAL_LOGS names their folder.
 """
 
+from __future__ import annotations
+
 import os
 import sys
 from pathlib import Path
+from typing import Annotated
 
-import numpy as np
+import tyro
+from tqdm import tqdm
 
-from sysid.fit import FitOptions, fit_dataset
+from mecanum_env.cli import run
+from mecanum_env.files import write_json
+from sysid.fit import FitOptions, fit_dataset, fit_json
 from sysid.fit.pipeline import Fit
 from sysid.logs import read_dataset
 from sysid.measure import seconds_of
 
+BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/left", "husky/right", "husky/body", "micromouse/closed_loop_left",
             "micromouse/closed_loop_right", "micromouse/duty_left", "micromouse/duty_right")  # fmt: skip
 HEAD = ("logs", "rms fit", "validation", "test rpm", "rise s", "order", "delay ms", "ceiling rpm", "white",
         "free of the input", "independent share", "s")  # fmt: skip
 
 
-def main(names: list[str]) -> None:
-    default = Path(__file__).parents[1].parent / "shared" / "data"
-    folder = Path(os.environ.get("MECANUM_REAL_LOGS", default))
+def main(
+    names: Annotated[tuple[str, ...], tyro.conf.Positional] = DATASETS,
+    /,
+    starts: int = 5,
+    out: Path | None = None,
+) -> None:
+    """Fit the recordings, print the table and every note; say so and stop where there are none.
+
+    Example: python benchmarks/real_logs.py husky/left --starts 2
+
+    Args:
+        names: which recordings.
+        starts: of each fit.
+        out: JSON file to write, with every fit's figures.
+    """
+    folder = Path(os.environ.get("MECANUM_REAL_LOGS", BESIDE_THE_CHECKOUT))
     if not (folder / "husky").is_dir():
         print("no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/")
         return
-    rows, notes = [HEAD, tuple("---" for _ in HEAD)], []
-    for name in names or DATASETS:
+    rows, notes, results = [HEAD, tuple("---" for _ in HEAD)], [], {}
+    for name in tqdm(names, desc="recordings", leave=False, disable=None):
         data = read_dataset(folder / name)
-        fit, seconds = seconds_of(lambda data=data: fit_dataset(data, FitOptions(starts=5)))
+        fit, seconds = seconds_of(lambda data=data: fit_dataset(data, FitOptions(starts=starts)))
         rows.append((name, *row(fit), f"{seconds:.0f}"))
         notes.append(f"\n{name}\n" + "".join(f"\n- {note}" for note in fit.notes))
+        results[name] = {"seconds": seconds, **fit_json(fit)}
     print("\n".join("| " + " | ".join(cells) + " |" for cells in rows))
     print("\n".join(notes))
+    if out is not None:
+        write_json(out, results)
 
 
 def row(fit: Fit) -> tuple[str, ...]:
+    """Return the cells of one recording between its name and its seconds."""
     figures, found, tests = fit.methods[fit.estimate.method], fit.estimate, fit.residual_tests
+    ceiling = found.saturation_rpm
     return (
         *(f"{figures.errors[s].rms_rpm:.1f}" for s in ("fit", "validation", "test")),
         f"{figures.metrics.rise_time_s:.3g}",
         str(1 + ("B" in found.free) + ("C" in found.free)),
         f"{found.delay_s * 1e3:.0f}",
-        f"{found.saturation_rpm:.0f}" if np.isfinite(found.saturation_rpm) else "-",
+        f"{ceiling:.0f}" if ceiling < float("inf") else "-",
         "yes" if tests.whiteness.passed else "no",
         "yes" if tests.input_correlation.passed else "no",
         f"{fit.uncertainty.effective_samples / fit.uncertainty.samples:.2f}",
@@ -53,4 +78,4 @@ def row(fit: Fit) -> tuple[str, ...]:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    sys.exit(run(main, prog="python benchmarks/real_logs.py"))

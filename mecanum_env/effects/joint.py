@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from mecanum_env.effects.definition import Effect, Parameter, Plant, Values
 from mecanum_env.kinematics import WHEELS
+from mecanum_env.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
     import mujoco
 
+    from mecanum_env.law.drive import DriveParameters
     from mecanum_env.model import Model
 
 _WHEEL_JOINTS: Final = ("wheel", *(f"wheel_{wheel}" for wheel in WHEELS))
@@ -47,6 +51,22 @@ def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) ->
             joint.damping[0] += damping
 
 
+def _stiction(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:  # noqa: ARG001
+    """Add friction for good; the drive gives it back to a wheel that moves (`_breakaway`)."""
+    for joint in spec.joints:
+        if joint.name in _WHEEL_JOINTS:
+            add_joint_friction(joint, values["breakaway_n_m"], spec.option.timestep)
+
+
+def _breakaway(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    speed = values["stribeck_rpm"] * RAD_S_PER_RPM
+    return replace(drive, breakaway_n_m=values["breakaway_n_m"], stribeck_rad_s=speed)
+
+
+def _backlash(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+    return replace(drive, gap_rad=math.radians(values["gap_deg"]))
+
+
 COULOMB_FRICTION: Final = Effect(
     name="coulomb_friction",
     acts_on="wheel joint",
@@ -66,8 +86,10 @@ STICTION: Final = Effect(
         Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0),
     ),
     summary="Friction beyond coulomb_friction near rest: breakaway exp(-(speed / stribeck)^2).",
-    signature="Small commands do not start the wheel, then it jumps; large ones are hardly changed.",
+    signature="Small commands do not start the wheel; large ones are reached as without it.",
     refused_by=("planar",),
+    change_spec=_stiction,
+    change_drive=_breakaway,
 )
 
 VISCOUS_FRICTION: Final = Effect(
@@ -85,4 +107,5 @@ BACKLASH: Final = Effect(
     parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 20.0), scan=(0.5, 1, 2, 4, 8, 16)),),
     summary="The motor turns through a gap before it drives the wheel the other way.",
     signature="A dead time after each reversal of the torque; steady motion is not changed.",
+    change_drive=_backlash,
 )

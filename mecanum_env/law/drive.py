@@ -66,6 +66,12 @@ class DriveParameters:
     """The saturation begins this far below its limit, with a parabola that reaches it as far above [rpm]."""
     acceleration_rpm_s: float = math.inf
     """The law's input changes no faster than this [rpm/s]."""
+    gap_rad: float = 0.0
+    """Between motor and wheel [rad]. This and what follows is behind the setpoint: in the plugin only."""
+    breakaway_n_m: float = 0.0
+    """Friction of the wheel's joint that a moving wheel does not feel [N m]."""
+    stribeck_rad_s: float = 0.0
+    """Speed at which it has lost 63 % of it [rad/s]."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.command_period_s) and self.command_period_s > 0.0):
@@ -76,7 +82,10 @@ class DriveParameters:
             )
         if not self.saturation_rpm > 0.0:
             raise InputError(f"saturation_rpm = {self.saturation_rpm}, must be above 0 (infinite: no limit)")
-        for name in ("deadband_rpm", "drop_per_s", "softness_rpm"):
+        for name in (
+            *("deadband_rpm", "drop_per_s", "softness_rpm"),
+            *("gap_rad", "breakaway_n_m", "stribeck_rad_s"),
+        ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
         for name in ("gain", "reverse_ratio"):

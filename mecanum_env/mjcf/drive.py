@@ -7,6 +7,8 @@ from typing import Literal
 
 import mujoco
 
+from mecanum_env.effects.apply import drive_parameters
+from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, set_wheel_parameters
 
@@ -43,6 +45,9 @@ def add_drive(
     speed is gear . (site velocity), the wheel speed that the body's motion asks for, and its torque acts on
     the body as the matching force and moment. `torque_limit_n_m` replaces the robot's limit. `drive` and
     `wheel_quantum` are those of `robot_spec`.
+
+    Raises:
+        InputError: `drive` is "servo" and the model has an effect between law and wheel.
     """
     actuator = spec.add_actuator(name=name)
     if site_gear is None:
@@ -51,6 +56,12 @@ def add_drive(
         actuator.trntype, actuator.target = mujoco.mjtTrn.mjTRN_SITE, "base"
         actuator.gear = site_gear
     if drive == "servo":
+        behind = drive_parameters(model, law_wheel)
+        if behind.gap_rad > 0.0 or behind.breakaway_n_m > 0.0:
+            raise InputError(
+                'effects.backlash and effects.stiction need the plugin, drive="plugin"; remove them from the '
+                'model file for drive="servo"'
+            )
         limit = model.robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
         actuator.gainprm = [model.robot.servo_n_m_s_rad] + [0.0] * 9
         if limit < NO_TORQUE_LIMIT:

@@ -8,6 +8,7 @@ models, and may be rewritten in a compiled model (`write_parameters`):
     user[0]       servo_integral   user[1]    delay_s               user[2]    torque_limit_n_m (1e10: none)
     user[3]       deadband_rpm     user[4]    gain                  user[5]    reverse_ratio
     user[6]       drop_per_s       user[7]    softness_rpm          user[8]    acceleration_rpm_s
+    user[9]       gap_rad          user[10]   breakaway_n_m         user[11]   stribeck_rad_s
 
 From user[3] on 0 means "off" (a gain of 1, no limit), and a model may have fewer.
 
@@ -53,6 +54,9 @@ REVERSE_RATIO: Final = 5
 DROP: Final = 6
 SOFTNESS: Final = 7
 ACCELERATION: Final = 8
+GAP: Final = 9
+BREAKAWAY: Final = 10
+STRIBECK: Final = 11
 """In user."""
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """In user[TORQUE_LIMIT]: no limit. A number, not 0: a file that forgets the limit is refused."""
@@ -62,12 +66,13 @@ USER_SIZE: Final = 16
 STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
-    *("w0", "w1", "w2", "r1", "r2", "setpoint", "integral", "change"),
+    *("w0", "w1", "w2", "r1", "r2", "setpoint", "integral", "change", "gap"),
 )
 """Names of the first entries of a wheel's plugin state: counts since the clocks started; the clocks in use
 [s]; the law's memory [rpm], w0 = w(k+1) and w1 = w(k) being the ends of the current ramp; the setpoint at the
 end of the last substep [rad/s]; the integral of the speed error [rad]; the wheel's change of speed over the
-last substep [rad/s], from which the torque limit guesses the next. RING latched commands [rpm] follow,
+last substep [rad/s], from which the torque limit guesses the next; how far the motor is ahead of the wheel
+inside the backlash [rad], from the gap's middle. RING latched commands [rpm] follow,
 command j at j modulo RING. All zero is rest."""
 COMMANDS: Final = slice(len(STATE), len(STATE) + RING)
 STATE_SIZE: Final = len(STATE) + RING
@@ -110,6 +115,7 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     user[GAIN] = 0.0 if drive.gain == 1.0 else drive.gain
     user[REVERSE_RATIO] = 0.0 if drive.reverse_ratio == 1.0 else drive.reverse_ratio
     user[ACCELERATION] = 0.0 if math.isinf(drive.acceleration_rpm_s) else drive.acceleration_rpm_s
+    user[GAP], user[BREAKAWAY], user[STRIBECK] = drive.gap_rad, drive.breakaway_n_m, drive.stribeck_rad_s
     return user
 
 
@@ -166,8 +172,8 @@ def write_parameters(
         torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
 
     Raises:
-        InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not
-            above 0.
+        InputError: that actuator is not a wheel drive, the model's delay is too long, the limit is not above
+            0, or the stiction is another one.
         UnstableLawError: the wheel's law is unstable.
     """
     if actuator_id not in wheel_actuators(mjmodel):
@@ -183,6 +189,9 @@ def write_parameters(
             f"nuser_actuator = {mjmodel.nuser_actuator}, must be {USER_SIZE} for a model with these effects"
         )
     user = user[: mjmodel.nuser_actuator]
+    compiled = mjmodel.actuator_user[actuator_id]
+    if parameters.breakaway_n_m != (compiled[BREAKAWAY] if len(compiled) > BREAKAWAY else 0.0):
+        raise InputError("effects.stiction: is in the wheel's joint too; compile the model anew")
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
     mjmodel.actuator_user[actuator_id, : len(user)] = user

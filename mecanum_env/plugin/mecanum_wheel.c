@@ -26,7 +26,7 @@ static const double RAD_S_PER_RPM = 2.0 * 3.141592653589793 / 60.0;
 
 enum { SAMPLE_PERIOD = 6, COMMAND_PERIOD, QUANTUM, SATURATION };  // in dynprm, after A..F
 enum { INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, NUSER };               // in user; those that follow may be absent
-enum { DEADBAND = NUSER, GAIN, REVERSE_RATIO, DROP, SOFTNESS, ACCELERATION, LAST_USER };
+enum { DEADBAND = NUSER, GAIN, REVERSE_RATIO, DROP, SOFTNESS, ACCELERATION, GAP, BREAKAWAY, STRIBECK, LAST_USER };
 
 typedef struct {
   double substeps, ticks, latches;                 // since the clocks started
@@ -35,6 +35,7 @@ typedef struct {
   double setpoint;                                 // at the end of the last substep [rad/s]
   double integral;                                 // of setpoint - speed [rad]
   double change;                                   // of the speed over the last substep [rad/s]
+  double gap;                                      // motor ahead of wheel in the backlash, +- half of it [rad]
   double command[RING];                            // latched command j at j modulo RING [rpm]
 } Drive;
 
@@ -157,11 +158,29 @@ static double asked_torque(const mjModel* m, const mjData* d, int id, const Driv
 // while limited the wheel gets 4 % more than the limit in the mean, and over 1.2 times it in 0.3 % of substeps.
 static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
   double asked = asked_torque(m, d, id, s), limit = m->actuator_user[id * m->nuser_actuator + TORQUE_LIMIT];
+  double half = option(m, id, GAP) / 2;
   int implicit = m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
   double damping = implicit ? -m->actuator_biasprm[id * mjNBIAS + 2] * s->change : 0;
+  if (half > 0) {
+    // The motor follows the setpoint; only what of its way in this substep lies beyond the gap moves the wheel.
+    double h = m->opt.timestep, rate = s->setpoint - d->actuator_velocity[m->actuator_outadr[id]];
+    double ahead = s->gap + h * rate, beyond = ahead - mju_clip(ahead, -half, half);
+    asked += -m->actuator_biasprm[id * mjNBIAS + 2] * (beyond / h - rate);
+    // Teeth push and never pull.
+    if (beyond == 0 || (beyond > 0) != (asked > 0)) return damping;
+  }
   if (asked - damping > limit) return limit + damping;
   if (asked - damping < -limit) return -limit + damping;
   return asked;
+}
+
+// Stiction: MuJoCo's frictionloss of the joint holds with the breakaway torque at any speed; this gives back
+// what a moving wheel does not feel of it, breakaway (1 - exp(-(speed / stribeck)^2)).
+static double unstuck(const mjModel* m, const mjData* d, int id) {
+  double breakaway = option(m, id, BREAKAWAY), stribeck = option(m, id, STRIBECK);
+  if (!(breakaway > 0) || !(stribeck > 0)) return 0;
+  double speed = d->actuator_velocity[m->actuator_outadr[id]], ratio = speed / stribeck;
+  return copysign(-breakaway * expm1(-ratio * ratio), speed);
 }
 
 // The actuator's speed from qvel; d->actuator_velocity stays that of the substep's start until the next one.
@@ -189,7 +208,7 @@ static void wheel_compute(const mjModel* m, mjData* d, int instance, int capabil
   int id = actuator_of(m, instance);
   if (id < 0) return;
   Drive s = after_substep(m, d, id, d->plugin_state + m->plugin_stateadr[instance]);
-  d->actuator_force[m->actuator_outadr[id]] = torque(m, d, id, &s);
+  d->actuator_force[m->actuator_outadr[id]] = torque(m, d, id, &s) + unstuck(m, d, id);
 }
 
 static void wheel_advance(const mjModel* m, mjData* d, int instance) {
@@ -201,12 +220,16 @@ static void wheel_advance(const mjModel* m, mjData* d, int instance) {
   // The error now, not at the end of the substep: zero where the wheel follows an accelerating setpoint.
   double now = ((const Drive*)state)->setpoint;
   double error = now - d->actuator_velocity[out];
-  double asked = asked_torque(m, d, id, &s), given = d->actuator_force[out];
+  // What is given back of stiction is none of the servo's torque.
+  double given = unstuck(m, d, id) == 0 ? d->actuator_force[out] : torque(m, d, id, &s);
+  double asked = asked_torque(m, d, id, &s);
   int held = (asked > given && error > 0) || (asked < given && error < 0);
   if (!held) s.integral += m->opt.timestep * error;
   // MuJoCo has advanced qvel by now. Taken here and not at the next substep, a speed set by hand in between
   // does not count as acceleration.
   s.change = speed_now(d, out) - d->actuator_velocity[out];
+  double half = option(m, id, GAP) / 2;
+  s.gap = mju_clip(s.gap + m->opt.timestep * (s.setpoint - speed_now(d, out)), -half, half);
   memcpy(state, &s, sizeof s);
 }
 
@@ -273,7 +296,8 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
            name, TORQUE_LIMIT, user[TORQUE_LIMIT]);
   static const char* const options[] = {"command_deadband.threshold_rpm", "gain", "reverse_ratio",
                                         "battery_sag.drop_per_s", "speed_saturation.softness_rpm",
-                                        "acceleration_limit.limit_rpm_s"};
+                                        "acceleration_limit.limit_rpm_s", "backlash, in rad",
+                                        "stiction.breakaway_n_m", "stiction.stribeck, in rad/s"};
   for (int i = DEADBAND; i < LAST_USER; i++)
     if (!(option(m, id, i) >= 0) || !isfinite(option(m, id, i)))
       REFUSE(PLUGIN_NAME ", actuator \"%s\": %s = user[%d] = %g, must be a finite number not below 0 (0: off)", name,

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError
-from mecanum_env.plugin.layout import COMMANDS, STATE, state_slice, wheel_actuators
+from mecanum_env.plugin.layout import COMMANDS, GAP, STATE, state_slice, wheel_actuators
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 
@@ -41,6 +41,9 @@ def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.Arr
             state[STATE.index(name)] = speed
         state[STATE.index("setpoint")] = speed * RAD_S_PER_RPM
         state[COMMANDS] = speed
+        if mjmodel.nuser_actuator > GAP:
+            # What turns has closed its backlash.
+            state[STATE.index("gap")] = np.sign(speed) * mjmodel.actuator_user[actuator, GAP] / 2
 
 
 def drive_state(mjmodel: mujoco.MjModel, data: mujoco.MjData) -> dict[str, FloatArray]:

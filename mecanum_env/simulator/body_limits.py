@@ -1,7 +1,7 @@
 """Limits on the robot's command as a whole, between its latch and the wheels' drives.
 
-A wheel's drive cannot apply a limit on V, theta and VC together: it acts at every tick of the wheel law, after
-latch, rounding and latency, and the drives take what it lets through at each tick.
+A wheel's drive cannot apply a limit on V, theta and VC together. It acts at every tick of the wheel law,
+after latch, rounding and latency, and the drives take what it lets through at each tick.
 """
 
 from __future__ import annotations

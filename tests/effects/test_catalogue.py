@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mecanum_env.effects import CATALOGUE, EFFECT_PARAMETERS, PLANTS
+from mecanum_env.effects import CATALOGUE, EFFECT_PARAMETERS, PLANTS, apply
 from mecanum_env.effects.apply import active_effects, changed_model
 from mecanum_env.effects.table import markdown_table
 from mecanum_env.errors import InputError
@@ -134,6 +134,13 @@ def test_a_plant_simulates_an_effect_or_refuses_it_or_has_nothing_for_it(plain, 
 def test_an_impossible_value_is_refused_by_name(base, name, parameter, value):
     with pytest.raises(InputError, match=re.escape(f"effects.{name}.{parameter} = {value:g}, must be")):
         robot_spec(base.with_effect(name, **{parameter: value}))
+
+
+def test_an_effect_that_nothing_simulates_is_refused(base, monkeypatch):
+    nowhere = replace(CATALOGUE["backlash"], change_drive=None)
+    monkeypatch.setattr(apply, "CATALOGUE", {**CATALOGUE, "backlash": nowhere})
+    with pytest.raises(InputError, match=r"effects\.backlash: not simulated yet \(simulated: command"):
+        robot_spec(base.with_effect("backlash", gap_deg=2.0))
 
 
 def test_a_model_with_every_effect_survives_its_file(base, tmp_path):

@@ -34,8 +34,8 @@ def test_the_names_that_programs_rely_on(plant, request):
 
 @pytest.mark.parametrize("spec", SPECS)
 def test_an_effect_that_is_not_simulated_is_refused_by_name(spec):
-    with pytest.raises(InputError, match=r"effects\.backlash: not simulated yet"):
-        spec(paper_model().with_effect("backlash", gap_deg=0.5))
+    with pytest.raises(InputError, match=r"effects\.battery_sag\.per_volt: not simulated yet"):
+        spec(paper_model().with_effect("battery_sag", per_volt=0.1))
 
 
 def test_command_latency_goes_to_the_drive(packaged):

@@ -46,8 +46,8 @@ def test_writing_leaves_the_spec_alone(packaged):
 
 
 def test_bad_input_writes_nothing(packaged, tmp_path):
-    with pytest.raises(InputError, match="backlash"):
-        write_models(packaged.with_effect("backlash", gap_deg=2.0), tmp_path / "out")
+    with pytest.raises(InputError, match="low_grip"):
+        write_models(packaged.with_effect("low_grip", friction=0.1), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 

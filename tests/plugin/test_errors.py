@@ -7,11 +7,13 @@ import pytest
 from mecanum_env.errors import InputError, UnstableLawError
 from mecanum_env.plugin.layout import (
     ACCELERATION,
+    BREAKAWAY,
     COMMAND_PERIOD,
     DEADBAND,
     DELAY,
     DROP,
     GAIN,
+    GAP,
     INTEGRAL_GAIN,
     QUANTUM,
     REVERSE_RATIO,
@@ -19,6 +21,7 @@ from mecanum_env.plugin.layout import (
     SATURATION,
     SERVO,
     SOFTNESS,
+    STRIBECK,
     TORQUE_LIMIT,
     require_valid,
     write_parameters,
@@ -59,6 +62,9 @@ BAD_USER = [
     (DROP, np.inf, "battery_sag.drop_per_s"),
     (SOFTNESS, -1.0, "speed_saturation.softness_rpm"),
     (ACCELERATION, -1.0, "acceleration_limit.limit_rpm_s"),
+    (GAP, -0.1, "backlash"),
+    (BREAKAWAY, -1.0, "stiction.breakaway_n_m"),
+    (STRIBECK, np.nan, "stiction.stribeck"),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.plugin.layout import STATE, state_slice, write_parameters
+from mecanum_env.plugin.layout import STATE, STATE_SIZE, state_slice, write_parameters
 from mecanum_env.plugin.state import drive_state, set_steady
 from mecanum_env.units import RAD_S_PER_RPM
 
@@ -99,7 +99,7 @@ def test_a_steady_start_stays_steady(compile_wheels, free_model):
 
 def test_the_state_has_the_documented_names(mjmodel):
     data = mujoco.MjData(mjmodel)
-    data.plugin_state[state_slice(mjmodel, 1)] = np.arange(state_slice(mjmodel, 1).stop - 46)
+    data.plugin_state[state_slice(mjmodel, 1)] = np.arange(STATE_SIZE)
     assert [drive_state(mjmodel, data)[name][1] for name in STATE] == list(range(len(STATE)))
 
 

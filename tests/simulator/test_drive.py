@@ -134,8 +134,8 @@ def test_each_wheel_follows_its_own_law(model, slow_law):
 
 
 def test_an_effect_that_is_not_simulated_is_refused(model):
-    with pytest.raises(InputError, match=r"effects\.backlash"):
-        drive(model.with_effect("backlash", gap_deg=2.0), BodyCommands.constant(60), 0.1)
+    with pytest.raises(InputError, match=r"effects\.low_grip: the planar plant cannot"):
+        drive(model.with_effect("low_grip", friction=0.1), BodyCommands.constant(60), 0.1, plant="planar")
 
 
 @pytest.mark.parametrize("duration", [0.0, -1.0, float("nan"), float("inf")])

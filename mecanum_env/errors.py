@@ -17,6 +17,10 @@ class InputError(MecanumError, ValueError):
     """A file, value or argument that a user gave is not usable; the message says what would be."""
 
 
+class EffectRefusedError(InputError):
+    """A model with an effect that the chosen way of simulating it cannot express."""
+
+
 class UnstableLawError(InputError):
     """A wheel law with a pole on or outside the unit circle."""
 

@@ -10,7 +10,7 @@ import mujoco
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.definition import Channels, Effect, Plant
-from mecanum_env.errors import InputError
+from mecanum_env.errors import EffectRefusedError, InputError
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
@@ -31,17 +31,18 @@ def check_effects(model: Model, plant: Plant) -> None:
         plant: where they are to act.
 
     Raises:
-        InputError: an effect that is not simulated (there), or a parameter out of range.
+        EffectRefusedError: an effect that is not simulated (there).
+        InputError: a parameter out of range.
     """
     for effect, values in active_effects(model):
         if not effect.simulated:
             known = ", ".join(name for name, known in CATALOGUE.items() if known.simulated)
-            raise InputError(
+            raise EffectRefusedError(
                 f"effects.{effect.name}: not simulated yet (simulated: {known}); "
                 "remove it from the model file to simulate without it"
             )
         if plant in effect.refused_by:
-            raise InputError(
+            raise EffectRefusedError(
                 f"effects.{effect.name}: the {plant} plant cannot simulate it; use the rollers, or "
                 "remove it from the model file to simulate without it"
             )
@@ -65,13 +66,14 @@ def changed_model(model: Model, plant: Plant) -> Model:
         plant: where the effects are to act.
 
     Raises:
-        InputError: as `check_effects`, or an effect that acts before the wheels' commands.
+        EffectRefusedError: as `check_effects`, or an effect that acts before the wheels' commands.
+        InputError: as `check_effects`.
     """
     check_effects(model, plant)
     changed = model
     for effect, values in active_effects(model):
         if effect.limit_body is not None and effect.acts_in(plant):
-            raise InputError(
+            raise EffectRefusedError(
                 f"effects.{effect.name}: acts on the robot's command, not in its physics; drive the robot "
                 "through mecanum_env.simulator, or remove it from the model file"
             )

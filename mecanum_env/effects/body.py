@@ -24,7 +24,7 @@ def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) ->
         name="payload", pos=[0.0, 0.0, values["height_m"] - model.robot.wheel_radius_m]
     )
     cube.explicitinertial = True
-    cube.mass = mass
+    cube.mass, cube.ipos = mass, [0.0, 0.0, 0.0]
     cube.inertia = [mass * side**2 / 6] * 3
 
 

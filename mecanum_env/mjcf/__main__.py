@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -9,12 +10,14 @@ import tyro
 
 from mecanum_env.asset_files import asset_path
 from mecanum_env.cli import run
-from mecanum_env.mjcf.write import write_models
+from mecanum_env.mjcf.write import left_out, write_models
 from mecanum_env.model import read_model
 
 
 def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Path = Path("mjcf")) -> None:
     """Write robot.xml, planar.xml and bench.xml of a model file, for any program that opens MJCF.
+
+    A plant that cannot express one of the model's effects is left out, with its reason.
 
     Example: python -m mecanum_env.mjcf fit/model.json --out fit/mjcf
 
@@ -23,8 +26,11 @@ def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Pat
         out: the folder to write into.
     """
     chosen = asset_path("models/paper.json") if model is None else model
-    for path in write_models(read_model(chosen), out):
+    read = read_model(chosen)
+    for path in write_models(read, out):
         print(path)
+    for name, reason in left_out(read).items():
+        print(f"{name} is left out: {reason}", file=sys.stderr)
 
 
 if __name__ == "__main__":

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import mujoco
 
+from mecanum_env.errors import EffectRefusedError
 from mecanum_env.files import write_text
 from mecanum_env.mjcf.bench import bench_spec
 from mecanum_env.mjcf.planar import planar_spec
@@ -31,14 +32,30 @@ def mjcf_text(spec: mujoco.MjSpec) -> str:
         spec.compiler.savecompiled = compiled
 
 
+def left_out(model: Model) -> dict[str, str]:
+    """Return which files, of all but robot.xml, a model's effects forbid, and the reason of each."""
+    reasons = {}
+    for name, make in SPECS.items():
+        if name == "robot.xml":
+            continue
+        try:
+            make(model, visuals=False)
+        except EffectRefusedError as error:
+            reasons[name] = str(error)
+    return reasons
+
+
 def write_models(model: Model, out: str | os.PathLike[str]) -> list[Path]:
     """Write robot.xml, planar.xml and bench.xml of a model into the folder `out`; return their paths.
 
+    All but robot.xml may be left out where a plant cannot express an effect; `left_out` says why.
+
     Raises:
-        InputError: an effect that is not simulated, impossible inertia, or a folder that cannot be written.
+        InputError: an effect that the robot refuses, impossible inertia, or a folder that cannot be written.
     """
     # All texts before the first file: bad input leaves nothing behind.
-    texts = {name: mjcf_text(make(model)) for name, make in SPECS.items()}
+    skip = left_out(model)
+    texts = {name: mjcf_text(make(model)) for name, make in SPECS.items() if name not in skip}
     for name, text in texts.items():
         write_text(Path(out) / name, text)
     return [Path(out) / name for name in texts]

@@ -6,13 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE, EFFECT_PARAMETERS, PLANTS, apply
 from mecanum_env.effects.apply import active_effects, changed_model
 from mecanum_env.effects.table import markdown_table
 from mecanum_env.errors import InputError
 from mecanum_env.mjcf import robot_spec
-from mecanum_env.model import model_from_dict, model_to_dict, read_model, write_model
+from mecanum_env.model import model_from_dict, model_to_dict, paper_model, read_model, write_model
 
 from .conftest import acting, channels, clear_model, clear_value
 
@@ -152,9 +154,34 @@ def test_a_model_with_every_effect_survives_its_file(base, tmp_path):
     assert model_from_dict(model_to_dict(model)) == model
 
 
+@pytest.mark.parametrize("plant", ["bench", "planar"])
+@settings(max_examples=25)
+@given(names=st.data())
+def test_pairs_compose_and_their_order_in_the_file_does_not_matter(plain, plant, names):
+    possible = [effect.name for effect in acting(plant)]
+    one, two = names.draw(st.lists(st.sampled_from(possible), min_size=2, max_size=2, unique=True))
+    values = {name: dict(clear_model(name).effects[name]) for name in (one, two)}
+    base = paper_model()
+    both = channels(replace(base, effects={one: values[one], two: values[two]}), plant)
+    swapped = channels(replace(base, effects={two: values[two], one: values[one]}), plant)
+    np.testing.assert_array_equal(both, swapped)
+    assert np.all(np.isfinite(both))
+    assert not np.array_equal(both, plain(plant))
+
+
 def test_effects_on_the_models_own_numbers_are_put_there_once(base):
     model = base.with_effect("wheel_radius", scale=1.1).with_effect("low_grip", friction=0.3)
     once = changed_model(model, "rollers")
     assert once.robot == replace(base.robot, wheel_radius_m=base.robot.wheel_radius_m * 1.1, friction=0.3)
     assert changed_model(once, "rollers") == once
     assert once.effects == {}
+
+
+@pytest.mark.parametrize(
+    ("plant", "name"), [("bench", "backlash"), ("rollers", "payload"), ("planar", "body_acceleration_limit")]
+)
+def test_an_effect_in_a_file_is_simulated_at_once(plain, tmp_path, plant, name):
+    write_model(clear_model(name), tmp_path / "model.json")
+    read = channels(read_model(tmp_path / "model.json"), plant)
+    np.testing.assert_array_equal(read, channels(clear_model(name), plant))
+    assert not np.array_equal(read, plain(plant))

@@ -7,7 +7,8 @@ import pytest
 
 from mecanum_env.asset_files import asset_path
 from mecanum_env.errors import InputError
-from mecanum_env.mjcf.write import SPECS, mjcf_text, write_models
+from mecanum_env.mjcf import robot_spec
+from mecanum_env.mjcf.write import SPECS, left_out, mjcf_text, write_models
 from mecanum_env.model import paper_model, write_model
 
 
@@ -46,9 +47,39 @@ def test_writing_leaves_the_spec_alone(packaged):
 
 
 def test_bad_input_writes_nothing(packaged, tmp_path):
-    with pytest.raises(InputError, match="low_grip"):
-        write_models(packaged.with_effect("low_grip", friction=0.1), tmp_path / "out")
-    assert not (tmp_path / "out").exists()
+    for bad in (
+        packaged.with_effect("payload", mass_kg=-1.0),
+        packaged.with_effect("body_speed_limit", v_rpm=60.0),
+    ):
+        with pytest.raises(InputError, match=r"effects\."):
+            write_models(bad, tmp_path / "out")
+        assert not (tmp_path / "out").exists()
+
+
+def test_a_plant_that_cannot_express_an_effect_is_left_out_with_its_reason(packaged, tmp_path):
+    model = packaged.with_effect("low_grip", friction=0.1)
+    assert [path.name for path in write_models(model, tmp_path)] == ["robot.xml", "bench.xml"]
+    assert list(left_out(model)) == ["planar.xml"]
+    assert "effects.low_grip: the planar plant cannot" in left_out(model)["planar.xml"]
+    assert left_out(packaged) == {}
+
+
+def test_a_model_with_effects_is_written_exactly_too(packaged):
+    model = (
+        packaged.with_effect("coulomb_friction", torque_n_m=0.123456789)
+        .with_effect("stiction", breakaway_n_m=1 / 3, stribeck_rpm=1 / 7)
+        .with_effect("roller_friction", torque_n_m=0.0123456789, damping_n_m_s_rad=1e-3 / 3)
+        .with_effect("payload", mass_kg=10 / 3, height_m=1 / 3)
+        .with_effect("com_offset", x_m=0.1 / 3)
+        .with_effect("floor_slope", slope_deg=10 / 3, heading_deg=77.7)
+        .with_effect("backlash", gap_deg=1 / 3)
+        .with_effect("speed_gain", gain=0.987654321)
+    )
+    spec = robot_spec(model)
+    read, compiled = mujoco.MjModel.from_xml_string(mjcf_text(spec)), spec.compile()
+    for field, value in arrays(compiled).items():
+        np.testing.assert_array_equal(getattr(read, field), value, err_msg=field)
+    np.testing.assert_array_equal(read.opt.gravity, compiled.opt.gravity)
 
 
 def test_the_program_writes_files_that_open(tmp_path):

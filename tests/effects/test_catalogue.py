@@ -71,7 +71,7 @@ def test_all_neutral_together_are_nothing_on_the_rollers(base, plain):
     ("plant", "name", "parameter"),
     [
         (plant, effect.name, p)
-        for plant in ("bench", "planar")
+        for plant in PLANTS
         for effect in acting(plant)
         for p in effect.parameters
         if p.neutral is not None and p.simulated

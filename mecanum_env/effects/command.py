@@ -13,19 +13,19 @@ if TYPE_CHECKING:
     from mecanum_env.law.drive import DriveParameters
 
 
-def _delay(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _delay(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, delay_s=values["delay_s"])
 
 
-def _deadband(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _deadband(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, deadband_rpm=values["threshold_rpm"])
 
 
 def _limit_speed(
     body: FloatArray,
-    previous: FloatArray,  # noqa: ARG001
+    previous: FloatArray,
     values: Values,
-    seconds: float,  # noqa: ARG001
+    seconds: float,
 ) -> FloatArray:
     limited = body.copy()
     speed = math.hypot(body[0], body[1])

@@ -18,7 +18,7 @@ def _servo(model: Model, values: Values) -> Model:
     return replace(model, robot=replace(model.robot, servo_n_m_s_rad=values["servo_n_m_s_rad"]))
 
 
-def _gain(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _gain(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, gain=drive.gain * values["gain"])
 
 
@@ -26,19 +26,19 @@ def _mismatch(drive: DriveParameters, values: Values, wheel: str | None) -> Driv
     return drive if wheel is None else replace(drive, gain=drive.gain * values[f"gain_{wheel}"])
 
 
-def _reverse(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _reverse(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, reverse_ratio=values["reverse_ratio"])
 
 
-def _sag(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _sag(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, drop_per_s=values["drop_per_s"])
 
 
-def _saturation(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _saturation(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, saturation_rpm=values["limit_rpm"], softness_rpm=values["softness_rpm"])
 
 
-def _acceleration(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _acceleration(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, acceleration_rpm_s=values["limit_rpm_s"])
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from mecanum_env.model import Model
 
 
-def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:  # noqa: ARG001
+def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
     for joint in spec.joints:
         if "_roller_" not in joint.name:
             continue
@@ -28,7 +28,7 @@ def _grip(model: Model, values: Values) -> Model:
     return replace(model, robot=replace(model.robot, friction=values["friction"]))
 
 
-def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:  # noqa: ARG001
+def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
     """Tilt gravity, so that the floor stays level in the world's coordinates."""
     slope, heading = math.radians(values["slope_deg"]), math.radians(values["heading_deg"])
     g = -float(spec.option.gravity[2])

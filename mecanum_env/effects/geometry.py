@@ -29,7 +29,7 @@ def _track(model: Model, values: Values) -> Model:
     )
 
 
-def _mount_yaw(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:  # noqa: ARG001
+def _mount_yaw(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
     """Turn velocity and path, which keeps the measured pose the integral of the measured velocity."""
     angle = math.radians(values["angle_deg"])
     cos, sin = math.cos(angle), math.sin(angle)

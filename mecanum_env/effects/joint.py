@@ -30,7 +30,7 @@ def add_joint_friction(joint: mujoco.MjsJoint, torque_n_m: float, timestep_s: fl
     joint.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
 
 
-def _coulomb(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:  # noqa: ARG001
+def _coulomb(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
     for joint in spec.joints:
         if joint.name in _WHEEL_JOINTS:
             add_joint_friction(joint, values["torque_n_m"], spec.option.timestep)
@@ -51,19 +51,19 @@ def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) ->
             joint.damping[0] += damping
 
 
-def _stiction(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:  # noqa: ARG001
+def _stiction(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
     """Add friction for good; the drive gives it back to a wheel that moves (`_breakaway`)."""
     for joint in spec.joints:
         if joint.name in _WHEEL_JOINTS:
             add_joint_friction(joint, values["breakaway_n_m"], spec.option.timestep)
 
 
-def _breakaway(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _breakaway(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     speed = values["stribeck_rpm"] * RAD_S_PER_RPM
     return replace(drive, breakaway_n_m=values["breakaway_n_m"], stribeck_rad_s=speed)
 
 
-def _backlash(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:  # noqa: ARG001
+def _backlash(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     return replace(drive, gap_rad=math.radians(values["gap_deg"]))
 
 

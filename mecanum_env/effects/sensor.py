@@ -39,14 +39,14 @@ def _lowpass(time_s: FloatArray, channels: Channels, values: Values) -> dict[str
 _SCALED: Final = {"vx_m_s": "linear", "vy_m_s": "linear", "yaw_rate_rad_s": "yaw"}
 
 
-def _scale(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:  # noqa: ARG001
+def _scale(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
     def factor(name: str) -> float:
         return values["wheel"] if name.startswith("speed_") else values.get(_SCALED.get(name, ""), 1.0)
 
     return {name: channel * factor(name) for name, channel in channels.items()}
 
 
-def _bias(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:  # noqa: ARG001
+def _bias(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
     return {name: channel + values.get(name, 0.0) for name, channel in channels.items()}
 
 

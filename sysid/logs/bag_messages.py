@@ -77,7 +77,7 @@ def wheel_speeds(messages: Sequence[Any], context: Context) -> Columns:
     return dict(zip(WHEEL_SPEEDS, speeds.T / RAD_S_PER_RPM, strict=True))
 
 
-def odometry(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG001
+def odometry(messages: Sequence[Any], context: Context) -> Columns:
     """Turn Odometry messages into the body twist (in its child frame, as ROS has it) and the pose."""
     twists = [message.twist.twist for message in messages]
     poses = [message.pose.pose for message in messages]
@@ -91,12 +91,12 @@ def odometry(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG
     }
 
 
-def imu(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG001
+def imu(messages: Sequence[Any], context: Context) -> Columns:
     """Turn Imu messages into the yaw rate; the sensor's z axis must point up."""
     return {"yaw_rate_rad_s": np.array([m.angular_velocity.z for m in messages], float)}
 
 
-def battery(messages: Sequence[Any], context: Context) -> Columns:  # noqa: ARG001
+def battery(messages: Sequence[Any], context: Context) -> Columns:
     """Turn BatteryState messages into the supply voltage."""
     return {"battery_v": np.array([m.voltage for m in messages], float)}
 

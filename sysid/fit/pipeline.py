@@ -156,6 +156,11 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     progress("how sure it is")
     notes += gain_notes(runs, search, found)
     robot = None
+    if dataset.level == "robot" and options.per_wheel:
+        notes.append(
+            "with a law for each wheel the robot is not fitted: servo stiffness, yaw inertia and grip are "
+            "left as given (fit without --per-wheel to have them)"
+        )
     if dataset.level == "robot" and not options.per_wheel:
         progress("servo, inertia and grip")
         known_robot = Model(wheel_model(path, found), options.robot, latency(found))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import datetime
+import math
 from dataclasses import asdict, replace
 from typing import Any, Final
 
@@ -118,8 +119,9 @@ def _robot(fit: Fit) -> dict[str, Any]:
 
 
 def _robot_errors(fit: Fit) -> dict[str, float]:
-    """Return the standard errors of the robot's fitted parameters."""
-    return {p.name: p.standard_error for p in fit.robot.parameters if p.fitted} if fit.robot else {}
+    """Return the standard errors of the robot's fitted parameters, where there are any."""
+    parameters = fit.robot.parameters if fit.robot else ()
+    return {p.name: p.standard_error for p in parameters if p.fitted and math.isfinite(p.standard_error)}
 
 
 def _covariance(fit: Fit) -> dict[str, Any]:

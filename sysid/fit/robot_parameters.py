@@ -7,7 +7,8 @@ swallows what is common to both. So law and robot are fitted together, by simula
 logs' commands (output error, logarithms of the parameters), and what the logs do not show stays as it was.
 
 Grip shows only where rollers slip: it is sought first, with the roller plant, on a few seconds of the
-liveliest runs. Where it shows, law, servo, inertia and grip are fitted together with that plant.
+liveliest runs. Where it shows, law, servo and inertia are fitted with that plant at that grip, then the grip
+with them, in turns: the first grip suits a law that has swallowed the slip, and so is off.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares, minimize_scalar
+from scipy.optimize import OptimizeResult, least_squares
 
 from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf.masses import robot_masses
@@ -26,33 +27,22 @@ from mecanum_env.model import Model, Robot
 from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
 from sysid.estimators.stability import free_coordinates, stabilised_abc, stable_abc
-from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData, liveliest_runs
+from sysid.fit.grip import ROLLER_SECONDS, profile_grip, scan_grip
+from sysid.fit.plant_prediction import PlantData, liveliest_runs
+from sysid.fit.robot_parameter import EVIDENCE, SHOWN, RobotParameter
 
 SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
-_SHOWN: Final = 0.25
-"""Relative standard error up to which a parameter counts as shown by the logs."""
-_EVIDENCE: Final = 10.0
 _RANGE: Final = math.log(30.0)
 _LAW: Final = 5  # coordinates of a law of given DC gain
 _FASTER: Final = (1.5, 2.5)
 _FIRST: Final = 8
 _THEN: Final = 30
 """Evaluations allowed to each start, and to the best of them."""
+_SLIPPING: Final = 4
+"""Evaluations allowed with the roller plant, whose roughness hides what further ones would gain."""
+_AGREE: Final = 0.05
+"""Relative change of the grip below which two turns agree."""
 _PLANAR_SECONDS: Final = 60.0
-_ROLLER_SECONDS: Final = 10.0
-_GRIPS: Final = (0.15, 0.25, 0.4, 0.6, 0.8, 1.1)
-
-
-@dataclass(frozen=True)
-class RobotParameter:
-    """One of the robot's numbers and what the logs say about it."""
-
-    name: str
-    value: float
-    standard_error: float
-    """Infinite where the logs say nothing; nan where they were not asked."""
-    fitted: bool
-    reason: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,17 +77,11 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
     )
     before = wheels.spread(model)
     sought = [name for name in SOUGHT if name not in given]
-    grip = _grip(model, "friction" in given, data)
+    grip = scan_grip(model, "friction" in given, data)
     if grip.fitted:
-        # Where wheels slip, the plant without slip would misread all the rest.
-        slipping = replace(model, robot=replace(model.robot, friction=grip.value))
-        used = replace(data, runs=liveliest_runs(data.runs, _ROLLER_SECONDS))
-        search = _Search(slipping, used, "rollers")
-        found, shown, errors = _shown(search, sought, ["friction"])
-        value = found.model.robot.friction
-        grip = replace(grip, value=value, standard_error=value * errors["friction"])
+        found, shown, errors, grip = _in_turns(model, sought, grip, data)
     else:
-        found, shown, errors = _shown(_Search(model, wheels), sought, [])
+        found, shown, errors = _shown(_Search(model, wheels), sought)
     parameters = [
         _parameter(name, found.model.robot, name in shown, name in given, errors.get(name, math.nan))
         for name in SOUGHT
@@ -112,25 +96,56 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
     )
 
 
-def _shown(
-    search: _Search, sought: Sequence[str], always: Sequence[str]
-) -> tuple[_Found, list[str], dict[str, float]]:
+def _in_turns(
+    model: Model, sought: Sequence[str], grip: RobotParameter, data: PlantData
+) -> tuple[_Found, list[str], dict[str, float], RobotParameter]:
+    """Fit law and robot at a grip, then the grip with them, until they agree.
+
+    Returns:
+        What `_shown` returns, and the grip.
+    """
+    used = replace(data, runs=liveliest_runs(data.runs, ROLLER_SECONDS))
+
+    def search(law: WheelLaw, friction: float) -> _Search:
+        wheel, robot = replace(model.wheel, law=law), replace(model.robot, friction=friction)
+        return _Search(replace(model, wheel=wheel, robot=robot), used, "rollers")
+
+    # What shows is judged only with a law that no longer stands in for the slip.
+    first = search(model.wheel.law, grip.value).fit(sought)
+    before = profile_grip(first.model, data)
+    found, shown, errors = _shown(search(first.model.wheel.law, before.value), sought)
+    after = profile_grip(found.model, data)
+    if abs(math.log(after.value / before.value)) > _AGREE:
+        again = search(found.model.wheel.law, after.value).fit(shown)
+        last = profile_grip(again.model, data)
+        if last.cost < after.cost:
+            found, after = again, last
+            errors.update(zip(shown, map(float, again.errors), strict=True))
+    # Grip and law lean on each other, and the law is as unsettled as it moved the grip.
+    error = after.value * math.hypot(after.log_error * found.coupling, math.log(after.value / grip.value))
+    reason = grip.reason + (f"; no interval: {after.doubt}" if after.doubt else "")
+    robot = replace(found.model.robot, friction=after.value)
+    found = replace(found, model=replace(found.model, robot=robot))
+    return found, shown, errors, replace(grip, value=after.value, standard_error=error, reason=reason)
+
+
+def _shown(search: _Search, sought: Sequence[str]) -> tuple[_Found, list[str], dict[str, float]]:
     """Fit all that is sought, drop the least known until the logs show every one that is left.
 
     Returns:
         What was found, the names shown, and the standard errors of all logarithms as last seen.
     """
     names = list(sought)
-    found = simplest = search.fit(always)
-    errors = dict.fromkeys(sought, math.inf) | dict(zip(always, map(float, found.errors), strict=True))
+    found = simplest = search.fit([])
+    errors = dict.fromkeys(sought, math.inf)
     while names:
-        found = search.fit([*names, *always])
-        errors.update(zip([*names, *always], map(float, found.errors), strict=True))
+        found = search.fit(names)
+        errors.update(zip(names, map(float, found.errors), strict=True))
         worst = max(names, key=lambda name: errors[name])
         variance = search.data.variance(found.cost, search.samples)
         gained = 2.0 * (simplest.cost - found.cost) / variance
         evidence = gained - len(names) * math.log(search.samples)
-        if errors[worst] <= _SHOWN and evidence >= _EVIDENCE:
+        if errors[worst] <= SHOWN and evidence >= EVIDENCE:
             return found, names, errors
         names.remove(worst)
     return simplest, [], errors
@@ -143,8 +158,8 @@ def _parameter(name: str, robot: Robot, fitted: bool, given: bool, log_error: fl
     if fitted:
         return RobotParameter(name, value, value * log_error, True, "shown by the wheel speeds")
     seen = f"{log_error:.0%}" if log_error < 10.0 else "no bound"
-    reason = f"left: the wheel speeds do not show it (relative standard error {seen}, must be {_SHOWN:.0%})"
-    if log_error <= _SHOWN:
+    reason = f"left: the wheel speeds do not show it (relative standard error {seen}, must be {SHOWN:.0%})"
+    if log_error <= SHOWN:
         reason = "left: another value predicts the wheel speeds no better"
     return RobotParameter(name, value, value * log_error, False, reason)
 
@@ -157,6 +172,8 @@ class _Found:
     errors: FloatArray
     """Standard errors of the logarithms of the parameters sought."""
     covariance: FloatArray
+    coupling: float
+    """How many times the grip is less sure for the rest being fitted too; 1 on the plant without slip."""
 
 
 class _Search:
@@ -165,7 +182,7 @@ class _Search:
     def __init__(self, model: Model, data: PlantData, plant: Plant = "planar") -> None:
         self._model, self.data, self._plant = model, data, plant
         # Contacts make the roller plant rough on the scale of a small step.
-        self._step = 1e-4 if plant == "planar" else 2e-2
+        self._step = 1e-4 if plant == "planar" else 5e-2
         self._measured = data.measured()
         self.samples = self._measured.size
         c = model.wheel.law.coefficients
@@ -190,6 +207,9 @@ class _Search:
         def residual(x: FloatArray) -> FloatArray:
             return self.data.predicted(self._at(x, names), self._plant) - self._measured
 
+        planar = self._plant == "planar"
+        tolerance = 1e-6 if planar else 1e-3
+
         def search(start: FloatArray, evaluations: int) -> OptimizeResult:
             return least_squares(
                 residual,
@@ -197,19 +217,30 @@ class _Search:
                 lambda x: _central(residual, x, self._step),
                 bounds=(low, high),
                 x_scale="jac",
-                ftol=1e-6,
-                xtol=1e-6,
+                ftol=tolerance,
+                xtol=tolerance,
                 max_nfev=evaluations,
             )
 
         # The torque limit makes kinks in which a single search gets stuck.
         starts = [np.concatenate([law, np.zeros(len(names))]) for law in self._starts]
-        found = min((search(start, _FIRST) for start in starts), key=lambda r: float(r.cost))
-        if self._plant == "planar":
+        found = min(
+            (search(start, _FIRST if planar else _SLIPPING) for start in starts), key=lambda r: float(r.cost)
+        )
+        if planar:
             found = search(found.x, _THEN)
-        jacobian = _central(residual, found.x, 10.0 * self._step)
+        # The grip is held in the search, but as unsure as the rest.
+        beside = [*names] if planar else [*names, "friction"]
+        jacobian = _central(
+            lambda x: self.data.predicted(self._at(x, beside), self._plant),
+            np.append(found.x, np.zeros(len(beside) - len(names))),
+            (10.0 if planar else 2.0) * self._step,
+        )
         variance = self.data.variance(float(found.cost), self.samples, found.x.size)
-        covariance = np.linalg.pinv(jacobian.T @ jacobian, rcond=1e-14) * variance
+        information = jacobian.T @ jacobian
+        inverse = np.linalg.pinv(information, rcond=1e-14)
+        coupling = 1.0 if planar else math.sqrt(max(1.0, float(information[-1, -1] * inverse[-1, -1])))
+        covariance = inverse[: found.x.size, : found.x.size] * variance
         errors = np.sqrt(np.diag(covariance)[laws:])
         at_bound = [abs(x - b) < 1e-3 for x, b in zip(found.x[laws:], low[laws:], strict=True)]
         at_bound = [a or abs(x - _RANGE) < 1e-3 for a, x in zip(at_bound, found.x[laws:], strict=True)]
@@ -219,6 +250,7 @@ class _Search:
             float(found.cost),
             np.where(at_bound, np.inf, errors),
             by_x @ covariance @ by_x.T,
+            coupling,
         )
 
     def _at(self, x: FloatArray, names: Sequence[str]) -> Model:
@@ -246,44 +278,3 @@ def _central(function: Callable[[FloatArray], FloatArray], x: FloatArray, step: 
     """Return the Jacobian by central differences of a step, shape (m, n)."""
     steps = step * np.eye(x.size)
     return np.stack([(function(x + h) - function(x - h)) / (2.0 * step) for h in steps], axis=1)
-
-
-def _grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
-    """Scan the friction with the roller plant, everything else held."""
-    nominal = model.robot.friction
-    if given:
-        return RobotParameter("friction", nominal, math.nan, False, "given, so not fitted")
-    if not any(name in data.channels for name in BODY_VELOCITY):
-        reason = "left: without body velocities slip does not show"
-        return RobotParameter("friction", nominal, math.inf, False, reason)
-    few = replace(data, runs=liveliest_runs(data.runs, _ROLLER_SECONDS))
-    measured = few.measured()
-
-    def residual(log_friction: float) -> FloatArray:
-        robot = replace(model.robot, friction=math.exp(log_friction))
-        return few.predicted(replace(model, robot=robot), "rollers") - measured
-
-    costs = {grip: 0.5 * float(np.sum(residual(math.log(grip)) ** 2)) for grip in {*_GRIPS, nominal}}
-    grips = sorted(costs)
-    place = grips.index(min(grips, key=lambda grip: costs[grip]))
-    low, high = grips[max(place - 1, 0)], grips[min(place + 1, len(grips) - 1)]
-    best = minimize_scalar(
-        lambda x: 0.5 * float(np.sum(residual(x) ** 2)),
-        bounds=(math.log(low), math.log(high)),
-        method="bounded",
-        options={"xatol": 0.02, "maxiter": 12},
-    )
-    variance = few.variance(float(best.fun), measured.size)
-    slope = (residual(best.x + 0.1) - residual(best.x - 0.1)) / 0.2
-    power = float(slope @ slope)
-    log_error = math.sqrt(variance / power) if power > 0.0 else math.inf
-    # Slip shows where neither full grip nor the plant without slip explains as much.
-    sticking = 0.5 * float(np.sum((few.predicted(model) - measured) ** 2))
-    rival = min(sticking, costs[nominal], costs[grips[-1]])
-    evidence = 2.0 * (rival - float(best.fun)) / variance - math.log(measured.size)
-    value = math.exp(float(best.x))
-    if log_error <= _SHOWN and evidence >= _EVIDENCE and grips[0] * 1.02 < value < grips[-1] / 1.02:
-        reason = "shown by slip between wheels and body"
-        return RobotParameter("friction", value, value * log_error, True, reason)
-    reason = "left: no slip that another grip would explain better"
-    return RobotParameter("friction", nominal, nominal * log_error, False, reason)

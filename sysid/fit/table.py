@@ -54,7 +54,12 @@ def robot_table(fit: Fit) -> list[tuple[str, ...]]:
     return [
         ("robot", "value", "standard error", ""),
         *(
-            (p.name, f"{p.value:.4g}", f"{p.standard_error:.2g}" if p.fitted else "-", p.reason)
+            (
+                p.name,
+                f"{p.value:.4g}",
+                f"{p.standard_error:.2g}" if p.fitted and math.isfinite(p.standard_error) else "-",
+                p.reason,
+            )
             for p in parameters
         ),
     ]

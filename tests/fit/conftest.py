@@ -10,7 +10,7 @@ import pytest
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.drive import DriveParameters, latched_commands
 from mecanum_env.model import Model, Wheel, paper_model
-from mecanum_env.simulator import drive
+from mecanum_env.simulator import Plant, drive
 from sysid.fit.plant_prediction import BODY_VELOCITY, commands_of
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
@@ -67,7 +67,13 @@ def robot_logs() -> Callable[..., Dataset]:
     """Drive a model through random body commands and log wheel speeds, body velocities on request."""
 
     def make(
-        model: Model, *, runs: int = 5, seconds: float = 3.0, noise_rpm: float = 0.3, body: bool = False
+        model: Model,
+        *,
+        runs: int = 5,
+        seconds: float = 3.0,
+        noise_rpm: float = 0.3,
+        body: bool = False,
+        plant: Plant = "planar",
     ) -> Dataset:
         rng = np.random.default_rng(0)
         made = []
@@ -79,7 +85,7 @@ def robot_logs() -> Callable[..., Dataset]:
             levels[0] = 0.0
             rows = np.rint(levels)[np.minimum((time / 0.4 + 1e-9).astype(int), 7)]
             run = Run(f"run_{i}.csv", f"run_{i}", SPLITS[i % 5], time, BodyCommand(*rows.T), {})
-            true = drive(model, commands_of(run), seconds, plant="planar").channels_at(time)
+            true = drive(model, commands_of(run), seconds, plant=plant).channels_at(time)
             channels = {
                 name: values + noise_rpm * rng.standard_normal(values.size)
                 for name, values in true.items()

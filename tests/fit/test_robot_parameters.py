@@ -8,7 +8,8 @@ import pytest
 
 from mecanum_env.model import Model
 from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData
-from sysid.fit.robot_parameters import RobotFit, RobotParameter, fit_robot
+from sysid.fit.robot_parameter import RobotParameter
+from sysid.fit.robot_parameters import RobotFit, fit_robot
 from sysid.logs import BodyCommand, Dataset
 
 
@@ -68,3 +69,21 @@ def test_logs_that_show_nothing_leave_the_robot(paper: Model, robot_logs: Callab
     found = fit_robot(paper, (), plant_data(replace(data, runs=(slow,)), noise_rpm=30.0))
     assert found.robot == paper.robot
     assert all("left" in p.reason for p in found.parameters)
+
+
+@pytest.mark.slow
+def test_a_fitted_grip_is_right_within_its_interval(paper: Model, robot_logs: Callable[..., Dataset]) -> None:
+    true = replace(paper, robot=replace(paper.robot, friction=0.2))
+    grip = by_name(fit_robot(paper, (), plant_data(robot_logs(true, body=True, plant="rollers"))))["friction"]
+    assert grip.fitted
+    assert abs(grip.value - 0.2) <= 1.96 * grip.standard_error
+    assert grip.standard_error < 0.2 * grip.value
+
+
+def test_grip_is_left_where_nothing_slips(paper: Model, robot_logs: Callable[..., Dataset]) -> None:
+    given = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
+    data = robot_logs(paper, runs=2, seconds=1.0, body=True, plant="rollers")
+    grip = by_name(fit_robot(paper, given, plant_data(data)))["friction"]
+    assert not grip.fitted
+    assert grip.value == paper.robot.friction
+    assert "no slip" in grip.reason

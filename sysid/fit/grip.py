@@ -1,0 +1,145 @@
+"""Grip from robot logs: coarsely first, then from the profile of the cost.
+
+A wheel that begins to slip a hair earlier or later rolls on differently, so the cost over grip is rough: the
+smallest change of any parameter moves it, and its slope at a point says next to nothing of how sure the grip
+is. So value and error are from a parabola through the profile over a wide stretch, and from how much that
+moves when a run is left out.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+from scipy.stats import t as student
+
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData, liveliest_runs
+from sysid.fit.robot_parameter import EVIDENCE, SHOWN, RobotParameter
+
+ROLLER_SECONDS: Final = 10.0
+_PROFILE_SECONDS: Final = 30.0
+_GRIPS: Final = (0.15, 0.25, 0.4, 0.6, 0.8, 1.1)
+_STEP: Final = 0.05
+"""Of the profile, in the logarithm of the grip."""
+_HALF: Final = 4
+"""Steps of the profile to each side of its least point."""
+_MOVES: Final = 3
+
+
+@dataclass(frozen=True)
+class GripProfile:
+    """Grip at the vertex of the cost's profile."""
+
+    value: float
+    log_error: float
+    """Standard error of its logarithm, widened for few runs; nan where no honest one can be given."""
+    cost: float
+    """Half the square sum of the residuals over the noise, at the vertex of the parabola."""
+    doubt: str
+    """Why there is no interval; empty where there is one."""
+
+
+def profile_grip(model: Model, data: PlantData) -> GripProfile:
+    """Find the grip from the cost over a wide stretch around the model's, everything else held.
+
+    The error is of leaving out one run at a time (jackknife), widened so that 1.96 of it reach as far as
+    Student's t with one degree of freedom less than there are runs, with a whole step of the
+    profile added: the law's own error, which all runs share, does not show in the jackknife.
+
+    Args:
+        model: the model with its grip.
+        data: runs that start at rest.
+    """
+    few = replace(data, runs=liveliest_runs(data.runs, _PROFILE_SECONDS))
+    ends = np.cumsum([replace(few, runs=(run,)).measured().size for run in few.runs])[:-1]
+    measured, start = few.measured(), math.log(model.robot.friction)
+    costs: dict[int, FloatArray] = {}
+
+    def cost(k: int) -> FloatArray:
+        """Return each run's cost at k steps from the start, shape (runs,)."""
+        if k not in costs:
+            robot = replace(model.robot, friction=math.exp(start + k * _STEP))
+            error = few.predicted(replace(model, robot=robot), "rollers") - measured
+            costs[k] = np.array([0.5 * float(part @ part) for part in np.split(error, ends)])
+        return costs[k]
+
+    centre = 0
+    for _ in range(_MOVES):
+        window = range(centre - _HALF, centre + _HALF + 1)
+        least = min(window, key=lambda k: float(cost(k).sum()))
+        if least == centre:
+            break
+        centre = least
+    at = np.arange(centre - _HALF, centre + _HALF + 1, dtype=np.float64)
+    table = np.stack([cost(int(k)) for k in at])
+    vertex, height = _vertex(at, table.sum(axis=1))
+    if not math.isfinite(vertex):
+        here = float(cost(centre).sum())
+        return GripProfile(
+            math.exp(start + centre * _STEP), math.nan, here, "the cost over grip has no clear minimum"
+        )
+    value = math.exp(start + vertex * _STEP)
+    count = len(few.runs)
+    if count < 2:
+        return GripProfile(value, math.nan, height, "one run alone does not tell how sure it is")
+    without = np.array([_vertex(at, np.delete(table, i, axis=1).sum(axis=1))[0] for i in range(count)])
+    if not np.isfinite(without).all():
+        return GripProfile(value, math.nan, height, "it hangs on a single run")
+    jackknife = math.sqrt((count - 1) * float(np.var(without)))
+    widened = jackknife * float(student.ppf(0.975, count - 1)) / 1.96
+    return GripProfile(value, _STEP * math.hypot(widened, 1.0), height, "")
+
+
+def _vertex(at: FloatArray, cost: FloatArray) -> tuple[float, float]:
+    """Return place and height of the least point of the parabola through a profile, nan without one."""
+    a, b, c = np.polyfit(at, cost, 2)
+    place = -b / (2.0 * a) if a > 0.0 else math.nan
+    if not at[0] <= place <= at[-1]:
+        return math.nan, math.nan
+    return float(place), float(c - b * b / (4.0 * a))
+
+
+def scan_grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
+    """Scan the friction with the roller plant, everything else held."""
+    nominal = model.robot.friction
+    if given:
+        return RobotParameter("friction", nominal, math.nan, False, "given, so not fitted")
+    if not any(name in data.channels for name in BODY_VELOCITY):
+        reason = "left: without body velocities slip does not show"
+        return RobotParameter("friction", nominal, math.inf, False, reason)
+    few = replace(data, runs=liveliest_runs(data.runs, ROLLER_SECONDS))
+    measured = few.measured()
+
+    def residual(log_friction: float) -> FloatArray:
+        robot = replace(model.robot, friction=math.exp(log_friction))
+        return few.predicted(replace(model, robot=robot), "rollers") - measured
+
+    costs = {grip: 0.5 * float(np.sum(residual(math.log(grip)) ** 2)) for grip in {*_GRIPS, nominal}}
+    grips = sorted(costs)
+    place = grips.index(min(grips, key=lambda grip: costs[grip]))
+    low, high = grips[max(place - 1, 0)], grips[min(place + 1, len(grips) - 1)]
+    best = minimize_scalar(
+        lambda x: 0.5 * float(np.sum(residual(x) ** 2)),
+        bounds=(math.log(low), math.log(high)),
+        method="bounded",
+        options={"xatol": 0.02, "maxiter": 12},
+    )
+    variance = few.variance(float(best.fun), measured.size)
+    slope = (residual(best.x + 0.1) - residual(best.x - 0.1)) / 0.2
+    power = float(slope @ slope)
+    log_error = math.sqrt(variance / power) if power > 0.0 else math.inf
+    # Slip shows where neither full grip nor the plant without slip explains as much.
+    sticking = 0.5 * float(np.sum((few.predicted(model) - measured) ** 2))
+    rival = min(sticking, costs[nominal], costs[grips[-1]])
+    evidence = 2.0 * (rival - float(best.fun)) / variance - math.log(measured.size)
+    value = math.exp(float(best.x))
+    if log_error <= SHOWN and evidence >= EVIDENCE and grips[0] * 1.02 < value < grips[-1] / 1.02:
+        reason = "shown by slip between wheels and body"
+        return RobotParameter("friction", value, value * log_error, True, reason)
+    reason = "left: no slip that another grip would explain better"
+    return RobotParameter("friction", nominal, nominal * log_error, False, reason)

@@ -25,7 +25,7 @@ def main() -> int:
         install = (python, "-m", "pip", "install", "--quiet", "-c", ROOT / "constraints.txt")
         _run(*install, f"{wheel}[{EXTRAS}]", "pytest", "hypothesis")
         # Only what is no part of the package: a test that finds the checkout's code would prove nothing.
-        for name in ("tests", "examples", "benchmarks"):
+        for name in ("tests", "examples", "benchmarks", "docs"):
             shutil.copytree(ROOT / name, work / "elsewhere" / name)
         shutil.copy(ROOT / "pyproject.toml", work / "elsewhere")
         environment = {**os.environ, "MECANUM_REAL_LOGS": _real_logs()}

@@ -57,8 +57,8 @@ def robot_of(
     named = [p.name for p in found.parameters if p.fitted]
     said = f"with {', '.join(named)}" if named else "alone (nothing of the robot shows in the logs)"
     caution = (
-        "; the wheels slip in these logs, which makes the error rough: the standard errors of servo and inertia "
-        "are too small then"
+        "; the wheels slip in these logs, which makes the error rough: the standard errors of servo and "
+        "inertia are too small then"
         if "friction" in named
         else ""
     )

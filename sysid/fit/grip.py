@@ -105,7 +105,7 @@ def _vertex(at: FloatArray, cost: FloatArray) -> tuple[float, float]:
 
 
 def scan_grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
-    """Scan the friction with the roller plant, everything else held."""
+    """Scan the friction with the roller plant, everything else held; if `given`, it is only passed on."""
     nominal = model.robot.friction
     if given:
         return RobotParameter("friction", nominal, math.nan, False, "given, so not fitted")

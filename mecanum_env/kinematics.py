@@ -36,11 +36,19 @@ class Geometry(Protocol):
     """What the kinematics need of a robot; `mecanum_env.model.Robot` has it."""
 
     @property
-    def wheel_radius_m(self) -> float: ...  # noqa: D102
+    def wheel_radius_m(self) -> float:
+        """Radius of a wheel [m]."""
+        ...
+
     @property
-    def half_wheelbase_m(self) -> float: ...  # noqa: D102
+    def half_wheelbase_m(self) -> float:
+        """Half the distance between the axles [m]."""
+        ...
+
     @property
-    def half_track_m(self) -> float: ...  # noqa: D102
+    def half_track_m(self) -> float:
+        """Half the distance between left and right wheels [m]."""
+        ...
 
 
 def yaw_arm_m(geometry: Geometry) -> float:

@@ -1,6 +1,8 @@
 """Fixtures and settings that every test shares."""
 
 import contextlib
+import os
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
@@ -22,3 +24,15 @@ settings.load_profile("deterministic")
 def paper() -> Model:
     """Return the packaged model of the paper."""
     return paper_model()
+
+
+@pytest.fixture(scope="session")
+def real_logs() -> Path:
+    """Return the folder of recordings of real robots, no part of the repository; skip without it."""
+    beside_the_checkout = Path(__file__).parents[1].parent / "shared" / "data"
+    path = Path(os.environ.get("MECANUM_REAL_LOGS", beside_the_checkout))
+    if not (path / "husky").is_dir():
+        pytest.skip(
+            "no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/"
+        )
+    return path

@@ -1,6 +1,5 @@
 """The recordings of real robots fit without hand-holding; skipped where they are not there."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -11,17 +10,6 @@ from sysid.logs import read_dataset
 
 FAST = ("micromouse/closed_loop_left", "micromouse/closed_loop_right")
 SLOW = ("husky/left", "husky/right", "husky/body", "micromouse/duty_left", "micromouse/duty_right")
-
-
-@pytest.fixture(scope="module")
-def real_logs() -> Path:
-    default = Path(__file__).parents[1].parent / "shared" / "data"
-    path = Path(os.environ.get("MECANUM_REAL_LOGS", default))
-    if not (path / "husky").is_dir():
-        pytest.skip(
-            "no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/"
-        )
-    return path
 
 
 @pytest.mark.parametrize("name", [*FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])

@@ -1,5 +1,7 @@
 """Alternating exhaustive search for a first-order motor under PI control."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -111,6 +113,6 @@ def test_reduced_model_is_worse_than_output_error(noisy_runs: list[WheelRun]) ->
         ({"rounds": 0}, "rounds"),
     ],
 )
-def test_impossible_search_is_refused(changes: dict[str, object], field: str) -> None:
+def test_impossible_search_is_refused(changes: dict[str, Any], field: str) -> None:
     with pytest.raises(InputError, match=field):
-        Search(**changes)  # type: ignore[arg-type]
+        Search(**changes)

@@ -1,4 +1,3 @@
-import os
 from collections.abc import Callable
 from pathlib import Path
 
@@ -28,18 +27,6 @@ def folder(tmp_path: Path) -> Callable[..., Path]:
 @pytest.fixture
 def step() -> str:
     return STEP
-
-
-@pytest.fixture(scope="session")
-def real_logs() -> Path:
-    """The folder of recordings of real robots, which is not part of the repository."""
-    default = Path(__file__).parents[2].parent / "shared" / "data"
-    path = Path(os.environ.get("MECANUM_REAL_LOGS", default))
-    if not (path / "husky").is_dir():
-        pytest.skip(
-            "no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/"
-        )
-    return path
 
 
 @pytest.fixture(scope="session")

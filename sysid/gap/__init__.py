@@ -1,0 +1,4 @@
+"""Where simulation and measurement disagree, which effect is missing, and whether adding it closes the gap.
+
+`analyse` is the door; `python -m sysid.gap` the command line.
+"""

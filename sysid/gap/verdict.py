@@ -1,0 +1,176 @@
+"""What a study says in words: one sentence for terminal, page and JSON alike."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from mecanum_env.effects import CATALOGUE
+from sysid.gap.records import Difference, GapReport, Region
+
+WHEEL_LAW: Final = "wheel_law"
+"""Stands among the sets of effects for the law fitted again."""
+_CONCENTRATED: Final = 0.1
+"""A region stands out if its share of the error is so much above its share of the samples."""
+
+
+@dataclass(frozen=True)
+class Concentration:
+    """A region that holds more of a channel's error than of its samples."""
+
+    region: Region
+    sample_share: float
+    """Part of the samples of the same dimension that lie in it."""
+
+    @property
+    def excess(self) -> float:
+        """How much more of the error than of the samples it holds."""
+        return self.region.share - self.sample_share
+
+
+def verdict_sentence(report: GapReport) -> str:
+    """Return what a study found, in one sentence."""
+    gap = report.gap
+    differ = amount(gap.before, gap.unit)
+    if report.verdict == "no_gap":
+        return (
+            f"No gap: model and measurement differ by {differ}, which noise and the model's own uncertainty "
+            f"explain (p = {report.p_value:.2g})."
+        )
+    if report.verdict == "unexplained":
+        places = concentrations(report, most=1)
+        where = f"; most of it: {place_name(places[0].region)}" if places else ""
+        return (
+            f"There is a gap that no effect of the catalogue explains, alone or with others: model and "
+            f"measurement differ by {differ}{_noise(gap)}{where}."
+        )
+    fall = f"from {number(gap.before)} to {amount(gap.after, gap.unit)}{_noise(gap)}"
+    if report.verdict == "named":
+        names = listed([found.name for found in report.effects])
+        return f"The model lacks {names}: with {_it(report)} the difference on untouched runs falls {fall}."
+    sets = listed([set_name(names) for names in report.candidates], "or")
+    return (
+        f"The model lacks {sets}, and these logs cannot tell which: with the first the difference on "
+        f"untouched runs falls {fall}."
+    )
+
+
+def closure(gap: Difference) -> float | None:
+    """Return the part of a gap above the noise floor that was closed; None where nothing was above it."""
+    floor = gap.noise_floor or 0.0
+    if not (math.isfinite(gap.after) and gap.before > floor):
+        return None
+    return (gap.before - gap.after) / (gap.before - floor)
+
+
+def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...]:
+    """Return where the error of the worst channel stands out, at most one region a dimension.
+
+    The worst channel is the one furthest above its noise (above the error that is left, where no noise is
+    known). Wheels are compared across channels.
+
+    Args:
+        report: of the study.
+        most: how many regions at most.
+    """
+    if not report.where:
+        return ()
+    there = {region.channel for region in report.where}
+    worst = max(sorted(there), key=lambda name: _excess(report.channels.get(name)))
+    best: dict[str, Concentration] = {}
+    for found in _with_sample_share(report.where):
+        region = found.region
+        if region.channel != worst and region.dimension != "wheel":
+            continue
+        if region.dimension not in best or found.excess > best[region.dimension].excess:
+            best[region.dimension] = found
+    clear = [found for found in best.values() if found.excess > _CONCENTRATED]
+    return tuple(sorted(clear, key=lambda found: -found.excess)[:most])
+
+
+def place_name(region: Region) -> str:
+    """Return a region in words, such as "phase reversal of speed_rpm"."""
+    return f"{region.dimension} {region.region} of {region.channel}"
+
+
+def set_name(effects: Sequence[str]) -> str:
+    """Return the name of a set of effects: joined by " + "; of none, "the model as it is"."""
+    return " + ".join(effects) if effects else "the model as it is"
+
+
+def summary_of(effect: str) -> tuple[str, str]:
+    """Return what an `effect` is and what it looks like in data, one line each."""
+    if effect in CATALOGUE:
+        return CATALOGUE[effect].summary, CATALOGUE[effect].signature
+    if effect == WHEEL_LAW:
+        return "The wheel's own law is another one: its coefficients were fitted again.", ""
+    return "", ""
+
+
+def unit_of(effect: str, parameter: str) -> str:
+    """Return the unit of an effect's parameter, empty for a pure number."""
+    known = CATALOGUE[effect].parameters if effect in CATALOGUE else ()
+    unit = next((p.unit for p in known if p.name == parameter), "")
+    return "" if unit == "1" else unit
+
+
+def sizes(effect: str, values: Mapping[str, float]) -> str:
+    """Return parameters with units in a line, such as "gap_deg 2.1 deg".
+
+    Args:
+        effect: whose they are.
+        values: parameter -> value.
+    """
+    return ", ".join(f"{name} {amount(value, unit_of(effect, name))}" for name, value in values.items())
+
+
+def amount(value: float | None, unit: str) -> str:
+    """Return a value with its unit to three digits; a dash where there is none."""
+    text = number(value)
+    return text if text == "-" or not unit else f"{text} {unit}"
+
+
+def number(value: float | None) -> str:
+    """Return a value to three digits; a dash where there is none."""
+    if value is None or math.isnan(value):
+        return "-"
+    return f"{value:.0f}" if 1000.0 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Return words as a list in a sentence.
+
+    Args:
+        words: at least one.
+        last: stands before the last one.
+    """
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+
+
+def _it(report: GapReport) -> str:
+    return "it" if len(report.effects) == 1 else "them"
+
+
+def _noise(gap: Difference) -> str:
+    return "" if gap.noise_floor is None else f", where noise alone gives {number(gap.noise_floor)}"
+
+
+def _excess(channel: Difference | None) -> float:
+    if channel is None:
+        return -math.inf
+    scale = channel.noise_floor or channel.after
+    return channel.before / scale if scale > 0.0 else channel.before
+
+
+def _with_sample_share(where: Sequence[Region]) -> list[Concentration]:
+    """Return every region beside its share of the samples of its dimension."""
+    totals: dict[tuple[str, str], int] = {}
+    for region in where:
+        totals[_dimension(region)] = totals.get(_dimension(region), 0) + region.samples
+    return [Concentration(region, region.samples / max(totals[_dimension(region)], 1)) for region in where]
+
+
+def _dimension(region: Region) -> tuple[str, str]:
+    return region.dimension, "" if region.dimension == "wheel" else region.channel

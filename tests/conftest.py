@@ -2,6 +2,10 @@
 
 import contextlib
 import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -36,3 +40,34 @@ def real_logs() -> Path:
             "no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/"
         )
     return path
+
+
+@pytest.fixture
+def draw_page(tmp_path: Path) -> Callable[[Path], tuple[int, int, list[str]]]:
+    """Open a page in a headless browser without network; skip without a browser.
+
+    What it returns takes a page and returns how many figures it has, how many were drawn, and what the
+    console said of errors. CI installs a browser: there the test must run, and fails without one.
+    """
+    names = ("chromium", "chromium-browser", "google-chrome")
+    browser = next(filter(None, map(shutil.which, names)), None)
+    if browser is None and not os.environ.get("CI"):
+        pytest.skip("no chromium here to open the page with")
+    assert browser is not None
+
+    def draw(page: Path) -> tuple[int, int, list[str]]:
+        done = subprocess.run(
+            [browser, "--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND",
+             "--enable-logging=stderr", "--v=0", f"--user-data-dir={tmp_path / 'browser'}",
+             "--virtual-time-budget=20000", "--dump-dom", page.as_uri()],
+            capture_output=True, text=True, timeout=240, check=False,
+        )  # fmt: skip
+        figures = page.read_text(encoding="utf-8").count('class="plotly-graph-div"')
+        drawn = len(re.findall(r'<div class="[^"]*svg-container', done.stdout))
+        return (
+            figures,
+            drawn,
+            [line for line in done.stderr.splitlines() if ":CONSOLE" in line and "rror" in line],
+        )
+
+    return draw

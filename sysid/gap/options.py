@@ -16,8 +16,8 @@ def require_valid(options: GapOptions, level: Level) -> None:
         level: what the logs are.
 
     Raises:
-        InputError: another level than that of the logs, a count below 1, or an effect that does not exist, has
-            nothing to act on at this level, or is both asked for and excluded.
+        InputError: another level than that of the logs, a count below 1, or an effect that does not exist,
+            has nothing to act on at this level, or is both asked for and excluded.
     """
     if options.level not in ("auto", level):
         raise InputError(f"level {options.level}: these are {level} logs; leave it out, or give {level}")

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from sysid.gap.records import Difference, FoundEffect, GapReport
 from sysid.gap.verdict import (
     amount,
-    closure,
+    closed_share,
     concentrations,
+    count,
     number,
+    place_name,
     set_name,
     unit_of,
     verdict_sentence,
@@ -57,8 +59,8 @@ def next_step(report: GapReport) -> str:
 
 def _gap(report: GapReport) -> str:
     gap = report.gap
-    closed = closure(gap) if report.effects else None
-    end = f"; {closed:.0%} of what is above noise is gone" if closed is not None else ""
+    closed = closed_share(gap) if report.effects else "-"
+    end = f"; {closed} of what is above noise is gone" if closed != "-" else ""
     return f"{_change(gap)} on runs that no decision has seen{end}"
 
 
@@ -74,7 +76,7 @@ def _channels(report: GapReport) -> str:
 
 def _where(report: GapReport) -> str:
     return "; ".join(
-        f"{found.region.channel}, {found.region.dimension} {found.region.region}: "
+        f"{place_name(found.region)}: "
         f"{found.region.share:.0%} of the error in {found.sample_share:.0%} of the samples"
         for found in concentrations(report, most=2)
     )
@@ -90,7 +92,7 @@ def _effect(found: FoundEffect) -> str:
 
 def _tried(report: GapReport) -> str:
     adequate = sum(evidence.adequate for evidence in report.evidence)
-    return f"{len(report.evidence)} sets of effects, of which {adequate} explain the data"
+    return f"{count(len(report.evidence), 'set')} of effects; explain the data: {adequate}"
 
 
 def _clue(report: GapReport) -> str:
@@ -106,12 +108,12 @@ def _clue(report: GapReport) -> str:
 
 def _untestable(report: GapReport) -> str:
     names = [effect.name for effect in report.untestable]
-    return f"{len(names)} effects: {_shortened(names, _MOST_NAMES, ', ')}" if names else ""
+    return f"{count(len(names), 'effect')}: {_shortened(names, _MOST_NAMES, ', ')}" if names else ""
 
 
 def _noticed(report: GapReport) -> str:
     kinds = sorted({finding.kind for finding in report.findings})
-    counts = [f"{len(report.notes)} notes" if report.notes else "", ", ".join(kinds)]
+    counts = [count(len(report.notes), "note") if report.notes else "", ", ".join(kinds)]
     return "; ".join(filter(None, counts))
 
 

@@ -41,7 +41,7 @@ def verdict_sentence(report: GapReport) -> str:
         )
     if report.verdict == "unexplained":
         places = concentrations(report, most=1)
-        where = f"; most of it: {place_name(places[0].region)}" if places else ""
+        where = f", most of all in {place_name(places[0].region)}" if places else ""
         return (
             f"There is a gap that no effect of the catalogue explains, alone or with others: model and "
             f"measurement differ by {differ}{_noise(gap)}{where}."
@@ -90,9 +90,18 @@ def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...
     return tuple(sorted(clear, key=lambda found: -found.excess)[:most])
 
 
+def closed_share(gap: Difference) -> str:
+    """Return `closure` of a gap in percent; what lies below the noise by chance counts as all of it."""
+    closed = closure(gap)
+    return "-" if closed is None else f"{min(closed, 1.0):.0%}"
+
+
 def place_name(region: Region) -> str:
-    """Return a region in words, such as "phase reversal of speed_rpm"."""
-    return f"{region.dimension} {region.region} of {region.channel}"
+    """Return a region in words, such as "speed_rpm, phase reversal"."""
+    name = (
+        region.region if region.region.startswith(region.dimension) else f"{region.dimension} {region.region}"
+    )
+    return f"{region.channel}, {name}"
 
 
 def set_name(effects: Sequence[str]) -> str:
@@ -137,6 +146,11 @@ def number(value: float | None) -> str:
     if value is None or math.isnan(value):
         return "-"
     return f"{value:.0f}" if 1000.0 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def count(many: int, what: str) -> str:
+    """Return how many there are of `what`, such as "1 note", "2 notes"."""
+    return f"{many} {what}" + ("" if many == 1 else "s")
 
 
 def listed(words: Sequence[str], last: str = "and") -> str:

@@ -1,9 +1,7 @@
 """The page of a fit: self-contained, drawn by a browser without network and without an error."""
 
-import os
 import re
-import shutil
-import subprocess
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +11,6 @@ from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model
 from sysid.logs import read_dataset
 from sysid.report import write_fit_plots, write_fit_report
 from sysid.report.worst_runs import run_views
-
-BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 
 
 @pytest.fixture(scope="module")
@@ -45,23 +41,12 @@ def test_the_page_says_what_was_found(page: Path, fit: Fit) -> None:
     assert "The robot around the wheels" not in text  # a bench log
 
 
-# CI installs a browser: there the test must run, and fails without one.
-@pytest.mark.skipif(
-    BROWSER is None and not os.environ.get("CI"), reason="no chromium here to open the page with"
-)
-def test_a_browser_without_network_draws_every_plot(page: Path, tmp_path: Path) -> None:
-    assert BROWSER is not None
-    done = subprocess.run(
-        [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND",
-         "--enable-logging=stderr", "--v=0", f"--user-data-dir={tmp_path}", "--virtual-time-budget=20000",
-         "--dump-dom", page.as_uri()],
-        capture_output=True, text=True, timeout=240, check=False,
-    )  # fmt: skip
-    figures = page.read_text(encoding="utf-8").count('class="plotly-graph-div"')
-    drawn = len(re.findall(r'<div class="[^"]*svg-container', done.stdout))
+def test_a_browser_without_network_draws_every_plot(
+    page: Path, draw_page: Callable[[Path], tuple[int, int, list[str]]]
+) -> None:
+    figures, drawn, console = draw_page(page)
     assert figures >= 8
     assert drawn == figures
-    console = [line for line in done.stderr.splitlines() if ":CONSOLE" in line and "rror" in line]
     assert console == []
 
 

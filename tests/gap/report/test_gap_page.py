@@ -1,0 +1,79 @@
+"""The page of a gap study: self-contained, says what was found, drawn by a browser without network."""
+
+import html
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from sysid.gap.records import GapReport
+from sysid.gap.verdict import verdict_sentence
+from sysid.report import write_gap_report
+from sysid.report.gap_plots import heat_figure
+
+VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
+Drawn = Callable[[Path], tuple[int, int, list[str]]]
+
+
+@pytest.fixture(scope="module")
+def pages(every_report: dict[str, GapReport], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    pytest.importorskip("plotly", reason="the report extra is not installed")
+    folder = tmp_path_factory.mktemp("pages")
+    for verdict, report in every_report.items():
+        assert write_gap_report(report, folder / f"{verdict}.html")
+    return {verdict: folder / f"{verdict}.html" for verdict in every_report}
+
+
+def words(page: Path) -> str:
+    """Return the text of a page: no scripts, no tags, entities read."""
+    bare = re.sub(r"<(script|style).*?</\1>", " ", page.read_text(encoding="utf-8"), flags=re.S)
+    return " ".join(html.unescape(re.sub(r"<[^>]+>", " ", bare)).split())
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_page_says_the_verdict_and_loads_nothing(
+    pages: dict[str, Path], every_report: dict[str, GapReport], verdict: str
+):
+    assert verdict_sentence(every_report[verdict]) in words(pages[verdict])
+    text = pages[verdict].read_text(encoding="utf-8")
+    assert not re.search(r"<(?:script|link|img)[^>]*\b(?:src|href)\b", text)
+
+
+def test_each_verdict_has_its_sections(pages: dict[str, Path]):
+    titles = {
+        v: set(re.findall(r"<h2>(.*?)</h2>", page.read_text(encoding="utf-8"))) for v, page in pages.items()
+    }
+    assert "What was missing" in titles["named"]
+    assert {"What explains the data equally well", "The next experiment"} <= titles["ambiguous"]
+    assert "A clue, not physics" in titles["unexplained"]
+    assert not titles["no_gap"] & {"What was missing", "The next experiment", "A clue, not physics"}
+    shared = {"The gap, channel by channel", "The worst runs", "Where the error is", "The evidence"}
+    assert all(shared | {"What these logs could not show"} <= t for t in titles.values())
+
+
+def test_the_evidence_marks_what_was_adopted_and_what_is_tied(pages: dict[str, Path]):
+    text = words(pages["ambiguous"])
+    assert "roller_friction (adopted)" in text
+    assert "sensor_scale + mount_yaw (tied)" in text
+    assert "names the truth among roller_friction, sensor_scale + mount_yaw with a probability of 93%" in text
+
+
+def test_the_heat_map_has_one_scale_for_both_halves(named: GapReport, no_gap: GapReport):
+    heat = heat_figure(named)
+    assert heat is not None
+    before, after = heat["data"]
+    assert before["coloraxis"] == after["coloraxis"]
+    assert before["y"][:3] == ["phase · rest", "phase · start", "phase · steady"]
+    worst = before["y"][max(range(len(before["y"])), key=lambda i: before["z"][i][0])]
+    assert worst == "phase · reversal"
+    assert max(row[0] for row in after["z"]) < 1.2
+    assert len(heat_figure(no_gap)["data"]) == 1
+
+
+@pytest.mark.parametrize("verdict", ["ambiguous", "unexplained"])
+def test_a_browser_without_network_draws_every_plot(pages: dict[str, Path], draw_page: Drawn, verdict: str):
+    figures, drawn, console = draw_page(pages[verdict])
+    assert figures >= 3
+    assert drawn == figures
+    assert console == []

@@ -1,0 +1,114 @@
+"""gap.json, the sentence and the ten lines: the contract, and the same words everywhere."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sysid.gap.records import Difference, FoundEffect, GapReport, Interval
+from sysid.gap.result import gap_json
+from sysid.gap.table import gap_table
+from sysid.gap.verdict import closure, concentrations, number, sizes, verdict_sentence
+
+VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
+CONTRACT = {
+    "format", "verdict", "effects", "candidates", "gap", "channels", "where", "untestable", "next_experiment",
+    "evidence", "provenance",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_the_contract_s_keys_are_there_and_all_numbers_are_finite(
+    every_report: dict[str, GapReport], verdict: str
+):
+    value = json.loads(json.dumps(gap_json(every_report[verdict]), allow_nan=False))
+    assert set(value) >= CONTRACT
+    assert value["format"] == "mecanum-gap/1"
+    assert value["verdict"] == verdict
+    assert set(value["gap"]) >= {"unit", "before", "after", "noise_floor"}
+    assert all(
+        set(channel) >= {"unit", "before", "after", "noise_floor"} for channel in value["channels"].values()
+    )
+    assert all(set(region) >= {"channel", "region", "rms", "share"} for region in value["where"])
+    assert all(set(u) >= {"name", "reason", "smallest_detectable"} for u in value["untestable"])
+    assert all(set(e) >= {"effects", "validation_rms", "test_rms", "bic"} for e in value["evidence"])
+    assert set(value["provenance"]) >= {"seed", "data_sha256", "model_sha256", "version"}
+
+
+def test_an_effect_is_written_as_the_contract_says(named: GapReport):
+    assert gap_json(named)["effects"] == [
+        {
+            "name": "backlash",
+            "parameters": {"gap_deg": {"value": 2.1, "low": 1.9, "high": 2.3}},
+            "selection_frequency": 0.97,
+        }
+    ]
+
+
+def test_the_next_experiment_is_columns_of_a_log(ambiguous: GapReport, named: GapReport):
+    planned = gap_json(ambiguous)["next_experiment"]
+    assert set(planned) >= {"why", "power", "time_s", "command_v_rpm", "command_theta_deg", "command_vc_rpm"}
+    assert len(planned["time_s"]) == len(planned["command_v_rpm"])
+    assert gap_json(named)["next_experiment"] is None
+
+
+def test_what_is_not_a_number_is_null(named: GapReport):
+    odd = replace(
+        named,
+        p_value=float("nan"),
+        gap=Difference("rpm", 1.0, float("inf"), None),
+        effects=(
+            FoundEffect("body_speed_limit", {"v_rpm": Interval(np.float64(3.0), 1.0, float("inf"))}, 1.0),
+        ),
+    )
+    value = json.loads(json.dumps(gap_json(odd), allow_nan=False))
+    assert value["p_value"] is None
+    assert value["gap"]["after"] is None
+    assert value["gap"]["closed"] is None
+    assert value["effects"][0]["parameters"]["v_rpm"] == {"value": 3.0, "low": 1.0, "high": None}
+
+
+@pytest.mark.parametrize("verdict", VERDICTS)
+def test_terminal_and_file_say_the_same_sentence_in_ten_lines(
+    every_report: dict[str, GapReport], verdict: str
+):
+    report = every_report[verdict]
+    lines = gap_table(report).splitlines()
+    assert verdict_sentence(report) in lines[0]
+    assert gap_json(report)["sentence"] == verdict_sentence(report)
+    assert 4 <= len(lines) <= 10
+    assert lines[-1].startswith("next")
+
+
+def test_the_sentences_name_what_was_found(every_report: dict[str, GapReport]):
+    said = {verdict: verdict_sentence(report) for verdict, report in every_report.items()}
+    assert said["named"].startswith("The model lacks backlash: with it")
+    assert "roller_friction or sensor_scale + mount_yaw" in said["ambiguous"]
+    assert "cannot tell which" in said["ambiguous"]
+    assert said["no_gap"].startswith("No gap")
+    assert "no effect of the catalogue explains" in said["unexplained"]
+
+
+def test_closure_is_the_part_above_the_noise():
+    assert closure(Difference("rpm", 6.0, 2.0, 1.0)) == pytest.approx(0.8)
+    assert closure(Difference("rpm", 6.0, 3.0, None)) == pytest.approx(0.5)
+    assert closure(Difference("rpm", 0.9, 0.9, 1.0)) is None
+
+
+def test_a_region_stands_out_by_more_error_than_samples(named: GapReport, no_gap: GapReport):
+    assert concentrations(named)[0].region.region == "reversal"
+    assert concentrations(named)[0].sample_share < 0.2
+    assert concentrations(no_gap) == ()
+
+
+def test_sizes_have_the_units_of_the_catalogue():
+    assert sizes("backlash", {"gap_deg": 2.0}) == "gap_deg 2 deg"
+    assert sizes("speed_gain", {"gain": 0.95}) == "gain 0.95"
+    assert [number(x) for x in (None, 0.70001, 812.4, -2312.4, 1.5e7)] == [
+        "-",
+        "0.7",
+        "812",
+        "-2312",
+        "1.5e+07",
+    ]

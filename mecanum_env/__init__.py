@@ -4,4 +4,8 @@ This module is imported while ``import mujoco`` loads the wheel plugin, so it st
 imports mujoco, gymnasium or scipy.
 """
 
+from mecanum_env.registration import register_when_gymnasium_is_there
+
 __version__ = "0.1.0"
+
+register_when_gymnasium_is_there()

@@ -1,5 +1,34 @@
-"""Controllers that run on the simulator and, unchanged, in a real robot's loop."""
+"""Controllers that run on the simulator and, unchanged, in a real robot's loop.
 
+Each has `reset()` and `act(observation) -> (V rpm, theta deg, VC rpm)`, whole numbers: the protocol
+`training.controllers.interface.Controller`. A loop on a robot is:
+
+    controller.reset()
+    while fighting:                                   # ten times a second
+        v, theta, vc = controller.act(observation)    # as `mecanum_env.tankendo.observation` describes it
+        robot.send(v, theta, vc)
+
+and on the simulator, with `action_mode="command"`:
+
+    observation, reward, ... = env.step(command_to_action(controller.act(observation)))
+"""
+
+from training.controllers.hold import Hold
+from training.controllers.interface import Command, Controller, twist_command
+from training.controllers.oracle import Oracle
 from training.controllers.pose import PoseController
+from training.controllers.random_motion import RandomMotion
+from training.controllers.retreat import Retreat
+from training.controllers.still import Still
 
-__all__ = ["PoseController"]
+__all__ = [
+    "Command",
+    "Controller",
+    "Hold",
+    "Oracle",
+    "PoseController",
+    "RandomMotion",
+    "Retreat",
+    "Still",
+    "twist_command",
+]

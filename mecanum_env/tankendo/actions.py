@@ -1,0 +1,87 @@
+"""Actions of a policy, in [-1, 1]^3, and the commands that the robot takes: V [rpm], theta [deg], VC [rpm].
+
+| mode | action | command |
+|---|---|---|
+| `cartesian` | forward, left, turn | V = 135 of its length, up to 135; theta = its direction; VC = 100 turn |
+| `polar` | speed, direction, turn | V = 135 (speed + 1) / 2; theta = 180 direction; VC = 100 turn |
+| `command` | V, theta, VC | V = 135 V; theta = 180 theta; VC = 100 VC |
+
+Commands are then rounded as the robot does: theta to 1 degree, V and VC to its quantum (1 rpm).
+"""
+
+from __future__ import annotations
+
+from typing import Final, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.kinematics import round_command
+from mecanum_env.units import FloatArray
+
+ActionMode = Literal["cartesian", "polar", "command"]
+ACTION_MODES: Final[tuple[ActionMode, ...]] = get_args(ActionMode)
+FULL_V_RPM = 135.0
+"""V at full action [rpm]: the ceiling of the paper's robot."""
+FULL_VC_RPM = 100.0
+"""VC at full action [rpm]; ours: 2.1 rad/s for the packaged robot."""
+
+
+def check_mode(mode: str) -> None:
+    """Raise `InputError` unless `mode` is an action mode."""
+    if mode not in ACTION_MODES:
+        raise InputError(
+            f"action_mode = {mode!r}{did_you_mean(mode, ACTION_MODES)}, must be {', '.join(ACTION_MODES)}"
+        )
+
+
+def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: float = 1.0) -> FloatArray:
+    """Return commands (V rpm, theta deg, VC rpm), shape (..., 3), of actions, shape (..., 3).
+
+    Args:
+        actions: clipped to [-1, 1].
+        mode: see the module.
+        quantum_rpm: V and VC are rounded to this [rpm]; 0: not rounded.
+    """
+    a, b, c = np.moveaxis(np.clip(np.asarray(actions, float), -1.0, 1.0), -1, 0)
+    if mode == "cartesian":
+        v = FULL_V_RPM * np.minimum(np.sqrt(a * a + b * b), 1.0)
+        # Adding 0.0 turns -0.0 into 0.0, which arctan2 would take for a direction.
+        theta = np.rad2deg(np.arctan2(b + 0.0, a + 0.0))
+    elif mode == "polar":
+        v, theta = FULL_V_RPM * 0.5 * (a + 1.0), 180.0 * b
+    else:
+        v, theta = FULL_V_RPM * a, 180.0 * b
+    return np.stack(round_command(v, theta, FULL_VC_RPM * c, quantum_rpm), axis=-1)
+
+
+def command_to_action(command: npt.ArrayLike, mode: ActionMode = "command") -> npt.NDArray[np.float32]:
+    """Return the action, shape (..., 3), that asks for a command (V rpm, theta deg, VC rpm), shape (..., 3).
+
+    What is beyond full action is clipped. For whole numbers and the mode `command` it is exact.
+
+    Args:
+        command: V may be negative: backwards along theta.
+        mode: see the module.
+    """
+    v, theta, vc = np.moveaxis(np.asarray(command, float), -1, 0)
+    turn = vc / FULL_VC_RPM
+    if mode == "command":
+        first, second = v / FULL_V_RPM, _within_180(theta) / 180.0
+    else:
+        theta = _within_180(np.where(v < 0.0, theta + 180.0, theta))
+        share = np.minimum(np.abs(v) / FULL_V_RPM, 1.0)
+        if mode == "polar":
+            first, second = 2.0 * share - 1.0, theta / 180.0
+        else:
+            first, second = share * np.cos(np.deg2rad(theta)), share * np.sin(np.deg2rad(theta))
+    action: npt.NDArray[np.float32] = np.clip(np.stack([first, second, turn], axis=-1), -1.0, 1.0).astype(
+        np.float32
+    )
+    return action
+
+
+def _within_180(theta: FloatArray) -> FloatArray:
+    within: FloatArray = np.where(np.abs(theta) <= 180.0, theta, (theta + 180.0) % 360.0 - 180.0)
+    return within

@@ -1,0 +1,117 @@
+"""From the arguments of `gymnasium.make` to an arena: what the single and the vector environment share."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
+
+import gymnasium
+import numpy as np
+
+from mecanum_env.errors import InputError
+from mecanum_env.model import Model, paper_model, read_model
+from mecanum_env.simulator import Plant
+from mecanum_env.tankendo.actions import ActionMode
+from mecanum_env.tankendo.arena import Arena, Setting, TaskName
+from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors, opponent_for
+from mecanum_env.tankendo.plant import Compiled, compile_model
+from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
+
+ModelLike = Model | str | os.PathLike[str]
+
+
+@dataclass(frozen=True)
+class Built:
+    """An environment's parts."""
+
+    arena: Arena
+    sampler: Sampler | None
+    """Draws the robot of each episode; None: always the model."""
+    plant: Plant
+    timestep_s: float | None
+
+    def restart(self, row: int, rng: np.random.Generator) -> None:
+        """Begin an episode in one row, with chance from rng."""
+        self.arena.restart(row, rng, self._robot(rng))
+
+    def _robot(self, rng: np.random.Generator) -> Compiled | None:
+        if self.sampler is None:
+            return None
+        return compile_model(self.sampler.draw(rng), self.plant, self.timestep_s)
+
+    def action_space(self) -> gymnasium.spaces.Box:
+        """Return the space of one action."""
+        return gymnasium.spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+    def observation_space(self) -> gymnasium.spaces.Box:
+        """Return the space of one observation."""
+        limits = self.arena.setting.observation_limits
+        return gymnasium.spaces.Box(-limits, limits, dtype=np.float32)
+
+
+def build(
+    n: int,
+    *,
+    task: TaskName,
+    model: ModelLike | None,
+    plant: Plant,
+    difficulty: str,
+    action_mode: ActionMode,
+    observation_delay: float | None,
+    opponent: Opponent | None,
+    randomize: Randomize,
+    reward_weights: Mapping[str, float] | RewardWeights | None,
+    rules: Rules | None,
+    sensors: Sensors | None,
+    timestep_s: float | None,
+    threads: int = 1,
+) -> Built:
+    """Build n environments; the arguments are those of `TankendoEnv`.
+
+    Args:
+        n: how many.
+        task: what is played.
+        model: a model file's path, a model, or None for the packaged one.
+        plant: "rollers" or "planar".
+        difficulty: of the opponent, where none is given.
+        action_mode: see `mecanum_env.tankendo.actions`.
+        observation_delay: replaces the sensors' [s].
+        opponent: replaces the difficulty's.
+        randomize: see `mecanum_env.tankendo.randomize`.
+        reward_weights: all, or some by name.
+        rules: replace the default ones.
+        sensors: replace the default ones.
+        timestep_s: upper bound of the physics step [s].
+        threads: that step the physics.
+
+    Raises:
+        InputError: an argument that is not usable; the message says what would be.
+    """
+    if model is None:
+        model = paper_model()
+    elif not isinstance(model, Model):
+        model = read_model(model)
+    sensors = Sensors() if sensors is None else sensors
+    if observation_delay is not None:
+        sensors = replace(sensors, delay_s=float(observation_delay))
+    if not 0.0 <= sensors.delay_s <= 1.0:
+        raise InputError(f"observation_delay = {sensors.delay_s}, must be seconds from 0 to 1")
+    if not isinstance(reward_weights, RewardWeights):
+        reward_weights = RewardWeights().replaced(reward_weights or {})
+    setting = Setting(
+        task=task,
+        opponent=opponent_for(difficulty) if opponent is None else opponent,
+        rules=Rules() if rules is None else rules,
+        sensors=sensors,
+        weights=reward_weights,
+        action_mode=action_mode,
+    )
+    compiled = compile_model(model, plant, timestep_s)
+    return Built(Arena(setting, compiled, n, threads), sampler_for(randomize, model), plant, timestep_s)
+
+
+def row_info(info: Mapping[str, np.ndarray[Any, Any]], row: int) -> dict[str, Any]:
+    """Return one row of an info of arrays, as plain Python numbers."""
+    return {name: values[row].item() for name, values in info.items()}

@@ -1,0 +1,169 @@
+"""The physics of many robots at once: commands in, poses and velocities out, one command period a call."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from mujoco.batch import Batch
+
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.mjcf import TRAINING_TIMESTEP_S, planar_spec, robot_spec
+from mecanum_env.model import Model
+from mecanum_env.simulator import Plant, SimulationDivergedError
+from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
+from mecanum_env.simulator.robot import at_rest
+from mecanum_env.units import FloatArray
+
+DEFAULT_TIMESTEP_S: Final[dict[Plant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
+"""Upper bound of the physics step [s]. The planar plant takes one step a tick of the paper's law."""
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+
+
+@dataclass(frozen=True)
+class Compiled:
+    """A model, ready to run."""
+
+    model: Model
+    mj_model: mujoco.MjModel
+    rest: FloatArray
+    """Integration state of the robot that stands at the field's centre, looking along x."""
+
+
+def compile_model(model: Model, plant: Plant, timestep_s: float | None = None) -> Compiled:
+    """Compile a robot without what is only seen, and without sensors, which are read off the state.
+
+    Args:
+        model: wheel, robot and effects.
+        plant: "rollers" or "planar".
+        timestep_s: upper bound of the physics step [s]; `DEFAULT_TIMESTEP_S` when None.
+
+    Raises:
+        InputError: no such plant, or a model that it cannot simulate.
+    """
+    if plant not in DEFAULT_TIMESTEP_S:
+        known = ", ".join(DEFAULT_TIMESTEP_S)
+        raise InputError(f"plant = {plant!r}{did_you_mean(plant, DEFAULT_TIMESTEP_S)}, must be {known}")
+    spec = robot_spec if plant == "rollers" else planar_spec
+    after_limits = wheel_side(model) if limits_body(model) else model
+    at_most = DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
+    mj_model = spec(after_limits, timestep_s=at_most, wheel_quantum=False, visuals=False).compile()
+    mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+    rest = np.empty(mujoco.mj_stateSize(mj_model, _STATE))
+    mujoco.mj_getState(mj_model, at_rest(mj_model), rest, _STATE)
+    return Compiled(model, mj_model, rest)
+
+
+class Robots:
+    """n robots, each with a model of its own.
+
+    Args:
+        common: of all robots until `restart` gives one another.
+        n: how many.
+        threads: that step them; 0: as many as there are processors.
+    """
+
+    def __init__(self, common: Compiled, n: int, threads: int = 1) -> None:
+        self.n, self._common = n, common
+        self._of = [common] * n
+        self._batch = Batch(common.mj_model, n, threads)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._ctrl = self._batch.bind("ctrl")
+        self._timestep_s = float(common.mj_model.opt.timestep)
+        self._substeps = round(common.model.wheel.command_period_s / self._timestep_s)
+        self._limits: list[BodyLimits | None] = [None] * n
+        self._is_free = common.mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE
+
+    @property
+    def substeps(self) -> int:
+        """Physics steps of one command."""
+        return self._substeps
+
+    def restart(self, row: int, place: Sequence[float], compiled: Compiled | None = None) -> None:
+        """Put one robot at rest at a place.
+
+        Args:
+            row: which robot.
+            place: x [m], y [m], yaw [rad].
+            compiled: what it is from now on; the common one when None.
+
+        Raises:
+            InputError: it is built otherwise than the common one.
+        """
+        new = self._common if compiled is None else compiled
+        if new is not self._of[row]:
+            self._of[row] = new
+            try:
+                self._batch.set_models([one.mj_model for one in self._of])
+            except ValueError as error:
+                raise InputError(f"robots side by side must have the same effects: {error}") from error
+        self._batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        self._batch.state[row] = new.rest
+        self._place(row, place)
+        limited = limits_body(new.model)
+        self._limits[row] = BodyLimits(new.model, self._timestep_s) if limited else None
+
+    def step(self, commands: FloatArray) -> None:
+        """Simulate one command period.
+
+        Args:
+            commands: V [rpm], theta [deg], VC [rpm], rounded, shape (n, 3).
+
+        Raises:
+            SimulationDivergedError: a state stopped being finite or plausible.
+        """
+        wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
+        if any(limits is not None for limits in self._limits):
+            self._batch.rollout(self._substeps, self._limited(wheels), record=())
+        else:
+            self._ctrl[:] = wheels
+            self._batch.step(nstep=self._substeps)
+        if self._batch.warning.any():
+            row = int(np.argmax(self._batch.warning.any(axis=1)))
+            raise SimulationDivergedError(
+                f"robot {row} diverged; use a shorter timestep or a less stiff servo"
+            )
+
+    def motion(self) -> FloatArray:
+        """Return pose and velocity in the field's frame: x, y [m], yaw [rad], vx, vy [m/s], yaw rate [rad/s].
+
+        Shape (6, n); yaw is within +-pi on the rollers and unwrapped on the planar plant.
+        """
+        position, velocity = self._qpos.T, self._qvel.T
+        if not self._is_free:
+            return np.concatenate([position[:3], velocity[:3]])
+        w, x, y, z = position[3:7]
+        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return np.stack([position[0], position[1], yaw, velocity[0], velocity[1], velocity[5]])
+
+    def qpos(self, row: int) -> FloatArray:
+        """Return MuJoCo's generalised positions of one robot, by its row, for drawing."""
+        return np.array(self._qpos[row], float)
+
+    def model_of(self, row: int) -> Model:
+        """Return the model that one robot, by its row, runs on."""
+        return self._of[row].model
+
+    def _limited(self, wheels: FloatArray) -> FloatArray:
+        control = np.repeat(wheels[:, None], self._substeps, axis=1)
+        for row, limits in enumerate(self._limits):
+            if limits is not None:
+                control[row] = [limits.step(wheels[row]) for _ in range(self._substeps)]
+        return control
+
+    def _place(self, row: int, place: Sequence[float] | npt.NDArray[np.float64]) -> None:
+        x, y, yaw = place
+        qpos = self._qpos[row]
+        if not self._is_free:
+            qpos[:3] = x, y, yaw
+            return
+        qpos[:2] = x, y
+        turned = np.empty(4)
+        about_z = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+        mujoco.mju_mulQuat(turned, about_z, qpos[3:7].copy())
+        qpos[3:7] = turned

@@ -1,0 +1,155 @@
+"""Robots drawn from what the identification left open: one for each episode.
+
+- `"none"`: nothing; every episode has the model as it is.
+- `"posterior"`: the wheel's A-F from the fit's covariance (unstable laws are drawn again), what was fitted
+  of the robot from its standard errors, effects evenly from the gap's intervals.
+- a mapping: each named number evenly between two ends, such as
+  `{"robot.mass_kg": (18, 24), "effects.speed_gain.gain": (0.9, 1.0)}`.
+
+The model file holds what the posterior needs: `uncertainty.wheel.covariance`, `uncertainty.robot.NAME` and
+`uncertainty.effects.EFFECT.PARAMETER` with `low` and `high`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE, EFFECT_PARAMETERS
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.model import Model, Robot
+from mecanum_env.units import FloatArray
+
+Range = tuple[float, float]
+Randomize = Literal["none", "posterior"] | Mapping[str, Range]
+_TRIES = 1000
+_WHEEL = ("saturation_rpm",)
+_WHOLE = ("rollers_per_wheel",)
+
+
+@dataclass(frozen=True)
+class Sampler:
+    """Draws models around one."""
+
+    model: Model
+    """What is not drawn stays as it is here."""
+    ranges: Mapping[str, Range]
+    """Name, such as "robot.mass_kg" or "effects.speed_gain.gain" -> ends of an even draw."""
+    spread: FloatArray | None = None
+    """A matrix L, (6, 6), with L L^T the covariance of A-F; None: the law is not drawn."""
+    robot_errors: Mapping[str, float] | None = None
+    """Standard errors of fitted numbers of the robot by name."""
+
+    def draw(self, rng: np.random.Generator) -> Model:
+        """Return a model, drawn with rng.
+
+        Raises:
+            InputError: nearly every drawn law is unstable.
+        """
+        model = self.model if self.spread is None else self._draw_laws(self.spread, rng)
+        for name, error in (self.robot_errors or {}).items():
+            value = getattr(model.robot, name)
+            # Away from zero and below: these are stiffnesses, inertias, grips.
+            drawn = max(value + error * rng.standard_normal(), 0.1 * value)
+            model = replace(model, robot=replace(model.robot, **{name: drawn}))
+        for name, (low, high) in self.ranges.items():
+            model = _with_number(model, name, low + (high - low) * rng.random())
+        return model
+
+    def _draw_laws(self, spread: FloatArray, rng: np.random.Generator) -> Model:
+        model = self.model
+        for _ in range(_TRIES):
+            change = spread @ rng.standard_normal(spread.shape[1])
+            law = _moved(model.wheel.law, change)
+            wheels = {name: _moved(own, change) for name, own in model.wheels.items()}
+            if all(one.is_stable for one in (law, *wheels.values())):
+                return replace(model, wheel=replace(model.wheel, law=law), wheels=wheels)
+        raise InputError(
+            f"uncertainty.wheel.covariance: {_TRIES} laws drawn from it are unstable; fit more logs"
+        )
+
+
+def sampler_for(randomize: Randomize, model: Model) -> Sampler | None:
+    """Return what draws the robot of each episode; None where there is nothing to draw.
+
+    Args:
+        randomize: "none", "posterior" or ranges by name; see the module.
+        model: what is drawn around.
+
+    Raises:
+        InputError: no such choice or name, a range that is none, or a model that knows no uncertainty.
+    """
+    if isinstance(randomize, Mapping):
+        return Sampler(model, {name: _range(name, ends) for name, ends in sorted(randomize.items())})
+    if randomize == "none":
+        return None
+    if randomize != "posterior":
+        raise InputError(f'randomize = {randomize!r}, must be "none", "posterior" or ranges by name')
+    known = model.uncertainty
+    covariance = known.get("wheel", {}).get("covariance")
+    errors = {name: float(error) for name, error in sorted(known.get("robot", {}).items())}
+    ranges = {
+        f"effects.{effect}.{name}": (float(ends["low"]), float(ends["high"]))
+        for effect, parameters in sorted(known.get("effects", {}).items())
+        for name, ends in sorted(parameters.items())
+    }
+    if covariance is None and not errors and not ranges:
+        raise InputError(
+            'randomize = "posterior": the model file holds no uncertainty; make one with `python -m sysid.fit '
+            'LOGS`, or give ranges, such as {"robot.mass_kg": (18, 24)}'
+        )
+    spread = None if covariance is None else _factor(np.array(covariance, float))
+    return Sampler(model, {name: _range(name, ends) for name, ends in ranges.items()}, spread, errors)
+
+
+def _factor(covariance: FloatArray) -> FloatArray:
+    """Return L with L L^T the covariance; its own rank is 5 where the unit gain ties the six together."""
+    values, vectors = np.linalg.eigh(covariance)
+    factor: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
+    return factor
+
+
+def _moved(law: WheelLaw, change: FloatArray) -> WheelLaw:
+    """Return a law with coefficients changed by `change`, (6,), and the same sum: its gain is known."""
+    numbers = {name: getattr(law, name) + float(d) for name, d in zip(COEFFICIENTS, change, strict=True)}
+    numbers["E"] -= float(np.sum(change))
+    return replace(law, **numbers)
+
+
+def _range(name: str, ends: Any) -> Range:
+    _check_name(name)
+    try:
+        low, high = (float(end) for end in ends)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"randomize: {name} = {ends!r}, must be two numbers: low, high") from error
+    if not (np.isfinite(low) and np.isfinite(high) and low <= high):
+        raise InputError(f"randomize: {name} = {ends!r}, must be two finite numbers, the lower one first")
+    return low, high
+
+
+def _check_name(name: str) -> None:
+    robot = [f"robot.{one.name}" for one in fields(Robot) if one.name not in _WHOLE]
+    wheel = [f"wheel.{one}" for one in _WHEEL]
+    effects = [f"effects.{effect}.{one}" for effect, known in EFFECT_PARAMETERS.items() for one in known]
+    known = [*wheel, *robot, *effects]
+    if name not in known:
+        raise InputError(
+            f"randomize: no number {name!r}{did_you_mean(name, known)}; known are wheel.saturation_rpm, "
+            "robot.NAME and effects.EFFECT.PARAMETER, as in a model file"
+        )
+
+
+def _with_number(model: Model, name: str, value: float) -> Model:
+    section, *rest = name.split(".")
+    if section == "robot":
+        return replace(model, robot=replace(model.robot, **{rest[0]: value}))  # type: ignore[arg-type]
+    if section == "wheel":
+        return replace(model, wheel=replace(model.wheel, **{rest[0]: value}))  # type: ignore[arg-type]
+    effect, parameter = rest
+    known = next(one for one in CATALOGUE[effect].parameters if one.name == parameter)
+    value = min(max(value, known.valid[0]), known.valid[1])
+    return model.with_effect(effect, **{**model.effects.get(effect, {}), parameter: value})

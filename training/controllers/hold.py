@@ -1,0 +1,42 @@
+"""Keeping the distance and facing the opponent: a proportional controller."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.model import Robot
+from mecanum_env.tankendo import Observed, Rules, read_observation
+from training.controllers.interface import Command, twist_command
+
+
+@dataclass(frozen=True)
+class Hold:
+    """Twist asked for = gains * (distance error, bearing)."""
+
+    distance_m: float = Rules.maai_m
+    """Distance to keep [m]."""
+    gain_per_s: float = 2.0
+    """Correction of the distance [1/s]."""
+    turn_gain_per_s: float = 2.0
+    """Correction of the bearing [1/s]."""
+    robot: Robot = field(default_factory=Robot)
+    """Dimensions of the robot, for its kinematics."""
+
+    def reset(self) -> None:
+        """Forget nothing: it has no memory."""
+
+    def act(self, observation: npt.NDArray[np.floating]) -> Command:
+        """Return the command for an observation, shape (20 or more,)."""
+        seen = read_observation(observation)
+        return twist_command(*self.twist(seen), self.robot)
+
+    def twist(self, seen: Observed) -> tuple[float, float, float]:
+        """Return the wanted twist: ahead, left [m/s], turn [rad/s]; `seen` is one observation."""
+        x, y = float(seen.opponent_x), float(seen.opponent_y)
+        distance = max(float(np.hypot(x, y)), 1e-6)
+        speed = self.gain_per_s * (distance - self.distance_m)
+        turn = self.turn_gain_per_s * float(np.arctan2(y, x))
+        return speed * x / distance, speed * y / distance, turn

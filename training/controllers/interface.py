@@ -1,0 +1,45 @@
+"""What every Tankendo controller is, and the step from a wanted twist to a command."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.kinematics import scale_wheels, twist_to_wheels, wheels_to_command
+from mecanum_env.model import Robot, Wheel
+
+Command = tuple[int, int, int]
+"""V [rpm], theta [deg], VC [rpm], as the robot takes them."""
+
+
+class Controller(Protocol):
+    """Observation in, command out, once every 0.1 s; on the simulator and on a real robot alike.
+
+    The observation is that of `mecanum_env.tankendo.observation`, also where a real robot's sensors make it.
+    """
+
+    def reset(self) -> None:
+        """Forget the episode."""
+        ...
+
+    def act(self, observation: npt.NDArray[np.floating]) -> Command:
+        """Return the command for an observation, shape (20 or more,)."""
+        ...
+
+
+def twist_command(vx_m_s: float, vy_m_s: float, yaw_rate_rad_s: float, robot: Robot) -> Command:
+    """Return the command that asks for a body twist (ahead [m/s], left [m/s], turn [rad/s]).
+
+    Args:
+        vx_m_s: ahead.
+        vy_m_s: to the left.
+        yaw_rate_rad_s: counter-clockwise.
+        robot: its dimensions count.
+
+    No wheel is asked for more than the ceiling of the paper's robot; the direction is kept.
+    """
+    wheels = twist_to_wheels([vx_m_s, vy_m_s, yaw_rate_rad_s], robot)
+    v, theta, vc = wheels_to_command(scale_wheels(wheels, Wheel.saturation_rpm))
+    return round(float(v)), round(float(theta)), round(float(vc))

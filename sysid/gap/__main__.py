@@ -1,0 +1,79 @@
+"""Find what a model lacks, by logs: `python -m sysid.gap LOGS --model MODEL`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Final, Literal
+
+import tyro
+
+from mecanum_env.cli import run
+from mecanum_env.model import read_model
+from sysid.gap.analyse import analyse
+from sysid.gap.options import require_valid
+from sysid.gap.output import write_study
+from sysid.gap.records import GapOptions
+from sysid.gap.table import gap_table
+from sysid.logs import read_dataset
+from sysid.measure import stage_bar
+
+_STAGES: Final = 8
+
+
+def gap(
+    logs: tyro.conf.Positional[Path],
+    /,
+    model: Path,
+    out: Path = Path("gap"),
+    seed: int = 0,
+    level: Literal["auto", "bench", "robot"] = "auto",
+    only: tuple[str, ...] = (),
+    exclude: tuple[str, ...] = (),
+    max_effects: int = 3,
+    jobs: int = 1,
+    empirical: bool = False,
+) -> None:
+    """Compare a model with logs; name the effect that it lacks, add it, and show that the gap shrinks.
+
+    Writes gap.json, model.json with the effects added, report.html and, where it helps, next_experiment.csv.
+
+    Example: python -m sysid.gap logs --model fit/model.json --out gap
+
+    Args:
+        logs: Folder of bench or robot logs, or one file.
+        model: Model to compare with them, from python -m sysid.fit.
+        out: Folder to write.
+        seed: Of the simulated thresholds and the bootstrap.
+        level: What the logs must be; auto takes what they are.
+        only: Effects to look for; default: all that act on such logs (python -m mecanum_env.effects).
+        exclude: Effects not to look for.
+        max_effects: Largest set of effects that is tried.
+        jobs: Simulations at a time; the result is the same with any number.
+        empirical: Where no effect explains the gap, add a correction found by regression to the model.
+    """
+    options = GapOptions(
+        seed=seed,
+        level=level,
+        only=only,
+        exclude=exclude,
+        max_effects=max_effects,
+        jobs=jobs,
+        empirical=empirical,
+    )
+    base = read_model(model)
+    dataset = read_dataset(logs)
+    require_valid(options, dataset.level)
+    with stage_bar(_STAGES) as progress:
+        report = analyse(dataset, base, options, progress)
+        progress("report")
+        written = write_study(report, out)
+    print(gap_table(report))
+    page = (
+        "" if out / "report.html" in written else "; for report.html: pip install 'mecanum-tankendo[report]'"
+    )
+    print(f"\nwrote {', '.join(map(str, written))}{page}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(gap, prog="python -m sysid.gap"))

@@ -82,7 +82,7 @@ STICTION: Final = Effect(
     name="stiction",
     acts_on="wheel joint",
     parameters=(
-        Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0)),
+        Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0), scan=(0.05, 0.1, 0.2, 0.4, 0.8)),
         Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0),
     ),
     summary="Friction beyond coulomb_friction near rest: breakaway exp(-(speed / stribeck)^2).",

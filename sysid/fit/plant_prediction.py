@@ -9,9 +9,10 @@ import numpy as np
 
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
-from mecanum_env.simulator import BodyCommands, Commands, Plant, WheelCommands, drive
+from mecanum_env.simulator import Plant, drive
 from mecanum_env.units import FloatArray
-from sysid.logs import BodyCommand, Run
+from sysid.logs import Run
+from sysid.prediction import commands_of
 
 BODY_VELOCITY = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
 
@@ -70,18 +71,6 @@ class PlantData:
                 if name in run.channels
             ]
         return np.concatenate(parts)
-
-
-def commands_of(run: Run) -> Commands:
-    """Return a robot log's commands in the simulator's form, rows that repeat left out."""
-    command = run.command
-    if isinstance(command, BodyCommand):
-        rows = np.stack([command.v_rpm, command.theta_deg, command.vc_rpm], axis=1)
-    else:
-        rows = command.wheels_rpm
-    keep = np.concatenate([[True], np.any(rows[1:] != rows[:-1], axis=1)])
-    time, rows = run.time_s[keep], rows[keep]
-    return BodyCommands(time, *rows.T) if isinstance(command, BodyCommand) else WheelCommands(time, rows)
 
 
 def liveliest_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:

@@ -15,6 +15,7 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
 from sysid.fit.figures import finite_or_none
 from sysid.fit.pipeline import Fit, latency, wheel_model
+from sysid.gap.own_error import with_own_error
 from sysid.statistics import Quantity
 
 FORMAT: Final = "mecanum-fit/1"
@@ -28,7 +29,8 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
         robot: what is known of the robot around it; what the fit was given when None.
 
     Returns:
-        A model whose "uncertainty" holds the covariance of the coefficients, and whose "command_latency" is
+        A model whose "uncertainty" holds the covariance of the coefficients and how far the model is off from
+        its own logs (`sysid.model_error`), and whose "command_latency" is
         the fitted delay where there is one.
     """
     found, path = fit.estimate, fit.path
@@ -38,7 +40,7 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
         wheel = replace(wheel, law=fit.robot.law)
         fitted: dict[str, Any] = {p.name: p.value for p in fit.robot.parameters if p.fitted}
         around = replace(around, **fitted)
-    return Model(
+    model = Model(
         wheel=wheel,
         wheels={wheel: estimate.law for wheel, estimate in fit.wheels.items()},
         robot=around,
@@ -54,6 +56,7 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
             "notes": list(fit.notes),
         },
     )
+    return with_own_error(model, fit.dataset)
 
 
 def fit_json(fit: Fit) -> dict[str, Any]:

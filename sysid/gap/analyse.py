@@ -1,0 +1,207 @@
+"""A study of the gap from logs and model to report: the whole workflow as one function call."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+import mecanum_env
+from mecanum_env.model import Model
+from mecanum_env.model.codec import model_to_dict
+from sysid.gap.decide import Decision, Floor, decide
+from sysid.gap.detectable import smallest_detectable, untestable
+from sysid.gap.evidence import evidence, found_effects
+from sysid.gap.figures import compare, differences, held_out, overlays, predicted
+from sysid.gap.library import responses
+from sysid.gap.noise import Noise, measure_noise
+from sysid.gap.observations import Observations, observe
+from sysid.gap.options import known_effects, require_valid
+from sysid.gap.own_error import residuals_of
+from sysid.gap.problem import Problem
+from sysid.gap.records import GapOptions, GapReport
+from sysid.gap.search import Effort, Search
+from sysid.gap.subset import liveliest
+from sysid.gap.thresholds import chance
+from sysid.gap.where import regions
+from sysid.gap.whitening import Whitener
+from sysid.logs import Dataset
+from sysid.measure import Progress, silent
+from sysid.model_error import ModelError, estimate_model_error, model_error_of
+
+SECONDS: Final = {"bench": 240.0, "robot": 60.0}
+"""Of log that is simulated again and again in the search."""
+EFFORT: Final = {"bench": Effort(15, 16, 8, 5), "robot": Effort(10, 10, 6, 4)}
+
+
+@dataclass(frozen=True, eq=False)
+class _Study:
+    """The runs that may be looked at, and what a right model would leave of them."""
+
+    observations: Observations
+    noise: Noise
+    error: ModelError | None
+    floor: Floor
+    notes: tuple[str, ...]
+
+
+def analyse(
+    dataset: Dataset, model: Model, options: GapOptions | None = None, progress: Progress = silent
+) -> GapReport:
+    """Find where a model and logs disagree, which effects are missing, and what adding them gains.
+
+    Fit and validation runs decide; test runs only show the result.
+
+    Args:
+        dataset: bench or robot logs, as `sysid.logs.read_dataset` gives them.
+        model: fitted to other logs than these, at best: then how far it errs by itself is known.
+        options: seed, effects to consider, jobs.
+        progress: called with a message before each long step.
+
+    Raises:
+        InputError: options that make no sense for the logs, or a model that cannot be simulated.
+    """
+    options = options or GapOptions()
+    require_valid(options, dataset.level)
+    rng = np.random.default_rng(options.seed)
+    considered = _considered(dataset, options)
+    progress("data check")
+    study = _study(dataset, model)
+    progress("what each effect would do")
+    problem, search = _search(study, model, considered, options)
+    if not study.floor.trusted:
+        # What the best set leaves is all that tells how far a law errs that was fitted to these very logs.
+        progress("how far the model errs by itself")
+        decide(problem, search, study.floor, options.max_effects, np.random.default_rng(options.seed))
+        study = replace(study, error=_left(study, problem, search))
+        problem, search = _search(study, model, considered, options)
+    progress("sets of effects")
+    decision = decide(problem, search, study.floor, options.max_effects, rng)
+    progress("before and after")
+    return _report(dataset, model, options, study, problem, search, considered, decision)
+
+
+def _considered(dataset: Dataset, options: GapOptions) -> tuple[str, ...]:
+    known = known_effects(dataset.level)
+    return tuple(n for n in known if n not in options.exclude and (not options.only or n in options.only))
+
+
+def _study(dataset: Dataset, model: Model) -> _Study:
+    notes = []
+    runs = dataset.split("fit") + dataset.split("validation")
+    if not runs:
+        runs = dataset.runs
+        notes.append("all runs are test runs: they decide too, so nothing is left to check the decision")
+    elif not dataset.split("test"):
+        notes.append("no test runs: before and after are shown on runs that the decision has seen")
+    fewer = liveliest(runs, SECONDS[dataset.level])
+    if len(fewer) < len(runs):
+        seconds = sum(run.duration_s for run in fewer)
+        notes.append(f"{len(fewer)} of {len(runs)} runs ({seconds:.0f} s), the liveliest, decide")
+    observations = observe(replace(dataset, runs=fewer))
+    noise = measure_noise(dataset, observations)
+    scattered = [name for name, source in noise.source.items() if source == "scatter"]
+    if scattered:
+        notes.append(
+            f"no repeats for {', '.join(scattered)}: noise from neighbouring samples of held commands"
+        )
+    error = model_error_of(model)
+    same = error is not None and error.data_sha256 == dataset.sha256 != ""
+    if same:
+        error = None
+        notes.append(
+            "the model was fitted to these very logs: how far it errs by itself is not known from others, so "
+            "no set of effects is called inadequate"
+        )
+    trusted = not same and (noise.from_repeats or error is not None)
+    if not same and not trusted:
+        notes.append("no repeats, and the model states no error of its own: what is left may be noise or not")
+    freedom = sum(block.freedom for block in observations.blocks)
+    floor = Floor(float(freedom) if noise.from_repeats else math.inf, trusted)
+    return _Study(observations, noise, error, floor, tuple(notes))
+
+
+def _search(
+    study: _Study, model: Model, considered: Sequence[str], options: GapOptions
+) -> tuple[Problem, Search]:
+    problem = Problem(model, Whitener(study.observations, study.noise, study.error), options.jobs)
+    level = study.observations.situations[0].runs[0].level
+    return problem, Search(problem, responses(problem, considered), EFFORT[level])
+
+
+def _left(study: _Study, problem: Problem, search: Search) -> ModelError:
+    """Return the model's error as the best fit leaves it."""
+    best = min(search.fitted.values(), key=lambda fitted: fitted.cost)
+    parts = problem.whitener.unwhiten(problem.unmarginal(best.residual))
+    return estimate_model_error(residuals_of(study.observations, study.noise, parts))
+
+
+def _report(
+    dataset: Dataset,
+    model: Model,
+    options: GapOptions,
+    study: _Study,
+    problem: Problem,
+    search: Search,
+    considered: Sequence[str],
+    decision: Decision,
+) -> GapReport:
+    split, runs = held_out(dataset)
+    effects = found_effects(decision)
+    improved = _improved(model, decision)
+    before = predicted(model, runs)
+    after = before if decision.chosen is None else predicted(improved, runs)
+    comparison = compare(split, runs, before, after)
+    gap, channels = differences(dataset, comparison)
+    threshold = chance(search.base, search.library, np.random.default_rng(options.seed)).threshold()
+    detectable = smallest_detectable(search.library, threshold)
+    return GapReport(
+        verdict=decision.verdict,
+        effects=effects,
+        candidates=tuple(judged.names for judged in decision.candidates),
+        gap=gap,
+        channels=channels,
+        where=regions(comparison.samples),
+        untestable=untestable(considered, search.library, detectable, dataset.level),
+        smallest_detectable=detectable,
+        next_experiment=None,
+        evidence=evidence(dataset, problem, decision, study.floor.freedom),
+        p_value=decision.p_value,
+        model=improved,
+        base=model,
+        level=dataset.level,
+        dataset=dataset.name,
+        findings=dataset.findings,
+        notes=(*study.notes, *decision.notes),
+        overlays=overlays(comparison),
+        empirical=None,
+        provenance={
+            "seed": options.seed,
+            "data_sha256": dataset.sha256,
+            "model_sha256": hashlib.sha256(
+                json.dumps(model_to_dict(model), sort_keys=True).encode()
+            ).hexdigest(),
+            "version": mecanum_env.__version__,
+        },
+    )
+
+
+def _improved(model: Model, decision: Decision) -> Model:
+    if decision.chosen is None:
+        return model
+    fitted = decision.chosen.fitted
+    candidate = fitted.candidate
+    improved: Model = candidate.model(model, fitted.place)
+    stated = {
+        found.name: {
+            name: {"value": i.value, "low": i.low, "high": i.high} for name, i in found.parameters.items()
+        }
+        for found in found_effects(decision)
+    }
+    known = model.uncertainty.get("effects") or {}
+    return replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})

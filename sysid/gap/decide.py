@@ -1,0 +1,295 @@
+"""From fitted sets to a verdict: how many effects, which, what else would do, and is it enough.
+
+1. Is there a gap? The best growth of the empty set, and the square sum itself, against what chance does.
+2. How many effects? One more only if the square sum falls by more than the best of all effects would make
+   it fall by chance, and each run is predicted better from the others (`sysid.gap.scores`).
+3. Which? Every set of that size whose score is within `NEVER`^2 of the best is as good: if such a set is
+   the truth, it is dropped with a probability below Phi(-NEVER), however far the predictions are apart.
+4. Is it enough? What is left must be what chance allows, or small beside what the set explains: an effect's
+   formula is taken to be right to `FORMULA_ERROR`, assumed.
+5. Does it matter? A set that is sure but removes less than `MATTERS` of the squared difference above the
+   noise is no better than the model's own error, and not worth a name.
+6. The wheel law fitted again is a rival: where it does better than every set, no effect is missing but a fit.
+
+All square sums are over `inflation`, what the best fit leaves over what is expected, at least 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from mecanum_env.units import FloatArray
+from sysid.gap.coordinates import EffectSet
+from sysid.gap.fitted import Fitted, fit
+from sysid.gap.law_again import LawAgain
+from sysid.gap.problem import Problem
+from sysid.gap.records import Verdict
+from sysid.gap.scores import Mask, group_masks, group_scores, total
+from sysid.gap.search import Search
+from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance, largest_misfit, misfit_p_value
+
+FORMULA_ERROR: Final = 0.1
+"""Relative error that an effect's formula may have."""
+MATTERS: Final = 0.1
+"""Share of the squared difference above the noise that a set must remove to be named."""
+_SPARE: Final = (
+    4.0  # a parameter within two standard deviations of neutral, and no worse without it, is left out
+)
+_TWINS: Final = 9.0  # predictions nearer than this (squared, in sigmas, over all samples) are one
+_RESAMPLES: Final = 500
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What is known of the noise."""
+
+    freedom: float
+    """Degrees of freedom of the noise."""
+    trusted: bool
+    """Whether what a right model leaves is known: else no set can be called inadequate."""
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A fitted set with its scores."""
+
+    fitted: Fitted[Any]
+    scores: FloatArray
+    """One a group."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return self.fitted.names
+
+    @property
+    def score(self) -> float:
+        """Sum over the groups."""
+        return total(self.scores)
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The verdict and what it rests on."""
+
+    verdict: Verdict
+    chosen: Judged | None
+    """What is added to the model, if anything."""
+    candidates: tuple[Judged, ...]
+    """As good as the chosen one, which comes first."""
+    judged: tuple[Judged, ...]
+    """All sets that were fitted, the empty one too; best score first."""
+    law: Judged | None
+    """The wheel law fitted again, where that was tried."""
+    p_value: float
+    inflation: float
+    frequency: Mapping[str, float]
+    """Effect of the chosen set -> share of resamples in which it is chosen."""
+    notes: tuple[str, ...]
+
+
+def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.random.Generator) -> Decision:
+    """Search and decide.
+
+    Args:
+        problem: the model and the runs that may be looked at.
+        search: over the effects to consider; what it fits stays in it.
+        floor: what is known of the noise.
+        most: largest set.
+        rng: of the simulated thresholds and the bootstrap.
+    """
+    masks = group_masks(problem)
+    search.grow(1)
+    best = min(search.fitted.values(), key=lambda f: f.cost)
+    by_chance = chance(search.base, search.library, rng)
+    base = search.base
+    inflation = _inflation(problem, best)
+    p_gain = by_chance.p_value((base.cost - best.cost) / inflation)
+    p_misfit = misfit_p_value(base.cost, problem.size, floor.freedom) if floor.trusted else 1.0
+    p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
+    if p_value > FALSE_ALARM:
+        judged = _judge(problem, search, masks, inflation)
+        return Decision("no_gap", None, (), judged, None, p_value, inflation, {}, ())
+    size = _grow(problem, search, masks, most, rng)
+    best = min(search.fitted.values(), key=lambda f: f.cost)
+    inflation = _inflation(problem, best)
+    chosen = _best(problem, search, size, masks, inflation)
+    search.swap(chosen.fitted)
+    _spare(problem, search, size, inflation)
+    chosen = _best(problem, search, size, masks, inflation)
+    law = _law(problem, masks, inflation)
+    judged = _judge(problem, search, masks, inflation)
+    tied = _tied(chosen, [j for j in judged if len(j.names) == size], inflation)
+    frequency = _frequency(chosen, [j for j in judged if j.names], rng)
+    notes: list[str] = []
+    enough = _enough(problem, base, chosen.fitted, floor)
+    removed = _removed(problem, base, chosen.fitted)
+    if enough and removed < MATTERS:
+        notes.append(
+            f"{' + '.join(chosen.names)} would be significant (p = {p_value:.2g}), but removes only "
+            f"{max(removed, 0.0):.0%} of the difference above the noise: not told from the model's own error"
+        )
+        return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
+    if law is not None and law.score < chosen.score - NEVER**2:
+        notes.append(
+            "the wheel law fitted again explains these logs better than any set of effects: "
+            "fit it anew (python -m sysid.fit) before looking for effects"
+        )
+        enough = False
+    if not enough:
+        return Decision("unexplained", None, (), judged, law, p_value, inflation, {}, tuple(notes))
+    verdict: Verdict = "ambiguous" if len(tied) > 1 else "named"
+    return Decision(verdict, tied[0], tied, judged, law, p_value, inflation, frequency, tuple(notes))
+
+
+def _inflation(problem: Problem, best: Fitted[Any]) -> float:
+    expected = max(1, problem.size - int(best.candidate.parameter_count))
+    return max(1.0, best.cost / expected)
+
+
+def _grow(
+    problem: Problem, search: Search, masks: Mapping[str, Mask], most: int, rng: np.random.Generator
+) -> int:
+    """Fit larger sets as long as one more effect pays; return the size that does."""
+    size = 1
+    while size < most:
+        parent = _best(problem, search, size, masks, 1.0).fitted
+        nearest = search.of_size(size)[: search.effort.beam]
+        expected = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
+        inflation = max(1.0, expected / problem.size)
+        needed = chance(parent, search.library, rng).threshold()
+        if (parent.cost - expected) / inflation < needed:
+            return size
+        search.grow(size + 1)
+        if not search.of_size(size + 1):
+            return size
+        inflation = _inflation(problem, search.of_size(size + 1)[0])
+        larger = _best(problem, search, size + 1, masks, inflation)
+        smaller = _best(problem, search, size, masks, inflation)
+        gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
+        if gain < needed or larger.score > smaller.score - NEVER**2:
+            return size
+        size += 1
+    return size
+
+
+def _best(problem: Problem, search: Search, size: int, masks: Mapping[str, Mask], inflation: float) -> Judged:
+    """Return the set of a size that predicts each group best from the others."""
+    judged = [_with_scores(problem, f, masks, inflation) for f in search.of_size(size)]
+    return min(judged, key=lambda j: (j.score, j.names))
+
+
+def _judge(
+    problem: Problem, search: Search, masks: Mapping[str, Mask], inflation: float
+) -> tuple[Judged, ...]:
+    judged = [_with_scores(problem, f, masks, inflation) for f in search.fitted.values()]
+    return tuple(sorted(judged, key=lambda j: (j.score, j.names)))
+
+
+def _with_scores(
+    problem: Problem, fitted: Fitted[Any], masks: Mapping[str, Mask], inflation: float
+) -> Judged:
+    return Judged(fitted, group_scores(problem, fitted, masks, inflation))
+
+
+def _spare(problem: Problem, search: Search, size: int, inflation: float) -> None:
+    """Leave out the parameters that the best sets do not need."""
+    near = search.of_size(size)
+    limit = near[0].cost + 4.0 * NEVER**2 * inflation
+    for fitted in [f for f in near if f.cost <= limit]:
+        smaller = _spared(problem, fitted, inflation)
+        del search.fitted[fitted.names, fitted.candidate.integral]
+        key = smaller.names, smaller.candidate.integral
+        if key not in search.fitted or smaller.cost < search.fitted[key].cost:
+            search.fitted[key] = smaller
+
+
+def _spared(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> Fitted[EffectSet]:
+    while True:
+        candidate, spread = fitted.candidate, np.sqrt(np.diag(fitted.covariance(inflation)))
+        far = np.abs(fitted.place - candidate.start()) / np.maximum(spread, 1e-12)
+        for index in np.argsort(far):
+            effect = candidate.coordinates[index].effect
+            others = sum(c.effect == effect for c in candidate.coordinates)
+            if (effect and others < 2) or far[index] ** 2 > _SPARE:
+                continue
+            smaller = candidate.without(int(index))
+            found = fit(problem, smaller, np.delete(fitted.place, index))
+            if found is not None and found.cost <= fitted.cost + _SPARE * inflation:
+                fitted = found
+                break
+        else:
+            return fitted
+
+
+def _law(problem: Problem, masks: Mapping[str, Mask], inflation: float) -> Judged | None:
+    rival = LawAgain(problem.base)
+    found = fit(problem, rival, rival.start(), most=20)
+    return None if found is None else _with_scores(problem, found, masks, inflation)
+
+
+def _tied(chosen: Judged, same_size: Sequence[Judged], inflation: float) -> tuple[Judged, ...]:
+    """Return the chosen set and those as good, without those that say the same with more parameters."""
+    near = [j for j in same_size if j.score <= chosen.score + NEVER**2]
+    near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
+    kept: list[Judged] = []
+    for one in near:
+        if any(other.names == one.names for other in kept):
+            continue
+        apart = [float(np.sum((one.fitted.residual - k.fitted.residual) ** 2)) / inflation for k in kept]
+        more = [
+            one.fitted.candidate.parameter_count > k.fitted.candidate.parameter_count
+            and distance < _TWINS
+            and _gain(k, one) < _TWINS
+            for k, distance in zip(kept, apart, strict=True)
+        ]
+        if not any(more):
+            kept.append(one)
+    kept.sort(key=lambda j: (j.score, j.names))
+    return tuple(kept)
+
+
+def _gain(one: Judged, other: Judged) -> float:
+    return one.score - other.score
+
+
+def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Floor) -> bool:
+    """Return whether what a set leaves is what chance allows, or little beside what it explains."""
+    if not floor.trusted:
+        return True
+    allowed = problem.size * largest_misfit(problem.size, floor.freedom)
+    explained = float(np.sum((base.residual - chosen.residual) ** 2))
+    return chosen.cost <= allowed + FORMULA_ERROR**2 * explained
+
+
+def _removed(problem: Problem, base: Fitted[Any], chosen: Fitted[Any]) -> float:
+    """Return the share of the squared difference above the noise that a set removes, sample by sample."""
+    noise = problem.whitener.noise.sigma
+    blocks = problem.observations.blocks
+
+    def above(fitted: Fitted[Any]) -> float:
+        parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
+        squares = [
+            float(b.weight @ part**2) / noise[b.channel] ** 2 for b, part in zip(blocks, parts, strict=True)
+        ]
+        return sum(squares) - problem.size
+
+    before = above(base)
+    return (before - above(chosen)) / before if before > 0.0 else 0.0
+
+
+def _frequency(chosen: Judged, judged: Sequence[Judged], rng: np.random.Generator) -> dict[str, float]:
+    """Return how often each effect is in the best set of resampled groups.
+
+    A larger set counts as better only by more than `NEVER`^2, as in the decision.
+    """
+    scores = np.array([j.scores for j in judged])
+    penalty = NEVER**2 * np.array([len(j.names) for j in judged], float)
+    picks = rng.integers(0, scores.shape[1], (_RESAMPLES, scores.shape[1]))
+    totals = scores[:, picks].sum(axis=2) + penalty[:, None]
+    winners = [judged[i].names for i in np.argmin(totals, axis=0)]
+    return {name: float(np.mean([name in winner for winner in winners])) for name in chosen.names}

@@ -1,0 +1,139 @@
+"""Least squares where one evaluation is a simulation of all runs: few evaluations count, not few flops.
+
+Gauss-Newton with the Jacobian kept up to date by Broyden's rank-one formula (Math. Comp. 19:577, 1965)
+between simulations, a damping that grows when a step fails (Marquardt), and bounds kept in the linear
+subproblem.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from mecanum_env.units import FloatArray
+
+STEP: Final = 0.02
+"""Of a difference quotient, on the scale 0 .. 1."""
+_LEAST_STEP: Final = 1e-3
+_GAIN: Final = 0.02  # of the square sum: less is not worth a simulation
+_RELATIVE_GAIN: Final = 1e-4
+_MOST_REACH: Final = 0.5  # of the whole range in one step
+
+Function = Callable[[FloatArray], FloatArray | None]
+"""Place (p,) in 0 .. 1 -> residual (N,), None where there is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """Where the descent ended."""
+
+    place: FloatArray
+    """(p,), each 0 .. 1."""
+    residual: FloatArray
+    """(N,)"""
+    jacobian: FloatArray
+    """(N, p), the residual's derivative; by Broyden's formula until `refined`."""
+    evaluations: int
+
+    @property
+    def cost(self) -> float:
+        """Square sum of the residual."""
+        return float(self.residual @ self.residual)
+
+
+def descend(
+    function: Function,
+    place: FloatArray,
+    *,
+    residual: FloatArray | None = None,
+    jacobian: FloatArray | None = None,
+    most: int = 12,
+) -> Minimum | None:
+    """Minimise |residual|^2 from a place within 0 .. 1; None where the start itself has no residual.
+
+    Args:
+        function: the residual.
+        place: the start (p,).
+        residual: at the start (N,), if it is known.
+        jacobian: at the start (N, p), if something like it is known.
+        most: evaluations beyond those of the start.
+    """
+    used = 0
+    if residual is None:
+        residual, used = function(place), 1
+        if residual is None:
+            return None
+    if jacobian is None:
+        jacobian, used = differences(function, place, residual), used + place.size
+    damping = 0.0
+    for _ in range(most):
+        step = _step(jacobian, residual, place, damping)
+        expected = float(residual @ residual - np.sum((residual + jacobian @ step) ** 2))
+        if expected < max(_GAIN, _RELATIVE_GAIN * float(residual @ residual)):
+            break
+        trial = function(place + step)
+        used += 1
+        if trial is not None:
+            wrong = trial - residual - jacobian @ step
+            jacobian = jacobian + np.outer(wrong, step / float(step @ step))
+        if trial is not None and float(trial @ trial) < float(residual @ residual):
+            place, residual, damping = place + step, trial, 0.1 * damping if damping > 1e-3 else 0.0
+        else:
+            damping = max(10.0 * damping, 0.1)
+    return Minimum(place, residual, jacobian, used)
+
+
+def refined(function: Function, minimum: Minimum) -> Minimum:
+    """Return the minimum with a Jacobian by differences about as wide as the uncertainty.
+
+    Args:
+        function: the residual.
+        minimum: as `descend` found it.
+    """
+    p = minimum.place.size
+    normal = minimum.jacobian.T @ minimum.jacobian
+    spread = np.sqrt(np.diag(np.linalg.pinv(normal))) if p else np.zeros(0)
+    step = np.clip(spread, _LEAST_STEP, STEP)
+    jacobian = differences(function, minimum.place, minimum.residual, step)
+    return Minimum(minimum.place, minimum.residual, jacobian, minimum.evaluations + p)
+
+
+def differences(
+    function: Function, place: FloatArray, residual: FloatArray, step: FloatArray | float = STEP
+) -> FloatArray:
+    """Return the Jacobian (N, p) by one difference each, into the side with more room.
+
+    Args:
+        function: the residual.
+        place: where, (p,).
+        residual: there, (N,).
+        step: of each coordinate, (p,) or one for all.
+    """
+    columns = np.zeros((residual.size, place.size))
+    steps = np.broadcast_to(np.asarray(step, float), place.shape)
+    for i in range(place.size):
+        sign = 1.0 if place[i] + steps[i] <= 1.0 else -1.0
+        moved = np.array(place)
+        moved[i] += sign * steps[i]
+        trial = function(moved)
+        if trial is not None:
+            columns[:, i] = (trial - residual) / (sign * steps[i])
+    return columns
+
+
+def _step(jacobian: FloatArray, residual: FloatArray, place: FloatArray, damping: float) -> FloatArray:
+    """Return the step that minimises the linearised square sum plus damping, within bounds."""
+    orthogonal, triangle = np.linalg.qr(jacobian)
+    scale = damping * float(np.linalg.norm(triangle)) / max(1, place.size) ** 0.5
+    matrix = np.concatenate([triangle, (scale + 1e-9) * np.eye(place.size)])
+    wanted = np.concatenate([-orthogonal.T @ residual, np.zeros(place.size)])
+    low = np.maximum(-place, -_MOST_REACH)
+    high = np.minimum(1.0 - place, _MOST_REACH)
+    # lsq_linear wants room between the bounds.
+    tiny = 1e-12
+    found = lsq_linear(matrix, wanted, bounds=(low - tiny, high + tiny), method="bvls")
+    return np.asarray(np.clip(found.x, low, high))

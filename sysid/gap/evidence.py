@@ -1,0 +1,132 @@
+"""The evidence behind a verdict: each set of effects with its parameters and its errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+from scipy.stats import norm
+
+from mecanum_env.errors import MecanumError
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.gap.coordinates import EffectSet
+from sysid.gap.decide import FORMULA_ERROR, Decision, Judged
+from sysid.gap.observations import Observations, observe
+from sysid.gap.problem import Problem, predictions_of
+from sysid.gap.records import Evidence, FoundEffect, Interval
+from sysid.gap.thresholds import largest_misfit
+from sysid.logs import Dataset
+
+MOST: Final = 12
+"""Sets in the table, beside the model as it is and the law fitted again."""
+_WIDTH: Final = float(norm.ppf(0.95))  # of a 90 % interval, in standard deviations
+
+
+def found_effects(decision: Decision) -> tuple[FoundEffect, ...]:
+    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
+
+    The interval is that of the linearised fit, noise, the model's own error and the inflation in it, and ends
+    where the search does.
+
+    Args:
+        decision: the verdict and what it rests on.
+    """
+    if decision.chosen is None:
+        return ()
+    fitted = decision.chosen.fitted
+    candidate: EffectSet = fitted.candidate
+    spread = _WIDTH * np.sqrt(np.diag(fitted.covariance(decision.inflation)))
+    intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
+    for coordinate, place, wide in zip(candidate.coordinates, fitted.place, spread, strict=True):
+        if coordinate.effect:
+            low, high = (coordinate.value(float(np.clip(place + s * wide, 0.0, 1.0))) for s in (-1.0, 1.0))
+            intervals[coordinate.effect][coordinate.parameter] = Interval(
+                coordinate.value(float(place)), low, high
+            )
+    return tuple(
+        FoundEffect(name, parameters, decision.frequency.get(name, 0.0))
+        for name, parameters in intervals.items()
+    )
+
+
+def evidence(
+    dataset: Dataset, problem: Problem, decision: Decision, trusted_freedom: float
+) -> tuple[Evidence, ...]:
+    """Return the sets that matter, best score first.
+
+    Args:
+        dataset: its test runs are simulated for the first time here.
+        problem: the model and the runs that decided.
+        decision: the verdict and what it rests on.
+        trusted_freedom: degrees of freedom of the noise; infinite if it is known.
+    """
+    listed = [j for j in decision.judged if j.names][:MOST]
+    listed += [j for j in decision.judged if not j.names]
+    if decision.law is not None:
+        listed.append(decision.law)
+    tests = dataset.split("test")
+    test = observe(replace(dataset, runs=tests)) if tests else None
+    base = next(j for j in decision.judged if not j.names)
+    limit = largest_misfit(problem.size, trusted_freedom)
+
+    def row(judged: Judged) -> Evidence:
+        fitted = judged.fitted
+        model = fitted.candidate.model(problem.base, fitted.place)
+        parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
+        explained = float(np.sum((base.fitted.residual - fitted.residual) ** 2))
+        p = fitted.candidate.parameter_count
+        return Evidence(
+            effects=judged.names,
+            parameters=_parameters(judged, model),
+            parameter_count=p,
+            score=judged.score - base.score,
+            misfit=fitted.cost / problem.size,
+            adequate=fitted.cost <= limit * problem.size + FORMULA_ERROR**2 * explained,
+            validation_rms=_rms(problem, problem.observations, parts, "validation"),
+            test_rms=math.nan if test is None else _test_rms(problem, test, model),
+            bic=fitted.cost / decision.inflation + p * math.log(problem.size),
+        )
+
+    return tuple(problem.map(row, sorted(listed, key=lambda j: (j.score, j.names))))
+
+
+def _parameters(judged: Judged, model: Model) -> dict[str, dict[str, float]]:
+    found: dict[str, dict[str, float]] = {name: {} for name in judged.names}
+    if isinstance(judged.fitted.candidate, EffectSet):
+        for c in judged.fitted.candidate.coordinates:
+            section = (
+                model.effects[c.effect] if c.effect else {c.parameter: model.robot.servo_integral_n_m_rad}
+            )
+            found.setdefault(c.effect or "robot", {})[c.parameter] = section[c.parameter]
+    else:
+        law = model.wheel.law
+        found[judged.names[0]] = dict(zip("ABCDEF", law.coefficients.tolist(), strict=True))
+    return found
+
+
+def _test_rms(problem: Problem, test: Observations, model: Model) -> float:
+    try:
+        predictions = predictions_of(model, test)
+    except MecanumError:
+        return math.nan
+    parts = [block.value - p for block, p in zip(test.blocks, predictions, strict=True)]
+    return _rms(problem, test, parts, "test")
+
+
+def _rms(problem: Problem, observations: Observations, parts: Sequence[FloatArray], split: str) -> float:
+    """Return the rms of measured minus simulated over single samples, repeats' spread included.
+
+    In the channel's unit where there is one channel, else over the noise.
+    """
+    alone = len(problem.observations.channels) == 1
+    squares = weights = 0.0
+    for block, part in zip(observations.blocks, parts, strict=True):
+        if observations.situations[block.situation].split == split:
+            scale = 1.0 if alone else problem.whitener.noise.sigma[block.channel]
+            squares += (float(block.weight @ part**2) + block.spread) / scale**2
+            weights += float(block.weight.sum())
+    return math.sqrt(squares / weights) if weights else math.nan

@@ -1,0 +1,160 @@
+"""What one more effect would do for a fitted set, by linear least squares: tells what to simulate."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import lsq_linear
+
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.gap.coordinates import Coordinate, EffectSet, effect_set, joined
+from sysid.gap.fitted import Fitted
+from sysid.gap.library import Response
+
+_MOST_OF_A_RESPONSE: Final = 1.2
+"""A response to a threshold is not proportional to its size: at most this multiple of it counts."""
+_SEEN: Final = 0.3
+"""A parameter whose response is smaller than this (in sigmas, over all samples) is left alone."""
+
+Key = tuple[tuple[str, ...], bool]
+"""Names of the effects, and whether with integral action."""
+
+
+@dataclass(frozen=True, eq=False)
+class Growth:
+    """A set that may be fitted."""
+
+    candidate: EffectSet
+    place: FloatArray
+    """Where to start."""
+    parent: Fitted[EffectSet]
+    """What it grew from."""
+    expected: float
+    """Square sum, by linear least squares."""
+
+    @property
+    def key(self) -> Key:
+        """What tells two growths apart."""
+        return self.candidate.names, self.candidate.integral
+
+    @property
+    def parent_place(self) -> FloatArray:
+        """The place of this set at which it equals its parent."""
+        return _place(self.candidate, self.parent, {})
+
+
+def growths(base: Model, parent: Fitted[EffectSet], library: Sequence[Response]) -> list[Growth]:
+    """Return a set's growths by one effect each, the most promising first.
+
+    Args:
+        base: whose own values are neutral.
+        parent: the set, fitted.
+        library: responses of the effects to consider.
+    """
+    orthogonal = (
+        np.linalg.qr(parent.jacobian)[0] if parent.place.size else np.zeros((parent.residual.size, 0))
+    )
+    rest = _without(orthogonal, parent.residual)
+    best: dict[Key, Growth] = {}
+    for name in dict.fromkeys(response.chosen.names[0] for response in library):
+        if name in parent.names:
+            continue
+        own = [response for response in library if response.chosen.names[0] == name]
+        seen = [r for r in own if float(np.linalg.norm(r.change)) > _SEEN]
+        for together in _alternatives(seen, rest, orthogonal):
+            expected, shares = _linear(together, rest, orthogonal)
+            candidate = joined(parent.candidate, _free(base, name, seen, together))
+            place = _place(candidate, parent, _moved(together, shares))
+            growth = Growth(candidate, place, parent, expected)
+            if growth.key not in best or expected < best[growth.key].expected:
+                best[growth.key] = growth
+    return sorted(best.values(), key=lambda g: (g.expected, g.key))
+
+
+def _alternatives(
+    own: Sequence[Response], rest: FloatArray, orthogonal: FloatArray
+) -> Iterator[list[Response]]:
+    """Yield the ways to try one effect: all small steps at once, each size, each parameter at its best."""
+    linear = [r for r in own if r.linear and len(r.chosen.coordinates) == 1]
+    if linear:
+        yield linear
+    others = [r for r in own if r not in linear]
+    best: dict[str, tuple[float, Response]] = {}
+    for response in others:
+        yield [response]
+        expected = _linear([response], rest, orthogonal)[0]
+        parameter = response.chosen.coordinates[0].parameter
+        plain = not response.chosen.integral and len(response.chosen.coordinates) == 1
+        if plain and (parameter not in best or expected < best[parameter][0]):
+            best[parameter] = (expected, response)
+    if len(best) + len(linear) > 1 and best:
+        yield [response for _, response in best.values()] + linear
+
+
+def _linear(
+    together: Sequence[Response], rest: FloatArray, orthogonal: FloatArray
+) -> tuple[float, FloatArray]:
+    """Return the square sum and the multiples of the responses that make it least."""
+    columns = _without(orthogonal, np.stack([response.change for response in together], axis=1))
+    low, high = np.array([_range(response) for response in together]).T
+    q, triangle = np.linalg.qr(columns)
+    aim = -(q.T @ rest)
+    tiny = 1e-9
+    shares = lsq_linear(
+        np.concatenate([triangle, tiny * np.eye(len(low))]),
+        np.concatenate([aim, np.zeros(len(low))]),
+        bounds=(low, high),
+        method="bvls",
+    ).x
+    return float(np.sum((rest + columns @ shares) ** 2)), shares
+
+
+def _range(response: Response) -> tuple[float, float]:
+    """Return which multiples of a response its parameter's bounds allow."""
+    if not response.linear:
+        return 0.0, _MOST_OF_A_RESPONSE
+    first, place = response.chosen.coordinates[0], float(response.place[0])
+    neutral = _neutral(first)
+    step = place - neutral
+    ends = sorted(((1.0 - neutral) / step, -neutral / step))
+    return min(ends[0], 0.0) - 1e-9, max(ends[1], 0.0) + 1e-9
+
+
+def _moved(together: Sequence[Response], shares: FloatArray) -> dict[Coordinate, float]:
+    """Return where the responses' coordinates should start."""
+    places = {}
+    for response, share in zip(together, shares, strict=True):
+        for index, (coordinate, place) in enumerate(
+            zip(response.chosen.coordinates, response.place, strict=True)
+        ):
+            if response.linear and index == 0:
+                neutral = _neutral(coordinate)
+                place = neutral + share * (place - neutral)
+            places[coordinate] = float(np.clip(place, 0.0, 1.0))
+    return places
+
+
+def _free(base: Model, name: str, seen: Sequence[Response], together: Sequence[Response]) -> EffectSet:
+    """Return the effect with those parameters free that these logs show."""
+    integral = together[0].chosen.integral
+    full = effect_set(base, [name], integral=integral)
+    shown = {c for response in (*seen, *together) for c in response.chosen.coordinates}
+    kept = tuple(c for c in full.coordinates if c in shown or (c.effect == "" and integral))
+    return EffectSet(full.names, kept, integral)
+
+
+def _place(candidate: EffectSet, parent: Fitted[EffectSet], moved: dict[Coordinate, float]) -> FloatArray:
+    known = dict(zip(parent.candidate.coordinates, parent.place.tolist(), strict=True))
+    return np.array([known.get(c, moved.get(c, _neutral(c))) for c in candidate.coordinates])
+
+
+def _neutral(coordinate: Coordinate) -> float:
+    return coordinate.unit(coordinate.neutral) if np.isfinite(coordinate.neutral) else 1.0
+
+
+def _without(orthogonal: FloatArray, columns: FloatArray) -> FloatArray:
+    return columns - orthogonal @ (orthogonal.T @ columns)

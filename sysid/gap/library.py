@@ -1,0 +1,100 @@
+"""What each effect by itself does to these very logs: its response at one or several sizes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE, Effect
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.gap.coordinates import FRICTION, Coordinate, EffectSet, coordinate, integral_action
+from sysid.gap.problem import Problem
+
+_SMALL: Final = 0.03
+"""Step for an effect whose response has a gradient, on the scale 0 .. 1."""
+_TORQUES: Final = (0.05, 0.2, 0.5)
+"""Of friction on a drive with integral action, on the scale 0 .. 1."""
+_TYPICAL_INTEGRAL: Final = 50.0
+"""At which friction on a drive with integral action is tried first [N m/rad]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """The change of the marginal residual that one effect makes."""
+
+    chosen: EffectSet
+    """The effect, with the coordinates that were moved."""
+    place: FloatArray
+    """(p,)"""
+    change: FloatArray
+    """Residual there less that of the base model, marginalised, (N,)."""
+    linear: bool
+    """From a small step: its multiples mean something, the other way too where neutral is inside."""
+    size: float
+    """Along the first coordinate, how far from neutral (0 .. 1)."""
+
+
+def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
+    """Return the responses of effects, in the order of the catalogue; what cannot be simulated is left out.
+
+    Args:
+        problem: the model and the logs.
+        effects: names in the catalogue.
+    """
+    base = problem.base
+    trials = [trial for name in CATALOGUE if name in effects for trial in _trials(base, CATALOGUE[name])]
+    models = [chosen.model(base, place) for chosen, place, _, _ in trials]
+    found = []
+    for (chosen, place, linear, size), residual in zip(trials, problem.residuals(models), strict=True):
+        if residual is not None:
+            change = problem.marginal(residual - problem.base_residual)
+            found.append(Response(chosen, place, change, linear, size))
+    return found
+
+
+def _trials(base: Model, effect: Effect) -> list[tuple[EffectSet, FloatArray, bool, float]]:
+    """Return set, place, whether a small step, and how far from neutral, of each simulation to make."""
+    trials = []
+    primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
+    secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
+    for parameter in primary:
+        one = coordinate(base, effect, parameter)
+        neutral = one.unit(one.neutral) if np.isfinite(one.neutral) else 1.0
+        places = [one.unit(value) for value in parameter.scan or ()]
+        linear = not places
+        if linear:
+            places = [neutral + _SMALL if neutral + _SMALL <= 1.0 else neutral - _SMALL]
+        for place in places:
+            if abs(place - neutral) < 1e-9:
+                continue
+            moved, where = [one], [place]
+            if not secondary:
+                trials.append((_set(effect, moved), np.array(where), linear, abs(place - neutral)))
+            for other in secondary:
+                second = coordinate(base, effect, other)
+                for value in other.scan or ():
+                    both = np.array([place, second.unit(value)])
+                    trials.append((_set(effect, [one, second]), both, linear, abs(place - neutral)))
+    if effect.name in FRICTION:
+        trials += _with_integral(base, effect)
+    return trials
+
+
+def _with_integral(base: Model, effect: Effect) -> list[tuple[EffectSet, FloatArray, bool, float]]:
+    """Return a friction's trials on a drive with integral action, or, where it has, almost without."""
+    extra = integral_action(base)
+    parameter = effect.parameters[0]
+    one = coordinate(base, effect, parameter)
+    scanned = [one.unit(value) for value in parameter.scan or ()]
+    places = scanned or [one.unit(one.neutral) + x for x in _TORQUES]
+    action = 0.0 if extra.neutral > 0.0 else extra.unit(_TYPICAL_INTEGRAL)
+    chosen = EffectSet((effect.name,), (one, extra), integral=True)
+    return [(chosen, np.array([place, action]), False, place) for place in places if place <= 1.0]
+
+
+def _set(effect: Effect, coordinates: list[Coordinate]) -> EffectSet:
+    return EffectSet((effect.name,), tuple(coordinates))

@@ -1,0 +1,82 @@
+"""The noise of each compared channel: from repeats, else from neighbouring samples of held commands."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+
+from mecanum_env.units import FloatArray
+from sysid.gap.observations import Block, Observations
+from sysid.logs import Dataset
+from sysid.logs.noise import noise_from_repeats
+from sysid.model_error import command_changes
+from sysid.prediction import POSE
+
+SETTLED_S: Final = 0.5
+"""A command held this long has settled."""
+_LEAST_SAMPLES: Final = 20
+_LEAST: Final = 1e-9
+
+Source = Literal["repeats", "scatter"]
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviation of single compared values."""
+
+    sigma: Mapping[str, float]
+    """Channel -> standard deviation, in its unit; for poses, of the way made in a window."""
+    source: Mapping[str, Source]
+    """Where it is from: repeats of a command, or scatter of neighbouring samples (model error left out)."""
+
+    @property
+    def from_repeats(self) -> bool:
+        """Whether repeats gave the noise of every channel."""
+        return all(source == "repeats" for source in self.source.values())
+
+
+def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
+    """Return the noise of each channel.
+
+    Args:
+        dataset: bench or robot logs.
+        observations: made from it.
+    """
+    sigma: dict[str, float] = {}
+    source: dict[str, Source] = {}
+    repeats = noise_from_repeats(dataset.runs) or {}
+    for name in observations.channels:
+        blocks = [block for block in observations.blocks if block.channel == name]
+        freedom = sum(block.freedom for block in blocks)
+        if freedom >= _LEAST_SAMPLES:
+            sigma[name], source[name] = math.sqrt(sum(block.spread for block in blocks) / freedom), "repeats"
+        elif name in repeats and name not in POSE and repeats[name].degrees_of_freedom >= _LEAST_SAMPLES:
+            sigma[name], source[name] = repeats[name].std, "repeats"
+        else:
+            sigma[name], source[name] = _scatter(observations, blocks), "scatter"
+        sigma[name] = max(sigma[name], _LEAST)
+    return Noise(sigma, source)
+
+
+def _scatter(observations: Observations, blocks: list[Block]) -> float:
+    """Return the noise from second differences, which a settled motion does not have."""
+    squares: list[FloatArray] = []
+    for block in blocks:
+        run = observations.situations[block.situation].runs[0]
+        changes = np.concatenate([[0.0], command_changes(run)[0]])
+        since = block.time_s - changes[np.searchsorted(changes, block.time_s, side="right") - 1]
+        second = np.diff(block.value, 2)
+        settled = since[:-2] >= (SETTLED_S if block.channel not in POSE else 0.0)
+        weight = 1.0 / block.weight[:-2] + 4.0 / block.weight[1:-1] + 1.0 / block.weight[2:]
+        squares.append((second**2 / weight)[settled])
+    together = np.concatenate(squares) if squares else np.empty(0)
+    if together.size < _LEAST_SAMPLES:
+        together = np.concatenate(
+            [np.diff(block.value, 2) ** 2 * block.weight[1:-1] / 6.0 for block in blocks] or [np.zeros(1)]
+        )
+    # A median, since a few second differences are motion: that of a squared normal is 0.4549 of its mean.
+    return math.sqrt(float(np.median(together)) / 0.4549) if together.size else 0.0

@@ -1,0 +1,112 @@
+"""Which sets of effects explain the logs best: singles, pairs, triples, each grown from smaller ones.
+
+Growing a set by one effect is judged twice: cheaply (`sysid.gap.growth`), and, for those that promise most,
+by full simulation. A larger set contains the smaller one at its neutral value and so never fits worse: where
+a descent ends higher than the set it grew from, it is started again from there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+from sysid.gap.coordinates import EffectSet
+from sysid.gap.fitted import Fitted, fit, unchanged
+from sysid.gap.growth import Growth, Key, growths
+from sysid.gap.library import Response
+from sysid.gap.problem import Problem
+
+EMPTY: Final = EffectSet((), ())
+_ROUNDING: Final = 1e-6  # of a square sum
+_NEAR: Final = 0.2  # of what an effect explains: another may miss so much in the screen
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How many sets are fitted by full simulation."""
+
+    singles: int = 12
+    pairs: int = 12
+    triples: int = 6
+    beam: int = 4
+    """Sets of one size that the next size grows from."""
+
+    def of_size(self, size: int) -> int:
+        """Return how many sets of a size are fitted at a time."""
+        return {1: self.singles, 2: self.pairs}.get(size, self.triples)
+
+
+class Search:
+    """All sets fitted so far, the empty one first.
+
+    Args:
+        problem: the model and the logs.
+        library: responses of the effects to consider.
+        effort: how much to simulate.
+    """
+
+    def __init__(self, problem: Problem, library: Sequence[Response], effort: Effort) -> None:
+        self.problem, self.library, self.effort = problem, tuple(library), effort
+        self.base = unchanged(problem, EMPTY)
+        self.fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
+
+    def of_size(self, size: int) -> list[Fitted[EffectSet]]:
+        """Return the fitted sets of a size, the best fit first."""
+        found = [fitted for fitted in self.fitted.values() if len(fitted.names) == size]
+        return sorted(found, key=lambda f: (f.cost, f.names))
+
+    def grow(self, size: int) -> None:
+        """Fit the most promising sets of a size, from the best sets that are smaller by one."""
+        parents = self.of_size(size - 1)[: self.effort.beam]
+        self.fit_best([g for p in parents for g in self.growths(p)], self.effort.of_size(size))
+
+    def growths(self, parent: Fitted[EffectSet]) -> list[Growth]:
+        """Return a fitted set's growths by one effect each, the most promising first."""
+        return growths(self.problem.base, parent, self.library)
+
+    def swap(self, chosen: Fitted[EffectSet]) -> None:
+        """Fit the sets that differ from a `chosen` one in one effect and may explain as much.
+
+        The linear screen is rough where an effect is large, so what may explain most of what the chosen
+        effect explains is tried.
+        """
+        near: list[Growth] = []
+        for name in chosen.names:
+            parent = self._rest(chosen, name)
+            if parent is not None:
+                limit = chosen.cost + _NEAR * max(0.0, parent.cost - chosen.cost)
+                near += [g for g in self.growths(parent) if g.expected <= limit]
+        self.fit_best(near, 2 * self.effort.of_size(len(chosen.names)))
+
+    def fit_best(self, candidates: Sequence[Growth], most: int) -> None:
+        """Fit up to `most` different `candidates` by full simulation."""
+        chosen: dict[Key, Growth] = {}
+        for growth in sorted(candidates, key=lambda g: (g.expected, g.key)):
+            if growth.key not in self.fitted and growth.key not in chosen and len(chosen) < most:
+                chosen[growth.key] = growth
+        for key, found in zip(chosen, self.problem.map(self._fit, chosen.values()), strict=True):
+            if found is not None:
+                self.fitted[key] = found
+
+    def _fit(self, growth: Growth) -> Fitted[EffectSet] | None:
+        found = fit(self.problem, growth.candidate, growth.place)
+        if found is None or found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+            again = fit(self.problem, growth.candidate, growth.parent_place)
+            found = again if again is not None and (found is None or again.cost < found.cost) else found
+        if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+            raise AssertionError(f"{growth.key[0]} fits worse than {growth.parent.names}, which it contains")
+        return found
+
+    def _rest(self, chosen: Fitted[EffectSet], name: str) -> Fitted[EffectSet] | None:
+        """Return the fit of a set without one of its effects, made now if there is none."""
+        names = tuple(other for other in chosen.names if other != name)
+        for integral in (False, True):
+            if (names, integral) in self.fitted:
+                return self.fitted[names, integral]
+        kept = [i for i, c in enumerate(chosen.candidate.coordinates) if c.effect in names]
+        smaller = EffectSet(names, tuple(chosen.candidate.coordinates[i] for i in kept))
+        found = fit(self.problem, smaller, chosen.place[kept])
+        if found is not None:
+            self.fitted[names, False] = found
+        return found

@@ -1,0 +1,160 @@
+"""How far a model is from the plant it was fitted to, beyond noise: its own error, to be told from a gap.
+
+No law is exact. Where the fit's logs show that it errs, the same error is to be expected in new logs of the
+same plant and is no news. It is described by two numbers a channel: its size while a command is held, and
+its size after a change of command, in proportion to the change,
+
+    e(t)^2 = settled^2 + transient^2 sum_c size_c^2 exp(-2 (t - t_c) / DECAY_S),
+
+the sum over the changes of command c at t_c with size_c [rpm], the largest change of a wheel's command. (The
+idea of a discrepancy beside noise: Kennedy and O'Hagan, J. R. Statist. Soc. B 63:425, 2001.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Final
+
+import numpy as np
+from scipy.optimize import nnls
+
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.logs import Run
+
+DECAY_S: Final = 0.15
+"""After a change of command the error dies away with this time constant."""
+_ROUNDS: Final = 5  # of weighting and fitting again
+_LEAST_CORRELATION_S: Final = 0.01
+_MOST_CORRELATION_S: Final = 0.3
+
+
+@dataclass(frozen=True)
+class ChannelError:
+    """Error of a model in one channel."""
+
+    settled: float
+    """While a command is held, rms in the channel's unit."""
+    transient: float
+    """After a change of command, rms in the channel's unit per rpm of change."""
+    correlation_s: float
+    """Time over which an error stays the same [s]."""
+
+
+@dataclass(frozen=True)
+class ModelError:
+    """Error of a model in the channels that were looked at."""
+
+    channels: Mapping[str, ChannelError]
+    data_sha256: str = ""
+    """Of the logs that showed it."""
+
+
+@dataclass(frozen=True)
+class Residual:
+    """Measured minus predicted in one channel of one run, or of repeats averaged."""
+
+    run: Run
+    channel: str
+    time_s: FloatArray
+    """(n,)"""
+    value: FloatArray
+    """(n,)"""
+    noise_variance: FloatArray
+    """Of each value, (n,)."""
+
+
+def command_changes(run: Run) -> tuple[FloatArray, FloatArray]:
+    """Return times [s] and sizes [rpm] of a run's changes of command, each of shape (m,)."""
+    times, wheels = run.command_changes()
+    return times[1:], np.max(np.abs(np.diff(wheels, axis=0)), axis=1)
+
+
+def activity_rpm(run: Run, time_s: FloatArray) -> FloatArray:
+    """Return the size [rpm] of the changes of command that still act at times (n,) [s]; see the module."""
+    total = np.zeros(time_s.shape)
+    for when, size in zip(*command_changes(run), strict=True):
+        since = time_s - when
+        total += np.where(since >= 0.0, size**2 * np.exp(-2.0 * np.maximum(since, 0.0) / DECAY_S), 0.0)
+    return np.sqrt(total)
+
+
+def estimate_model_error(residuals: Sequence[Residual], data_sha256: str = "") -> ModelError:
+    """Estimate a model's error from what it leaves of the logs it was fitted to.
+
+    Args:
+        residuals: of all channels; the noise's share is taken off.
+        data_sha256: of the logs.
+    """
+    channels = {}
+    for name in dict.fromkeys(residual.channel for residual in residuals):
+        parts = [residual for residual in residuals if residual.channel == name]
+        activity = [activity_rpm(part.run, part.time_s) for part in parts]
+        excess = np.concatenate([part.value**2 - part.noise_variance for part in parts])
+        columns = np.stack([np.ones(excess.size), np.concatenate(activity) ** 2], axis=1)
+        noise = np.concatenate([part.noise_variance for part in parts])
+        settled, transient = np.sqrt(_squares(columns, excess, noise)).tolist()
+        channels[name] = ChannelError(settled, transient, _correlation_s(parts))
+    return ModelError(channels, data_sha256)
+
+
+def _squares(columns: FloatArray, excess: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the two factors, each square weighted by the spread that noise and model error give it."""
+    squares = np.zeros(2)
+    for _ in range(_ROUNDS):
+        weight = 1.0 / np.maximum(noise + columns @ squares, 1e-300)
+        weighted = columns * weight[:, None]
+        # Columns of one size, for the solver's sake.
+        scale = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
+        squares = nnls(weighted / scale, excess * weight)[0] / scale
+    # A square of variance v scatters by sqrt(2) v. Nobody can tell an error smaller than that makes it.
+    unsure = np.sqrt(2.0 * np.diag(np.linalg.pinv(weighted.T @ weighted)))
+    return np.maximum(squares, unsure)
+
+
+def _correlation_s(parts: Sequence[Residual]) -> float:
+    """Return the time at which the residual's autocovariance, noise taken off, has fallen to 1/e."""
+    interval = float(
+        np.median(np.concatenate([np.diff(part.time_s) for part in parts if part.time_s.size > 1]))
+    )
+    variance = sum(float(np.sum(part.value**2 - part.noise_variance)) for part in parts)
+    if variance <= 0.0:
+        return _LEAST_CORRELATION_S
+    lag = 1
+    while lag * interval < _MOST_CORRELATION_S:
+        product = sum(float(part.value[lag:] @ part.value[:-lag]) for part in parts if part.value.size > lag)
+        if product < variance / math.e:
+            break
+        lag += 1
+    return float(np.clip(lag * interval, _LEAST_CORRELATION_S, _MOST_CORRELATION_S))
+
+
+def model_error_of(model: Model) -> ModelError | None:
+    """Return the error that a model's file states, None where it states none."""
+    stated = model.uncertainty.get("model_error")
+    if not isinstance(stated, Mapping):
+        return None
+    channels = {
+        name: ChannelError(*(float(values[key]) for key in ("settled", "transient", "correlation_s")))
+        for name, values in stated["channels"].items()
+    }
+    return ModelError(channels, str(stated.get("data_sha256", "")))
+
+
+def with_model_error(model: Model, error: ModelError) -> Model:
+    """Return the model whose file states its error.
+
+    Args:
+        model: wheel, robot and effects.
+        error: in the channels that were looked at.
+    """
+    stated: dict[str, Any] = {
+        "channels": {
+            name: {"settled": e.settled, "transient": e.transient, "correlation_s": e.correlation_s}
+            for name, e in error.channels.items()
+        },
+        "data_sha256": error.data_sha256,
+    }
+    return replace(model, uncertainty={**model.uncertainty, "model_error": stated})

@@ -1,0 +1,140 @@
+"""What a model predicts for a log: the same commands through MuJoCo, read at the log's own samples."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from mecanum_env.mjcf import robot_spec
+from mecanum_env.model import Model
+from mecanum_env.simulator import BodyCommands, Commands, WheelCommands, drive
+from mecanum_env.simulator.bench import compile_bench, replay_bench
+from mecanum_env.simulator.body_limits import limits_body, wheel_side
+from mecanum_env.simulator.trajectory import CHANNELS
+from mecanum_env.units import FloatArray
+from sysid.logs import BodyCommand, Run
+from sysid.logs.columns import REST
+
+LEAD_S: Final = 1.5
+"""A robot that a log finds moving is taken to have had its first command for this long."""
+FIRST_S: Final = 0.05
+"""What the channels show in the first so many seconds (at least three samples) is the start."""
+POSE: Final = ("x_m", "y_m", "yaw_rad")
+
+
+@dataclass(frozen=True)
+class Start:
+    """How a run begins, as far as its first samples say."""
+
+    initial_rpm: float = 0.0
+    """Bench: the wheel's steady speed."""
+    moving: bool = False
+    """Robot: it was driving already."""
+    x_m: float = 0.0
+    y_m: float = 0.0
+    yaw_rad: float = 0.0
+    """Robot: where it stood in the world."""
+
+
+def start_of(run: Run) -> Start:
+    """Return how a run begins: at rest unless its first samples clearly say otherwise."""
+    first = {name: _first_mean(run, name) for name in run.channels}
+    moving = any(abs(first.get(name, 0.0)) > rest for name, rest in REST.items())
+    if run.level == "bench":
+        return Start(initial_rpm=first.get("speed_rpm", 0.0) if moving else 0.0)
+    return Start(0.0, moving, *(first.get(name, 0.0) for name in POSE))
+
+
+def compile_for(model: Model, level: str) -> mujoco.MjModel:
+    """Compile what `predict` simulates: the bench or the robot on its rollers, without what is only seen.
+
+    Args:
+        model: wheel, robot and effects.
+        level: "bench" or "robot".
+    """
+    if level == "bench":
+        return compile_bench(model)
+    after_limits = wheel_side(model) if limits_body(model) else model
+    return robot_spec(after_limits, wheel_quantum=False, visuals=False).compile()
+
+
+def in_run_frame(model: Model, start: Start) -> Model:
+    """Return the model with world headings counted from where a run starts, as the simulation does.
+
+    Args:
+        model: whose floor may slope.
+        start: the run's yaw counts.
+    """
+    slope = model.effects.get("floor_slope")
+    if slope is None or start.yaw_rad == 0.0:
+        return model
+    heading = slope.get("heading_deg", 0.0) - math.degrees(start.yaw_rad)
+    return replace(model, effects={**model.effects, "floor_slope": {**slope, "heading_deg": heading}})
+
+
+def predict(
+    model: Model, run: Run, start: Start | None = None, mj_model: mujoco.MjModel | None = None
+) -> dict[str, FloatArray]:
+    """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
+
+    Robot logs are predicted on the rollers. Their pose starts where the log's does.
+
+    Args:
+        model: wheel, robot and effects.
+        run: whose commands are replayed.
+        start: how it begins; found from its first samples by default.
+        mj_model: `compile_for` of `in_run_frame(model, start)`, to save compiling.
+
+    Raises:
+        InputError: an effect that cannot be simulated.
+        SimulationDivergedError: the state stopped being finite.
+    """
+    start = start_of(run) if start is None else start
+    model = in_run_frame(model, start)
+    compiled = compile_for(model, run.level) if mj_model is None else mj_model
+    if run.level == "bench":
+        command = run.command.wheels_rpm[:, 0]
+        speed = replay_bench(model, run.time_s, command, initial_rpm=start.initial_rpm, mj_model=compiled)
+        return {"speed_rpm": speed}
+    lead = LEAD_S if start.moving else 0.0
+    commands = commands_of(run, lead)
+    path = drive(model, commands, run.duration_s + lead, mj_model=compiled)
+    shown = path.channels_at(run.time_s + lead)
+    begin = {name: float(path.channels_at(np.array([lead]))[name][0]) for name in POSE} if lead else {}
+    x, y, yaw = (shown[name] - begin.get(name, 0.0) for name in POSE)
+    turn = start.yaw_rad - begin.get("yaw_rad", 0.0)
+    shown["x_m"] = start.x_m + math.cos(turn) * x - math.sin(turn) * y
+    shown["y_m"] = start.y_m + math.sin(turn) * x + math.cos(turn) * y
+    shown["yaw_rad"] = start.yaw_rad + yaw
+    return {name: shown[name] for name in CHANNELS if name in run.channels}
+
+
+def commands_of(run: Run, lead_s: float = 0.0) -> Commands:
+    """Return a robot log's commands in the simulator's form, rows that repeat left out.
+
+    Args:
+        run: a robot log.
+        lead_s: how long the first command has held when the run starts [s].
+    """
+    command = run.command
+    if isinstance(command, BodyCommand):
+        rows = np.stack([command.v_rpm, command.theta_deg, command.vc_rpm], axis=1)
+    else:
+        rows = command.wheels_rpm
+    keep = np.concatenate([[True], np.any(rows[1:] != rows[:-1], axis=1)])
+    time, rows = run.time_s[keep] + lead_s, rows[keep]
+    time[0] = 0.0
+    return BodyCommands(time, *rows.T) if isinstance(command, BodyCommand) else WheelCommands(time, rows)
+
+
+def _first_mean(run: Run, name: str) -> float:
+    finite = run.finite(name)
+    time, values = run.time_s[finite], run.channels[name][finite]
+    if values.size == 0:
+        return 0.0
+    few = values[: max(3, int(np.sum(time <= FIRST_S)))]
+    return float(np.mean(few))

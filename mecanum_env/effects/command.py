@@ -52,7 +52,7 @@ _LIMIT: Final = (1e-6, math.inf)
 COMMAND_LATENCY: Final = Effect(
     name="command_latency",
     acts_on="command",
-    parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3)),),
+    parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3), scan=(0.005, 0.02, 0.05, 0.1, 0.2)),),
     summary="A latched command acts later.",
     signature="Every rise and fall moves later by the same time; speeds reached stay the same. On a bench "
     "log the same as sensor_latency.",

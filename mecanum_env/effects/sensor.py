@@ -56,7 +56,7 @@ _FACTOR: Final = (-10.0, 10.0)
 SENSOR_LATENCY: Final = Effect(
     name="sensor_latency",
     acts_on="sensor",
-    parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3)),),
+    parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3), scan=(0.005, 0.02, 0.05, 0.1, 0.2)),),
     summary="All measured channels show what was this long ago.",
     signature="Everything measured moves later by the same time; values reached stay the same.",
     change_channels=_late,
@@ -65,7 +65,7 @@ SENSOR_LATENCY: Final = Effect(
 SENSOR_LOWPASS: Final = Effect(
     name="sensor_lowpass",
     acts_on="sensor",
-    parameters=(Parameter("time_constant_s", "s", 0.0, (0.0, 0.3)),),
+    parameters=(Parameter("time_constant_s", "s", 0.0, (0.0, 0.3), scan=(0.005, 0.02, 0.05, 0.1, 0.2)),),
     summary="All measured channels pass a filter of first order.",
     signature="Slower, rounder rises and falls without overshoot; values reached stay the same.",
     change_channels=_lowpass,

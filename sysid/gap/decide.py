@@ -5,6 +5,7 @@
    it fall by chance, and each run is predicted better from the others (`sysid.gap.scores`).
 3. Which? Every set of that size whose score is within `NEVER`^2 of the best is as good: if such a set is
    the truth, it is dropped with a probability below Phi(-NEVER), however far the predictions are apart.
+   More is allowed where effects are large, since no formula is exact (4.).
 4. Is it enough? What is left must be what chance allows, or small beside what the set explains: an effect's
    formula is taken to be right to `FORMULA_ERROR`, assumed.
 5. Does it matter? A set that is sure but removes less than `MATTERS` of the squared difference above the
@@ -123,7 +124,7 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     chosen = _best(problem, search, size, masks, inflation)
     law = _law(problem, masks, inflation)
     judged = _judge(problem, search, masks, inflation)
-    tied = _tied(chosen, [j for j in judged if len(j.names) == size], inflation)
+    tied = _tied(search, chosen, [j for j in judged if len(j.names) == size], inflation)
     frequency = _frequency(chosen, [j for j in judged if j.names], rng)
     notes: list[str] = []
     enough = _enough(problem, base, chosen.fitted, floor)
@@ -232,29 +233,39 @@ def _law(problem: Problem, masks: Mapping[str, Mask], inflation: float) -> Judge
     return None if found is None else _with_scores(problem, found, masks, inflation)
 
 
-def _tied(chosen: Judged, same_size: Sequence[Judged], inflation: float) -> tuple[Judged, ...]:
+def _tied(
+    search: Search, chosen: Judged, same_size: Sequence[Judged], inflation: float
+) -> tuple[Judged, ...]:
     """Return the chosen set and those as good, without those that say the same with more parameters."""
-    near = [j for j in same_size if j.score <= chosen.score + NEVER**2]
+    near = [j for j in same_size if j.score <= chosen.score + _tolerance(search, chosen, j, inflation)]
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
     kept: list[Judged] = []
     for one in near:
-        if any(other.names == one.names for other in kept):
-            continue
-        apart = [float(np.sum((one.fitted.residual - k.fitted.residual) ** 2)) / inflation for k in kept]
-        more = [
-            one.fitted.candidate.parameter_count > k.fitted.candidate.parameter_count
-            and distance < _TWINS
-            and _gain(k, one) < _TWINS
-            for k, distance in zip(kept, apart, strict=True)
-        ]
-        if not any(more):
+        if not any(_repeats(one, other, inflation) for other in kept):
             kept.append(one)
-    kept.sort(key=lambda j: (j.score, j.names))
+    kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
     return tuple(kept)
 
 
-def _gain(one: Judged, other: Judged) -> float:
-    return one.score - other.score
+def _tolerance(search: Search, chosen: Judged, rival: Judged, inflation: float) -> float:
+    """Return how much worse a rival's score may be.
+
+    A formula that is right to `FORMULA_ERROR` leaves its square of what it explains beyond the effects that
+    both sets have.
+    """
+    common = tuple(name for name in chosen.names if name in rival.names)
+    rest = search.fitted.get((common, False)) or search.fitted.get((common, True)) or search.base
+    explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
+    return NEVER**2 + FORMULA_ERROR**2 * explained
+
+
+def _repeats(one: Judged, other: Judged, inflation: float) -> bool:
+    """Return whether a set is another with needless parameters, or the same."""
+    if one.names == other.names:
+        return True
+    more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
+    apart = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
+    return more and apart < _TWINS and other.score - one.score < _TWINS
 
 
 def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Floor) -> bool:

@@ -56,7 +56,8 @@ def test_a_ripple_of_the_wheel_is_found_with_its_size_and_phase():
     assert found.explained["speed_rpm"] == pytest.approx(4.5 / (4.5 + 0.25), abs=0.02)
     report = empirical_term(found, adopted=True)
     assert report.adopted
-    assert re.fullmatch(r"(2\.9\d|3|3\.0\d) rpm x sin\(2 x wheel angle \+ \d\d deg\)", report.formula["speed_rpm"])
+    expected = r"(2\.9\d|3|3\.0\d) rpm x sin\(2 x wheel angle \+ \d\d deg\)"
+    assert re.fullmatch(expected, report.formula["speed_rpm"])
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -107,8 +108,6 @@ def test_a_robot_s_coupling_is_found():
         wheels = HeldCommand(CHANGES, command_to_wheels(v, theta, vc))
         twist = wheels_to_twist(wheels.at(TIME), Robot())
         error = 0.001 * (wheels.at(TIME) @ np.array([-1, 1, -1, 1]) / 4.0)
-            wheels.at(TIME) @ np.array([-1, 1, -1, 1]) / 4.0
-        )
         measured = twist[:, 1] + error + 0.005 * rng.standard_normal(TIME.size)
         runs.append(Samples("vy_m_s", TIME, measured, twist[:, 1], twist[:, 1], wheels, group=str(i)))
     found = fit_correction(runs)

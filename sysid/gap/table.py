@@ -10,6 +10,7 @@ from sysid.gap.verdict import (
     closed_share,
     concentrations,
     count,
+    interval_text,
     number,
     place_name,
     set_name,
@@ -83,10 +84,8 @@ def _where(report: GapReport) -> str:
 
 
 def _effect(found: FoundEffect) -> str:
-    values = ", ".join(
-        f"{name} {amount(p.value, unit_of(found.name, name))} ({number(p.low)} .. {number(p.high)})"
-        for name, p in found.parameters.items()
-    )
+    texts = {name: interval_text(p, unit_of(found.name, name)) for name, p in found.parameters.items()}
+    values = ", ".join(f"{name} {value} ({interval})" for name, (value, interval) in texts.items())
     return f"{found.name} {values}, in {found.selection_frequency:.0%} of resamples"
 
 

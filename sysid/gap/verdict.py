@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mecanum_env.effects import CATALOGUE
-from sysid.gap.records import Difference, GapReport, Region
+from sysid.gap.records import Difference, GapReport, Interval, Region
 
 WHEEL_LAW: Final = "wheel_law"
 """Stands among the sets of effects for the law fitted again."""
@@ -146,6 +146,21 @@ def number(value: float | None) -> str:
     if value is None or math.isnan(value):
         return "-"
     return f"{value:.0f}" if 1000.0 <= abs(value) < 1e6 else f"{value:.3g}"
+
+
+def interval_text(estimate: Interval, unit: str) -> tuple[str, str]:
+    """Return an estimate with its unit and its interval, to as many digits as the interval is wide.
+
+    Args:
+        estimate: value and interval.
+        unit: of it.
+    """
+    width = estimate.high - estimate.low
+    if not (0.0 < width < math.inf):
+        return amount(estimate.value, unit), f"{number(estimate.low)} .. {number(estimate.high)}"
+    decimals = max(0, 1 - math.floor(math.log10(width)))
+    value, low, high = (f"{x:.{decimals}f}" for x in (estimate.value, estimate.low, estimate.high))
+    return f"{value} {unit}".strip(), f"{low} .. {high}"
 
 
 def count(many: int, what: str) -> str:

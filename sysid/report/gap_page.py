@@ -9,9 +9,9 @@ from typing import Any, Final
 from sysid.gap.records import Difference, Evidence, FoundEffect, GapReport
 from sysid.gap.table import next_step
 from sysid.gap.verdict import (
-    amount,
     closed_share,
     concentrations,
+    interval_text,
     number,
     place_name,
     set_name,
@@ -110,8 +110,7 @@ def _effect(found: FoundEffect) -> dict[str, Any]:
         "signature": signature,
         "frequency": f"{found.selection_frequency:.0%}",
         "parameters": [
-            (name, amount(p.value, unit_of(found.name, name)), f"{number(p.low)} .. {number(p.high)}")
-            for name, p in found.parameters.items()
+            (name, *interval_text(p, unit_of(found.name, name))) for name, p in found.parameters.items()
         ],
     }
 

@@ -9,7 +9,7 @@ import pytest
 from sysid.gap.records import Difference, FoundEffect, GapReport, Interval
 from sysid.gap.result import gap_json
 from sysid.gap.table import gap_table
-from sysid.gap.verdict import closure, concentrations, number, sizes, verdict_sentence
+from sysid.gap.verdict import closure, concentrations, interval_text, number, sizes, verdict_sentence
 
 VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
 CONTRACT = {
@@ -112,3 +112,10 @@ def test_sizes_have_the_units_of_the_catalogue():
         "-2312",
         "1.5e+07",
     ]
+
+
+def test_an_interval_is_written_to_as_many_digits_as_it_is_wide():
+    assert interval_text(Interval(2.9961, 2.9912, 3.0011), "deg") == ("2.9961 deg", "2.9912 .. 3.0011")
+    assert interval_text(Interval(0.934, 0.901, 0.952), "") == ("0.934", "0.901 .. 0.952")
+    assert interval_text(Interval(812.0, 640.0, 950.0), "rpm/s") == ("812 rpm/s", "640 .. 950")
+    assert interval_text(Interval(3.0, 1.0, float("inf")), "rpm") == ("3 rpm", "1 .. inf")

@@ -38,7 +38,7 @@ class BlindTests(Protocol):
         ...
 
     def write_nominal(self, plant: str, folder: Path) -> None:
-        """Write effect-free logs of a plant to `folder`/logs and what is known of it to `folder`/robot.json."""
+        """Write effect-free logs of a plant to `folder`/logs, what is known of it to `folder`/robot.json."""
         ...
 
     def write_case(self, name: str, seed: int, folder: Path) -> None:

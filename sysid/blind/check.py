@@ -1,4 +1,4 @@
-"""Checks of the blind tests themselves: is each hidden effect large, and is ours the same where it is meant to be?
+"""Checks of the blind tests themselves: is each hidden effect large, and is ours the same.
 
 Per case: the rms of measured minus simulated over the noise floor with the nominal model, and again with the
 catalogue's effect at its true value. What that leaves is the second simulator's other mechanism.

@@ -10,7 +10,7 @@ COMMANDS = round(SECONDS / 0.1)
 
 
 def rich(rng: np.random.Generator) -> np.ndarray:
-    """Return eight sequences, shape (8, COMMANDS): steps, reversals, near zero, random holds, fast and slow."""
+    """Return eight sequences, shape (8, COMMANDS): steps, reversals, near zero, random holds."""
     sign = rng.choice([-1, 1])
     slow = [2, 5, -3, 8, -6, 12, -10, 4]
     rows = [

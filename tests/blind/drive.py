@@ -1,9 +1,9 @@
 """The second bench's nominal drives, and what may be hidden in one.
 
-Everything is seen from the wheel's shaft: the rotor's inertia times the gear ratio squared, volts per rad/s of
-the wheel. A drive's stiffness against load follows from its physics. With the current settled, the motor's
-torque on the shaft is N Kt/R (u - N Ke w), and the controller's u falls by Kp per rad/s and by Ki per rad that
-the wheel lags, so
+Everything is seen from the wheel's shaft: the rotor's inertia times the gear ratio squared, volts per rad/s
+of the wheel. A drive's stiffness against load follows from its physics. With the current settled, the
+motor's torque on the shaft is N Kt/R (u - N Ke w), and the controller's u falls by Kp per rad/s and by Ki per
+rad that the wheel lags, so
 
     servo = N Kt/R (Kp + N Ke) [N m s/rad]        integral = N Kt/R Ki [N m/rad].
 """

@@ -35,7 +35,7 @@ def write_runs(runs: list[Run], folder: Path) -> None:
 
 
 def write_split(name: str, runs: list[Run], folder: Path) -> None:
-    """Write runs with groups and splits; the file name up to the last "_" is the group, every fifth held out."""
+    """Write runs with groups and splits; a run's file name up to the last "_" is its group."""
     groups = list(dict.fromkeys(run.file.rsplit("_", 1)[0] for run in runs))
     role = {g: ("fit", "validation", "fit", "test", "fit")[i % 5] for i, g in enumerate(groups)}
     stated = []

@@ -21,6 +21,7 @@ from sysid.gap.empirical_features import Feature, features
 from sysid.gap.records import EmpiricalTerm
 from sysid.gap.samples import HeldCommand, Samples
 from sysid.gap.sparse import Sums, choose
+from sysid.logs import Run
 from sysid.logs.columns import UNITS
 
 KEY: Final = "empirical"
@@ -73,6 +74,16 @@ class Correction:
                 )
             total += known[term.feature].columns @ np.array(term.coefficients)
         return total
+
+    def added_to(self, run: Run, predicted: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return all predicted channels of a run with the correction.
+
+        Args:
+            run: whose commands count.
+            predicted: channel -> values at the run's rows, shape (n,).
+        """
+        wheels = HeldCommand(*run.command_changes())
+        return {name: self.added(name, run.time_s, wheels, values) for name, values in predicted.items()}
 
     def as_json(self) -> dict[str, Any]:
         """Return what a model file keeps under `KEY`."""

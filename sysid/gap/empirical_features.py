@@ -16,7 +16,7 @@ from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.gap.samples import HeldCommand, wheel_of
 from sysid.logs.columns import UNITS
 
-HARMONICS: Final = (1, 2, 3, 4, 5, 6, 8, 10, 12)
+HARMONICS: Final = tuple(range(1, 13))
 """Of the wheel's turn that are tried: once a turn is an uneven wheel or encoder, ten are the rollers."""
 DECAYS_S: Final = (0.1, 0.5)
 """Time constants with which the memory of a command's change fades."""

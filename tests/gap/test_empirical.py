@@ -12,6 +12,7 @@ from mecanum_env.kinematics import command_to_wheels, wheels_to_twist
 from mecanum_env.model import Robot, paper_model, read_model, write_model
 from sysid.gap.empirical import KEY, Correction, Term, correction_of, empirical_term, fit_correction, formula
 from sysid.gap.samples import HeldCommand, Samples
+from sysid.logs import BenchCommand, Run
 
 TIME = np.arange(0.0, 4.0, 0.01)
 CHANGES = np.array([0.2, 1.1, 2.0, 2.9])
@@ -127,6 +128,8 @@ def test_an_adopted_correction_survives_the_model_file_and_lowers_the_error(tmp_
     other = bench_runs(ripple, seed=9)[0]
     better = again.added("speed_rpm", other.time_s, other.wheels, other.before)
     assert np.std(other.measured - better) < 0.3 * np.std(other.measured - other.before)
+    run = Run("a.csv", "a", "test", TIME, BenchCommand(other.wheels.at(TIME)[:, 0]), {})
+    assert np.array_equal(again.added_to(run, {"speed_rpm": other.before})["speed_rpm"], better)
     assert np.array_equal(again.added("vx_m_s", other.time_s, other.wheels, other.before), other.before)
 
 

@@ -11,6 +11,7 @@ from sysid.gap.verdict import (
     concentrations,
     count,
     interval_text,
+    law_is_best,
     number,
     place_name,
     set_name,
@@ -55,6 +56,8 @@ def next_step(report: GapReport) -> str:
         return "use the new model.json; study again with it to see whether anything is left"
     if report.verdict == "ambiguous":
         return "record other commands; these cannot tell the candidates apart"
+    if law_is_best(report):
+        return "fit the wheel again with these logs (python -m sysid.fit), then study the new model"
     return "look at the worst runs on the page; the regions say what the robot was doing"
 
 

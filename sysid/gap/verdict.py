@@ -39,6 +39,11 @@ def verdict_sentence(report: GapReport) -> str:
             f"No gap: model and measurement differ by {differ}, which noise and the model's own uncertainty "
             f"explain (p = {report.p_value:.2g})."
         )
+    if report.verdict == "unexplained" and law_is_best(report):
+        return (
+            f"There is a gap that the wheel law fitted again explains better than any effect of the catalogue: "
+            f"model and measurement differ by {differ}{_noise(gap)}."
+        )
     if report.verdict == "unexplained":
         places = concentrations(report, most=1)
         where = f", most of all in {place_name(places[0].region)}" if places else ""
@@ -55,6 +60,11 @@ def verdict_sentence(report: GapReport) -> str:
         f"The model lacks {sets}, and these logs cannot tell which: with the first the difference on "
         f"untouched runs falls {fall}."
     )
+
+
+def law_is_best(report: GapReport) -> bool:
+    """Return whether the wheel's own law, fitted again, did better than every set of effects."""
+    return bool(report.evidence) and report.evidence[0].effects == (WHEEL_LAW,)
 
 
 def closure(gap: Difference) -> float | None:
@@ -106,6 +116,8 @@ def place_name(region: Region) -> str:
 
 def set_name(effects: Sequence[str]) -> str:
     """Return the name of a set of effects: joined by " + "; of none, "the model as it is"."""
+    if tuple(effects) == (WHEEL_LAW,):
+        return "the wheel law fitted again"
     return " + ".join(effects) if effects else "the model as it is"
 
 
@@ -113,8 +125,6 @@ def summary_of(effect: str) -> tuple[str, str]:
     """Return what an `effect` is and what it looks like in data, one line each."""
     if effect in CATALOGUE:
         return CATALOGUE[effect].summary, CATALOGUE[effect].signature
-    if effect == WHEEL_LAW:
-        return "The wheel's own law is another one: its coefficients were fitted again.", ""
     return "", ""
 
 

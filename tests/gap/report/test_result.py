@@ -87,7 +87,14 @@ def test_the_sentences_name_what_was_found(every_report: dict[str, GapReport]):
     assert "roller_friction or sensor_scale + mount_yaw" in said["ambiguous"]
     assert "cannot tell which" in said["ambiguous"]
     assert said["no_gap"].startswith("No gap")
-    assert "no effect of the catalogue explains" in said["unexplained"]
+    assert "There is a gap" in said["unexplained"]
+
+
+def test_a_law_that_fits_better_than_any_effect_is_told(unexplained: GapReport):
+    assert "the wheel law fitted again explains better" in verdict_sentence(unexplained)
+    assert "python -m sysid.fit" in gap_table(unexplained)
+    other = replace(unexplained, evidence=unexplained.evidence[::-1])
+    assert "no effect of the catalogue explains" in verdict_sentence(other)
 
 
 def test_closure_is_the_part_above_the_noise():

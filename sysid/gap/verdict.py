@@ -41,8 +41,8 @@ def verdict_sentence(report: GapReport) -> str:
         )
     if report.verdict == "unexplained" and law_is_best(report):
         return (
-            f"There is a gap that the wheel law fitted again explains better than any effect of the catalogue: "
-            f"model and measurement differ by {differ}{_noise(gap)}."
+            "There is a gap that the wheel law fitted again explains better than any effect of the catalogue "
+            f"does: model and measurement differ by {differ}{_noise(gap)}."
         )
     if report.verdict == "unexplained":
         places = concentrations(report, most=1)

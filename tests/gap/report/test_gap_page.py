@@ -3,14 +3,16 @@
 import html
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from sysid.gap.records import GapReport
+from sysid.gap.records import Difference, GapReport
+from sysid.gap.table import gap_table
 from sysid.gap.verdict import verdict_sentence
 from sysid.report import write_gap_report
-from sysid.report.gap_plots import heat_figure
+from sysid.report.gap_plots import heat_figure, heat_scale
 
 VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
 Drawn = Callable[[Path], tuple[int, int, list[str]]]
@@ -77,3 +79,24 @@ def test_a_browser_without_network_draws_every_plot(pages: dict[str, Path], draw
     assert figures >= 3
     assert drawn == figures
     assert console == []
+
+
+def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: Path):
+    pytest.importorskip("plotly", reason="the report extra is not installed")
+    unknown = Difference("rpm", 3.0, 1.0, None)
+    bare = replace(
+        named, gap=unknown, channels={"speed_rpm": unknown}, where=(), overlays=(), evidence=(),
+        untestable=(), smallest_detectable={}, findings=(), notes=(), provenance={},
+    )  # fmt: skip
+    assert write_gap_report(bare, tmp_path / "bare.html")
+    text = words(tmp_path / "bare.html")
+    assert "no repeats tell it" in text
+    assert "Nothing odd was noticed." in text
+    assert len(gap_table(bare).splitlines()) >= 3
+
+
+def test_without_noise_the_heat_map_is_relative_to_the_channel_s_error(named: GapReport):
+    unknown = replace(named.channels["speed_rpm"], noise_floor=None)
+    scale, unit = heat_scale(replace(named, channels={"speed_rpm": unknown}))
+    assert unit == "of the mean error"
+    assert scale == {"speed_rpm": unknown.before}

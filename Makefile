@@ -4,6 +4,7 @@
 # make test-wheel the tests against the built wheel, outside the checkout
 # make check      lint, format, types
 # make bench      every benchmark, figures in out/bench/
+# make blind      hidden effects, to be named from logs alone: the whole table, docs/results/blind.md
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -12,7 +13,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench system clean FORCE
+.PHONY: demo test test-all test-wheel check bench blind system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
@@ -34,6 +35,11 @@ check: $(VENV)/installed
 bench: $(VENV)/installed
 	for name in plugin physics paper_drives replay fit online render real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
+
+# Begun anew each time; an interrupted run goes on with the last line alone.
+blind: $(VENV)/installed
+	rm -rf out/blind
+	$(BIN)/python -m sysid.blind --out out/blind --markdown docs/results/blind.md
 
 # System packages: the offline renderer, and a compiler for the plugin.
 system:

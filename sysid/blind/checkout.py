@@ -13,17 +13,20 @@ from sysid.blind.case import BlindTests
 
 
 def blind_tests() -> BlindTests:
-    """Return the makers of blind tests of this checkout.
+    """Return the makers of blind tests, of this checkout or of the current folder.
 
     Raises:
         InputError: the program runs from an installation, which has none.
     """
-    tests = Path(sysid.__file__).parents[1] / "tests"
-    if not (tests / "blind" / "__init__.py").is_file():
+    # The second is for tests that run against an installation, from a copy of the test folder.
+    roots = (Path(sysid.__file__).parents[1], Path.cwd())
+    folders = [root / "tests" for root in roots if (root / "tests" / "blind" / "__init__.py").is_file()]
+    if not folders:
         raise InputError(
-            f"{tests / 'blind'}: no such folder; blind tests come with a checkout of the repository, "
-            "run them there"
+            f"{roots[0] / 'tests' / 'blind'}: no such folder; blind tests come with a checkout of the "
+            "repository, run them there"
         )
-    if str(tests) not in sys.path:
-        sys.path.append(str(tests))
+    tests = str(folders[0])
+    if tests not in sys.path:
+        sys.path.append(tests)
     return cast(BlindTests, importlib.import_module("blind"))

@@ -16,10 +16,11 @@ from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Senso
 from mecanum_env.tankendo.judge import TERMS, Dodge, Judge
 from mecanum_env.tankendo.judge_duel import Duel
 from mecanum_env.tankendo.judge_track import Track
-from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, noise_sizes, observe
+from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY
 from mecanum_env.tankendo.opponent import BoolArray, Fighter
 from mecanum_env.tankendo.plant import Compiled, Robots
 from mecanum_env.tankendo.scene import Scenes, separation, wrapped
+from mecanum_env.tankendo.senses import Senses
 from mecanum_env.units import FloatArray
 
 TaskName = Literal["dodge", "track", "duel"]
@@ -89,7 +90,7 @@ class Arena:
         self._held = np.zeros((3, n))
         self.commands = np.zeros((n, 3))
         """The last commands: V [rpm], theta [deg], VC [rpm]."""
-        self._noise_size = noise_sizes(setting.sensors)
+        self.senses = Senses(n, setting.sensors, self.step_s, self.judge.extra_observations)
         self._all = np.arange(n)
 
     def restart(self, row: int, rng: np.random.Generator, compiled: Compiled | None = None) -> None:
@@ -109,6 +110,7 @@ class Arena:
         self.scenes.restart(row, [x, y, turned, 0, 0, 0, x + distance, y, np.pi, 0, 0])
         self.fighter.restart(row)
         self.judge.restart(row)
+        self.senses.restart(row, self.robots.model_of(row))
         self.step_count[row] = 0
         self._held[:, row] = 0.0
         self.commands[row] = 0.0
@@ -149,15 +151,10 @@ class Arena:
 
     def observe(self) -> npt.NDArray[np.float32]:
         """Return what the sensors show now, shape (n, k)."""
-        sensors = self.setting.sensors
-        seen = self.scenes.ago(sensors.delay_s)
-        cos, sin = np.cos(seen[2]), np.sin(seen[2])
-        own = np.stack([cos * seen[3] + sin * seen[4], cos * seen[4] - sin * seen[3], seen[5]])
         now_s = self.time_s()
-        noise = self._noise_size * self.chance.noise[self.step_count, :, self._all].T
+        noise = self.chance.noise[self.step_count, :, self._all].T
         extra = self.judge.observe(now_s)
-        time_s = now_s - sensors.delay_s
-        return observe(seen, own, time_s, self.fighter.sword, self._held, noise, extra)
+        return self.senses.observe(self.scenes, now_s, self.fighter.sword, self._held, noise, extra)
 
     def state_info(self) -> dict[str, npt.NDArray[Any]]:
         """Return what `info` says of the present, arrays (n,) by name."""
@@ -175,4 +172,4 @@ class Arena:
 def command_shares(commands: FloatArray) -> FloatArray:
     """Return commands (n, 3) as shares of the full ones: ahead, left, turn, shape (3, n)."""
     v, angle = commands[:, 0] / FULL_V_RPM, np.deg2rad(commands[:, 1])
-    return np.stack([v * np.cos(angle), v * np.sin(angle), commands[:, 2] / FULL_VC_RPM])
+    return np.array([v * np.cos(angle), v * np.sin(angle), commands[:, 2] / FULL_VC_RPM])

@@ -49,10 +49,10 @@ class Technique:
 
 
 TECHNIQUES: Final = (
-    Technique("do", 0.12, 1.92, 0.34, 0.07, 1.0, 0.05, 0.42, 0.62, 0.38),
-    Technique("nodo", 0.10, 1.98, 0.16, 0.07, 1.0, 0.05, 0.58, 0.58, 0.66),
-    Technique("men", 0.15, 2.00, 0.22, 0.08, 0.35, 0.02, 0.68, 0.45, 1.05),
-    Technique("kote", 0.09, 1.72, 0.22, 0.07, 0.35, 0.28, 0.46, 0.70, 0.84),
+    Technique("do", 0.12, 1.86, 0.24, 0.13, 1.0, 0.05, 0.42, 0.62, 0.38),
+    Technique("nodo", 0.10, 2.05, 0.14, 0.13, 1.0, 0.05, 0.58, 0.58, 0.66),
+    Technique("men", 0.15, 2.05, 0.18, 0.13, 0.35, 0.02, 0.68, 0.45, 1.05),
+    Technique("kote", 0.09, 1.78, 0.18, 0.12, 0.35, 0.28, 0.46, 0.70, 0.84),
 )
 
 
@@ -62,7 +62,7 @@ class Opponent:
 
     warning_s: tuple[float, float] = (0.44, 0.58)
     """From the first visible motion to the hit [s], drawn evenly; published for kendo: 0.44 to 0.58."""
-    sight_delay_s: float = 0.15
+    sight_delay_s: float = 0.20
     """It knows the robot as it was this long ago [s]."""
     lead: float = 1.0
     """Share of the robot's seen motion, up to the hit, that it adds to its aim."""
@@ -101,7 +101,7 @@ class Opponent:
 _LEVELS: Final[Mapping[str, Opponent]] = {
     "easy": Opponent(
         warning_s=(0.58, 0.72),
-        sight_delay_s=0.20,
+        sight_delay_s=0.25,
         lead=0.9,
         aim_noise_m=0.03,
         extra_reach_m=-0.05,
@@ -111,11 +111,11 @@ _LEVELS: Final[Mapping[str, Opponent]] = {
     "normal": Opponent(),
     "hard": Opponent(
         warning_s=(0.38, 0.50),
-        sight_delay_s=0.12,
+        sight_delay_s=0.17,
         lead=1.0,
         aim_noise_m=0.015,
         extra_reach_m=0.05,
-        extra_size_m=0.02,
+        extra_size_m=0.01,
         feint_probability=0.45,
         wander_m_s=0.6,
     ),

@@ -1,7 +1,8 @@
 """What the robot's sensors tell: the observation, number by number.
 
 Positions and velocities are in the robot's body frame (x forward, y left), velocities are over the floor.
-All of it is as it was `Sensors.delay_s` ago, with normal noise of the given standard deviation.
+All of it is as it was `Sensors.delay_s` ago, with normal noise of the given standard deviation. Effects of the
+model on sensors act on 10-12 and 16-19, what the robot measures of itself (`mecanum_env.tankendo.senses`).
 
 | index | quantity | unit | noise |
 |---|---|---|---|
@@ -25,9 +26,6 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.tankendo.constants import Sensors
-from mecanum_env.tankendo.sword import Sword
-from mecanum_env.units import FloatArray
 
 SIZE: Final = 20
 """Numbers that every task observes."""
@@ -96,59 +94,3 @@ class Observed:
 def read_observation(observation: npt.NDArray[np.floating]) -> Observed:
     """Return the numbers of an observation, shape (..., 20 or more), by name."""
     return Observed(*(observation[..., i] for i in range(SIZE)))
-
-
-def noise_sizes(sensors: Sensors) -> FloatArray:
-    """Return the standard deviation of each noisy number, shape (17, 1), of these sensors."""
-    s = sensors
-    position, tip = [s.position_m] * 2, [s.position_m] * 3
-    own = [s.own_velocity_m_s] * 2 + [s.own_yaw_rate_rad_s]
-    rest = [s.place_m] * 2 + [s.heading_rad] * 2
-    sizes = [*position, *[s.velocity_m_s] * 2, *tip, *[s.tip_velocity_m_s] * 3, *own, *rest]
-    return np.array(sizes)[:, None]
-
-
-def observe(
-    seen: FloatArray,
-    own: FloatArray,
-    time_s: FloatArray,
-    sword: Sword,
-    held: FloatArray,
-    noise: FloatArray,
-    extra: FloatArray,
-) -> npt.NDArray[np.float32]:
-    """Return observations, shape (n, 20 + extra).
-
-    Args:
-        seen: the scene as the sensors show it, (11, n).
-        own: the own velocity as the sensors show it, ahead, left [m/s], yaw rate [rad/s], (3, n).
-        time_s: of the scene, (n,).
-        sword: the opponent's.
-        held: shares of the command now held, (3, n).
-        noise: what the sensors add, (17, n).
-        extra: what the task adds, (k, n).
-    """
-    cos, sin = np.cos(seen[2]), np.sin(seen[2])
-    tip, tip_velocity = sword.tip_and_velocity(time_s, seen)
-    shown = np.empty((SIZE + len(extra), len(time_s)))
-
-    def put(index: int, x: FloatArray, y: FloatArray) -> None:
-        """Write a vector, given in the field's frame, in the body's frame."""
-        shown[index] = cos * x + sin * y
-        shown[index + 1] = cos * y - sin * x
-
-    put(0, seen[6] - seen[0], seen[7] - seen[1])
-    put(2, seen[9], seen[10])
-    put(4, tip[0] - seen[0], tip[1] - seen[1])
-    shown[6] = tip[2]
-    put(7, tip_velocity[0], tip_velocity[1])
-    shown[9] = tip_velocity[2]
-    shown[10:13] = own
-    shown[13:16] = held
-    shown[16:18] = seen[0:2]
-    shown[18], shown[19] = cos, sin
-    shown[:13] += noise[:13]
-    shown[16:20] += noise[13:]
-    shown[20:] = extra
-    limits = np.concatenate([LIMITS, np.full(len(extra), EXTRA_LIMIT)])[:, None]
-    return np.clip(shown, -limits, limits).T.astype(np.float32)

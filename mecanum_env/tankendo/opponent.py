@@ -67,10 +67,16 @@ class Fighter:
         drawn: RowArray = self._chance.technique[self.exchange % EXCHANGES, self._all]
         return drawn
 
+    def has_struck(self, time_s: FloatArray) -> BoolArray:
+        """Return where a strike is over and the sword on its way back, or back, at times (n,), shape (n,)."""
+        struck: BoolArray = ~self.sword.is_feint & (time_s >= self.sword.land_s)
+        return struck
+
     def sees_opening(self) -> BoolArray:
         """Return where the robot, as seen late, is at maai, facing and slow, shape (n,)."""
         now, seen = self._scenes.now, self._scenes.ago(self.constants.sight_delay_s)
-        scene = np.concatenate([seen[:6], now[6:]])
+        scene = seen.copy()
+        scene[6:] = now[6:]
         distance, bearing = separation(scene)
         rules = self._rules
         speed2 = seen[3] * seen[3] + seen[4] * seen[4]
@@ -126,50 +132,40 @@ class Fighter:
         constants, step = self.constants, self._step_s
         seen, now = self._scenes.ago(constants.sight_delay_s), self._scenes.now
         dx, dy = seen[0] - now[6], seen[1] - now[7]
-        distance = np.sqrt(dx * dx + dy * dy)
-        distance = np.maximum(distance, 1e-6)
+        distance = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
         if wish is None:
-            speed = np.clip(
-                _APPROACH_PER_S * (distance - self._rules.maai_m), -constants.walk_m_s, constants.walk_m_s
-            )
+            wanted = _APPROACH_PER_S * (distance - self._rules.maai_m)
+            speed = np.minimum(np.maximum(wanted, -constants.walk_m_s), constants.walk_m_s)
             across = self._chance.drift
-            wish = np.stack([(speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance])
-        busy = stands | ~self.sword.idle(time_s)
+            wish = np.array([(speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance])
+        fights = ~self.sword.idle(time_s)
+        busy = stands | fights
         change = np.where(busy, 0.0, wish) - now[9:11]
         size = np.sqrt(change[0] * change[0] + change[1] * change[1])
         velocity = now[9:11] + change * np.minimum(1.0, constants.walk_m_s2 * step / np.maximum(size, 1e-9))
         turn = wrapped(np.arctan2(dy, dx) - now[8])
         most = constants.turn_rad_s * step
-        heading = now[8] + np.where(busy, 0.0, np.clip(turn, -most, most))
+        heading = now[8] + np.where(busy, 0.0, np.minimum(np.maximum(turn, -most), most))
         place = now[6:8] + step * velocity
-        struck = self.pending | ~(self.sword.idle(time_s) | self.sword.is_feint)
+        struck = fights & ~self.sword.is_feint
         if struck.any():
             # In a strike its place is its step; the velocity is that of the step.
             forward = constants.step_m * self.sword.step_share(time_s + step)
             stepped = self.sword.origin + forward * np.stack([np.cos(now[8]), np.sin(now[8])])
             place = np.where(struck, stepped, place)
             velocity = np.where(struck, (stepped - now[6:8]) / step, velocity)
-        return np.concatenate([place, heading[None], velocity])
+        after = np.empty((5, len(time_s)))
+        after[:2], after[2], after[3:] = place, heading, velocity
+        return after
 
     def aim(self, end_s: FloatArray) -> None:
         """Lock the aim of the swords that started forward during the step that ended now, at `end_s` (n,)."""
         starts = self.pending & ~self.aimed & (self.sword.cut_s <= end_s)
         if not starts.any():
             return
-        rows, constants, sword = np.flatnonzero(starts), self.constants, self.sword
-        which = self.exchange[rows] % EXCHANGES
-        technique = self._chance.technique[which, rows]
-        seen = self._scenes.ago_of(rows, end_s[rows] - sword.cut_s[rows] + constants.sight_delay_s)
-        ahead = constants.lead * (sword.land_s[rows] - sword.cut_s[rows] + constants.sight_delay_s)
-        offset = self._table["target_m"][technique]
-        noise = self._chance.aim_noise[:, which, rows]
-        dx = seen[0] + offset * np.cos(seen[2]) + ahead * seen[3] + noise[0] - sword.origin[0, rows]
-        dy = seen[1] + offset * np.sin(seen[2]) + ahead * seen[4] + noise[1] - sword.origin[1, rows]
-        wanted = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
-        reach = self._table["reach_m"][technique] + constants.extra_reach_m
-        length = np.clip(wanted, _MIN_LUNGE_M, np.maximum(reach, _MIN_LUNGE_M)) / wanted
-        sword.end[0, rows] = sword.origin[0, rows] + length * dx
-        sword.end[1, rows] = sword.origin[1, rows] + length * dy
+        rows, sword = np.flatnonzero(starts), self.sword
+        seen = self._scenes.ago_of(rows, end_s[rows] - sword.cut_s[rows] + self.constants.sight_delay_s)
+        sword.end[:, rows] = self.aim_at(rows, seen)
         self.aimed[rows] = True
 
     def land(self, end_s: FloatArray) -> tuple[RowArray, BoolArray]:
@@ -177,22 +173,50 @@ class Fighter:
         lands = self.pending & (self.sword.land_s <= end_s)
         if not lands.any():
             return _NOBODY, np.zeros(0, bool)
-        rows, sword, table = np.flatnonzero(lands), self.sword, self._table
-        technique = self._chance.technique[self.exchange[rows] % EXCHANGES, rows]
-        scene = self._scenes.ago_of(rows, end_s[rows] - sword.land_s[rows])
+        rows, sword = np.flatnonzero(lands), self.sword
+        hit = self.hits(rows, self._scenes.ago_of(rows, end_s[rows] - sword.land_s[rows]), sword.end[:, rows])
+        self.pending[rows] = False
+        self.feinted[rows] = False
+        return rows, hit
+
+    def aim_at(self, rows: RowArray, seen: FloatArray) -> FloatArray:
+        """Return where tips will end, (2, m), for robots as seen when the swords start forward.
+
+        Args:
+            rows: the episodes, (m,).
+            seen: the robots then, one `sight_delay_s` ago: scenes (6 or more, m).
+        """
+        constants, sword, table = self.constants, self.sword, self._table
+        which = self.exchange[rows] % EXCHANGES
+        technique = self._chance.technique[which, rows]
+        ahead = constants.lead * (sword.land_s[rows] - sword.cut_s[rows] + constants.sight_delay_s)
+        offset, noise = table["target_m"][technique], self._chance.aim_noise[:, which, rows]
+        origin = sword.origin[:, rows]
+        dx = seen[0] + offset * np.cos(seen[2]) + ahead * seen[3] + noise[0] - origin[0]
+        dy = seen[1] + offset * np.sin(seen[2]) + ahead * seen[4] + noise[1] - origin[1]
+        wanted = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
+        reach = np.maximum(table["reach_m"][technique] + constants.extra_reach_m, _MIN_LUNGE_M)
+        length = np.minimum(np.maximum(wanted, _MIN_LUNGE_M), reach) / wanted
+        return np.array([origin[0] + length * dx, origin[1] + length * dy])
+
+    def hits(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> BoolArray:
+        """Return whether strikes hit, (m,).
+
+        Args:
+            rows: the episodes, (m,).
+            robot: the robots when the strikes end, scenes (6 or more, m).
+            end: where the tips end, (2, m).
+        """
+        table, technique = self._table, self.technique()[rows]
         offset = table["target_m"][technique]
-        x = scene[0] + offset * np.cos(scene[2]) - sword.end[0, rows]
-        y = scene[1] + offset * np.sin(scene[2]) - sword.end[1, rows]
-        hit = strike_hits(
-            np.stack([x, y]),
-            sword.end[:, rows] - sword.origin[:, rows],
+        x, y = robot[0] + offset * np.cos(robot[2]) - end[0], robot[1] + offset * np.sin(robot[2]) - end[1]
+        return strike_hits(
+            np.array([x, y]),
+            end - self.sword.origin[:, rows],
             width_m=table["width_m"][technique] + self.constants.extra_size_m,
             depth_m=table["depth_m"][technique] + self.constants.extra_size_m,
             blade_m=table["blade_m"][technique],
         )
-        self.pending[rows] = False
-        self.feinted[rows] = False
-        return rows, hit
 
 
 def strike_hits(

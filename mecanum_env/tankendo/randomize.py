@@ -99,7 +99,7 @@ def sampler_for(randomize: Randomize, model: Model) -> Sampler | None:
     }
     if covariance is None and not errors and not ranges:
         raise InputError(
-            'randomize = "posterior": the model file holds no uncertainty; make one with `python -m sysid.fit '
+            'randomize = "posterior": the model holds no uncertainty; make one with `python -m sysid.fit '
             'LOGS`, or give ranges, such as {"robot.mass_kg": (18, 24)}'
         )
     spread = None if covariance is None else _factor(np.array(covariance, float))

@@ -13,6 +13,7 @@ from mecanum_env.units import FloatArray
 GUARD_HEIGHT_M: Final = 0.58
 """Height of the tip on guard [m]; ours."""
 _RATE_S = 0.01  # the tip's velocity is its mean over this time
+_EARLIER_S = np.array([[0.0], [_RATE_S]])
 _LONG_AGO = -1e6
 
 
@@ -56,21 +57,26 @@ class Sword:
 
         The opponent's centre is at (x, y) then and looks along its heading, all of shape (..., n).
         """
+        tip = np.empty((3, *heading_rad.shape))
         cos, sin = np.cos(heading_rad), np.sin(heading_rad)
+        if np.all((time_s >= self.free_s) | (time_s <= self.raise_s)):
+            # All on guard: what the formulae below would give, at a fraction of the time.
+            tip[0], tip[1] = x_m + GUARD_TIP_M * cos, y_m + GUARD_TIP_M * sin
+            tip[2] = GUARD_HEIGHT_M
+            return tip
         rise = _smooth(_share(time_s, self.raise_s, self.cut_s))
         strike = _share(time_s, self.cut_s, self.land_s)
         strike = np.where(self.is_feint, 0.0, strike * strike)
         back = _smooth(_share(time_s, self.land_s, self.free_s))
         ahead = GUARD_TIP_M + rise * (self.raised_m - GUARD_TIP_M)
-        tip = []
-        for at, direction, end in ((x_m, cos, self.end[0]), (y_m, sin, self.end[1])):
+        for axis, at, direction in ((0, x_m, cos), (1, y_m, sin)):
             guard, drawn = at + GUARD_TIP_M * direction, at + ahead * direction
-            forward = drawn + strike * (end - drawn)
-            tip.append(forward + back * (guard - forward))
+            forward = drawn + strike * (self.end[axis] - drawn)
+            tip[axis] = forward + back * (guard - forward)
         drawn = GUARD_HEIGHT_M + rise * (self.raised_height_m - GUARD_HEIGHT_M)
         forward = drawn + strike * (self.end_height_m - drawn)
-        tip.append(forward + back * (GUARD_HEIGHT_M - forward))
-        return np.stack(tip)
+        tip[2] = forward + back * (GUARD_HEIGHT_M - forward)
+        return tip
 
     def tip_and_velocity(
         self,
@@ -78,16 +84,15 @@ class Sword:
         scene: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return the tip's place [m] and velocity [m/s], shapes (3, n), at times (n,) in scenes (11, n)."""
-        earlier = np.array([[0.0], [_RATE_S]])
-        tip = self.tip(
-            time_s - earlier, scene[6] - earlier * scene[9], scene[7] - earlier * scene[10], scene[8]
-        )
+        earlier = _EARLIER_S
+        x, y = scene[6] - earlier * scene[9], scene[7] - earlier * scene[10]
+        tip = self.tip(time_s - earlier, x, y, np.broadcast_to(scene[8], x.shape))
         return tip[:, 0], (tip[:, 0] - tip[:, 1]) / _RATE_S
 
 
 def _share(time_s: FloatArray, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
     """Return how much of the way from start to end has passed, 0 to 1; no time at all passes at once."""
-    return np.clip((time_s - start_s) / np.maximum(end_s - start_s, 1e-9), 0.0, 1.0)
+    return np.minimum(np.maximum((time_s - start_s) / np.maximum(end_s - start_s, 1e-9), 0.0), 1.0)
 
 
 def _smooth(share: FloatArray) -> FloatArray:

@@ -1,18 +1,27 @@
-"""The oracle: it looks into the simulator and knows when the strike starts and lands; an upper bound."""
+"""The oracle: it looks into the simulator and knows when and where the strike comes; an upper bound."""
 
 from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.tankendo import read_observation
 from mecanum_env.tankendo.arena import Arena
+from mecanum_env.units import FloatArray
 from training.controllers.hold import Hold
 from training.controllers.interface import Command, twist_command
 
+_SPEED_M_S, _ACCELERATION_M_S2 = 1.05, 3.5  # of the packaged robot, with a little in hand
+_TICK_S = 0.02
+_DIRECTIONS = 16
+_LATE_TICKS = 1  # between a command and the motion it asks for
+_SPREAD_M = (0.0, 0.015, 0.03, 0.045)  # how far off a plan may be
+
 
 class Oracle:
-    """Holds the far edge of maai, is gone when the strike starts, and back after it.
+    """Tries many ways to move until the strike ends, on a point mass, against the strike as it will be.
+
+    A way is one velocity until some command, then another; it takes the one that is missed most surely and, of
+    those, the one that ends nearest to maai.
 
     Args:
         arena: what it looks into; `env.unwrapped.arena`.
@@ -21,21 +30,86 @@ class Oracle:
 
     def __init__(self, arena: Arena, row: int = 0) -> None:
         self._arena, self._row = arena, row
-        self._far, self._near = Hold(distance_m=1.86), Hold()
+        maai = arena.setting.rules.maai_m
+        self._wait, self._return = Hold(distance_m=maai + 0.1), Hold(distance_m=maai, gain_per_s=4.0)
 
     def reset(self) -> None:
         """Forget nothing: the simulator remembers."""
 
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
-        sword, row = self._arena.fighter.sword, self._row
-        now = self._arena.step_count[row] * self._arena.step_s
-        seen = read_observation(observation)
-        vx, vy, turn = self._far.twist(seen)
-        if self._arena.fighter.pending[row] and not sword.is_feint[row]:
-            x, y = float(seen.opponent_x), float(seen.opponent_y)
-            distance = max(float(np.hypot(x, y)), 1e-6)
-            vx, vy = -1.07 * x / distance, -1.07 * y / distance
-        elif now > sword.land_s[row] and not sword.is_feint[row]:
-            vx, vy, turn = self._near.twist(seen)
-        return twist_command(vx, vy, turn, self._far.robot)
+        fighter, row = self._arena.fighter, self._row
+        if not fighter.pending[row]:
+            struck = fighter.has_struck(self._arena.time_s())[row]
+            return (self._return if struck else self._wait).act(observation)
+        vx, vy = self._best_velocity()
+        yaw = self._arena.scenes.now[2, row]
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        return twist_command(cos * vx + sin * vy, cos * vy - sin * vx, 0.0, self._wait.robot)
+
+    def _best_velocity(self) -> tuple[float, float]:
+        """Return the velocity in the field to ask for now [m/s]."""
+        arena, row = self._arena, self._row
+        fighter, sword = arena.fighter, arena.fighter.sword
+        now_s = float(arena.time_s()[row])
+        ticks = max(1, round((sword.land_s[row] - now_s) / _TICK_S))
+        first, second, switch = _ways(ticks)
+        path = _paths(arena.scenes.now[:, row], first, second, switch, ticks)  # (ticks + 1, 6, ways)
+        n = first.shape[1]
+        rows = np.full(n, row)
+        if fighter.aimed[row]:
+            end = np.repeat(sword.end[:, row, None], n, axis=1)
+        else:
+            seen_s = sword.cut_s[row] - fighter.constants.sight_delay_s
+            seen_tick = round((seen_s - now_s) / _TICK_S)
+            if seen_tick >= 0:
+                seen = path[min(seen_tick, ticks)]
+            else:
+                seen = np.repeat(arena.scenes.ago_of(rows[:1], np.array([now_s - seen_s])), n, axis=1)
+            end = fighter.aim_at(rows, seen)
+        missed = np.zeros(n)
+        for spread in _SPREAD_M:
+            clear = np.ones(n, bool)
+            for dx, dy in ((spread, 0.0), (-spread, 0.0), (0.0, spread), (0.0, -spread)):
+                robot = path[-1].copy()
+                robot[0] += dx
+                robot[1] += dy
+                clear &= ~fighter.hits(rows, robot, end)
+            missed += clear
+        away = path[-1, :2] - sword.origin[:, row, None]
+        distance = np.sqrt(away[0] ** 2 + away[1] ** 2)
+        best = int(np.argmax(missed - 0.5 * np.abs(distance - arena.setting.rules.maai_m)))
+        return float(first[0, best]), float(first[1, best])
+
+
+def _ways(ticks: int) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
+    """Return first and second velocities, (2, n) [m/s], and the tick of the change, (n,)."""
+    angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+    velocities = np.concatenate(
+        [_SPEED_M_S * np.array([np.cos(angles), np.sin(angles)]), np.zeros((2, 1))], axis=1
+    )
+    changes = np.arange(5, max(ticks, 6), 5)  # commands last five ticks
+    one, other, change = np.meshgrid(
+        np.arange(_DIRECTIONS + 1), np.arange(_DIRECTIONS + 1), changes, indexing="ij"
+    )
+    return velocities[:, one.ravel()], velocities[:, other.ravel()], change.ravel()
+
+
+def _paths(
+    scene: FloatArray, first: FloatArray, second: FloatArray, switch: npt.NDArray[np.intp], ticks: int
+) -> FloatArray:
+    """Return the robots' scenes (ticks + 1, 6, n) of a point mass that follows the velocities."""
+    n = first.shape[1]
+    path = np.empty((ticks + 1, 6, n))
+    path[0] = scene[:6, None]
+    most = _ACCELERATION_M_S2 * _TICK_S
+    for tick in range(ticks):
+        wanted = np.where(tick < switch + _LATE_TICKS, first, second)
+        if tick < _LATE_TICKS:
+            wanted = path[0, 3:5]
+        change = wanted - path[tick, 3:5]
+        size = np.maximum(np.sqrt(change[0] ** 2 + change[1] ** 2), 1e-9)
+        path[tick + 1] = path[tick]
+        path[tick + 1, 3:5] += change * np.minimum(1.0, most / size)
+        path[tick + 1, :2] += _TICK_S * 0.5 * (path[tick, 3:5] + path[tick + 1, 3:5])
+    return path

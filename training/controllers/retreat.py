@@ -22,7 +22,7 @@ class Retreat:
     """What it does otherwise."""
     speed_m_s: float = 1.07
     """Of the retreat [m/s]; the paper's robot reaches 1.08."""
-    commands: int = 5
+    commands: int = 4
     """Length of the retreat, in commands of 0.1 s."""
     tip_m: float = 0.07
     """A tip this far from its place on guard has risen [m]; five times the sensors' noise."""

@@ -36,9 +36,8 @@ bench: $(VENV)/installed
 	for name in plugin physics paper_drives replay fit online render real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
-# Begun anew each time; an interrupted run goes on with the last line alone.
+# Hours; an interrupted run goes on where it was.
 blind: $(VENV)/installed
-	rm -rf out/blind
 	$(BIN)/python -m sysid.blind --out out/blind --markdown docs/results/blind.md
 
 # System packages: the offline renderer, and a compiler for the plugin.

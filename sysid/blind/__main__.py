@@ -12,7 +12,7 @@ from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json, write_text
 from sysid.blind.case import Case
-from sysid.blind.checkout import blind_tests
+from sysid.blind.checkout import blind_tests, fingerprint
 from sysid.blind.outcome import to_json
 from sysid.blind.score import figures
 from sysid.blind.table import summary_markdown, summary_text
@@ -34,7 +34,8 @@ def main(
 ) -> None:
     """Run the blind tests of this checkout, print what was found and write blind.json.
 
-    A case that has finished is kept in the output folder: an interrupted run goes on from there.
+    A case that has finished is kept in the output folder: an interrupted run goes on from there, unless the
+    code has changed since.
 
     Example: python -m sysid.blind --quick
 
@@ -63,9 +64,9 @@ def main(
     if not chosen:
         raise InputError(f"only = {only}: no case has such a name; try bench-single-* or robot-*")
     if check:
-        _check(chosen, seed, out)
+        _check(chosen, seed, out / fingerprint())
         return
-    outcomes = run_cases(chosen, seed, out, jobs)
+    outcomes = run_cases(chosen, seed, out / fingerprint(), jobs)
     write_json(
         out / "blind.json",
         {

@@ -27,7 +27,7 @@ def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list
     Args:
         cases: which.
         seed: of their list.
-        folder: gets `nominal/PLANT/` and `cases/NAME.json`; what is there already is not done again.
+        folder: gets `nominal/PLANT/` and `cases/SEED/NAME.json`; what is there already is not done again.
         jobs: worker processes.
     """
     todo = [case for case in cases if not saved(case, seed, folder).is_file()]

@@ -96,17 +96,26 @@ def test_a_nominal_model_predicts_what_is_not_hidden(folder):
 
 
 @pytest.mark.parametrize(
-    "name", ["bench-none-02", "bench-single-command_deadband-clear-1", "bench-outside-warming_up-1"]
+    "name",
+    [
+        "bench-none-02",
+        "bench-single-direction_asymmetry-small-1",
+        pytest.param("bench-twin-speed_gain-clear-1", marks=pytest.mark.slow),
+        pytest.param("bench-pair-speed_saturation-battery_sag-clear-1", marks=pytest.mark.slow),
+        pytest.param("bench-outside-warming_up-1", marks=pytest.mark.slow),
+        pytest.param("robot-none-01", marks=pytest.mark.slow),
+        pytest.param("robot-single-sensor_latency-clear", marks=pytest.mark.slow),
+    ],
 )
 def test_a_few_cases_end_well(folder, name):
     case = CASES[name]
     run_case(case, 0, folder)
     outcome = from_json(json.loads(saved(case, 0, folder).read_text()))
-    if case.kind == "single":
+    if case.truth:
         assert outcome.found
-        assert all(outcome.covered()) or outcome.covered() == ()
     else:
         assert outcome.verdict == {"none": "no_gap", "outside": "unexplained"}[case.kind]
+    assert not (case.kind == "twin" and outcome.verdict == "named")
 
 
 SINGLE = Case("a", "bench", "single", "clear", "droop", ("backlash",), {"backlash": {"gap_deg": 2.0}})

@@ -177,12 +177,12 @@ def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
     # No larger than the picture: all of it is cleared and resolved for every frame.
     model.vis.global_.offwidth, model.vis.global_.offheight = view.width, view.height
     if view.quality == "light":
-        _lighten(model)
+        lighten(model)
     return model
 
 
-def _lighten(model: mujoco.MjModel) -> None:
-    """Leave out what costs a software renderer much and the eye little; docs/rendering.md lists it."""
+def lighten(model: mujoco.MjModel) -> None:
+    """Leave out of a model what costs a software renderer much and the eye little; see docs/rendering.md."""
     quality = model.vis.quality
     quality.offsamples = 0
     quality.numslices, quality.numstacks = _LIGHT_SLICES, _LIGHT_STACKS

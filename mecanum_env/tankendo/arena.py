@@ -90,8 +90,10 @@ class Arena:
         self._held = np.zeros((3, n))
         self.commands = np.zeros((n, 3))
         """The last commands: V [rpm], theta [deg], VC [rpm]."""
-        self.senses = Senses(n, setting.sensors, self.step_s, self.judge.extra_observations)
+        self.senses = Senses(setting.sensors, self.step_s, self.judge.extra_observations)
         self._all = np.arange(n)
+        self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
+        """Whether the last step brought a hit, a success, the end."""
 
     def restart(self, row: int, rng: np.random.Generator, compiled: Compiled | None = None) -> None:
         """Begin a new episode in one row.
@@ -114,6 +116,7 @@ class Arena:
         self.step_count[row] = 0
         self._held[:, row] = 0.0
         self.commands[row] = 0.0
+        self.hit[row] = self.succeeded[row] = self.ended[row] = False
 
     def step(self, actions: npt.NDArray[np.floating]) -> Step:
         """Send one command to each robot and play one command period.
@@ -141,6 +144,8 @@ class Arena:
         self._held, self.commands = held, commands
         verdict = judge.judge(end_s, effort)
         truncated = ~verdict.terminated & (self.step_count >= self._steps)
+        self.hit, self.succeeded = verdict.hit, verdict.success
+        self.ended = verdict.terminated | truncated
         info = {f"reward_{name}": verdict.terms[name] for name in TERMS}
         info |= {"is_success": verdict.success, "hit": verdict.hit} | self.state_info()
         return Step(self.observe(), verdict.reward, verdict.terminated, truncated, info)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.errors import InputError
+from mecanum_env.rendering.caption import Frame
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode
 from mecanum_env.tankendo.arena import TaskName
@@ -16,11 +18,132 @@ from mecanum_env.tankendo.build import ModelLike, build, row_info
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.randomize import Randomize
 
+if TYPE_CHECKING:
+    from mecanum_env.tankendo.drawing import Painter, Window
+
 Observation = npt.NDArray[np.float32]
 
 
 class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
-    """One robot against the opponent."""
+    """Tankendo against an opponent, on the dynamics that were identified from a robot's logs.
+
+    ## Description
+
+    Tankendo is fenced with a sword of 53 cm on a field of 9 x 9 m. Two players stand at striking distance
+    (maai) when their tips meet without crossing. The robot is a four-wheel Mecanum base that takes a command
+    (V, theta, VC) ten times a second; its wheels behave as `python -m sysid.fit` found them, with the effects
+    that `python -m sysid.gap` named. It must keep maai, offer an opening, and be gone when the strike lands.
+
+    Two rules make it a task and not a flight: the opponent strikes only while the robot offers an opening (at
+    maai within the band, facing it, slow), and an evasion counts only if the robot is back at maai, facing,
+    one second later. The opponent sees the robot late and leads its aim by the robot's motion.
+
+    | id | task | a success is |
+    |---|---|---|
+    | `MecanumTankendo-v0` | the dodge | one strike evaded, and back at maai |
+    | `MecanumTankendoDodge-v0` | the same | the same |
+    | `MecanumTankendoTrack-v0` | the opponent walks about | at maai and facing for 80 % of the time after 3 s |
+    | `MecanumTankendoDuel-v0` | the robot strikes too | two points before the opponent has two |
+
+    In the duel the robot's arm strikes by itself: when the opponent recovers from a strike, stands within
+    1.45 m and within 0.15 rad of the robot's forward axis. It hits 0.2 s later if that still holds.
+
+    All constants are in `mecanum_env.tankendo.constants`, with their sources; those of the opponent are this
+    project's own, since no paper on such robots prints them.
+
+    ## Action Space
+
+    `Box(-1, 1, (3,), float32)`, turned into whole numbers V [rpm], theta [deg], VC [rpm] and held for 0.1 s
+    (the model's `command_period_s`).
+
+    | `action_mode` | 0 | 1 | 2 | V | theta | VC |
+    |---|---|---|---|---|---|---|
+    | `cartesian` | forward | left | turn | 135 of its length, up to 135 | its direction | 100 turn |
+    | `polar` | speed | direction | turn | 135 (speed + 1) / 2 | 180 direction | 100 turn |
+    | `command` | V | theta | VC | 135 V | 180 theta | 100 VC |
+
+    ## Observation Space
+
+    `Box((20,), float32)`; in the duel `(23,)`. Body frame: x ahead, y left. Velocities are over the floor. All
+    is as it was `observation_delay` ago (0.05 s by default), with normal noise.
+
+    | Num | Observation | Min | Max | Noise (std) | Unit |
+    |---|---|---|---|---|---|
+    | 0, 1 | place of the opponent: ahead, left | -15 | 15 | 0.01 | m |
+    | 2, 3 | velocity of the opponent: ahead, left | -5 | 5 | 0.05 | m/s |
+    | 4, 5 | tip of its sword: ahead, left | -15 | 15 | 0.01 | m |
+    | 6 | height of the tip | -3 | 3 | 0.01 | m |
+    | 7, 8, 9 | velocity of the tip: ahead, left, up | -40 | 40 | 0.1 | m/s |
+    | 10, 11 | own velocity: ahead, left | -5 | 5 | 0.02 | m/s |
+    | 12 | own yaw rate | -20 | 20 | 0.02 | rad/s |
+    | 13, 14, 15 | command held: V cos theta / 135, V sin theta / 135, VC / 100 | -1.5 | 1.5 | 0 | 1 |
+    | 16, 17 | own place in the field, from its centre | -7 | 7 | 0.02 | m |
+    | 18, 19 | cosine, sine of the own heading | -1.5 | 1.5 | 0.01 | 1 |
+    | 20, 21 | duel: points of the robot, of the opponent | -10 | 10 | 0 | 1 |
+    | 22 | duel: 1 while the own sword strikes | -10 | 10 | 0 | 1 |
+
+    `mecanum_env.tankendo.read_observation` gives them names. The technique shows in how the tip draws back:
+    do low, nodo a little up, kote up, men far up.
+
+    ## Rewards
+
+    The reward is the sum of these terms, each of which `info` has as `reward_NAME`:
+
+    - *distance* = -0.02 min(|distance - maai| / band, 3)
+    - *facing* = -0.01 min(|bearing| / facing angle, 3)
+    - *effort* = -0.005 |change of (V cos theta / 135, V sin theta / 135, VC / 100)|
+    - *hit* = -1 when the robot is hit
+    - *success* = +1 when the episode is a success; in the duel +1 a point
+    - *out* = -1 when the robot leaves the field or clashes with the opponent (centres within 0.65 m)
+
+    ## Starting State
+
+    The robot stands on its side of the field's centre, within 0.5 m along each axis and 0.3 rad of heading.
+    The opponent stands straight across, 2.2 to 2.8 m away, and walks up to it.
+
+    ## Episode End
+
+    ### Termination
+    Dodge: a hit, or the judgement one second after a strike that missed. Duel: somebody has two points. All:
+    leaving the field, a clash.
+
+    ### Truncation
+    After 12 s (dodge), 15 s (track, always), 60 s (duel).
+
+    `info["is_success"]` says whether the episode was one. `info` also has `hit`, `distance_m`, `bearing_rad`,
+    and of the strike that is under way or over `technique` (index, -1 for none) and `warning_s`, the time from
+    its first visible motion to its end.
+
+    ## Arguments
+
+    ```python
+    import gymnasium
+    import mecanum_env
+
+    env = gymnasium.make("MecanumTankendo-v0", model="fit/model.json", difficulty="hard")
+    ```
+
+    | Parameter | Default | Description |
+    |---|---|---|
+    | `model` | packaged | a model file's path, or a `mecanum_env.model.Model` |
+    | `plant` | `"planar"` | `"rollers"`: rollers on a floor; `"planar"`: no slip, much faster |
+    | `difficulty` | `"normal"` | `"easy"`, `"normal"` or `"hard"` |
+    | `action_mode` | `"cartesian"` | see Action Space |
+    | `observation_delay` | 0.05 | seconds |
+    | `opponent` | of the difficulty | a `mecanum_env.tankendo.Opponent` |
+    | `randomize` | `"none"` | `"posterior"`, or ranges: a robot drawn for each episode (`randomize.py`) |
+    | `reward_weights` | as above | some or all terms by name, `{"hit": 2.0}` |
+    | `rules` | as above | a `mecanum_env.tankendo.Rules` |
+    | `sensors` | as above | a `mecanum_env.tankendo.Sensors` |
+    | `timestep_s` | 1/120, 1/240 | upper bound of the physics step, planar and rollers |
+    | `render_mode` | None | `"rgb_array"`, `"human"` |
+
+    `gymnasium.make_vec("MecanumTankendo-v0", num_envs=64)` steps many at once (`TankendoVectorEnv`).
+
+    ## Version History
+
+    * v0: first version
+    """
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 10}  # noqa: RUF012
 
@@ -58,7 +181,11 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self.arena = self._built.arena
         self.action_space: gymnasium.Space[Any] = self._built.action_space()
         self.observation_space: gymnasium.Space[Any] = self._built.observation_space()
+        if render_mode is not None and render_mode not in self.metadata["render_modes"]:
+            raise InputError(f'render_mode = {render_mode!r}, must be "rgb_array", "human" or None')
         self.render_mode = render_mode
+        self._painter: Painter | None = None
+        self._window: Window | None = None
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -71,6 +198,11 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """
         super().reset(seed=seed)
         self._built.restart(0, self.np_random)
+        # The robot may be another one now; it is drawn anew.
+        if self._built.sampler is not None:
+            self.close()
+        if self.render_mode == "human":
+            self.render()
         return self.arena.observe()[0], row_info(self.arena.state_info(), 0)
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
@@ -80,6 +212,8 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             action: shape (3,), see the class.
         """
         step = self.arena.step(np.asarray(action)[None])
+        if self.render_mode == "human":
+            self.render()
         return (
             step.observation[0],
             float(step.reward[0]),
@@ -87,3 +221,26 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             bool(step.truncated[0]),
             row_info(step.info, 0),
         )
+
+    def render(self) -> Frame | None:
+        """Return a picture, (480, 640, 3), in the mode "rgb_array"; draw into the window in "human"."""
+        from mecanum_env.tankendo.drawing import Painter, Window
+
+        if self.render_mode is None:
+            gymnasium.logger.warn('render() needs render_mode="rgb_array" or "human" in gymnasium.make')
+            return None
+        if self.render_mode == "human":
+            if self._window is None:
+                self._window = Window(self.arena, self._built.plant)
+            self._window.show()
+            return None
+        if self._painter is None:
+            self._painter = Painter(self.arena, self._built.plant)
+        return self._painter.frame()
+
+    def close(self) -> None:
+        """Free what drawing needs."""
+        for shown in (self._painter, self._window):
+            if shown is not None:
+                shown.close()
+        self._painter = self._window = None

@@ -1,8 +1,9 @@
 """What the robot's sensors tell: the observation, number by number.
 
 Positions and velocities are in the robot's body frame (x forward, y left), velocities are over the floor.
-All of it is as it was `Sensors.delay_s` ago, with normal noise of the given standard deviation. Effects of the
-model on sensors act on 10-12 and 16-19, what the robot measures of itself (`mecanum_env.tankendo.senses`).
+All of it is as it was `Sensors.delay_s` ago, with normal noise of the given standard deviation.
+Effects of the model on sensors act on 10-12 and 16-19, what the robot measures of itself
+(`mecanum_env.tankendo.senses`).
 
 | index | quantity | unit | noise |
 |---|---|---|---|
@@ -25,7 +26,6 @@ from typing import Final
 
 import numpy as np
 import numpy.typing as npt
-
 
 SIZE: Final = 20
 """Numbers that every task observes."""

@@ -26,16 +26,15 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
 
 
 class Senses:
-    """The sensors of n robots.
+    """The sensors of some robots.
 
     Args:
-        n: how many.
         sensors: delay and noise.
         step_s: time between two observations.
         extra: numbers that the task adds.
     """
 
-    def __init__(self, n: int, sensors: Sensors, step_s: float, extra: int) -> None:
+    def __init__(self, sensors: Sensors, step_s: float, extra: int) -> None:
         self._delay_s, self._step_s = sensors.delay_s, step_s
         self._sizes = noise_sizes(sensors)[:, None]
         self._limits = np.concatenate([LIMITS, np.full(extra, EXTRA_LIMIT)])[:, None]
@@ -99,7 +98,8 @@ class Senses:
         if len(past) == 1:
             past.insert(0, past[0])  # at rest before the start; a filter needs two samples
         channels = dict(zip(_OWN, np.array(past).T, strict=True))
-        now = measured(model, np.arange(len(past)) * self._step_s, channels)
+        clock = np.asarray(np.arange(len(past)) * self._step_s, float)
+        now = measured(model, clock, channels)
         shown[10:13, row] = [now[name][-1] for name in _OWN[:3]]
         shown[16:18, row] = [now[name][-1] for name in _OWN[3:5]]
         shown[18, row], shown[19, row] = np.cos(now["yaw_rad"][-1]), np.sin(now["yaw_rad"][-1])

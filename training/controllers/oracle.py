@@ -1,4 +1,4 @@
-"""The oracle: it looks into the simulator and knows when and where the strike comes; an upper bound."""
+"""The oracle: it looks into the simulator and knows when and where the strike comes: an upper bound."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _SPREAD_M = (0.0, 0.015, 0.03, 0.045)  # how far off a plan may be
 class Oracle:
     """Tries many ways to move until the strike ends, on a point mass, against the strike as it will be.
 
-    A way is one velocity until some command, then another; it takes the one that is missed most surely and, of
-    those, the one that ends nearest to maai.
+    A way is one velocity until some command, then another. It takes the one that is missed most surely and,
+    of those, the one that ends nearest to maai.
 
     Args:
         arena: what it looks into; `env.unwrapped.arena`.

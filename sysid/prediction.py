@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 import mujoco
 import numpy as np
 
-from mecanum_env.mjcf import robot_spec
+from mecanum_env.effects.apply import measured, without_sensors
+from mecanum_env.mjcf import bench_spec, robot_spec
 from mecanum_env.model import Model
 from mecanum_env.simulator import BodyCommands, Commands, WheelCommands, drive
-from mecanum_env.simulator.bench import compile_bench, replay_bench
+from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
@@ -49,17 +51,30 @@ def start_of(run: Run) -> Start:
     return Start(0.0, moving, *(first.get(name, 0.0) for name in POSE))
 
 
-def compile_for(model: Model, level: str) -> mujoco.MjModel:
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """What truly happens in a run, before any sensor."""
+
+    time_s: FloatArray
+    """Physics clock from the start of the simulation [s], shape (n,)."""
+    channels: Mapping[str, FloatArray]
+    """Column of a log -> true values, shape (n,)."""
+    lead_s: float = 0.0
+    """How much of it was before the log begins [s]."""
+
+
+def compile_for(model: Model, level: str, timestep_s: float | None = None) -> mujoco.MjModel:
     """Compile what `predict` simulates: the bench or the robot on its rollers, without what is only seen.
 
     Args:
         model: wheel, robot and effects.
         level: "bench" or "robot".
+        timestep_s: upper bound of the physics step [s]; the generator's choice when None.
     """
     if level == "bench":
-        return compile_bench(model)
+        return bench_spec(model, timestep_s, visuals=False).compile()
     after_limits = wheel_side(model) if limits_body(model) else model
-    return robot_spec(after_limits, wheel_quantum=False, visuals=False).compile()
+    return robot_spec(after_limits, timestep_s, wheel_quantum=False, visuals=False).compile()
 
 
 def in_run_frame(model: Model, start: Start) -> Model:
@@ -87,30 +102,59 @@ def predict(
         model: wheel, robot and effects.
         run: whose commands are replayed.
         start: how it begins; found from its first samples by default.
-        mj_model: `compile_for` of `in_run_frame(model, start)`, to save compiling.
+        mj_model: `compile_for` of the model as `in_run_frame` has it, to save compiling.
 
     Raises:
         InputError: an effect that cannot be simulated.
         SimulationDivergedError: the state stopped being finite.
     """
     start = start_of(run) if start is None else start
-    model = in_run_frame(model, start)
-    compiled = compile_for(model, run.level) if mj_model is None else mj_model
+    local = in_run_frame(without_sensors(model), start)
+    compiled = compile_for(local, run.level) if mj_model is None else mj_model
+    return shown(model, run, start, motion_of(local, run, start, compiled))
+
+
+def motion_of(model: Model, run: Run, start: Start, mj_model: mujoco.MjModel) -> Motion:
+    """Return what truly happens in a run.
+
+    Args:
+        model: without sensors' effects, its floor's slope as `in_run_frame` has it.
+        run: whose commands are replayed.
+        start: how it begins.
+        mj_model: `compile_for` of the model.
+    """
     if run.level == "bench":
-        command = run.command.wheels_rpm[:, 0]
-        speed = replay_bench(model, run.time_s, command, initial_rpm=start.initial_rpm, mj_model=compiled)
-        return {"speed_rpm": speed}
+        clock, speed = bench_motion(
+            mj_model, run.time_s, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm
+        )
+        return Motion(clock, {"speed_rpm": speed})
     lead = LEAD_S if start.moving else 0.0
-    commands = commands_of(run, lead)
-    path = drive(model, commands, run.duration_s + lead, mj_model=compiled)
-    shown = path.channels_at(run.time_s + lead)
-    begin = {name: float(path.channels_at(np.array([lead]))[name][0]) for name in POSE} if lead else {}
-    x, y, yaw = (shown[name] - begin.get(name, 0.0) for name in POSE)
-    turn = start.yaw_rad - begin.get("yaw_rad", 0.0)
-    shown["x_m"] = start.x_m + math.cos(turn) * x - math.sin(turn) * y
-    shown["y_m"] = start.y_m + math.sin(turn) * x + math.cos(turn) * y
-    shown["yaw_rad"] = start.yaw_rad + yaw
-    return {name: shown[name] for name in CHANNELS if name in run.channels}
+    path = drive(model, commands_of(run, lead), run.duration_s + lead, mj_model=mj_model)
+    columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
+    return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
+
+
+def shown(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
+    """Return what a model's sensors show of a motion, at a run's rows, each of shape (n,).
+
+    Args:
+        model: its sensors' effects count.
+        run: its stamps and channels count.
+        start: where the pose begins.
+        motion: of the run.
+    """
+    clock = motion.time_s
+    channels = measured(model, clock, motion.channels)
+    at = {name: np.interp(run.time_s + motion.lead_s, clock, values) for name, values in channels.items()}
+    if run.level == "bench":
+        return at
+    begin = {name: float(np.interp(motion.lead_s, clock, channels[name])) for name in POSE}
+    x, y, yaw = (at[name] - (begin[name] if motion.lead_s else 0.0) for name in POSE)
+    turn = start.yaw_rad - (begin["yaw_rad"] if motion.lead_s else 0.0)
+    at["x_m"] = start.x_m + math.cos(turn) * x - math.sin(turn) * y
+    at["y_m"] = start.y_m + math.sin(turn) * x + math.cos(turn) * y
+    at["yaw_rad"] = start.yaw_rad + yaw
+    return {name: at[name] for name in CHANNELS if name in run.channels}
 
 
 def commands_of(run: Run, lead_s: float = 0.0) -> Commands:

@@ -111,6 +111,12 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
     return drive
 
 
+def without_sensors(model: Model) -> Model:
+    """Return the model without the effects that act on the measurement only: what happens is the same."""
+    kept = {n: values for n, values in model.effects.items() if not CATALOGUE[n].measured_only}
+    return replace(model, effects=kept)
+
+
 def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
     """Return what the sensors make of a motion.
 

@@ -101,6 +101,12 @@ class Effect:
         hooks = (self.change_model, self.change_spec, self.change_drive, self.limit_body)
         return any(hook is not None for hook in (*hooks, self.change_channels))
 
+    @property
+    def measured_only(self) -> bool:
+        """Whether it acts on the measurement and leaves the motion alone."""
+        hooks = (self.change_model, self.change_spec, self.change_drive, self.limit_body)
+        return self.change_channels is not None and all(hook is None for hook in hooks)
+
     def acts_in(self, plant: Plant) -> bool:
         """Return whether it changes something on the plant."""
         return self.simulated and plant not in (*self.absent_from, *self.refused_by)

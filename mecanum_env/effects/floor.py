@@ -75,7 +75,12 @@ FLOOR_SLOPE: Final = Effect(
     parameters=(
         Parameter("slope_deg", "deg", 0.0, (0.0, 10.0), (0.0, 45.0)),
         Parameter(
-            "heading_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), scan=(-135, -90, -45, 0, 45, 90, 135, 180)
+            "heading_deg",
+            "deg",
+            None,
+            (-180.0, 180.0),
+            (-math.inf, math.inf),
+            scan=(-135, -90, -45, 0, 45, 90, 135, 180),
         ),
     ),
     summary="The floor falls towards this heading in the world.",

@@ -58,18 +58,41 @@ def replay_bench(
     _check_log(time_s, command_rpm, samples, initial_rpm)
     compiled = compile_bench(model, wheel) if mj_model is None else mj_model
     start = float(time_s[0])
-    step = compiled.opt.timestep
-    n = max(1, math.ceil((float(np.max(samples)) - start) / step - 1e-9))
+    clock, true = bench_motion(compiled, time_s, command_rpm, float(np.max(samples)) - start, initial_rpm)
+    speed = measured(model, clock, {"speed_rpm": true})["speed_rpm"]
+    return np.interp(samples - start, clock, speed)
+
+
+def bench_motion(
+    mj_model: mujoco.MjModel,
+    time_s: FloatArray,
+    command_rpm: FloatArray,
+    duration_s: float,
+    initial_rpm: float = 0.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the free wheel's true speed [rpm] on the physics clock [s], both (m,): no sensor looks at it.
+
+    Args:
+        mj_model: a compiled bench.
+        time_s: (n,) stamps [s] of the commands, increasing; the run starts at the first.
+        command_rpm: (n,) commanded wheel speed [rpm], held until the next stamp; NaN is a missing sample.
+        duration_s: how long to simulate [s], rounded up to a whole physics step.
+        initial_rpm: speed [rpm] at which the wheel turns steadily when the run starts.
+
+    Raises:
+        SimulationDivergedError: the state stopped being finite.
+    """
+    step = mj_model.opt.timestep
+    n = max(1, math.ceil(duration_s / step - 1e-9))
     clock = np.arange(n + 1) * step
     given = ~np.isnan(command_rpm)
-    ctrl = hold(time_s[given] - start, command_rpm[given], clock[:-1], before=initial_rpm)
-    data = mujoco.MjData(compiled)
+    ctrl = hold(time_s[given] - time_s[0], command_rpm[given], clock[:-1], before=initial_rpm)
+    data = mujoco.MjData(mj_model)
     if initial_rpm != 0.0:
-        set_steady(compiled, data, initial_rpm)
+        set_steady(mj_model, data, initial_rpm)
         data.qvel[:] = initial_rpm * RAD_S_PER_RPM
-    _, qvel = step_through(compiled, data, ctrl[:, None])
-    speed = measured(model, clock, {"speed_rpm": qvel[:, 0] / RAD_S_PER_RPM})["speed_rpm"]
-    return np.interp(samples - start, clock, speed)
+    _, qvel = step_through(mj_model, data, ctrl[:, None])
+    return clock, qvel[:, 0] / RAD_S_PER_RPM
 
 
 def law_of_bench(

@@ -17,6 +17,7 @@ from mecanum_env.model.codec import model_to_dict
 from sysid.gap.decide import Decision, Floor, decide
 from sysid.gap.detectable import smallest_detectable, untestable
 from sysid.gap.evidence import evidence, found_effects
+from sysid.gap.experiment import Design
 from sysid.gap.figures import compare, differences, held_out, overlays, predicted
 from sysid.gap.library import responses
 from sysid.gap.noise import Noise, measure_noise
@@ -28,6 +29,7 @@ from sysid.gap.records import GapOptions, GapReport
 from sysid.gap.search import Effort, Search
 from sysid.gap.subset import liveliest
 from sysid.gap.thresholds import chance
+from sysid.gap.what_next import what_next
 from sysid.gap.where import regions
 from sysid.gap.whitening import Whitener
 from sysid.logs import Dataset
@@ -36,7 +38,7 @@ from sysid.model_error import ModelError, estimate_model_error, model_error_of
 
 SECONDS: Final = {"bench": 240.0, "robot": 60.0}
 """Of log that is simulated again and again in the search."""
-EFFORT: Final = {"bench": Effort(15, 16, 8, 5), "robot": Effort(10, 10, 6, 4)}
+EFFORT: Final = {"bench": Effort(15, 16, 8, 20, 5), "robot": Effort(8, 8, 4, 6, 4)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,14 +154,19 @@ def _report(
     decision: Decision,
 ) -> GapReport:
     split, runs = held_out(dataset)
-    effects = found_effects(decision)
-    improved = _improved(model, decision)
+    effects = found_effects(problem, decision)
+    improved = _improved(model, problem, decision)
     before = predicted(model, runs)
     after = before if decision.chosen is None else predicted(improved, runs)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
     threshold = chance(search.base, search.library, np.random.default_rng(options.seed)).threshold()
     detectable = smallest_detectable(search.library, threshold)
+    unseen = untestable(considered, search.library, detectable, dataset.level)
+    asked = Design(None, "")
+    if options.next_experiment:
+        asked = what_next(problem, decision, improved, unseen, threshold, seed=options.seed)
+    unanswered = () if asked.experiment or not asked.why else (asked.why,)
     return GapReport(
         verdict=decision.verdict,
         effects=effects,
@@ -167,9 +174,9 @@ def _report(
         gap=gap,
         channels=channels,
         where=regions(comparison.samples),
-        untestable=untestable(considered, search.library, detectable, dataset.level),
+        untestable=unseen,
         smallest_detectable=detectable,
-        next_experiment=None,
+        next_experiment=asked.experiment,
         evidence=evidence(dataset, problem, decision, study.floor.freedom),
         p_value=decision.p_value,
         model=improved,
@@ -177,7 +184,7 @@ def _report(
         level=dataset.level,
         dataset=dataset.name,
         findings=dataset.findings,
-        notes=(*study.notes, *decision.notes),
+        notes=(*study.notes, *decision.notes, *unanswered),
         overlays=overlays(comparison),
         empirical=None,
         provenance={
@@ -191,7 +198,7 @@ def _report(
     )
 
 
-def _improved(model: Model, decision: Decision) -> Model:
+def _improved(model: Model, problem: Problem, decision: Decision) -> Model:
     if decision.chosen is None:
         return model
     fitted = decision.chosen.fitted
@@ -201,7 +208,7 @@ def _improved(model: Model, decision: Decision) -> Model:
         found.name: {
             name: {"value": i.value, "low": i.low, "high": i.high} for name, i in found.parameters.items()
         }
-        for found in found_effects(decision)
+        for found in found_effects(problem, decision)
     }
     known = model.uncertainty.get("effects") or {}
     return replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})

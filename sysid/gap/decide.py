@@ -104,10 +104,12 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
         rng: of the simulated thresholds and the bootstrap.
     """
     masks = group_masks(problem)
-    search.grow(1)
-    best = min(search.fitted.values(), key=lambda f: f.cost)
     by_chance = chance(search.base, search.library, rng)
     base = search.base
+    hope = max((base.cost - growth.expected for growth in search.growths(base)), default=0.0)
+    if hope > 0.5 * by_chance.threshold():
+        search.grow(1)
+    best = min(search.fitted.values(), key=lambda f: f.cost)
     inflation = _inflation(problem, best)
     p_gain = by_chance.p_value((base.cost - best.cost) / inflation)
     p_misfit = misfit_p_value(base.cost, problem.size, floor.freedom) if floor.trusted else 1.0
@@ -163,7 +165,8 @@ def _grow(
         expected = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
         inflation = max(1.0, expected / problem.size)
         needed = chance(parent, search.library, rng).threshold()
-        if (parent.cost - expected) / inflation < needed:
+        explained = max(0.0, search.base.cost - parent.cost)
+        if parent.cost - expected < needed * inflation + FORMULA_ERROR**2 * explained:
             return size
         search.grow(size + 1)
         if not search.of_size(size + 1):
@@ -172,6 +175,8 @@ def _grow(
         larger = _best(problem, search, size + 1, masks, inflation)
         smaller = _best(problem, search, size, masks, inflation)
         gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
+        # What a formula that is right to so much leaves may look like one more effect.
+        needed += FORMULA_ERROR**2 * (search.base.cost - smaller.fitted.cost) / inflation
         if gain < needed or larger.score > smaller.score - NEVER**2:
             return size
         size += 1

@@ -18,7 +18,6 @@ from mecanum_env.units import FloatArray
 
 STEP: Final = 0.02
 """Of a difference quotient, on the scale 0 .. 1."""
-_LEAST_STEP: Final = 1e-3
 _GAIN: Final = 0.02  # of the square sum: less is not worth a simulation
 _RELATIVE_GAIN: Final = 1e-4
 _MOST_REACH: Final = 0.5  # of the whole range in one step
@@ -87,17 +86,18 @@ def descend(
     return Minimum(place, residual, jacobian, used)
 
 
-def refined(function: Function, minimum: Minimum) -> Minimum:
+def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
     """Return the minimum with a Jacobian by differences about as wide as the uncertainty.
 
     Args:
         function: the residual.
         minimum: as `descend` found it.
+        least_step: below this a difference is the simulation's own roughness.
     """
     p = minimum.place.size
     normal = minimum.jacobian.T @ minimum.jacobian
     spread = np.sqrt(np.diag(np.linalg.pinv(normal))) if p else np.zeros(0)
-    step = np.clip(spread, _LEAST_STEP, STEP)
+    step = np.clip(spread, least_step, STEP)
     jacobian = differences(function, minimum.place, minimum.residual, step)
     return Minimum(minimum.place, minimum.residual, jacobian, minimum.evaluations + p)
 

@@ -8,42 +8,47 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm
+from scipy.stats import norm, t
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.decide import FORMULA_ERROR, Decision, Judged
+from sysid.gap.fitted import Fitted
 from sysid.gap.observations import Observations, observe
-from sysid.gap.problem import Problem, predictions_of
+from sysid.gap.problem import Problem
 from sysid.gap.records import Evidence, FoundEffect, Interval
+from sysid.gap.scores import group_masks
+from sysid.gap.simulator import Simulator
 from sysid.gap.thresholds import largest_misfit
 from sysid.logs import Dataset
 
 MOST: Final = 12
 """Sets in the table, beside the model as it is and the law fitted again."""
-_WIDTH: Final = float(norm.ppf(0.95))  # of a 90 % interval, in standard deviations
 
 
-def found_effects(decision: Decision) -> tuple[FoundEffect, ...]:
+def found_effects(problem: Problem, decision: Decision) -> tuple[FoundEffect, ...]:
     """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
 
-    The interval is that of the linearised fit, noise, the model's own error and the inflation in it, and ends
-    where the search does.
+    The interval is the wider of two: that of the linearised fit, with noise, the model's own error and the
+    inflation in it; and that of the groups, from how much each of them would move the estimate (Liang and
+    Zeger, Biometrika 73:13, 1986), which knows nothing of what the errors are like. It ends where the search
+    does.
 
     Args:
+        problem: the model and the runs that decided.
         decision: the verdict and what it rests on.
     """
     if decision.chosen is None:
         return ()
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
-    spread = _WIDTH * np.sqrt(np.diag(fitted.covariance(decision.inflation)))
+    wide = _half_widths(problem, fitted, decision.inflation)
     intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
-    for coordinate, place, wide in zip(candidate.coordinates, fitted.place, spread, strict=True):
+    for coordinate, place, half in zip(candidate.coordinates, fitted.place, wide, strict=True):
         if coordinate.effect:
-            low, high = (coordinate.value(float(np.clip(place + s * wide, 0.0, 1.0))) for s in (-1.0, 1.0))
+            low, high = (coordinate.value(float(np.clip(place + s * half, 0.0, 1.0))) for s in (-1.0, 1.0))
             intervals[coordinate.effect][coordinate.parameter] = Interval(
                 coordinate.value(float(place)), low, high
             )
@@ -51,6 +56,17 @@ def found_effects(decision: Decision) -> tuple[FoundEffect, ...]:
         FoundEffect(name, parameters, decision.frequency.get(name, 0.0))
         for name, parameters in intervals.items()
     )
+
+
+def _half_widths(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> FloatArray:
+    by_noise = norm.ppf(0.95) * np.sqrt(np.diag(fitted.covariance(inflation)))
+    masks = list(group_masks(problem).values())
+    if len(masks) < 2:
+        return np.asarray(by_noise)
+    pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
+    moves = pulls @ fitted.covariance()
+    spread = np.sqrt(np.sum(moves**2, axis=0) * len(masks) / (len(masks) - 1))
+    return np.asarray(np.maximum(by_noise, t.ppf(0.95, len(masks) - 1) * spread))
 
 
 def evidence(
@@ -69,7 +85,7 @@ def evidence(
     if decision.law is not None:
         listed.append(decision.law)
     tests = dataset.split("test")
-    test = observe(replace(dataset, runs=tests)) if tests else None
+    test = Simulator(observe(replace(dataset, runs=tests))) if tests else None
     base = next(j for j in decision.judged if not j.names)
     limit = largest_misfit(problem.size, trusted_freedom)
 
@@ -108,13 +124,14 @@ def _parameters(judged: Judged, model: Model) -> dict[str, dict[str, float]]:
     return found
 
 
-def _test_rms(problem: Problem, test: Observations, model: Model) -> float:
+def _test_rms(problem: Problem, test: Simulator, model: Model) -> float:
     try:
-        predictions = predictions_of(model, test)
+        predictions = test.predictions(model)
     except MecanumError:
         return math.nan
-    parts = [block.value - p for block, p in zip(test.blocks, predictions, strict=True)]
-    return _rms(problem, test, parts, "test")
+    blocks = test.observations.blocks
+    parts = [block.value - p for block, p in zip(blocks, predictions, strict=True)]
+    return _rms(problem, test.observations, parts, "test")
 
 
 def _rms(problem: Problem, observations: Observations, parts: Sequence[FloatArray], split: str) -> float:

@@ -93,7 +93,7 @@ def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) ->
     minimum = descend(function, place, most=most)
     if minimum is None:
         return None
-    minimum = refined(function, minimum)
+    minimum = refined(function, minimum, problem.least_step)
     # The refined derivatives may show a way that Broyden's did not.
     again = descend(
         function,
@@ -103,7 +103,7 @@ def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) ->
         most=max(2, most // 3),
     )
     if again is not None and again.cost < minimum.cost - 0.5:
-        minimum = refined(function, again)
+        minimum = refined(function, again, problem.least_step)
     return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian)
 
 

@@ -49,9 +49,8 @@ def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
     trials = [trial for name in CATALOGUE if name in effects for trial in _trials(base, CATALOGUE[name])]
     models = [chosen.model(base, place) for chosen, place, _, _ in trials]
     found = []
-    for (chosen, place, linear, size), residual in zip(trials, problem.residuals(models), strict=True):
-        if residual is not None:
-            change = problem.marginal(residual - problem.base_residual)
+    for (chosen, place, linear, size), change in zip(trials, problem.changes(models), strict=True):
+        if change is not None:
             found.append(Response(chosen, place, change, linear, size))
     return found
 

@@ -11,7 +11,8 @@ from mecanum_env.units import FloatArray
 from sysid.gap.noise import Noise, measure_noise
 from sysid.gap.nuisance import plausible_models, shape_columns
 from sysid.gap.observations import Observations, observe
-from sysid.gap.problem import marginal_square, predictions_of
+from sysid.gap.problem import marginal_square
+from sysid.gap.simulator import Simulator
 from sysid.gap.subset import liveliest
 from sysid.gap.whitening import Whitener
 from sysid.logs import Dataset
@@ -40,10 +41,11 @@ def with_own_error(model: Model, dataset: Dataset) -> Model:
     """
     observations = observe(replace(dataset, runs=liveliest(dataset.runs, SECONDS[dataset.level])))
     noise = measure_noise(dataset, observations)
-    predicted = predictions_of(model, observations)
+    simulator = Simulator(observations)
+    predicted = simulator.predictions(model)
     residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
     found = estimate_model_error(residuals_of(observations, noise, residual), dataset.sha256)
-    law = [predictions_of(moved, observations) for moved in plausible_models(model)]
+    law = [simulator.predictions(moved) for moved in plausible_models(model)]
     moved = [[p - q for p, q in zip(parts, predicted, strict=True)] for parts in law]
     for factor in _FACTORS:
         error = _scaled(found, factor)

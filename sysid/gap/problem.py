@@ -9,17 +9,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import TypeVar
+from typing import Final, TypeVar
 
 import numpy as np
 
 from mecanum_env.errors import MecanumError
+from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.gap.nuisance import plausible_models, shape_columns
-from sysid.gap.observations import Observations
+from sysid.gap.simulator import Simulator
 from sysid.gap.whitening import Whitener
-from sysid.prediction import compile_for, in_run_frame, predict
+
+SMOOTH_STEP: Final = 1e-3
+ROUGH_STEP: Final = 0.02
+"""Rollers meet the floor a little earlier or later: what a smaller step changes is mostly that."""
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -36,7 +40,13 @@ class Problem:
 
     def __init__(self, base: Model, whitener: Whitener, jobs: int = 1) -> None:
         self.base, self.whitener, self.jobs = base, whitener, jobs
-        self.observations: Observations = whitener.observations
+        self.observations = whitener.observations
+        self.simulator = Simulator(self.observations)
+        robot = self.observations.situations[0].runs[0].level == "robot"
+        self.least_step = ROUGH_STEP if robot else SMOOTH_STEP
+        """Of a difference quotient, on the scale 0 .. 1 of a parameter."""
+        # An effect's change is wanted to some percent only, and twice the step takes half the time.
+        self._rough = Simulator(self.observations, TRAINING_TIMESTEP_S) if robot else self.simulator
         self.measured = whitener.whiten(whitener.measured())
         self.base_residual = self._required(base)
         self.nuisance = self._nuisance()
@@ -52,10 +62,27 @@ class Problem:
     def residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model, None where it cannot be simulated."""
         try:
-            predictions = predictions_of(model, self.observations)
+            predictions = self.simulator.predictions(model)
         except MecanumError:
             return None
         return self.measured - self.whitener.whiten(predictions)
+
+    def changes(self, models: Sequence[Model]) -> list[FloatArray | None]:
+        """Return how each model's marginal residual differs from the base model's, (N,), roughly.
+
+        `jobs` at a time; None where a model cannot be simulated.
+        """
+        reference = self._rough.predictions(self.base)
+
+        def change(model: Model) -> FloatArray | None:
+            try:
+                moved = self._rough.predictions(model)
+            except MecanumError:
+                return None
+            parts = [before - after for before, after in zip(reference, moved, strict=True)]
+            return self.marginal(self.whitener.whiten(parts))
+
+        return self.map(change, models)
 
     def residuals(self, models: Sequence[Model]) -> list[FloatArray | None]:
         """Return the residual of each model; `jobs` at a time."""
@@ -86,7 +113,7 @@ class Problem:
 
     def _required(self, model: Model) -> FloatArray:
         """Return the residual of a model that must be simulated, errors raised."""
-        return self.measured - self.whitener.whiten(predictions_of(model, self.observations))
+        return self.measured - self.whitener.whiten(self.simulator.predictions(model))
 
     def _nuisance(self) -> FloatArray:
         moved = self.residuals(plausible_models(self.base))
@@ -112,28 +139,3 @@ def marginal_square(
     x = np.stack([whitener.whiten(parts) for parts in nuisance], axis=1)
     along = x.T @ r
     return float(r @ r - along @ np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, along))
-
-
-def predictions_of(model: Model, observations: Observations) -> list[FloatArray]:
-    """Return what a model predicts for each block, each of the block's shape (m,).
-
-    Args:
-        model: wheel, robot and effects.
-        observations: with the commands.
-
-    Raises:
-        InputError: an effect that cannot be simulated, or a value out of range.
-        SimulationDivergedError: the state stopped being finite.
-    """
-    level = observations.situations[0].runs[0].level
-    sloped = "floor_slope" in model.effects
-    compiled = None if sloped else compile_for(model, level)
-    shown = []
-    for situation in observations.situations:
-        run, start = situation.runs[0], situation.start
-        one = compiled or compile_for(in_run_frame(model, start), level)
-        shown.append(predict(model, run, start, one))
-    return [
-        block.of(observations.situations[block.situation].runs[0], shown[block.situation])
-        for block in observations.blocks
-    ]

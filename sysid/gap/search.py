@@ -19,6 +19,7 @@ from sysid.gap.problem import Problem
 
 EMPTY: Final = EffectSet((), ())
 _ROUNDING: Final = 1e-6  # of a square sum
+_HOPE: Final = 0.5
 _NEAR: Final = 0.2  # of what an effect explains: another may miss so much in the screen
 
 
@@ -29,6 +30,8 @@ class Effort:
     singles: int = 12
     pairs: int = 12
     triples: int = 6
+    swaps: int = 20
+    """Sets that differ from the best one in one effect."""
     beam: int = 4
     """Sets of one size that the next size grows from."""
 
@@ -77,14 +80,19 @@ class Search:
             if parent is not None:
                 limit = chosen.cost + _NEAR * max(0.0, parent.cost - chosen.cost)
                 near += [g for g in self.growths(parent) if g.expected <= limit]
-        self.fit_best(near, 2 * self.effort.of_size(len(chosen.names)))
+        self.fit_best(near, self.effort.swaps)
 
     def fit_best(self, candidates: Sequence[Growth], most: int) -> None:
-        """Fit up to `most` different `candidates` by full simulation."""
+        """Fit up to `most` different `candidates` by full simulation, those that promise enough.
+
+        The linear screen is rough: what is expected to gain less than `_HOPE` of the best one's gain is left.
+        """
+        ordered = sorted(candidates, key=lambda g: (g.expected, g.key))
         chosen: dict[Key, Growth] = {}
-        for growth in sorted(candidates, key=lambda g: (g.expected, g.key)):
-            if growth.key not in self.fitted and growth.key not in chosen and len(chosen) < most:
-                chosen[growth.key] = growth
+        for growth in ordered:
+            gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
+            if gain >= _HOPE * best and growth.key not in self.fitted and len(chosen) < most:
+                chosen.setdefault(growth.key, growth)
         for key, found in zip(chosen, self.problem.map(self._fit, chosen.values()), strict=True):
             if found is not None:
                 self.fitted[key] = found

@@ -1,0 +1,83 @@
+"""Simulating all situations of a study, and remembering motions that only other sensors look at."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import replace
+from threading import Lock
+from typing import Final
+
+from mecanum_env.effects.apply import without_sensors
+from mecanum_env.model import Model
+from mecanum_env.model.codec import model_to_dict
+from mecanum_env.units import FloatArray
+from sysid.gap.observations import Observations
+from sysid.prediction import Motion, compile_for, in_run_frame, motion_of, shown
+
+REMEMBERED: Final = 8
+"""Motions of all situations kept; one takes some megabytes."""
+
+
+class Simulator:
+    """Predicts the blocks of some observations.
+
+    What a sensor does to a motion is no physics: models that differ in their sensors only share a simulation.
+
+    Args:
+        observations: with the commands.
+        timestep_s: upper bound of the physics step [s]; the generator's choice when None.
+    """
+
+    def __init__(self, observations: Observations, timestep_s: float | None = None) -> None:
+        self.observations, self.timestep_s = observations, timestep_s
+        self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
+        self._lock = Lock()
+
+    def predictions(self, model: Model) -> list[FloatArray]:
+        """Return what a model predicts for each block, each of the block's shape (m,).
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+            SimulationDivergedError: the state stopped being finite.
+        """
+        situations = self.observations.situations
+        channels = [
+            shown(model, situation.runs[0], situation.start, motion)
+            for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True)
+        ]
+        return [
+            block.of(situations[block.situation].runs[0], channels[block.situation])
+            for block in self.observations.blocks
+        ]
+
+    def _motion(self, model: Model) -> Sequence[Motion]:
+        key = _key(model)
+        with self._lock:
+            if key in self._motions:
+                self._motions.move_to_end(key)
+                return self._motions[key]
+        found = self._simulate(model)
+        with self._lock:
+            self._motions[key] = found
+            while len(self._motions) > REMEMBERED:
+                self._motions.popitem(last=False)
+        return found
+
+    def _simulate(self, model: Model) -> list[Motion]:
+        situations = self.observations.situations
+        level = situations[0].runs[0].level
+        # Only a floor that slopes makes the compiled model depend on where a run starts.
+        common = None if "floor_slope" in model.effects else compile_for(model, level, self.timestep_s)
+        motions = []
+        for situation in situations:
+            local = in_run_frame(model, situation.start)
+            compiled = common or compile_for(local, level, self.timestep_s)
+            motions.append(motion_of(local, situation.runs[0], situation.start, compiled))
+        return motions
+
+
+def _key(model: Model) -> str:
+    physics = replace(model, uncertainty={}, provenance={}, extra={})
+    return json.dumps(model_to_dict(physics), sort_keys=True)

@@ -139,14 +139,15 @@ class Experiment:
 
     why: str
     candidates: tuple[tuple[str, ...], ...]
-    """What it separates."""
+    """What it separates; empty where it is to show effects that the logs could not."""
     time_s: FloatArray
     """Times of the commands [s]."""
     columns: Mapping[str, FloatArray]
     """Command columns of a log -> values, one a command."""
     duration_s: float
     power: float
-    """Probability that three repeats of it name the truth, whichever candidate it is."""
+    """Probability that three repeats of it name the truth, whichever candidate it is, or at least leave it
+    alone with those that, as `why` says, no command separates from it."""
     predicted: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
     """Candidate (joined by " + ") -> channel -> prediction at `predicted_time_s`, to draw."""
     predicted_time_s: FloatArray | None = None

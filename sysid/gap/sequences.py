@@ -1,0 +1,262 @@
+"""Command sequences to choose the next experiment from: structured families, and small random changes.
+
+A sequence is an array of one row a command period: (n, 1) on the bench [rpm], (n, 3) on the robot (V [rpm],
+theta [deg], VC [rpm]). It begins and ends at rest. Every sequence here is one that the robot takes: whole rpm
+and degrees, no wheel beyond its limit, and on the robot a path inside the field from its middle.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.kinematics import (
+    Geometry,
+    command_to_twist,
+    command_to_wheels,
+    round_command,
+    yaw_arm_m,
+)
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+
+FIELD_M: Final = 9.0
+"""Side of the square field."""
+MARGIN_M: Final = 1.0
+"""Of the robot's centre to the edge, on the path that the commands ask for."""
+LONGEST_S: Final = {"bench": 6.0, "robot": 8.0}
+_REST: Final = 2
+"""Periods at rest before the first command, and at least as many after the last."""
+_SHARES: Final = (0.04, 0.08, 0.15, 0.35, 0.7, 1.0)
+"""Speeds that are tried, over the limit."""
+_RANDOM: Final = {"bench": 12, "robot": 6}
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the robot takes."""
+
+    limit_rpm: float
+    """Of each wheel's command, either way."""
+    quantum_rpm: float = 1.0
+    """Commands are multiples of it; 0: any."""
+    period_s: float = 0.1
+    geometry: Geometry | None = None
+    """Of the robot; None on the bench."""
+
+    @property
+    def most(self) -> int:
+        """Rows of the longest sequence."""
+        longest = LONGEST_S["bench" if self.geometry is None else "robot"]
+        return int(longest / self.period_s + 1e-9)
+
+
+def legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
+    """Return a sequence as the robot takes it; None where its path leaves the field.
+
+    Rows that ask too much of a wheel are slowed down, direction kept; too many rows are cut.
+
+    Args:
+        rows: (n, 1) or (n, 3), without rest before and after.
+        limits: of the robot.
+    """
+    rows = rows[: limits.most - 2 * _REST]
+    still = np.zeros((_REST, rows.shape[1]))
+    rows = np.concatenate([still, _rounded(rows, limits), still])
+    if limits.geometry is not None:
+        path = path_m(rows, limits.geometry, limits.period_s)
+        if np.max(np.abs(path)) > 0.5 * FIELD_M - MARGIN_M:
+            return None
+    return rows
+
+
+def path_m(rows: FloatArray, geometry: Geometry, period_s: float) -> FloatArray:
+    """Return the way (n, 2) [m] that commands ask for, without dynamics, from the middle, heading along x.
+
+    Args:
+        rows: (n, 3).
+        geometry: of the robot.
+        period_s: of each row.
+    """
+    twist = command_to_twist(rows[:, 0], rows[:, 1], rows[:, 2], geometry) * period_s
+    yaw = np.cumsum(twist[:, 2]) - 0.5 * twist[:, 2]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    steps = np.stack([cos * twist[:, 0] - sin * twist[:, 1], sin * twist[:, 0] + cos * twist[:, 1]], axis=-1)
+    return np.asarray(np.cumsum(steps, axis=0))
+
+
+def library(limits: Limits, rng: np.random.Generator) -> list[FloatArray]:
+    """Return the structured families and some random holds, each a legal sequence.
+
+    Args:
+        limits: of the robot.
+        rng: of the random holds.
+    """
+    profiles = list(_profiles(limits))
+    raw: list[FloatArray]
+    if limits.geometry is None:
+        raw = [profile[:, None] for profile in profiles]
+        raw += [_random_holds(limits, rng) for _ in range(_RANDOM["bench"])]
+    else:
+        raw = list(_driven(limits, limits.geometry))
+        raw += [_random_holds(limits, rng) for _ in range(_RANDOM["robot"])]
+    found = [legal(rows, limits) for rows in raw]
+    return [rows for rows in found if rows is not None]
+
+
+def changed(rows: FloatArray, limits: Limits, rng: np.random.Generator) -> FloatArray | None:
+    """Return a sequence with one random change: a level, a boundary, an exchange, a cut or a new hold.
+
+    Args:
+        rows: legal.
+        limits: of the robot.
+        rng: of the change.
+    """
+    edges = np.flatnonzero(np.any(rows[1:] != rows[:-1], axis=1)) + 1
+    holds = [(rows[a], int(b - a)) for a, b in pairwise([0, *edges, len(rows)])][1:-1]
+    if not holds:
+        return None
+    at = int(rng.integers(len(holds)))
+    level, length = holds[at]
+    kind = int(rng.integers(5))
+    if kind == 0:
+        holds[at] = level * _factors(level.size, rng), length
+    elif kind == 1:
+        holds[at] = level, max(1, length + int(rng.choice([-2, -1, 1, 2])))
+    elif kind == 2:
+        other = int(rng.integers(len(holds)))
+        holds[at], holds[other] = holds[other], holds[at]
+    elif kind == 3 and length > 1:
+        first = int(rng.integers(1, length))
+        holds[at : at + 1] = [(level, first), (_level(limits, level.size, rng), length - first)]
+    else:
+        holds[at] = _level(limits, level.size, rng), length
+    return legal(np.concatenate([np.tile(value, (count, 1)) for value, count in holds]), limits)
+
+
+def _rounded(rows: FloatArray, limits: Limits) -> FloatArray:
+    quantum, limit = limits.quantum_rpm, limits.limit_rpm
+    if limits.geometry is None:
+        whole = rows if quantum == 0.0 else np.rint(rows / quantum) * quantum
+        most = limit if quantum == 0.0 else np.floor(limit / quantum + 1e-9) * quantum
+        return np.asarray(np.clip(whole, -most, most))
+    v, theta, vc = round_command(rows[:, 0], rows[:, 1], rows[:, 2], quantum)
+    # The robot's V is a speed; the other way is another direction.
+    theta = np.where(v < 0.0, theta + 180.0, theta)
+    v = np.abs(v)
+    theta = (theta + 179.0) % 360.0 - 179.0
+    largest = np.max(np.abs(command_to_wheels(v, theta, vc)), axis=1)
+    share = np.where(largest > limit, limit / np.maximum(largest, 1e-12), 1.0)
+    down = [np.trunc(x * share / quantum + 1e-9) * quantum if quantum else x * share for x in (v, vc)]
+    v, vc = (np.where(share < 1.0, lower, x) for lower, x in zip(down, (v, vc), strict=True))
+    return np.stack([v, np.where(v == 0.0, 0.0, theta), vc], axis=-1)
+
+
+def _profiles(limits: Limits) -> Iterator[FloatArray]:
+    """Yield one-dimensional profiles [rpm] for the bench."""
+    top, length = limits.limit_rpm, limits.most - 2 * _REST
+    speeds = [share * top for share in _SHARES]
+    for hold in (3, 6):
+        yield _held([v for s in speeds for v in (s, 0.0)], hold)
+        yield _held([v for s in speeds[::-1] for v in (s, -s)], hold)
+    for speed in speeds[1:]:
+        for hold in (1, 2, 4, 8):
+            yield _reversals(speed, hold, length)
+        yield _chirp(speed)
+        for width, gap in ((1, 3), (2, 6)):
+            yield _pulses(speed, width, gap, length)
+    for step, hold in ((1, 1), (1, 2), (2, 1), (4, 1), (8, 2)):
+        yield _staircase(step * max(limits.quantum_rpm, 1e-3 * top), hold, length)
+    yield np.full(length, 0.5 * top)
+    up = np.linspace(0.0, top, length // 2)
+    yield np.concatenate([up, up[::-1]])
+
+
+def _driven(limits: Limits, geometry: Geometry) -> Iterator[FloatArray]:
+    """Yield robot sequences: profiles along, across, aslant and turning, and halves at two headings."""
+    top, length = limits.limit_rpm, limits.most - 2 * _REST
+    shapes = [
+        _held([v for s in (0.08, 0.35, 0.7, 1.0) for v in (s * top, 0.0, -s * top, 0.0)], 4),
+        _reversals(0.15 * top, 4, length),
+        _reversals(0.35 * top, 6, length),
+        _chirp(0.25 * top),
+        _staircase(max(limits.quantum_rpm, 0.01 * top), 2, length),
+        # Up to the limit and back so slowly that no wheel spins.
+        np.clip(_staircase(0.08 * top, 1, length), -top, top),
+        _pulses(0.35 * top, 2, 5, length),
+    ]
+    for shape in shapes:
+        for direction in (0.0, 90.0, 45.0):
+            yield _along(shape, direction)
+        yield np.stack([0.0 * shape, 0.0 * shape, 0.5 * shape], axis=-1)
+    for shape in shapes[:2]:
+        yield np.concatenate([_along(shape, 0.0)[:, :2], 0.4 * shape[::-1, None]], axis=1)
+    turn_rpm = 0.5 * top
+    rate = turn_rpm * RAD_S_PER_RPM * geometry.wheel_radius_m / yaw_arm_m(geometry)
+    for angle in (90.0, 180.0):
+        turning = max(1, round(np.radians(angle) / rate / limits.period_s))
+        turn = np.tile([0.0, 0.0, turn_rpm], (turning, 1))
+        half = max(4, (length - turning - 3) // 2)
+        for direction in (0.0, 90.0):
+            for shape in (_reversals(0.35 * top, 4, half), _reversals(0.15 * top, 6, half)):
+                leg = _along(shape, direction)
+                yield np.concatenate([leg, turn, np.zeros((3, 3)), leg])
+
+
+def _along(profile: FloatArray, direction_deg: float) -> FloatArray:
+    return np.stack([profile, np.full(profile.size, direction_deg), np.zeros(profile.size)], axis=-1)
+
+
+def _held(values: Sequence[float], periods: int) -> FloatArray:
+    return np.repeat(np.asarray(values, float), periods)
+
+
+def _reversals(speed: float, hold: int, length: int) -> FloatArray:
+    return np.resize(_held([speed, -speed], hold), length // hold * hold)
+
+
+def _chirp(speed: float) -> FloatArray:
+    holds = [9, 8, 7, 6, 5, 4, 3, 2, 2, 1, 1, 1, 1]
+    signs = [(-1.0) ** i for i in range(len(holds))]
+    return speed * np.repeat(signs, holds)
+
+
+def _pulses(speed: float, width: int, gap: int, length: int) -> FloatArray:
+    pulse = np.concatenate([np.full(width, speed), np.zeros(gap)])
+    return np.resize(np.concatenate([pulse, -pulse]), length)
+
+
+def _staircase(step: float, hold: int, length: int) -> FloatArray:
+    """Return stairs up from below zero to above and down again."""
+    most = max(1, length // (4 * hold))
+    up = np.arange(-most, most + 1)
+    return _held([*(step * up), *(step * up[::-1])], hold)
+
+
+def _random_holds(limits: Limits, rng: np.random.Generator) -> FloatArray:
+    size, length = (1 if limits.geometry is None else 3), limits.most - 2 * _REST
+    rows = [np.tile(_level(limits, size, rng), (int(rng.integers(1, 9)), 1)) for _ in range(length)]
+    return np.concatenate(rows)[:length]
+
+
+def _level(limits: Limits, size: int, rng: np.random.Generator) -> FloatArray:
+    """Return a random command: small speeds as likely as large ones, now and then rest."""
+    if rng.random() < 0.1:
+        return np.zeros(size)
+    top = limits.limit_rpm
+    speed = top * float(np.exp(rng.uniform(np.log(0.02), 0.0)))
+    if size == 1:
+        return np.array([speed * rng.choice([-1.0, 1.0])])
+    turn = 0.5 * top * float(rng.uniform(-1.0, 1.0)) if rng.random() < 0.3 else 0.0
+    return np.array([speed, 15.0 * float(rng.integers(24)), turn])
+
+
+def _factors(size: int, rng: np.random.Generator) -> FloatArray:
+    """Return factors on a command's speeds; a direction stays."""
+    factors = np.exp(rng.normal(0.0, 0.3, size)) * np.where(rng.random(size) < 0.2, -1.0, 1.0)
+    if size == 3:
+        factors[1] = 1.0
+    return np.asarray(factors)

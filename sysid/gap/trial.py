@@ -1,0 +1,186 @@
+"""What a command sequence would tell: how far apart models' predictions of it are, in sigmas.
+
+The distance is that of `sysid.gap.problem`: noise of repeats averaged, and what the model's own error, or a
+change of the models' own parameters within what the logs so far allow, could make of it taken off. With d the
+whitened difference of two predictions and X the columns of all these, scaled to a spread of 1, the distance
+is d' (I + X X')^-1 d. Where several models are tied, the sequence of largest distance tells most (T-optimal
+designs: Atkinson and Fedorov, Biometrika 62:57, 1975).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final, Literal
+
+import numpy as np
+
+from mecanum_env.errors import MecanumError
+from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.gap.noise import Noise
+from sysid.gap.nuisance import plausible_models, shape_columns
+from sysid.gap.observations import observe
+from sysid.gap.sequences import FIELD_M
+from sysid.gap.whitening import Whitener
+from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
+from sysid.model_error import ModelError
+from sysid.prediction import POSE, Start, predict
+
+REPEATS: Final = 3
+"""Times that an experiment is to be run."""
+CLEARANCE_M: Final = 0.4
+"""Of the robot's centre to the edge, on the path that a model predicts: half its diagonal and some air."""
+FINEST_S: Final = 0.02
+"""Samples closer than this count as their mean: a design needs no more, and is found sooner."""
+
+PREDICTABLE: Final = 0.2
+"""Root mean square, in sigmas, that a thousandth of the robot's mass may move a prediction by. Where wheels
+spin, details decide, and no model is right: what a sequence seems to tell there is not to be had."""
+
+CommandKind = Literal["bench", "body", "wheels"]
+"""Columns of a log that hold the commands."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How the next logs will be recorded and judged."""
+
+    kind: CommandKind
+    channels: tuple[str, ...]
+    """Measured, by the columns of a log."""
+    interval_s: float
+    """Between samples."""
+    noise: Noise
+    """Of single samples."""
+    error: ModelError | None
+    """Of the model itself."""
+    inflation: float = 1.0
+    """Of all variances, where the best fit leaves more than expected."""
+
+
+class Trial:
+    """One command sequence under a setting, ready to compare models on.
+
+    Args:
+        base: the model under study, whose own error counts.
+        rows: the sequence, as `sysid.gap.sequences` has it.
+        setting: how it will be recorded.
+    """
+
+    def __init__(self, base: Model, rows: FloatArray, setting: Setting) -> None:
+        self.base, self.setting = base, setting
+        step = max(setting.interval_s, FINEST_S)
+        count = round(len(rows) * base.wheel.command_period_s / step)
+        time = np.asarray(np.arange(count + 1) * step, float)
+        self.run = self._run(command_of(rows, base, setting.kind, time), time, setting.channels)
+        runs = tuple(self.run for _ in range(REPEATS))
+        self.observations = observe(Dataset("next experiment", runs, ()))
+        fewer = math.sqrt(setting.interval_s / step)
+        sigma = {name: v if name in POSE else v * fewer for name, v in setting.noise.sigma.items()}
+        self.whitener = Whitener(self.observations, Noise(sigma, setting.noise.source), setting.error)
+        shapes = shape_columns(base, setting.error, self.observations)
+        columns = [self.whitener.whiten(parts) for parts in shapes]
+        self.own = np.stack(columns, axis=1) if columns else np.zeros((self.whitener.size, 0))
+        """Columns of the model's own error (N, q): its shape; `with_law` adds the law's."""
+
+    def channels_of(self, model: Model) -> dict[str, FloatArray] | None:
+        """Return what a model predicts at the run's rows, the pose always among it on the robot.
+
+        None where it cannot be simulated or leaves the field.
+
+        Args:
+            model: wheel, robot and effects.
+        """
+        try:
+            if self.run.level == "bench":
+                return predict(model, self.run, Start())
+            posed = self._run(self.run.command, self.run.time_s, (*self.setting.channels, *POSE))
+            shown = predict(model, posed, Start())
+        except MecanumError:
+            return None
+        away = max(float(np.max(np.abs(shown[name]))) for name in ("x_m", "y_m"))
+        return shown if away <= 0.5 * FIELD_M - CLEARANCE_M else None
+
+    def whitened(self, model: Model) -> FloatArray | None:
+        """Return a model's prediction in sigmas (N,); None where `channels_of` is.
+
+        Args:
+            model: wheel, robot and effects.
+        """
+        shown = self.channels_of(model)
+        if shown is None:
+            return None
+        measured = {name: shown[name] for name in self.setting.channels}
+        return self.whitener.whiten([block.of(self.run, measured) for block in self.observations.blocks])
+
+    def predictable(self, model: Model, shown: FloatArray) -> bool:
+        """Return whether a model's prediction does not hang on details; see `PREDICTABLE`.
+
+        Args:
+            model: wheel, robot and effects.
+            shown: its whitened prediction (N,).
+        """
+        if self.run.level == "bench":
+            return True
+        robot = replace(model.robot, mass_kg=1.001 * model.robot.mass_kg)
+        other = self.whitened(replace(model, robot=robot))
+        return other is not None and float(np.sqrt(np.mean((other - shown) ** 2))) <= PREDICTABLE
+
+    def with_law(self, base: FloatArray) -> None:
+        """Add the columns of the base model's own parameters to `own`.
+
+        Args:
+            base: its whitened prediction (N,).
+        """
+        columns = self.columns(base, plausible_models(self.base))
+        self.own = np.concatenate([self.own, columns], axis=1)
+
+    def columns(self, at: FloatArray, moved: Sequence[Model]) -> FloatArray:
+        """Return how the predictions of models moved by one sigma differ from that of one, (N, p).
+
+        Args:
+            at: whitened prediction of the one that they were moved from (N,).
+            moved: those that cannot be simulated are left out.
+        """
+        found = [shown - at for shown in map(self.whitened, moved) if shown is not None]
+        return np.stack(found, axis=1) if found else np.zeros((at.size, 0))
+
+    def square(self, difference: FloatArray, *hidden: FloatArray) -> float:
+        """Return the square sum of a difference (N,) that `own` and other columns (N, p) cannot explain.
+
+        Args:
+            difference: of two whitened predictions.
+            hidden: columns of the models' own parameters.
+        """
+        x = np.concatenate([self.own, *hidden], axis=1)
+        along = x.T @ difference
+        left = difference @ difference - along @ np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, along)
+        return max(0.0, float(left)) / self.setting.inflation
+
+    @staticmethod
+    def _run(command: Command, time: FloatArray, channels: Sequence[str]) -> Run:
+        nothing = np.zeros(time.size)
+        return Run("next", "next", "fit", time, command, dict.fromkeys(channels, nothing))
+
+
+def command_of(rows: FloatArray, base: Model, kind: CommandKind, time_s: FloatArray | None = None) -> Command:
+    """Return a sequence as the commands of a log, one a command period, or held at the stamps of a log.
+
+    Args:
+        rows: (n, 1) on the bench, (n, 3) on the robot.
+        base: whose command period and quantum count.
+        kind: which columns the platform takes.
+        time_s: stamps of the log (m,) [s].
+    """
+    if time_s is not None:
+        index = np.floor(time_s / base.wheel.command_period_s + 1e-9).astype(int)
+        rows = rows[np.clip(index, 0, len(rows) - 1)]
+    if kind == "bench":
+        return BenchCommand(rows[:, 0])
+    if kind == "body":
+        return BodyCommand(*rows.T)
+    wheels, quantum = command_to_wheels(*rows.T), base.wheel.command_quantum_rpm
+    return WheelCommand(np.rint(wheels / quantum) * quantum if quantum else wheels)

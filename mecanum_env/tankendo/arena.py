@@ -144,7 +144,7 @@ class Arena:
         self._held, self.commands = held, commands
         verdict = judge.judge(end_s, effort)
         truncated = ~verdict.terminated & (self.step_count >= self._steps)
-        self.hit, self.succeeded = verdict.hit, verdict.success
+        self.hit, self.succeeded = verdict.hit.copy(), verdict.success.copy()
         self.ended = verdict.terminated | truncated
         info = {f"reward_{name}": verdict.terms[name] for name in TERMS}
         info |= {"is_success": verdict.success, "hit": verdict.hit} | self.state_info()

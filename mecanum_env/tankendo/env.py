@@ -42,7 +42,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     |---|---|---|
     | `MecanumTankendo-v0` | the dodge | one strike evaded, and back at maai |
     | `MecanumTankendoDodge-v0` | the same | the same |
-    | `MecanumTankendoTrack-v0` | the opponent walks about | at maai and facing for 80 % of the time after 3 s |
+    | `MecanumTankendoTrack-v0` | the opponent walks about | at maai, facing, for 80 % of the time after 3 s |
     | `MecanumTankendoDuel-v0` | the robot strikes too | two points before the opponent has two |
 
     In the duel the robot's arm strikes by itself: when the opponent recovers from a strike, stands within
@@ -64,8 +64,8 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     ## Observation Space
 
-    `Box((20,), float32)`; in the duel `(23,)`. Body frame: x ahead, y left. Velocities are over the floor. All
-    is as it was `observation_delay` ago (0.05 s by default), with normal noise.
+    `Box((20,), float32)`; in the duel `(23,)`. Body frame: x ahead, y left. Velocities are over the floor.
+    All is as it was `observation_delay` ago (0.05 s by default), with normal noise.
 
     | Num | Observation | Min | Max | Noise (std) | Unit |
     |---|---|---|---|---|---|
@@ -76,7 +76,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     | 7, 8, 9 | velocity of the tip: ahead, left, up | -40 | 40 | 0.1 | m/s |
     | 10, 11 | own velocity: ahead, left | -5 | 5 | 0.02 | m/s |
     | 12 | own yaw rate | -20 | 20 | 0.02 | rad/s |
-    | 13, 14, 15 | command held: V cos theta / 135, V sin theta / 135, VC / 100 | -1.5 | 1.5 | 0 | 1 |
+    | 13, 14, 15 | V cos theta / 135, V sin theta / 135, VC / 100, as commanded | -1.5 | 1.5 | 0 | 1 |
     | 16, 17 | own place in the field, from its centre | -7 | 7 | 0.02 | m |
     | 18, 19 | cosine, sine of the own heading | -1.5 | 1.5 | 0.01 | 1 |
     | 20, 21 | duel: points of the robot, of the opponent | -10 | 10 | 0 | 1 |
@@ -111,7 +111,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     After 12 s (dodge), 15 s (track, always), 60 s (duel).
 
     `info["is_success"]` says whether the episode was one. `info` also has `hit`, `distance_m`, `bearing_rad`,
-    and of the strike that is under way or over `technique` (index, -1 for none) and `warning_s`, the time from
+    and of the strike that is under way or over `technique` (index; -1: none) and `warning_s`, the time from
     its first visible motion to its end.
 
     ## Arguments

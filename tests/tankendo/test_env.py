@@ -1,0 +1,147 @@
+"""The environment as Gymnasium sees it."""
+
+import subprocess
+import sys
+from itertools import pairwise
+
+import gymnasium
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import mecanum_env
+from mecanum_env.errors import InputError
+from mecanum_env.registration import ENVIRONMENTS
+from mecanum_env.tankendo import ACTION_MODES, DIFFICULTIES, Opponent, Sensors
+from mecanum_env.tankendo.env import TankendoEnv
+from mecanum_env.tankendo.judge import TERMS
+
+ORDERS = (
+    "import gymnasium, mecanum_env",
+    "import mecanum_env, gymnasium",
+    "import mujoco, gymnasium",  # mujoco loads the package for its plugin, before gymnasium
+)
+
+
+@pytest.mark.parametrize("name", ENVIRONMENTS)
+def test_the_checker_of_gymnasium_finds_nothing(name):
+    env = gymnasium.make(name, render_mode="rgb_array")
+    check_env(env.unwrapped, skip_render_check=True)
+    env.close()
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_the_names_are_known_whatever_is_imported_first(order):
+    program = f"{order}; print(len([n for n in gymnasium.registry if n.startswith('MecanumTankendo')]))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == str(len(ENVIRONMENTS))
+
+
+def test_a_module_and_a_name_make_one_too():
+    assert mecanum_env.__version__
+    env = gymnasium.make("mecanum_env:MecanumTankendo-v0")
+    assert isinstance(env.unwrapped, TankendoEnv)
+
+
+@pytest.mark.parametrize("task", ["dodge", "track", "duel"])
+@pytest.mark.parametrize("plant", ["planar", "rollers"])
+def test_a_seeded_rollout_is_the_same_to_the_last_bit(make, task, plant):
+    one, other = (make(task=task, plant=plant, randomize={"robot.mass_kg": (18, 22)}) for _ in range(2))
+    actions = np.random.default_rng(1).uniform(-1, 1, (25, 3)).astype(np.float32)
+    first = [env.reset(seed=5) for env in (one, other)]
+    np.testing.assert_array_equal(first[0][0], first[1][0])
+    assert first[0][1] == first[1][1]
+    for action in actions:
+        a, b = one.step(action), other.step(action)
+        np.testing.assert_array_equal(a[0], b[0])
+        assert a[1:] == b[1:]
+
+
+def test_another_seed_is_another_episode(make):
+    env = make()
+    first, _ = env.reset(seed=1)
+    again, _ = env.reset()
+    other, _ = env.reset(seed=2)
+    assert not np.array_equal(first, again)
+    assert not np.array_equal(first, other)
+
+
+@pytest.mark.parametrize("task", ["dodge", "track", "duel"])
+def test_the_reward_is_the_sum_of_its_terms(make, task):
+    env = make(task=task, reward_weights={"effort": 0.3})
+    env.reset(seed=0)
+    rng = np.random.default_rng(0)
+    for _ in range(60):
+        _, reward, terminated, truncated, info = env.step(rng.uniform(-0.4, 0.4, 3).astype(np.float32))
+        assert reward == sum(info[f"reward_{name}"] for name in TERMS)
+        if terminated or truncated:
+            env.reset()
+
+
+@pytest.mark.parametrize("mode", ACTION_MODES)
+@pytest.mark.parametrize("difficulty", DIFFICULTIES)
+def test_observations_stay_in_their_space(make, mode, difficulty):
+    env = make(action_mode=mode, difficulty=difficulty)
+    env.reset(seed=3)
+    env.action_space.seed(3)
+    for _ in range(80):
+        observation, _, terminated, truncated, _ = env.step(env.action_space.sample())
+        assert env.observation_space.contains(observation)
+        if terminated or truncated:
+            env.reset()
+
+
+@pytest.mark.parametrize(("task", "seconds"), [("dodge", 12.0), ("track", 15.0)])
+def test_an_episode_is_truncated_at_its_time_limit(make, task, seconds):
+    env = make(task=task, opponent=Opponent(patience_s=(99.0, 99.0), wander_m_s=0.0))
+    env.reset(seed=0)
+    steps, terminated, truncated = 0, False, False
+    while not (terminated or truncated):
+        _, _, terminated, truncated, _ = env.step(np.zeros(3, np.float32))
+        steps += 1
+    assert truncated
+    assert steps == round(seconds / 0.1)
+
+
+def test_an_episode_that_ended_by_itself_is_not_truncated(make):
+    env = make()
+    env.reset(seed=0)
+    terminated = truncated = False
+    while not (terminated or truncated):
+        _, _, terminated, truncated, info = env.step(np.zeros(3, np.float32))
+    assert terminated
+    assert not truncated
+    assert info["hit"]
+    assert not info["is_success"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"difficulty": "herd"}, 'did you mean "hard"'),
+        ({"plant": "roller"}, 'did you mean "rollers"'),
+        ({"action_mode": "xyz"}, "must be cartesian, polar, command"),
+        ({"observation_delay": -1}, "seconds from 0 to 1"),
+        ({"reward_weights": {"hits": 1}}, 'did you mean "hit"'),
+        ({"model": "nowhere.json"}, "cannot be read"),
+        ({"randomize": "posterior"}, "holds no uncertainty"),
+        ({"randomize": "all"}, 'must be "none", "posterior" or ranges'),
+        ({"render_mode": "ansi"}, 'must be "rgb_array", "human"'),
+        ({"task": "fight"}, "must be dodge, track, duel"),
+    ],
+)
+def test_an_argument_that_is_not_usable_says_what_would_be(arguments, message):
+    with pytest.raises(InputError, match=message):
+        TankendoEnv(**arguments)
+
+
+def test_the_delay_of_the_observation(make):
+    """What is seen is where everybody was; without noise the two delays show the same things."""
+    silent = Sensors(0.0, *(0.0,) * 7)
+    prompt, late = make(sensors=silent, observation_delay=0.0), make(sensors=silent, observation_delay=0.1)
+    for env in (prompt, late):
+        env.reset(seed=4)
+    action = np.array([0.3, 0.1, 0.1], np.float32)
+    shown = [(prompt.step(action)[0], late.step(action)[0]) for _ in range(8)]
+    for (before, _), (_, after) in pairwise(shown):
+        np.testing.assert_allclose(np.delete(after, [13, 14, 15]), np.delete(before, [13, 14, 15]), atol=1e-5)

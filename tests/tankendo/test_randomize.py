@@ -1,0 +1,110 @@
+"""Robots drawn from what the identification left open."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.tankendo.randomize import sampler_for
+
+
+def known(paper, spread=0.01, **more):
+    """Return the paper's model with a covariance in which the coefficients' sum does not change."""
+    root = spread * (np.eye(6) - np.full((6, 6), 1 / 6))
+    return replace(paper, uncertainty={"wheel": {"covariance": (root @ root.T).tolist()}, **more})
+
+
+def laws(model, n=300):
+    sampler, rng = sampler_for("posterior", model), np.random.default_rng(0)
+    drawn = [sampler.draw(rng).wheel.law for _ in range(n)]
+    return np.array([[getattr(law, name) for name in COEFFICIENTS] for law in drawn]), drawn
+
+
+def test_laws_spread_as_their_covariance_says(paper):
+    model = known(paper, spread=0.002)
+    drawn, _ = laws(model, 2000)
+    expected = np.array(model.uncertainty["wheel"]["covariance"])
+    np.testing.assert_allclose(np.cov(drawn.T), expected, atol=0.15 * expected.max())
+
+
+def test_drawn_laws_are_stable_and_keep_their_gain(paper):
+    drawn, all_laws = laws(known(paper, spread=0.15))
+    assert all(law.is_stable for law in all_laws)
+    own = sum(getattr(paper.wheel.law, name) for name in COEFFICIENTS)
+    np.testing.assert_allclose(drawn.sum(axis=1), own, atol=1e-12)
+
+
+def test_a_spread_that_is_all_unstable_is_refused(paper):
+    sampler = sampler_for("posterior", known(paper, spread=1e6))
+    with pytest.raises(InputError, match="unstable"):
+        sampler.draw(np.random.default_rng(0))
+
+
+def test_effects_come_evenly_from_their_intervals(paper):
+    ends = {"speed_gain": {"gain": {"low": 0.8, "high": 0.9, "value": 0.85}}}
+    model = replace(paper, uncertainty={"effects": ends})
+    sampler, rng = sampler_for("posterior", model), np.random.default_rng(0)
+    gains = [sampler.draw(rng).effects["speed_gain"]["gain"] for _ in range(300)]
+    assert 0.8 <= min(gains) < 0.81
+    assert 0.89 < max(gains) <= 0.9
+
+
+def test_what_was_fitted_of_the_robot_spreads_by_its_standard_error(paper):
+    model = replace(paper, uncertainty={"robot": {"friction": 0.05}})
+    sampler, rng = sampler_for("posterior", model), np.random.default_rng(0)
+    drawn = [sampler.draw(rng).robot.friction for _ in range(500)]
+    assert np.mean(drawn) == pytest.approx(0.8, abs=0.01)
+    assert np.std(drawn) == pytest.approx(0.05, rel=0.15)
+
+
+def test_own_ranges_leave_the_rest_of_an_effect_alone(paper):
+    model = paper.with_effect("sensor_bias", vx_m_s=0.02)
+    sampler = sampler_for({"effects.sensor_bias.vy_m_s": (0.01, 0.02), "robot.mass_kg": (18, 22)}, model)
+    drawn = sampler.draw(np.random.default_rng(0))
+    assert drawn.effects["sensor_bias"]["vx_m_s"] == 0.02
+    assert 0.01 <= drawn.effects["sensor_bias"]["vy_m_s"] <= 0.02
+    assert 18 <= drawn.robot.mass_kg <= 22
+    assert drawn.wheel == model.wheel
+
+
+def test_nothing_is_drawn_by_default(paper):
+    assert sampler_for("none", known(paper)) is None
+
+
+def test_each_episode_has_a_robot_of_its_own(make, paper):
+    env = make(model=known(paper), randomize="posterior")
+    seen = []
+    for _ in range(3):
+        env.reset(seed=None if seen else 1)
+        seen.append(env.arena.robots.model_of(0).wheel.law.A)
+    assert len(set(seen)) == 3
+    env.reset(seed=1)
+    assert seen[0] == env.arena.robots.model_of(0).wheel.law.A
+
+
+def test_a_drawn_robot_moves_otherwise(make):
+    ends = []
+    for gain in (0.5, 1.0):
+        env = make(randomize={"effects.speed_gain.gain": (gain, gain)}, action_mode="command")
+        env.reset(seed=0)
+        start = env.arena.scenes.now[:2, 0].copy()
+        for _ in range(10):
+            env.step(np.array([-0.5, 0, 0], np.float32))
+        ends.append(float(np.linalg.norm(env.arena.scenes.now[:2, 0] - start)))
+    assert ends[0] == pytest.approx(0.5 * ends[1], rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("ranges", "message"),
+    [
+        ({"robot.mas_kg": (1, 2)}, 'did you mean "robot.mass_kg"'),
+        ({"effects.speed_gain.gian": (1, 2)}, "did you mean"),
+        ({"robot.mass_kg": 20}, "must be two numbers"),
+        ({"robot.mass_kg": (22, 18)}, "the lower one first"),
+    ],
+)
+def test_ranges_that_are_none_are_refused(paper, ranges, message):
+    with pytest.raises(InputError, match=message):
+        sampler_for(ranges, paper)

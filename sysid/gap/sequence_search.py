@@ -25,6 +25,8 @@ class Effort:
     """Random changes a round."""
 
 
+PLENTY: Final = 4.0
+"""A sequence worth this much is not improved: its power is 1 but for a few in 100,000."""
 EFFORT: Final[dict[Level, Effort]] = {"bench": Effort(16, 8, 6), "robot": Effort(4, 2, 4)}
 
 
@@ -38,8 +40,9 @@ class Judged:
 
 
 Judge: TypeAlias = Callable[[FloatArray, bool], Judged | None]
-"""Judges a sequence, thoroughly or not; None where it cannot be simulated."""
+"""Judges a sequence, thoroughly or not; None where its outcome cannot be predicted."""
 Worth: TypeAlias = Callable[[Judged], float]
+"""What a sequence is worth, on the scale of z."""
 
 
 def search(
@@ -74,6 +77,8 @@ def search(
         return None
     best = max(found, key=worth)
     for _ in range(effort.rounds):
+        if worth(best) >= PLENTY:
+            break
         tried = [changed(best.rows, limits, rng) for _ in range(effort.changes)]
         new = _all(judge, [rows for rows in tried if rows is not None], True, jobs)
         best = max([best, *new], key=worth)

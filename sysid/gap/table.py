@@ -46,8 +46,9 @@ def next_step(report: GapReport) -> str:
     """Return what to do now, in a sentence."""
     experiment = report.next_experiment
     if experiment is not None:
+        gives = "names the truth" if experiment.candidates else "shows what these logs could not"
         return (
-            f"run {NEXT_FILE} ({experiment.duration_s:.3g} s, three times; names the truth with a "
+            f"run {NEXT_FILE} ({experiment.duration_s:.3g} s, three times; {gives} with a "
             f"probability of {experiment.power:.0%}), add the logs and study again"
         )
     if report.verdict == "no_gap":

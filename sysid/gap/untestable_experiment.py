@@ -18,9 +18,12 @@ from sysid.gap.sequence_search import EFFORT, Judged, Worth, search
 from sysid.gap.sequences import Limits
 from sysid.gap.trial import Setting, Trial
 from sysid.gap.verdict import listed
+from sysid.logs.records import Level
 
 _TYPICAL: Final = 0.3
 """Size that should show, as the part of the way from neutral to the further bound of a search."""
+_MOST: Final[dict[Level, int]] = {"bench": 8, "robot": 4}
+"""Effects that one experiment is designed for, the first in the chain: each costs simulations."""
 _LEAST_POWER: Final = 0.5
 """With which an effect must show to be worth an experiment."""
 
@@ -47,7 +50,8 @@ def design_for_untestable(
         jobs: sequences simulated at a time; changes the time taken, not the result.
     """
     plant: Plant = "bench" if setting.kind == "bench" else "rollers"
-    rivals = [_typical(model, CATALOGUE[name]) for name in effects if CATALOGUE[name].acts_in(plant)]
+    there = [CATALOGUE[name] for name in effects if CATALOGUE[name].acts_in(plant)]
+    rivals = [_typical(model, effect) for effect in there[: _MOST[level_of(setting)]]]
     if not rivals:
         return Design(None, "")
     shown: list[int] = []
@@ -59,7 +63,7 @@ def design_for_untestable(
     def worth_of(found: Sequence[Judged]) -> Worth | None:
         best = np.max([j.z for j in found], axis=0)
         shown[:] = np.flatnonzero(best >= norm.ppf(_LEAST_POWER)).tolist()
-        return (lambda j: float(np.sum(norm.cdf(j.z[shown])))) if shown else None
+        return (lambda j: float(norm.ppf(np.mean(norm.cdf(j.z[shown]))))) if shown else None
 
     best = search(limits, judge, worth_of, EFFORT[level_of(setting)], seed=seed, jobs=jobs)
     if best is None:

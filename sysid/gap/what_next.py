@@ -20,6 +20,7 @@ from sysid.gap.records import Untestable
 from sysid.gap.sequences import Limits
 from sysid.gap.trial import CommandKind, Setting
 from sysid.gap.untestable_experiment import design_for_untestable
+from sysid.gap.verdict import listed, set_name
 from sysid.logs import BenchCommand, BodyCommand, Run
 from sysid.logs.records import Level
 from sysid.prediction import POSE
@@ -67,7 +68,12 @@ def _separating(problem: Problem, decision: Decision, setting: Setting, limits: 
         common = replace(best, effects=kept)
     without = min(j.fitted.cost for j in decision.judged if set(j.names) == set(shared) or not j.names)
     rivals = [_rival(base, judged, without, decision.inflation) for judged in tied]
-    return design(base, rivals, setting, limits, common=common, seed=seed, jobs=problem.jobs)
+    found = design(base, rivals, setting, limits, common=common, seed=seed, jobs=problem.jobs)
+    left = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
+    if found.experiment is None or not left:
+        return found
+    why = f"{found.why} {listed(left)} fit{'s' * (len(left) == 1)} as well and may remain."
+    return Design(replace(found.experiment, why=why), why)
 
 
 def _rival(base: Model, judged: Judged, without: float, inflation: float) -> Rival:

@@ -44,7 +44,8 @@ def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: flo
         mode: see the module.
         quantum_rpm: V and VC are rounded to this [rpm]; 0: not rounded.
     """
-    a, b, c = np.moveaxis(np.clip(np.asarray(actions, float), -1.0, 1.0), -1, 0)
+    within = np.minimum(np.maximum(np.asarray(actions, float), -1.0), 1.0)
+    a, b, c = within[..., 0], within[..., 1], within[..., 2]
     if mode == "cartesian":
         v = FULL_V_RPM * np.minimum(np.sqrt(a * a + b * b), 1.0)
         # Adding 0.0 turns -0.0 into 0.0, which arctan2 would take for a direction.
@@ -53,7 +54,11 @@ def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: flo
         v, theta = FULL_V_RPM * 0.5 * (a + 1.0), 180.0 * b
     else:
         v, theta = FULL_V_RPM * a, 180.0 * b
-    return np.stack(round_command(v, theta, FULL_VC_RPM * c, quantum_rpm), axis=-1)
+    command = np.empty(within.shape)
+    command[..., 0], command[..., 1], command[..., 2] = round_command(
+        v, theta, FULL_VC_RPM * c, quantum_rpm
+    )
+    return command
 
 
 def command_to_action(command: npt.ArrayLike, mode: ActionMode = "command") -> npt.NDArray[np.float32]:

@@ -19,7 +19,7 @@ from mecanum_env.tankendo.judge_track import Track
 from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY
 from mecanum_env.tankendo.opponent import BoolArray, Fighter
 from mecanum_env.tankendo.plant import Compiled, Robots
-from mecanum_env.tankendo.scene import Scenes, separation, wrapped
+from mecanum_env.tankendo.scene import Scenes, wrapped
 from mecanum_env.tankendo.senses import Senses
 from mecanum_env.units import FloatArray
 
@@ -163,7 +163,7 @@ class Arena:
 
     def state_info(self) -> dict[str, npt.NDArray[Any]]:
         """Return what `info` says of the present, arrays (n,) by name."""
-        distance, bearing = separation(self.scenes.now)
+        distance, bearing = self.scenes.separation()
         sword = self.fighter.sword
         return {
             "distance_m": distance,

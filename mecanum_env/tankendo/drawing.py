@@ -21,7 +21,6 @@ from mecanum_env.simulator import Plant
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.tankendo.figure import Picture, Shape, opponent_shapes
-from mecanum_env.tankendo.scene import separation
 from mecanum_env.units import FloatArray
 
 _WIDEST = "dodge   robot 0 : 0 opponent   distance 0.00 m   facing +000 deg    "
@@ -50,7 +49,7 @@ def picture_of(arena: Arena, row: int = 0) -> Picture:
     lane = (sword.origin[:, row].copy(), sword.end[:, row].copy()) if striking else None
     target = np.array([scene[0], scene[1], sword.end_height_m[row]]) if hit else None
     rules = arena.setting.rules
-    distance, bearing = (value[row] for value in separation(arena.scenes.now))
+    distance, bearing = (value[row] for value in arena.scenes.separation())
     at_maai = abs(distance - rules.maai_m) <= rules.band_m and abs(bearing) <= rules.facing_rad
     return Picture(
         scene[6:8].copy(), float(scene[8]), tip[:, row], bool(striking), lane, target, bool(at_maai), rules
@@ -60,7 +59,7 @@ def picture_of(arena: Arena, row: int = 0) -> Picture:
 def score_lines(arena: Arena, row: int = 0) -> list[str]:
     """Return the overlay's lines for one row of an arena."""
     now, sword, setting = float(arena.time_s()[row]), arena.fighter.sword, arena.setting
-    distance, bearing = (float(value[row]) for value in separation(arena.scenes.now))
+    distance, bearing = (float(value[row]) for value in arena.scenes.separation())
     v, theta, vc = arena.commands[row] + 0.0
     report = {name: values[row] for name, values in arena.judge.report().items()}
     score = ""

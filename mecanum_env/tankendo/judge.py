@@ -117,7 +117,7 @@ class Judge:
             effort: length of the command's change, (n,).
         """
         rules, weights, scene = self.rules, self.weights, self.scenes.now
-        distance, bearing = separation(scene)
+        distance, bearing = self.scenes.separation()
         half = rules.field_m / 2
         out = (np.abs(scene[0]) > half) | (np.abs(scene[1]) > half) | (distance < rules.clash_m)
         off = np.abs(distance - rules.maai_m) / rules.band_m

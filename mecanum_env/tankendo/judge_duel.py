@@ -63,7 +63,7 @@ class Duel(Judge):
         self._pause_until_s = np.where(paused, end_s + rules.duel_pause_s, self._pause_until_s)
         self.own_hit_s = np.where(paused, np.inf, self.own_hit_s)
         # The robot begins to strike where the opponent is still recovering from a strike that missed.
-        distance, bearing = separation(self.scenes.now)
+        distance, bearing = self.scenes.separation()
         open_now = ~sword.is_feint & (sword.land_s <= end_s) & (end_s < sword.free_s)
         begins = (
             open_now

@@ -10,7 +10,6 @@ from mecanum_env.tankendo.chance import WAVES
 from mecanum_env.tankendo.constants import Rules
 from mecanum_env.tankendo.judge import Judge, Verdict
 from mecanum_env.tankendo.opponent import BoolArray
-from mecanum_env.tankendo.scene import separation
 from mecanum_env.units import FloatArray
 
 _HOME_PER_S = 0.3  # how hard it is drawn back to the middle of the field
@@ -55,7 +54,7 @@ class Track(Judge):
         """Judge the step that ended at `end_s`, (n,), with the command's change `effort`, (n,)."""
         rules = self.rules
         terms, out = self.common_terms(effort)
-        distance, bearing = separation(self.scenes.now)
+        distance, bearing = self.scenes.separation()
         kept = (np.abs(distance - rules.maai_m) <= rules.band_m) & (np.abs(bearing) <= rules.facing_rad)
         counts = end_s > rules.track_settle_s
         self._counted += counts

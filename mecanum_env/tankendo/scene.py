@@ -42,6 +42,7 @@ class Scenes:
 
     def __init__(self, n: int, step_s: float, oldest_s: float) -> None:
         self._step_s = step_s
+        self._separation: tuple[FloatArray, FloatArray] | None = None
         self._past = np.zeros((int(np.ceil(oldest_s / step_s)) + 3, len(COLUMNS), n))
 
     @property
@@ -58,11 +59,19 @@ class Scenes:
             scene: its 11 numbers.
         """
         self._past[:, :, row] = scene
+        self._separation = None
 
     def push(self) -> FloatArray:
         """Move every scene one step into the past; return the newest, a copy of the last, to be written."""
         self._past[1:] = self._past[:-1].copy()
+        self._separation = None
         return self.now
+
+    def separation(self) -> tuple[FloatArray, FloatArray]:
+        """Return distance [m] and bearing [rad] of the opponent from the robot now, shapes (n,)."""
+        if self._separation is None:
+            self._separation = separation(self.now)
+        return self._separation
 
     def ago(self, delay_s: float) -> FloatArray:
         """Return the scene of `delay_s` before now, the same for all episodes, shape (11, n)."""

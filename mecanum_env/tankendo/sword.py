@@ -55,9 +55,9 @@ class Sword:
     ) -> FloatArray:
         """Return the tip's place x, y, z [m] at times (..., n), shape (3, ..., n).
 
-        The opponent's centre is at (x, y) then and looks along its heading, all of shape (..., n).
+        The opponent's centre is at (x, y), (..., n), then and looks along its heading, (n,).
         """
-        tip = np.empty((3, *heading_rad.shape))
+        tip = np.empty((3, *x_m.shape))
         cos, sin = np.cos(heading_rad), np.sin(heading_rad)
         if np.all((time_s >= self.free_s) | (time_s <= self.raise_s)):
             # All on guard: what the formulae below would give, at a fraction of the time.
@@ -86,7 +86,7 @@ class Sword:
         """Return the tip's place [m] and velocity [m/s], shapes (3, n), at times (n,) in scenes (11, n)."""
         earlier = _EARLIER_S
         x, y = scene[6] - earlier * scene[9], scene[7] - earlier * scene[10]
-        tip = self.tip(time_s - earlier, x, y, np.broadcast_to(scene[8], x.shape))
+        tip = self.tip(time_s - earlier, x, y, scene[8])
         return tip[:, 0], (tip[:, 0] - tip[:, 1]) / _RATE_S
 
 

@@ -66,14 +66,16 @@ def test_the_sword_is_as_long_as_the_sport_says(make):
 def test_gymnasium_records_a_video(tmp_path):
     pytest.importorskip("moviepy")
     env = RecordVideo(
-        gymnasium.make("MecanumTankendo-v0", render_mode="rgb_array"), str(tmp_path), disable_logger=True
+        gymnasium.make("MecanumTankendo-v0", render_mode="rgb_array"),
+        str(tmp_path / "video"),
+        disable_logger=True,
     )
     env.reset(seed=0)
     for _ in range(5):
         env.step(STILL)
     env.close()
     assert mecanum_env.__version__
-    assert [path.suffix for path in tmp_path.iterdir() if path.suffix == ".mp4"] == [".mp4"]
+    assert [path.suffix for path in (tmp_path / "video").iterdir() if path.suffix == ".mp4"] == [".mp4"]
 
 
 def test_drawing_changes_nothing(make):

@@ -55,9 +55,7 @@ def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: flo
     else:
         v, theta = FULL_V_RPM * a, 180.0 * b
     command = np.empty(within.shape)
-    command[..., 0], command[..., 1], command[..., 2] = round_command(
-        v, theta, FULL_VC_RPM * c, quantum_rpm
-    )
+    command[..., 0], command[..., 1], command[..., 2] = round_command(v, theta, FULL_VC_RPM * c, quantum_rpm)
     return command
 
 

@@ -213,6 +213,9 @@ class RewardWeights:
     """A step, at the largest angle that counts as facing; grows up to three times that."""
     effort: float = 0.005
     """A step, for a change of the command from full one way to standing."""
+    waiting: float = 0.02
+    """A step before the strike has come; in the duel, every step. Without it a beginner learns never to offer
+    an opening, which loses nothing."""
     hit: float = 1.0
     """Being hit."""
     success: float = 1.0

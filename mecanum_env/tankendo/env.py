@@ -92,6 +92,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     - *distance* = -0.02 min(|distance - maai| / band, 3)
     - *facing* = -0.01 min(|bearing| / facing angle, 3)
     - *effort* = -0.005 |change of (V cos theta / 135, V sin theta / 135, VC / 100)|
+    - *waiting* = -0.02 before the strike has come; in the duel always, in tracking never
     - *hit* = -1 when the robot is hit
     - *success* = +1 when the episode is a success; in the duel +1 a point
     - *out* = -1 when the robot leaves the field or clashes with the opponent (centres within 0.65 m)

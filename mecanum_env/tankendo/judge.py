@@ -7,6 +7,7 @@ Terms of the reward, all tasks (weights: `RewardWeights`):
 | `distance` | -weight * min(abs(distance - maai) / band, 3) |
 | `facing` | -weight * min(abs(bearing) / facing angle, 3) |
 | `effort` | -weight * length of the change of (V cos theta, V sin theta, VC), each over its full value |
+| `waiting` | -weight before the strike has come; in the duel always, in tracking never |
 | `hit` | -weight when a strike hits the robot |
 | `success` | +weight when the episode is one, or a point is made in the duel |
 | `out` | -weight when the robot leaves the field or clashes |
@@ -25,7 +26,7 @@ from mecanum_env.tankendo.opponent import BoolArray, Fighter
 from mecanum_env.tankendo.scene import RowArray, Scenes, separation
 from mecanum_env.units import FloatArray
 
-TERMS: Final = ("distance", "facing", "effort", "hit", "success", "out")
+TERMS: Final = ("distance", "facing", "effort", "waiting", "hit", "success", "out")
 """Names of the reward's terms, in the order in which they are summed."""
 _WORST = 3.0
 
@@ -165,6 +166,7 @@ class Dodge(Judge):
         """Judge the step that ended at `end_s`, (n,), with the command's change `effort`, (n,)."""
         terms, out = self.common_terms(effort)
         hit, success, terminated = (np.zeros(self.n, bool) for _ in range(3))
+        waits = np.isinf(self.check_s)
         rows, hits = self.fighter.land(end_s)
         hit[rows] = hits
         self.check_s[rows] = self.fighter.sword.land_s[rows] + self.rules.return_s
@@ -173,6 +175,7 @@ class Dodge(Judge):
             rows = np.flatnonzero(due)
             success[rows] = self.at_maai(rows, end_s[rows] - self.check_s[rows])
         terminated[:] = out | hit | due
+        terms["waiting"] = np.asarray(0.0 - self.weights.waiting * waits, float)
         terms["hit"] = np.asarray(0.0 - self.weights.hit * hit, float)
         terms["success"] = np.asarray(self.weights.success * success, float)
         return Verdict(terms, terminated, success, hit)

@@ -74,6 +74,7 @@ class Duel(Judge):
         )
         self.own_hit_s = np.where(begins, end_s + rules.own_strike_s, self.own_hit_s)
         won, lost = self.points >= rules.duel_points
+        terms["waiting"] = np.full(self.n, -self.weights.waiting)
         terms["hit"] = np.asarray(0.0 - self.weights.hit * hit, float)
         terms["success"] = np.asarray(self.weights.success * scored, float)
         return Verdict(terms, out | won | lost, won & ~out, hit)

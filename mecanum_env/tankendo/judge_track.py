@@ -62,6 +62,7 @@ class Track(Judge):
         over = end_s >= rules.track_time_s - 1e-9
         success = over & ~out & (self._kept >= rules.track_share * self._counted)
         nothing = np.zeros(self.n, bool)
+        terms["waiting"] = np.zeros(self.n)
         terms["hit"] = np.asarray(0.0 - self.weights.hit * nothing, float)
         terms["success"] = np.asarray(self.weights.success * success, float)
         return Verdict(terms, out, success, nothing)

@@ -31,7 +31,7 @@ class Oracle:
     def __init__(self, arena: Arena, row: int = 0) -> None:
         self._arena, self._row = arena, row
         maai = arena.setting.rules.maai_m
-        self._wait, self._return = Hold(distance_m=maai + 0.1), Hold(distance_m=maai, gain_per_s=4.0)
+        self._wait, self._return = Hold(distance_m=maai + 0.15), Hold(distance_m=maai, gain_per_s=4.0)
 
     def reset(self) -> None:
         """Forget nothing: the simulator remembers."""

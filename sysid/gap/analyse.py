@@ -25,8 +25,9 @@ from sysid.gap.observations import Observations, observe
 from sysid.gap.options import known_effects, require_valid
 from sysid.gap.own_error import residuals_of
 from sysid.gap.problem import Problem
-from sysid.gap.records import GapOptions, GapReport
+from sysid.gap.records import FoundEffect, GapOptions, GapReport
 from sysid.gap.search import Effort, Search
+from sysid.gap.simulator import without_engine_warnings
 from sysid.gap.subset import liveliest
 from sysid.gap.thresholds import chance
 from sysid.gap.what_next import what_next
@@ -70,6 +71,11 @@ def analyse(
     """
     options = options or GapOptions()
     require_valid(options, dataset.level)
+    with without_engine_warnings():
+        return _analyse(dataset, model, options, progress)
+
+
+def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Progress) -> GapReport:
     rng = np.random.default_rng(options.seed)
     considered = _considered(dataset, options)
     progress("data check")
@@ -155,7 +161,7 @@ def _report(
 ) -> GapReport:
     split, runs = held_out(dataset)
     effects = found_effects(problem, decision)
-    improved = _improved(model, problem, decision)
+    improved = _improved(model, decision, effects)
     before = predicted(model, runs)
     after = before if decision.chosen is None else predicted(improved, runs)
     comparison = compare(split, runs, before, after)
@@ -198,7 +204,7 @@ def _report(
     )
 
 
-def _improved(model: Model, problem: Problem, decision: Decision) -> Model:
+def _improved(model: Model, decision: Decision, effects: Sequence[FoundEffect]) -> Model:
     if decision.chosen is None:
         return model
     fitted = decision.chosen.fitted
@@ -208,7 +214,7 @@ def _improved(model: Model, problem: Problem, decision: Decision) -> Model:
         found.name: {
             name: {"value": i.value, "low": i.low, "high": i.high} for name, i in found.parameters.items()
         }
-        for found in found_effects(problem, decision)
+        for found in effects
     }
     known = model.uncertainty.get("effects") or {}
     return replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})

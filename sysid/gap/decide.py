@@ -6,8 +6,8 @@
 3. Which? Every set of that size whose score is within `NEVER`^2 of the best is as good: if such a set is
    the truth, it is dropped with a probability below Phi(-NEVER), however far the predictions are apart.
    More is allowed where effects are large, since no formula is exact (4.).
-4. Is it enough? What is left must be what chance allows, or small beside what the set explains: an effect's
-   formula is taken to be right to `FORMULA_ERROR`, assumed.
+4. Is it enough? What is left must be what chance allows, or small (`ENOUGH`) beside what the set explains:
+   no formula is exact.
 5. Does it matter? A set that is sure but removes less than `MATTERS` of the squared difference above the
    noise is no better than the model's own error, and not worth a name.
 6. The wheel law fitted again is a rival: where it does better than every set, no effect is missing but a fit.
@@ -26,6 +26,7 @@ import numpy as np
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.fitted import Fitted, fit
+from sysid.gap.intervals import doubtful
 from sysid.gap.law_again import LawAgain
 from sysid.gap.problem import Problem
 from sysid.gap.records import Verdict
@@ -34,7 +35,9 @@ from sysid.gap.search import Search
 from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance, largest_misfit, misfit_p_value
 
 FORMULA_ERROR: Final = 0.1
-"""Relative error that an effect's formula may have."""
+"""Relative error that an effect's formula may have before a rival counts as worse or one more as needed."""
+ENOUGH: Final = 0.2
+"""Of what a set explains (root mean square) so much may be left beyond chance, and its names still stand."""
 MATTERS: Final = 0.1
 """Share of the squared difference above the noise that a set must remove to be named."""
 _SPARE: Final = (
@@ -142,6 +145,10 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it anew (python -m sysid.fit) before looking for effects"
         )
+        enough = False
+    unsure = doubtful(problem, chosen.fitted, inflation) if enough else ()
+    if unsure:
+        notes.append(f"{' + '.join(unsure)}: the runs disagree about the size, which may as well be none")
         enough = False
     if not enough:
         return Decision("unexplained", None, (), judged, law, p_value, inflation, {}, tuple(notes))
@@ -279,7 +286,7 @@ def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Flo
         return True
     allowed = problem.size * largest_misfit(problem.size, floor.freedom)
     explained = float(np.sum((base.residual - chosen.residual) ** 2))
-    return chosen.cost <= allowed + FORMULA_ERROR**2 * explained
+    return chosen.cost <= allowed + ENOUGH**2 * explained
 
 
 def _removed(problem: Problem, base: Fitted[Any], chosen: Fitted[Any]) -> float:

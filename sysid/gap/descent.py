@@ -19,6 +19,10 @@ from mecanum_env.units import FloatArray
 STEP: Final = 0.02
 """Of a difference quotient, on the scale 0 .. 1."""
 _GAIN: Final = 0.02  # of the square sum: less is not worth a simulation
+FLAT: Final = 2.0
+"""A derivative shorter than this (sigmas over the whole range) says nothing."""
+_SHORTEST: Final = 0.005
+_LOOKS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.0125)
 _RELATIVE_GAIN: Final = 1e-4
 _MOST_REACH: Final = 0.5  # of the whole range in one step
 
@@ -96,10 +100,59 @@ def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
     """
     p = minimum.place.size
     normal = minimum.jacobian.T @ minimum.jacobian
-    spread = np.sqrt(np.diag(np.linalg.pinv(normal))) if p else np.zeros(0)
+    spread = np.sqrt(np.maximum(np.diag(np.linalg.pinv(normal)), 0.0)) if p else np.zeros(0)
     step = np.clip(spread, least_step, STEP)
     jacobian = differences(function, minimum.place, minimum.residual, step)
     return Minimum(minimum.place, minimum.residual, jacobian, minimum.evaluations + p)
+
+
+def explored(function: Function, minimum: Minimum) -> Minimum:
+    """Return the minimum after looking about along coordinates without a slope: thresholds between commands.
+
+    Args:
+        function: the residual.
+        minimum: as `descend` found it.
+    """
+    lengths = np.linalg.norm(minimum.jacobian, axis=0)
+    place, residual, used = minimum.place, minimum.residual, minimum.evaluations
+    for i in np.flatnonzero(lengths < FLAT):
+        for step in _LOOKS:
+            moved = np.array(place)
+            moved[i] = float(np.clip(place[i] + step, 0.0, 1.0))
+            trial = function(moved)
+            used += 1
+            if trial is not None and float(trial @ trial) < float(residual @ residual) - _GAIN:
+                place, residual = moved, trial
+    return Minimum(place, residual, minimum.jacobian, used)
+
+
+def reach(function: Function, minimum: Minimum, index: int, rise: float) -> tuple[float, float]:
+    """Return how far one coordinate can move down and up before the square sum rises by `rise`.
+
+    The others stay: for coordinates whose derivative tells nothing.
+
+    Args:
+        function: the residual.
+        minimum: from where.
+        index: of the coordinate.
+        rise: of the square sum.
+    """
+    ends = []
+    for sign in (-1.0, 1.0):
+        inside, outside = 0.0, None
+        step = _SHORTEST
+        room = minimum.place[index] if sign < 0.0 else 1.0 - minimum.place[index]
+        while inside < room and (outside is None or outside - inside > _SHORTEST):
+            trial = min(step, room) if outside is None else 0.5 * (inside + outside)
+            moved = np.array(minimum.place)
+            moved[index] += sign * trial
+            residual = function(moved)
+            if residual is not None and float(residual @ residual) <= minimum.cost + rise:
+                inside, step = trial, 2.0 * step
+            else:
+                outside = trial
+        ends.append(inside)
+    return ends[0], ends[1]
 
 
 def differences(

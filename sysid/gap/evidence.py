@@ -8,18 +8,16 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.stats import norm, t
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
-from sysid.gap.decide import FORMULA_ERROR, Decision, Judged
-from sysid.gap.fitted import Fitted
+from sysid.gap.decide import ENOUGH, Decision, Judged
+from sysid.gap.intervals import interval_ends
 from sysid.gap.observations import Observations, observe
 from sysid.gap.problem import Problem
 from sysid.gap.records import Evidence, FoundEffect, Interval
-from sysid.gap.scores import group_masks
 from sysid.gap.simulator import Simulator
 from sysid.gap.thresholds import largest_misfit
 from sysid.logs import Dataset
@@ -31,11 +29,6 @@ MOST: Final = 12
 def found_effects(problem: Problem, decision: Decision) -> tuple[FoundEffect, ...]:
     """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
 
-    The interval is the wider of two: that of the linearised fit, with noise, the model's own error and the
-    inflation in it; and that of the groups, from how much each of them would move the estimate (Liang and
-    Zeger, Biometrika 73:13, 1986), which knows nothing of what the errors are like. It ends where the search
-    does.
-
     Args:
         problem: the model and the runs that decided.
         decision: the verdict and what it rests on.
@@ -44,29 +37,16 @@ def found_effects(problem: Problem, decision: Decision) -> tuple[FoundEffect, ..
         return ()
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
-    wide = _half_widths(problem, fitted, decision.inflation)
+    low, high = interval_ends(problem, fitted, decision.inflation)
     intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
-    for coordinate, place, half in zip(candidate.coordinates, fitted.place, wide, strict=True):
+    for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
         if coordinate.effect:
-            low, high = (coordinate.value(float(np.clip(place + s * half, 0.0, 1.0))) for s in (-1.0, 1.0))
-            intervals[coordinate.effect][coordinate.parameter] = Interval(
-                coordinate.value(float(place)), low, high
-            )
+            value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
+            intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
     return tuple(
         FoundEffect(name, parameters, decision.frequency.get(name, 0.0))
         for name, parameters in intervals.items()
     )
-
-
-def _half_widths(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> FloatArray:
-    by_noise = norm.ppf(0.95) * np.sqrt(np.diag(fitted.covariance(inflation)))
-    masks = list(group_masks(problem).values())
-    if len(masks) < 2:
-        return np.asarray(by_noise)
-    pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
-    moves = pulls @ fitted.covariance()
-    spread = np.sqrt(np.sum(moves**2, axis=0) * len(masks) / (len(masks) - 1))
-    return np.asarray(np.maximum(by_noise, t.ppf(0.95, len(masks) - 1) * spread))
 
 
 def evidence(
@@ -101,7 +81,7 @@ def evidence(
             parameter_count=p,
             score=judged.score - base.score,
             misfit=fitted.cost / problem.size,
-            adequate=fitted.cost <= limit * problem.size + FORMULA_ERROR**2 * explained,
+            adequate=fitted.cost <= limit * problem.size + ENOUGH**2 * explained,
             validation_rms=_rms(problem, problem.observations, parts, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
             bic=fitted.cost / decision.inflation + p * math.log(problem.size),

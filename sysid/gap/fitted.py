@@ -9,7 +9,7 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.gap.descent import Function, descend, refined
+from sysid.gap.descent import Function, descend, explored, refined
 from sysid.gap.problem import Problem
 
 PRIOR: Final = 0.5
@@ -38,6 +38,7 @@ class Candidate(Protocol):
         ...
 
 
+_WORTH: Final = 0.5  # of square sum: less is not worth new derivatives
 C = TypeVar("C", bound=Candidate)
 
 
@@ -89,25 +90,29 @@ def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) ->
         place: the start (p,).
         most: simulations beyond those of the derivatives.
     """
-    function = _function(problem, candidate)
+    function = marginal_function(problem, candidate)
     minimum = descend(function, place, most=most)
     if minimum is None:
         return None
     minimum = refined(function, minimum, problem.least_step)
-    # The refined derivatives may show a way that Broyden's did not.
+    looked = explored(function, minimum)
+    # The refined derivatives, or a look about, may show a way that Broyden's did not.
     again = descend(
-        function,
-        minimum.place,
-        residual=minimum.residual,
-        jacobian=minimum.jacobian,
-        most=max(2, most // 3),
+        function, looked.place, residual=looked.residual, jacobian=looked.jacobian, most=max(2, most // 3)
     )
-    if again is not None and again.cost < minimum.cost - 0.5:
+    if again is not None and again.cost < minimum.cost - _WORTH:
         minimum = refined(function, again, problem.least_step)
     return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian)
 
 
-def _function(problem: Problem, candidate: Candidate) -> Function:
+def marginal_function(problem: Problem, candidate: Candidate) -> Function:
+    """Return the marginal residual (N,) of a candidate as a function of its place (p,).
+
+    Args:
+        problem: the model and the logs.
+        candidate: what is fitted.
+    """
+
     def marginal_residual(place: FloatArray) -> FloatArray | None:
         residual = problem.residual(candidate.model(problem.base, place))
         return None if residual is None else problem.marginal(residual)

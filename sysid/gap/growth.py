@@ -9,6 +9,7 @@ from typing import Final
 import numpy as np
 from scipy.optimize import lsq_linear
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import Coordinate, EffectSet, effect_set, joined
@@ -143,7 +144,9 @@ def _free(base: Model, name: str, seen: Sequence[Response], together: Sequence[R
     integral = together[0].chosen.integral
     full = effect_set(base, [name], integral=integral)
     shown = {c for response in (*seen, *together) for c in response.chosen.coordinates}
-    kept = tuple(c for c in full.coordinates if c in shown or (c.effect == "" and integral))
+    # A height or a heading matters only beside its mass or slope, and is found there.
+    beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
+    kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside or not c.effect)
     return EffectSet(full.names, kept, integral)
 
 

@@ -14,8 +14,6 @@ from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import FRICTION, Coordinate, EffectSet, coordinate, integral_action
 from sysid.gap.problem import Problem
 
-_SMALL: Final = 0.03
-"""Step for an effect whose response has a gradient, on the scale 0 .. 1."""
 _TORQUES: Final = (0.05, 0.2, 0.5)
 """Of friction on a drive with integral action, on the scale 0 .. 1."""
 _TYPICAL_INTEGRAL: Final = 50.0
@@ -46,7 +44,12 @@ def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
         effects: names in the catalogue.
     """
     base = problem.base
-    trials = [trial for name in CATALOGUE if name in effects for trial in _trials(base, CATALOGUE[name])]
+    trials = [
+        trial
+        for name in CATALOGUE
+        if name in effects
+        for trial in _trials(base, CATALOGUE[name], problem.look_step)
+    ]
     models = [chosen.model(base, place) for chosen, place, _, _ in trials]
     found = []
     for (chosen, place, linear, size), change in zip(trials, problem.changes(models), strict=True):
@@ -55,7 +58,7 @@ def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
     return found
 
 
-def _trials(base: Model, effect: Effect) -> list[tuple[EffectSet, FloatArray, bool, float]]:
+def _trials(base: Model, effect: Effect, step: float) -> list[tuple[EffectSet, FloatArray, bool, float]]:
     """Return set, place, whether a small step, and how far from neutral, of each simulation to make."""
     trials = []
     primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
@@ -66,7 +69,7 @@ def _trials(base: Model, effect: Effect) -> list[tuple[EffectSet, FloatArray, bo
         places = [one.unit(value) for value in parameter.scan or ()]
         linear = not places
         if linear:
-            places = [neutral + _SMALL if neutral + _SMALL <= 1.0 else neutral - _SMALL]
+            places = [neutral + step if neutral + step <= 1.0 else neutral - step]
         for place in places:
             if abs(place - neutral) < 1e-9:
                 continue

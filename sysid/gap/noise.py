@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
@@ -20,8 +20,19 @@ SETTLED_S: Final = 0.5
 """A command held this long has settled."""
 _LEAST_SAMPLES: Final = 20
 _LEAST: Final = 1e-9
+_CLEAR: Final = 4.0  # standard deviations above chance
 
 Source = Literal["repeats", "scatter"]
+
+
+@dataclass(frozen=True)
+class Lasting:
+    """Noise that lasts longer than a sample: repeats that differ for a while, not sample by sample."""
+
+    share: float
+    """Of the variance."""
+    time_s: float
+    """In which it has fallen to 1/e."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +43,9 @@ class Noise:
     """Channel -> standard deviation, in its unit; for poses, of the way made in a window."""
     source: Mapping[str, Source]
     """Where it is from: repeats of a command, or scatter of neighbouring samples (model error left out)."""
+
+    lasting: Mapping[str, Lasting] = field(default_factory=dict)
+    """Channel -> the part of the noise that lasts; none where neighbouring samples are independent."""
 
     @property
     def from_repeats(self) -> bool:
@@ -48,6 +62,7 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     """
     sigma: dict[str, float] = {}
     source: dict[str, Source] = {}
+    lasting: dict[str, Lasting] = {}
     repeats = noise_from_repeats(dataset.runs) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
@@ -59,7 +74,28 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
         else:
             sigma[name], source[name] = _scatter(observations, blocks), "scatter"
         sigma[name] = max(sigma[name], _LEAST)
-    return Noise(sigma, source)
+        found = _lasting(blocks)
+        if found is not None:
+            lasting[name] = found
+    return Noise(sigma, source, lasting)
+
+
+def _lasting(blocks: list[Block]) -> Lasting | None:
+    """Return the part of the repeats' deviations that lasts, None where chance makes as much."""
+    products = np.sum([block.products for block in blocks], axis=0)
+    samples = sum(block.value.size * block.repeats for block in blocks if block.freedom)
+    if products[0] <= 0.0 or blocks[0].channel in POSE:
+        return None
+    likeness = products / products[0]
+    if likeness[1] < _CLEAR / math.sqrt(samples):
+        return None
+    # Lag 0 has the white part too: the lasting part alone falls from its own share, found from lags 1 and 2.
+    fall = float(np.clip(likeness[2] / likeness[1], 0.1, 0.99)) if likeness[2] > 0.0 else 0.1
+    share = float(np.clip(likeness[1] / fall, 0.0, 1.0))
+    below = np.flatnonzero(likeness[1:] < share / math.e)
+    lag = 1 + int(below[0]) if below.size else likeness.size
+    interval = float(np.median(np.concatenate([np.diff(b.time_s) for b in blocks if b.time_s.size > 1])))
+    return Lasting(share, lag * interval)
 
 
 def _scatter(observations: Observations, blocks: list[Block]) -> float:

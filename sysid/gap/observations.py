@@ -25,6 +25,8 @@ WINDOW_S: Final = 0.4
 """Of the ways in which poses are compared."""
 EDGE_S: Final = 0.05
 """A pose at a window's edge is the mean of the samples this near."""
+LAGS: Final = 40
+"""Of the products of deviations."""
 MOST_SAMPLES: Final = 600
 """Of one block; more are averaged in pairs, triples ..."""
 
@@ -69,6 +71,10 @@ class Block:
     """Sum over the values of the repeats' squared differences from their mean, each times its samples."""
     freedom: int
     """Degrees of freedom of `spread`."""
+    products: FloatArray
+    """Like `spread`, of each deviation with that so many samples later (lag 0, 1 ...), shape (LAGS,)."""
+    repeats: int
+    """Runs that the values are the mean of."""
 
     rows: tuple[Rows, ...]
     """Rows of the run that each value is the mean of; for poses the windows, one array."""
@@ -153,17 +159,32 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
         return None
     values, there, count = values[:, use], there[:, use], count[use]
     mean = np.where(there, values, 0.0).sum(axis=0) / count
-    spread = float(np.where(there, (values - mean) ** 2, 0.0).sum())
+    deviation = np.where(there, values - mean, 0.0)
+    products = np.zeros(LAGS)
+    for lag in range(min(LAGS, mean.size)):
+        products[lag] = float(np.sum(deviation[:, lag:] * deviation[:, : mean.size - lag]))
+    spread = float(products[0])
     freedom = int((count - 1).sum())
     if name in POSE:
-        return Block(situation, name, time[use], mean, count.astype(float), spread, freedom, (use,))
+        return Block(
+            situation,
+            name,
+            time[use],
+            mean,
+            count.astype(float),
+            spread,
+            freedom,
+            products,
+            len(runs),
+            (use,),
+        )
     rows = _thinned(use)
     index = {int(row): i for i, row in enumerate(use)}
     chosen = [np.array([index[int(row)] for row in part]) for part in rows]
     weights = np.array([count[part].sum() for part in chosen], float)
     value = np.array([np.average(mean[part], weights=count[part]) for part in chosen])
     stamps = np.array([time[use][part].mean() for part in chosen])
-    return Block(situation, name, stamps, value, weights, spread, freedom, tuple(rows))
+    return Block(situation, name, stamps, value, weights, spread, freedom, products, len(runs), tuple(rows))
 
 
 def _thinned(rows: Rows) -> list[Rows]:

@@ -25,6 +25,9 @@ SMOOTH_STEP: Final = 1e-3
 ROUGH_STEP: Final = 0.02
 """Rollers meet the floor a little earlier or later: what a smaller step changes is mostly that."""
 
+SMOOTH_LOOK: Final = 0.03
+ROUGH_LOOK: Final = 0.15
+
 T = TypeVar("T")
 U = TypeVar("U")
 
@@ -45,6 +48,8 @@ class Problem:
         robot = self.observations.situations[0].runs[0].level == "robot"
         self.least_step = ROUGH_STEP if robot else SMOOTH_STEP
         """Of a difference quotient, on the scale 0 .. 1 of a parameter."""
+        self.look_step = ROUGH_LOOK if robot else SMOOTH_LOOK
+        """Of an effect's first response where that has a gradient, on the same scale."""
         # An effect's change is wanted to some percent only, and twice the step takes half the time.
         self._rough = Simulator(self.observations, TRAINING_TIMESTEP_S) if robot else self.simulator
         self.measured = whitener.whiten(whitener.measured())

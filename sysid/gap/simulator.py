@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import json
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from threading import Lock
 from typing import Final
+
+import mujoco
 
 from mecanum_env.effects.apply import without_sensors
 from mecanum_env.model import Model
@@ -18,6 +21,17 @@ from sysid.prediction import Motion, compile_for, in_run_frame, motion_of, shown
 
 REMEMBERED: Final = 8
 """Motions of all situations kept; one takes some megabytes."""
+
+
+@contextmanager
+def without_engine_warnings() -> Iterator[None]:
+    """Keep MuJoCo from writing about states that diverge: a search tries them, and drops what does."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
 
 
 class Simulator:

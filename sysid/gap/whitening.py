@@ -4,7 +4,8 @@ The covariance of a block's residual is that of the noise plus that of the model
 
     C(i, j) = delta(i, j) sigma^2 / weight(i) + SHARE^2 e(i) e(j) exp(-|t(i) - t(j)| / T),
 
-with e(t) and T as `sysid.model_error` has them. With C = L L', the residual L^-1 (measured - predicted) of a
+with e(t) and T as `sysid.model_error` has them. Where repeats differ for longer than a sample, that share of
+sigma^2 falls with a time of its own instead. With C = L L', the residual L^-1 (measured - predicted) of a
 right model is white with unit variance. The part of the model's error that is the same after every change of
 command is not in C: it is a column of `sysid.gap.nuisance`.
 """
@@ -26,6 +27,7 @@ from sysid.prediction import POSE
 
 SHARE: Final = 0.5
 """Part of the model's error that differs from one change of command to the next."""
+_LEAST_WHITE: Final = 1e-3  # of lasting noise, so that the covariance can be factored
 VELOCITY_OF: Final = {"x_m": "vx_m_s", "y_m": "vy_m_s", "yaw_rad": "yaw_rate_rad_s"}
 """A pose's error is that of the velocity that made it."""
 
@@ -72,12 +74,20 @@ class Whitener:
 
     def _factor(self, block: Block) -> FloatArray:
         variance = self.noise.sigma[block.channel] ** 2 / block.weight
+        lasting = self.noise.lasting.get(block.channel)
         error = error_of(self.error, block.channel)
-        if error is None or (error.settled == 0.0 and error.transient == 0.0):
+        exact = error is None or (error.settled == 0.0 and error.transient == 0.0)
+        if exact and lasting is None:
             return np.sqrt(variance)
-        size = SHARE * error_size(error, self.observations, block)
         apart = np.abs(block.time_s[:, None] - block.time_s[None, :])
-        covariance = np.outer(size, size) * np.exp(-apart / error.correlation_s)
+        covariance = np.zeros(apart.shape)
+        if lasting is not None:
+            common = lasting.share * self.noise.sigma[block.channel] ** 2 / block.repeats
+            covariance += common * np.exp(-apart / lasting.time_s)
+            variance = (1.0 - lasting.share) * variance + _LEAST_WHITE * common
+        if error is not None and not exact:
+            size = SHARE * error_size(error, self.observations, block)
+            covariance += np.outer(size, size) * np.exp(-apart / error.correlation_s)
         covariance[np.diag_indices_from(covariance)] += variance
         return np.asarray(np.linalg.cholesky(covariance))
 

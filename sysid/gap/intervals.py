@@ -1,0 +1,64 @@
+"""How sure the parameters of a fitted set are."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.stats import chi2, norm, t
+
+from mecanum_env.units import FloatArray
+from sysid.gap.coordinates import EffectSet
+from sysid.gap.descent import FLAT, Minimum, reach
+from sysid.gap.fitted import Fitted, marginal_function
+from sysid.gap.problem import Problem
+from sysid.gap.scores import group_masks
+
+LEVEL = 0.9
+"""Of the intervals."""
+
+
+def interval_ends(
+    problem: Problem, fitted: Fitted[EffectSet], inflation: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1.
+
+    An interval is the wider of two: that of the linearised fit, with noise, the model's own error and the
+    inflation in it; and that of the groups, from how much each of them would move the estimate (Liang and
+    Zeger, Biometrika 73:13, 1986), which knows nothing of what the errors are like. Where the square sum has
+    no slope (a threshold between two commands) it reaches as far as the square sum does not rise.
+
+    Args:
+        problem: the model and the runs that decided.
+        fitted: a set of effects.
+        inflation: of the variance of everything.
+    """
+    tail = 0.5 * (1.0 + LEVEL)
+    half = norm.ppf(tail) * np.sqrt(np.diag(fitted.covariance(inflation)))
+    masks = list(group_masks(problem).values())
+    if len(masks) > 1:
+        pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
+        moves = pulls @ fitted.covariance()
+        spread = np.sqrt(np.sum(moves**2, axis=0) * len(masks) / (len(masks) - 1))
+        half = np.maximum(half, t.ppf(tail, len(masks) - 1) * spread)
+    low, high = fitted.place - half, fitted.place + half
+    minimum = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
+    function = marginal_function(problem, fitted.candidate)
+    for i in np.flatnonzero(np.linalg.norm(fitted.jacobian, axis=0) < FLAT):
+        down, up = reach(function, minimum, int(i), chi2.ppf(LEVEL, 1) * inflation)
+        low[i], high[i] = fitted.place[i] - down, fitted.place[i] + up
+    return low, high
+
+
+def doubtful(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> tuple[str, ...]:
+    """Return the effects of a set of which no parameter is surely away from neutral.
+
+    Args:
+        problem: the model and the runs that decided.
+        fitted: a set of effects.
+        inflation: of the variance of everything.
+    """
+    low, high = interval_ends(problem, fitted, inflation)
+    neutral = fitted.candidate.start()
+    clear = (neutral < low) | (neutral > high)
+    effects = [c.effect for c in fitted.candidate.coordinates]
+    sure = {effect for effect, is_clear in zip(effects, clear, strict=True) if is_clear}
+    return tuple(name for name in fitted.names if name not in sure)

@@ -93,7 +93,7 @@ def design(
     told = np.zeros(len(candidates) * (len(candidates) - 1), bool)
 
     def judge(rows: FloatArray, thorough: bool) -> Judged | None:
-        trial = Trial(base, rows, setting)
+        trial = Trial(base, rows, setting, rough=not thorough)
         z = separation(trial, shared, candidates, thorough=thorough)
         return None if z is None else Judged(rows, z)
 

@@ -16,8 +16,10 @@ from typing import Final, Literal
 
 import numpy as np
 
+from mecanum_env.effects.apply import without_sensors
 from mecanum_env.errors import MecanumError
 from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.gap.noise import Noise
@@ -27,7 +29,7 @@ from sysid.gap.sequences import FIELD_M
 from sysid.gap.whitening import Whitener
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
 from sysid.model_error import ModelError
-from sysid.prediction import POSE, Start, predict
+from sysid.prediction import POSE, Start, compile_for, motion_of, predict, shown
 
 REPEATS: Final = 3
 """Times that an experiment is to be run."""
@@ -68,10 +70,12 @@ class Trial:
         base: the model under study, whose own error counts.
         rows: the sequence, as `sysid.gap.sequences` has it.
         setting: how it will be recorded.
+        rough: simulate the robot with twice the physics step, in half the time.
     """
 
-    def __init__(self, base: Model, rows: FloatArray, setting: Setting) -> None:
+    def __init__(self, base: Model, rows: FloatArray, setting: Setting, *, rough: bool = False) -> None:
         self.base, self.setting = base, setting
+        self._timestep_s = TRAINING_TIMESTEP_S if rough else None
         step = max(setting.interval_s, FINEST_S)
         count = round(len(rows) * base.wheel.command_period_s / step)
         time = np.asarray(np.arange(count + 1) * step, float)
@@ -80,7 +84,7 @@ class Trial:
         self.observations = observe(Dataset("next experiment", runs, ()))
         fewer = math.sqrt(setting.interval_s / step)
         sigma = {name: v if name in POSE else v * fewer for name, v in setting.noise.sigma.items()}
-        self.whitener = Whitener(self.observations, Noise(sigma, setting.noise.source), setting.error)
+        self.whitener = Whitener(self.observations, replace(setting.noise, sigma=sigma), setting.error)
         shapes = shape_columns(base, setting.error, self.observations)
         columns = [self.whitener.whiten(parts) for parts in shapes]
         self.own = np.stack(columns, axis=1) if columns else np.zeros((self.whitener.size, 0))
@@ -98,11 +102,13 @@ class Trial:
             if self.run.level == "bench":
                 return predict(model, self.run, Start())
             posed = self._run(self.run.command, self.run.time_s, (*self.setting.channels, *POSE))
-            shown = predict(model, posed, Start())
+            physics = without_sensors(model)
+            compiled = compile_for(physics, "robot", self._timestep_s)
+            channels = shown(model, posed, Start(), motion_of(physics, posed, Start(), compiled))
         except MecanumError:
             return None
-        away = max(float(np.max(np.abs(shown[name]))) for name in ("x_m", "y_m"))
-        return shown if away <= 0.5 * FIELD_M - CLEARANCE_M else None
+        away = max(float(np.max(np.abs(channels[name]))) for name in ("x_m", "y_m"))
+        return channels if away <= 0.5 * FIELD_M - CLEARANCE_M else None
 
     def whitened(self, model: Model) -> FloatArray | None:
         """Return a model's prediction in sigmas (N,); None where `channels_of` is.
@@ -110,24 +116,24 @@ class Trial:
         Args:
             model: wheel, robot and effects.
         """
-        shown = self.channels_of(model)
-        if shown is None:
+        channels = self.channels_of(model)
+        if channels is None:
             return None
-        measured = {name: shown[name] for name in self.setting.channels}
+        measured = {name: channels[name] for name in self.setting.channels}
         return self.whitener.whiten([block.of(self.run, measured) for block in self.observations.blocks])
 
-    def predictable(self, model: Model, shown: FloatArray) -> bool:
+    def predictable(self, model: Model, prediction: FloatArray) -> bool:
         """Return whether a model's prediction does not hang on details; see `PREDICTABLE`.
 
         Args:
             model: wheel, robot and effects.
-            shown: its whitened prediction (N,).
+            prediction: its own, whitened (N,).
         """
         if self.run.level == "bench":
             return True
         robot = replace(model.robot, mass_kg=1.001 * model.robot.mass_kg)
         other = self.whitened(replace(model, robot=robot))
-        return other is not None and float(np.sqrt(np.mean((other - shown) ** 2))) <= PREDICTABLE
+        return other is not None and float(np.sqrt(np.mean((other - prediction) ** 2))) <= PREDICTABLE
 
     def with_law(self, base: FloatArray) -> None:
         """Add the columns of the base model's own parameters to `own`.
@@ -145,7 +151,7 @@ class Trial:
             at: whitened prediction of the one that they were moved from (N,).
             moved: those that cannot be simulated are left out.
         """
-        found = [shown - at for shown in map(self.whitened, moved) if shown is not None]
+        found = [other - at for other in map(self.whitened, moved) if other is not None]
         return np.stack(found, axis=1) if found else np.zeros((at.size, 0))
 
     def square(self, difference: FloatArray, *hidden: FloatArray) -> float:

@@ -57,7 +57,7 @@ def design_for_untestable(
     shown: list[int] = []
 
     def judge(rows: FloatArray, thorough: bool) -> Judged | None:
-        z = visibility(Trial(model, rows, setting), rivals, threshold, thorough=thorough)
+        z = visibility(Trial(model, rows, setting, rough=not thorough), rivals, threshold, thorough=thorough)
         return None if z is None else Judged(rows, z)
 
     def worth_of(found: Sequence[Judged]) -> Worth | None:

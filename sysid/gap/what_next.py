@@ -13,7 +13,6 @@ from mecanum_env.model import Model
 from sysid.gap.decide import Decision, Judged
 from sysid.gap.experiment import Design, Rival, design, level_of
 from sysid.gap.fitted import Fitted
-from sysid.gap.noise import Noise
 from sysid.gap.observations import Observations
 from sysid.gap.problem import Problem
 from sysid.gap.records import Untestable
@@ -105,7 +104,7 @@ def _setting(problem: Problem, inflation: float) -> Setting:
         kind=_kind(runs[0]),
         channels=observations.channels,
         interval_s=float(np.median([run.median_interval_s for run in runs])),
-        noise=Noise(sigma, whitener.noise.source),
+        noise=replace(whitener.noise, sigma=sigma),
         error=whitener.error,
         inflation=inflation,
     )

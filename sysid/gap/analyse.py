@@ -16,6 +16,7 @@ from mecanum_env.model import Model
 from mecanum_env.model.codec import model_to_dict
 from sysid.gap.decide import Decision, Floor, decide
 from sysid.gap.detectable import smallest_detectable, untestable
+from sysid.gap.empirical import KEY, empirical_term, fit_correction
 from sysid.gap.evidence import evidence, found_effects
 from sysid.gap.experiment import Design
 from sysid.gap.figures import compare, differences, held_out, overlays, predicted
@@ -25,7 +26,7 @@ from sysid.gap.observations import Observations, observe
 from sysid.gap.options import known_effects, require_valid
 from sysid.gap.own_error import residuals_of
 from sysid.gap.problem import Problem
-from sysid.gap.records import FoundEffect, GapOptions, GapReport
+from sysid.gap.records import EmpiricalTerm, FoundEffect, GapOptions, GapReport
 from sysid.gap.search import Effort, Search
 from sysid.gap.simulator import without_engine_warnings
 from sysid.gap.subset import liveliest
@@ -162,8 +163,11 @@ def _report(
     split, runs = held_out(dataset)
     effects = found_effects(problem, decision)
     improved = _improved(model, decision, effects)
+    term = None
+    if decision.verdict == "unexplained":
+        improved, term = _empirical(study, improved, options.empirical)
     before = predicted(model, runs)
-    after = before if decision.chosen is None else predicted(improved, runs)
+    after = before if improved is model else predicted(improved, runs)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
     threshold = chance(search.base, search.library, np.random.default_rng(options.seed)).threshold()
@@ -192,7 +196,7 @@ def _report(
         findings=dataset.findings,
         notes=(*study.notes, *decision.notes, *unanswered),
         overlays=overlays(comparison),
-        empirical=None,
+        empirical=term,
         provenance={
             "seed": options.seed,
             "data_sha256": dataset.sha256,
@@ -202,6 +206,18 @@ def _report(
             "version": mecanum_env.__version__,
         },
     )
+
+
+def _empirical(study: _Study, model: Model, adopt: bool) -> tuple[Model, EmpiricalTerm | None]:
+    """Return the model, with the term if asked, and a readable term for what is left where runs decide."""
+    runs = [run for situation in study.observations.situations for run in situation.runs]
+    shown = predicted(model, runs)
+    correction = fit_correction(compare("fit", runs, shown, shown).samples)
+    if correction is None:
+        return model, None
+    if adopt:
+        model = replace(model, extra={**model.extra, KEY: correction.as_json()})
+    return model, empirical_term(correction, adopted=adopt)
 
 
 def _improved(model: Model, decision: Decision, effects: Sequence[FoundEffect]) -> Model:

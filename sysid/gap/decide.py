@@ -43,7 +43,6 @@ MATTERS: Final = 0.1
 _SPARE: Final = (
     4.0  # a parameter within two standard deviations of neutral, and no worse without it, is left out
 )
-_TWINS: Final = 9.0  # predictions nearer than this (squared, in sigmas, over all samples) are one
 _RESAMPLES: Final = 500
 
 
@@ -150,6 +149,8 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     if unsure:
         notes.append(f"{' + '.join(unsure)}: the runs disagree about the size, which may as well be none")
         enough = False
+        if floor.trusted and p_misfit > FALSE_ALARM:
+            return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
     if not enough:
         return Decision("unexplained", None, (), judged, law, p_value, inflation, {}, tuple(notes))
     verdict: Verdict = "ambiguous" if len(tied) > 1 else "named"
@@ -253,7 +254,7 @@ def _tied(
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
     kept: list[Judged] = []
     for one in near:
-        if not any(_repeats(one, other, inflation) for other in kept):
+        if not any(_repeats(search, one, other, inflation) for other in kept):
             kept.append(one)
     kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
     return tuple(kept)
@@ -271,13 +272,13 @@ def _tolerance(search: Search, chosen: Judged, rival: Judged, inflation: float) 
     return NEVER**2 + FORMULA_ERROR**2 * explained
 
 
-def _repeats(one: Judged, other: Judged, inflation: float) -> bool:
-    """Return whether a set is another with needless parameters, or the same."""
+def _repeats(search: Search, one: Judged, other: Judged, inflation: float) -> bool:
+    """Return whether a set says what another says, as far as formulas go, with more parameters."""
     if one.names == other.names:
         return True
     more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
     apart = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
-    return more and apart < _TWINS and other.score - one.score < _TWINS
+    return more and apart < _tolerance(search, other, one, inflation)
 
 
 def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Floor) -> bool:

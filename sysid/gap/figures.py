@@ -11,6 +11,7 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.gap.empirical import correction_of
 from sysid.gap.records import Difference, Overlay
 from sysid.gap.samples import Samples, samples_of
 from sysid.logs import Dataset, Run, Split
@@ -56,7 +57,13 @@ def predicted(model: Model, runs: Sequence[Run]) -> list[dict[str, FloatArray]]:
         model: wheel, robot and effects.
         runs: bench or robot logs.
     """
-    return [predict(model, run) for run in runs]
+    shown = [predict(model, run) for run in runs]
+    correction = correction_of(model)
+    return (
+        shown
+        if correction is None
+        else [correction.added_to(run, one) for run, one in zip(runs, shown, strict=True)]
+    )
 
 
 def compare(

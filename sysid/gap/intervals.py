@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from scipy.stats import chi2, norm, t
 
@@ -12,8 +14,10 @@ from sysid.gap.fitted import Fitted, marginal_function
 from sysid.gap.problem import Problem
 from sysid.gap.scores import group_masks
 
-LEVEL = 0.9
+LEVEL: Final = 0.9
 """Of the intervals."""
+FEWEST_GROUPS: Final = 4
+"""Fewer say too little about how much they differ."""
 
 
 def interval_ends(
@@ -34,7 +38,7 @@ def interval_ends(
     tail = 0.5 * (1.0 + LEVEL)
     half = norm.ppf(tail) * np.sqrt(np.diag(fitted.covariance(inflation)))
     masks = list(group_masks(problem).values())
-    if len(masks) > 1:
+    if len(masks) >= FEWEST_GROUPS:
         pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
         moves = pulls @ fitted.covariance()
         spread = np.sqrt(np.sum(moves**2, axis=0) * len(masks) / (len(masks) - 1))

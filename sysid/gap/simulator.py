@@ -16,6 +16,7 @@ from mecanum_env.effects.apply import without_sensors
 from mecanum_env.model import Model
 from mecanum_env.model.codec import model_to_dict
 from mecanum_env.units import FloatArray
+from sysid.gap.empirical import correction_of
 from sysid.gap.observations import Observations
 from sysid.prediction import Motion, compile_for, in_run_frame, motion_of, shown
 
@@ -61,6 +62,12 @@ class Simulator:
             shown(model, situation.runs[0], situation.start, motion)
             for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True)
         ]
+        correction = correction_of(model)
+        if correction is not None:
+            channels = [
+                correction.added_to(situation.runs[0], one)
+                for situation, one in zip(situations, channels, strict=True)
+            ]
         return [
             block.of(situations[block.situation].runs[0], channels[block.situation])
             for block in self.observations.blocks

@@ -16,6 +16,11 @@ from sysid.gap.scores import group_masks
 
 LEVEL: Final = 0.9
 """Of the intervals."""
+SYSTEMATIC: Final = 0.1
+"""Correlation that what is left beyond chance may have with the response to a parameter.
+
+It moves the estimate in all groups alike, so that they do not show it.
+"""
 FEWEST_GROUPS: Final = 4
 """Fewer say too little about how much they differ."""
 
@@ -25,10 +30,11 @@ def interval_ends(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1.
 
-    An interval is the wider of two: that of the linearised fit, with noise, the model's own error and the
-    inflation in it; and that of the groups, from how much each of them would move the estimate (Liang and
-    Zeger, Biometrika 73:13, 1986), which knows nothing of what the errors are like. Where the square sum has
-    no slope (a threshold between two commands) it reaches as far as the square sum does not rise.
+    An interval is the wider of two: that of the linearised fit, with noise, the model's own error, the
+    inflation and what is left (`SYSTEMATIC`) in it; and that of the groups, from how much each of them would
+    move the estimate (Liang and Zeger, Biometrika 73:13, 1986), which knows nothing of what the errors are
+    like. Where the square sum has no slope (a threshold between two commands) it reaches as far as the square
+    sum does not rise.
 
     Args:
         problem: the model and the runs that decided.
@@ -36,7 +42,8 @@ def interval_ends(
         inflation: of the variance of everything.
     """
     tail = 0.5 * (1.0 + LEVEL)
-    half = norm.ppf(tail) * np.sqrt(np.diag(fitted.covariance(inflation)))
+    left = max(0.0, fitted.cost - problem.size)
+    half = norm.ppf(tail) * np.sqrt(np.diag(fitted.covariance(inflation + SYSTEMATIC**2 * left)))
     masks = list(group_masks(problem).values())
     if len(masks) >= FEWEST_GROUPS:
         pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])

@@ -40,8 +40,11 @@ class Coordinate:
         return self.low > 0.0 and self.high > _WIDE * self.low
 
     def value(self, unit: float) -> float:
-        """Return the parameter at a place 0 .. 1 between its bounds; neutral beyond them stands at an end."""
+        """Return the parameter at a place `unit`, 0 .. 1; neutral beyond the bounds stands at an end."""
         if (unit >= 1.0 and self.neutral > self.high) or (unit <= 0.0 and self.neutral < self.low):
+            return self.neutral
+        if math.isfinite(self.neutral) and unit == self.unit(self.neutral):
+            # A logarithm and back is off by a rounding, and neutral is to be exactly that.
             return self.neutral
         if self.logarithmic:
             return self.low * math.exp(unit * math.log(self.high / self.low))
@@ -53,12 +56,6 @@ class Coordinate:
         if self.logarithmic:
             return math.log(inside / self.low) / math.log(self.high / self.low)
         return (inside - self.low) / (self.high - self.low)
-
-    def slope(self, unit: float) -> float:
-        """Return d value / d unit at a place."""
-        if self.logarithmic:
-            return self.value(unit) * math.log(self.high / self.low)
-        return self.high - self.low
 
 
 @dataclass(frozen=True)
@@ -77,7 +74,7 @@ class EffectSet:
         return len(self.coordinates)
 
     def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
-        """Return the base model with the set's effects at a place, shape (p,)."""
+        """Return the `base` model with the set's effects at a place `unit`, shape (p,)."""
         effects = {name: dict(values) for name, values in base.effects.items()}
         robot = base.robot
         for coordinate, place in zip(self.coordinates, unit, strict=True):

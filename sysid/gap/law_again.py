@@ -35,7 +35,7 @@ class LawAgain:
         return np.full(len(_REACH), 0.5)
 
     def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
-        """Return the base model with the law at a place, shape (5,)."""
+        """Return the base model with the law at a place `unit`, shape (5,)."""
         law = self.base.wheel.law
         c = law.coefficients
         moved = (np.asarray(unit, float) - 0.5) * 2.0 * _REACH

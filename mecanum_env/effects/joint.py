@@ -19,21 +19,8 @@ if TYPE_CHECKING:
 _WHEEL_JOINTS: Final = ("wheel", *(f"wheel_{wheel}" for wheel in WHEELS))
 
 
-def add_joint_friction(joint: mujoco.MjsJoint, torque_n_m: float, timestep_s: float) -> None:
-    """Add Coulomb friction to a joint of a spec.
-
-    MuJoCo's friction constraint is soft: by default a loaded joint creeps visibly. Two timesteps and an
-    impedance near 1 hold it.
-    """
-    joint.frictionloss += torque_n_m
-    joint.solref_friction = [2 * timestep_s, 1.0]
-    joint.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
-
-
-def _coulomb(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
-    for joint in spec.joints:
-        if joint.name in _WHEEL_JOINTS:
-            add_joint_friction(joint, values["torque_n_m"], spec.option.timestep)
+def _coulomb(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
+    return replace(drive, coulomb_n_m=values["torque_n_m"])
 
 
 def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
@@ -51,14 +38,7 @@ def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) ->
             joint.damping[0] += damping
 
 
-def _stiction(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
-    """Add friction for good; the drive gives it back to a wheel that moves (`_breakaway`)."""
-    for joint in spec.joints:
-        if joint.name in _WHEEL_JOINTS:
-            add_joint_friction(joint, values["breakaway_n_m"], spec.option.timestep)
-
-
-def _breakaway(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
+def _stiction(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     speed = values["stribeck_rpm"] * RAD_S_PER_RPM
     return replace(drive, breakaway_n_m=values["breakaway_n_m"], stribeck_rad_s=speed)
 
@@ -71,11 +51,10 @@ COULOMB_FRICTION: Final = Effect(
     name="coulomb_friction",
     acts_on="wheel joint",
     parameters=(Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0)),),
-    summary="A constant torque against the wheel's motion.",
+    summary="A constant torque against the wheel's motion, which holds a wheel at rest.",
     signature="The same rpm lost at every speed (torque / servo), so the relative loss falls with speed; "
     "with an integrating drive only at starts and reversals.",
-    refused_by=("planar",),
-    change_spec=_coulomb,
+    change_drive=_coulomb,
 )
 
 STICTION: Final = Effect(
@@ -87,9 +66,7 @@ STICTION: Final = Effect(
     ),
     summary="Friction beyond coulomb_friction near rest: breakaway exp(-(speed / stribeck)^2).",
     signature="Small commands do not start the wheel; large ones are reached as without it.",
-    refused_by=("planar",),
-    change_spec=_stiction,
-    change_drive=_breakaway,
+    change_drive=_stiction,
 )
 
 VISCOUS_FRICTION: Final = Effect(

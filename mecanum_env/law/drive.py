@@ -7,8 +7,8 @@ bit for bit, and the drive for engines without plugins. Time counts in substeps 
   shaped by what the drive does to it: dead band, gain, limit (`received_command`).
 - Law tick k is due at the first substep with n h >= k tau, tau the sample period. Its input r(k) is the mean
   over the tick of the command delayed by `delay_s`, as far as it was latched by k tau; so a delay acts
-  continuously, and without one r(k) is simply the last latched command. An acceleration limit then holds
-  r(k) near r(k-1).
+  continuously, and without one r(k) is simply the last latched command. With an acceleration limit r(k) is
+  the mean over the tick of a continuous ramp that follows the delayed command at the limit.
 - The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
   starts: the ramp adds no delay.
 
@@ -18,6 +18,7 @@ A clock may be early by 1e-9 of its period, which absorbs the rounding of n h.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
@@ -65,13 +66,15 @@ class DriveParameters:
     softness_rpm: float = 0.0
     """The saturation begins this far below its limit, with a parabola that reaches it as far above [rpm]."""
     acceleration_rpm_s: float = math.inf
-    """The law's input changes no faster than this [rpm/s]."""
+    """The command changes no faster than this [rpm/s]."""
     gap_rad: float = 0.0
     """Between motor and wheel [rad]. This and what follows is behind the setpoint: in the plugin only."""
     breakaway_n_m: float = 0.0
-    """Friction of the wheel's joint that a moving wheel does not feel [N m]."""
+    """Friction of the wheel's bearing that a moving wheel does not feel [N m]."""
     stribeck_rad_s: float = 0.0
     """Speed at which it has lost 63 % of it [rad/s]."""
+    coulomb_n_m: float = 0.0
+    """Friction of the wheel's bearing at any speed [N m]."""
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.command_period_s) and self.command_period_s > 0.0):
@@ -84,7 +87,7 @@ class DriveParameters:
             raise InputError(f"saturation_rpm = {self.saturation_rpm}, must be above 0 (infinite: no limit)")
         for name in (
             *("deadband_rpm", "drop_per_s", "softness_rpm"),
-            *("gap_rad", "breakaway_n_m", "stribeck_rad_s"),
+            *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
@@ -120,12 +123,15 @@ class DriveState:
     """`law.w0` = w(k+1) and `law.w1` = w(k) are the ends of the current ramp [rpm]."""
     commands: FloatArray = field(default_factory=lambda: np.zeros(RING))
     """The last latched commands [rpm], shape (..., RING), the newest last."""
+    ramp: npt.ArrayLike = 0.0
+    """The command behind the acceleration limit at the end of the current tick [rpm], shape (...)."""
 
     @staticmethod
     def steady(speed_rpm: npt.ArrayLike) -> DriveState:
         """Return the state of a drive that has followed a constant command [rpm] for long."""
         speed = np.asarray(speed_rpm, float)
-        return DriveState(law=LawState.steady(speed), commands=np.repeat(speed[..., None], RING, axis=-1))
+        commands = np.repeat(speed[..., None], RING, axis=-1)
+        return DriveState(law=LawState.steady(speed), commands=commands, ramp=speed)
 
 
 def received_command(
@@ -157,24 +163,10 @@ def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) ->
     command, knee = command_rpm, min(softness_rpm, limit_rpm)
     if knee > 0.0 and math.isfinite(limit_rpm):
         beyond = np.abs(command) - (limit_rpm - knee)
-        bent = np.copysign(limit_rpm - knee + beyond - beyond * beyond / (4.0 * knee), command)
+        on_it = np.minimum(beyond, 2.0 * knee)  # where it counts; further out the square may overflow
+        bent = np.copysign(limit_rpm - knee + beyond - on_it * on_it / (4.0 * knee), command)
         command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
     limited: FloatArray = np.minimum(np.maximum(command, -limit_rpm), limit_rpm)
-    return limited
-
-
-def limited_change(parameters: DriveParameters, inputs_rpm: FloatArray, before: npt.ArrayLike) -> FloatArray:
-    """Return inputs of the law (..., K) [rpm] held to the acceleration limit, `before` being the one before.
-
-    A tick may change its input by the limit times the sample period.
-    """
-    most = parameters.acceleration_rpm_s * parameters.law.sample_period_s
-    if math.isinf(most):
-        return inputs_rpm
-    limited, last = np.empty_like(inputs_rpm), np.asarray(before, float)
-    for k in range(inputs_rpm.shape[-1]):
-        last = np.minimum(np.maximum(inputs_rpm[..., k], last - most), last + most)
-        limited[..., k] = last
     return limited
 
 
@@ -185,7 +177,7 @@ def law_inputs(
     latches: npt.ArrayLike,
     start: int,
 ) -> FloatArray:
-    """Return r(k) [rpm], shape (..., K), for the ticks k, shape (K,).
+    """Return the delayed command's mean over each tick k [rpm], shape (..., K), before an acceleration limit.
 
     Args:
         parameters: of the drive.
@@ -194,24 +186,73 @@ def law_inputs(
         latches: how many commands are latched by each tick, shape (K,) or one number.
         start: the j of the first of `latched_rpm`; earlier commands equal it.
     """
+    total = np.zeros((*latched_rpm.shape[:-1], np.size(ticks)))
+    for part, command in _held(parameters, ticks, latched_rpm, latches, start):
+        total = total + part * command
+    return total
+
+
+def ramped_inputs(
+    parameters: DriveParameters,
+    ticks: npt.ArrayLike,
+    latched_rpm: FloatArray,
+    latches: npt.ArrayLike,
+    start: int,
+    before: npt.ArrayLike,
+) -> tuple[FloatArray, FloatArray]:
+    """Return r(k) [rpm], shape (..., K), and the ramp's end [rpm], shape (...).
+
+    The ramp follows the delayed command and moves by at most the acceleration limit times a tick in a tick;
+    r(k) is its mean over the tick. Without a limit it is the command itself, and r(k) that of `law_inputs`.
+
+    Args:
+        parameters: of the drive.
+        ticks: which k, shape (K,), one after the other.
+        latched_rpm: commands in order of latching, shape (..., J).
+        latches: how many commands are latched by each tick, shape (K,) or one number.
+        start: the j of the first of `latched_rpm`; earlier commands equal it.
+        before: where the ramp begins [rpm], shape (...).
+    """
+    most = parameters.acceleration_rpm_s * parameters.law.sample_period_s
+    held = list(_held(parameters, ticks, latched_rpm, latches, start))
+    if math.isinf(most):
+        inputs = law_inputs(parameters, ticks, latched_rpm, latches, start)
+        return inputs, held[-1][1][..., -1] if inputs.shape[-1] else np.asarray(before, float)
+    inputs, ramp = np.zeros((*latched_rpm.shape[:-1], np.size(ticks))), np.asarray(before, float)
+    for k in range(inputs.shape[-1]):
+        for parts, commands in held:
+            part, command = parts[k], commands[..., k]
+            end = np.minimum(np.maximum(command, ramp - most * part), ramp + most * part)
+            way, ramp = end - ramp, end
+            inputs[..., k] += part * end - way * np.abs(way) / (2 * most)
+    return inputs, ramp
+
+
+def _held(
+    parameters: DriveParameters,
+    ticks: npt.ArrayLike,
+    latched_rpm: FloatArray,
+    latches: npt.ArrayLike,
+    start: int,
+) -> Iterator[tuple[FloatArray, FloatArray]]:
+    """Yield the delayed commands that act within ticks, in order: parts (K,) of a tick, commands (..., K).
+
+    A tick in which fewer act than in others has parts of 0 at the end.
+    """
     tau, period, delay = parameters.law.sample_period_s, parameters.command_period_s, parameters.delay_s
     t = np.asarray(ticks, float) * tau
     latest = np.minimum(np.floor(t / period + EPS), np.asarray(latches, float) - 1.0)
     j = np.minimum(np.floor((t - delay) / period + EPS), latest)
-
-    def command(which: FloatArray) -> FloatArray:
-        last = latched_rpm.shape[-1] - 1
-        return latched_rpm[..., np.clip(which - start, 0, last).astype(np.intp)]
-
-    total, done = np.zeros((*latched_rpm.shape[:-1], t.size)), np.zeros(t.shape)
+    done = np.zeros(t.shape)
     while True:
+        which = np.clip(j - start, 0, latched_rpm.shape[-1] - 1).astype(np.intp)
         arrival = (j + 1.0) * period + delay
         arrives = (j + 1.0 <= latest) & (arrival < t + tau)
+        until = np.where(arrives, (arrival - t) / tau, 1.0)
+        yield until - done, latched_rpm[..., which]
         if not arrives.any():
-            return total + (1.0 - done) * command(j)
-        part = np.where(arrives, (arrival - t) / tau, done)
-        total = np.where(arrives, total + (part - done) * command(j), total)
-        done, j = part, np.where(arrives, j + 1.0, j)
+            return
+        done, j = until, np.where(arrives, j + 1.0, j)
 
 
 def step_drive(
@@ -229,21 +270,20 @@ def step_drive(
     now = state.substeps * timestep
     shape = np.broadcast_shapes(np.shape(command_rpm), state.commands.shape[:-1])
     commands = np.broadcast_to(state.commands, (*shape, RING))
-    latches, ticks, law = state.latches, state.ticks, state.law
+    latches, ticks, law, ramp = state.latches, state.ticks, state.law, state.ramp
     while now >= latches * period - EPS * period:
         received = received_command(parameters, command_rpm, latches * period + parameters.delay_s)
         newest = np.broadcast_to(received, shape)
         commands = np.concatenate([commands[..., 1:], newest[..., None]], axis=-1)
         latches += 1
     while now >= ticks * tau - EPS * tau:
-        r = law_inputs(parameters, [ticks], commands, latches, latches - RING)
-        r = limited_change(parameters, r, law.r1)[..., 0]
-        _, law = parameters.law.tick(law, r)
+        r, ramp = ramped_inputs(parameters, [ticks], commands, latches, latches - RING, ramp)
+        _, law = parameters.law.tick(law, r[..., 0])
         ticks += 1
     w0, w1 = np.asarray(law.w0, float), np.asarray(law.w1, float)
     part = ((state.substeps + 1) * timestep - (ticks - 1) * tau) / tau
     setpoint = w1 + (w0 - w1) * min(max(part, 0.0), 1.0)
-    return setpoint, DriveState(state.substeps + 1, ticks, latches, law, commands)
+    return setpoint, DriveState(state.substeps + 1, ticks, latches, law, commands, ramp)
 
 
 def simulate_drive(
@@ -273,8 +313,7 @@ def simulate_drive(
     received = received_command(parameters, command[..., latched_at], acts_at)
     latched = np.concatenate([before[..., None], received], axis=-1)
     latches = np.searchsorted(latched_at, ticked_at, side="right")
-    r = law_inputs(parameters, np.arange(ticked_at.size), latched, latches, start=-1)
-    r = limited_change(parameters, r, before)
+    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, before)
     w = parameters.law.simulate(r, LawState.steady(before))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     part = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
@@ -315,8 +354,7 @@ def latched_commands(
     acts_at = np.arange(count) * period + parameters.delay_s
     received = received_command(parameters, np.concatenate([[0.0], command[given]])[which], acts_at)
     latched = np.concatenate([[initial_rpm], np.where(which == 0, initial_rpm, received)])
-    r = law_inputs(parameters, np.arange(n_ticks), latched, count, start=-1)
-    return limited_change(parameters, r, initial_rpm)
+    return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, initial_rpm)[0]
 
 
 def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:

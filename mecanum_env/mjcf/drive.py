@@ -9,13 +9,17 @@ import mujoco
 
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.model import Model
+from mecanum_env.mjcf.geometry import wheel_geometry
+from mecanum_env.mjcf.masses import robot_masses
+from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, set_wheel_parameters
 
 Drive = Literal["plugin", "servo"]
 """What ctrl means. `plugin`: the wheel command [rpm], and the law runs inside. `servo`: the setpoint [rad/s],
-from a law that runs outside, for engines without plugins. Its torque limit is MuJoCo's own clamp, with which
-a free or slipping wheel rings at the step rate while the limit acts; the plugin's does not."""
+from a law that runs outside, for engines without plugins. To feed the wheel's inertia forward, as the plugin
+does, tell it setpoint + inertia / servo times the setpoint's acceleration (`wheel_inertia`). Its torque limit
+is MuJoCo's own clamp, with which a free or slipping wheel rings at the step rate while the limit acts; the
+plugin's does not."""
 
 
 def prepare_drives(spec: mujoco.MjSpec, model: Model) -> None:
@@ -57,10 +61,10 @@ def add_drive(
         actuator.gear = site_gear
     if drive == "servo":
         behind = drive_parameters(model, law_wheel)
-        if behind.gap_rad > 0.0 or behind.breakaway_n_m > 0.0:
+        if behind.gap_rad > 0.0 or behind.coulomb_n_m > 0.0 or behind.breakaway_n_m > 0.0:
             raise InputError(
-                'effects.backlash and effects.stiction need the plugin, drive="plugin"; remove them from the '
-                'model file for drive="servo"'
+                "effects.backlash, effects.coulomb_friction and effects.stiction need the plugin, "
+                'drive="plugin"; remove them from the model file for drive="servo"'
             )
         limit = model.robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
         actuator.gainprm = [model.robot.servo_n_m_s_rad] + [0.0] * 9
@@ -68,4 +72,11 @@ def add_drive(
             actuator.forcerange = [-limit, limit]
         return
     quantum = None if wheel_quantum else 0.0
-    set_wheel_parameters(spec, actuator, model, law_wheel, quantum, torque_limit_n_m)
+    inertia = wheel_inertia(model.robot)
+    set_wheel_parameters(spec, actuator, model, law_wheel, quantum, torque_limit_n_m, inertia)
+
+
+def wheel_inertia(robot: Robot) -> float:
+    """Return the moment of inertia [kg m^2] of a free wheel of a robot about its axle, rollers included."""
+    geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
+    return robot_masses(robot).wheel_spin_inertia(geometry)

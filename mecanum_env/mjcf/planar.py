@@ -7,9 +7,9 @@ import mujoco
 from mecanum_env.effects.apply import change_spec, changed_model
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf.chassis import dress_robot
-from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives
+from mecanum_env.mjcf.drive import Drive, add_drive, prepare_drives, wheel_inertia
 from mecanum_env.mjcf.geometry import no_slip_rows, wheel_geometry, wheels_on_body
-from mecanum_env.mjcf.masses import Inertia, robot_masses
+from mecanum_env.mjcf.masses import Inertia
 from mecanum_env.mjcf.physics import fitting_timestep, new_spec
 from mecanum_env.mjcf.scene import add_scene, add_views
 from mecanum_env.mjcf.sensors import add_sensors
@@ -78,6 +78,4 @@ def planar_spec(
 
 def wheel_armature(robot: Robot) -> tuple[float, float]:
     """Return what the turning wheels add to the body's mass [kg] and yaw inertia [kg m^2]."""
-    geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
-    spin = robot_masses(robot).wheel_spin_inertia(geometry)
-    return wheels_on_body(robot, spin)
+    return wheels_on_body(robot, wheel_inertia(robot))

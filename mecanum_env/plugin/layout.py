@@ -9,8 +9,10 @@ models, and may be rewritten in a compiled model (`write_parameters`):
     user[3]       deadband_rpm     user[4]    gain                  user[5]    reverse_ratio
     user[6]       drop_per_s       user[7]    softness_rpm          user[8]    acceleration_rpm_s
     user[9]       gap_rad          user[10]   breakaway_n_m         user[11]   stribeck_rad_s
+    user[12]      coulomb_n_m      user[13]   inertia_kg_m2 (the wheel's own)
 
-From user[3] on 0 means "off" (a gain of 1, no limit), and a model may have fewer.
+From user[3] on 0 means "off" (a gain of 1, no limit), and a model may have fewer. The inertia is fed forward:
+with that of the free wheel, it turns as the law says; with 0 the servo's lag, inertia / servo, comes on top.
 
 The torque limit is not MuJoCo's `forcerange`, which is refused: clamping there drops the servo's implicit
 damping, and a free or slipping wheel rings (mecanum_wheel.c says why, and how the plugin limits instead).
@@ -57,6 +59,8 @@ ACCELERATION: Final = 8
 GAP: Final = 9
 BREAKAWAY: Final = 10
 STRIBECK: Final = 11
+COULOMB: Final = 12
+INERTIA: Final = 13
 """In user."""
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """In user[TORQUE_LIMIT]: no limit. A number, not 0: a file that forgets the limit is refused."""
@@ -66,14 +70,15 @@ USER_SIZE: Final = 16
 STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
-    *("w0", "w1", "w2", "r1", "r2", "setpoint", "integral", "change", "gap"),
+    *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
 )
 """Names of the first entries of a wheel's plugin state: counts since the clocks started; the clocks in use
-[s]; the law's memory [rpm], w0 = w(k+1) and w1 = w(k) being the ends of the current ramp; the setpoint at the
-end of the last substep [rad/s]; the integral of the speed error [rad]; the wheel's change of speed over the
-last substep [rad/s], from which the torque limit guesses the next; how far the motor is ahead of the wheel
-inside the backlash [rad], from the gap's middle. RING latched commands [rpm] follow,
-command j at j modulo RING. All zero is rest."""
+[s]; the law's memory [rpm], w0 = w(k+1) and w1 = w(k) being the ends of the setpoint's ramp; the command
+behind the acceleration limit at the tick's end [rpm]; the setpoint at the end of the last substep and what it
+rose in it [rad/s]; the integral of the motor's speed error [rad]; the wheel's change of speed over the last
+substep [rad/s], from which the torque limit guesses the next; how far the motor is ahead of the wheel inside
+the backlash [rad], from the gap's middle; the smoothed torque of others on the wheel [N m], for its
+friction. RING latched commands [rpm] follow, command j at j modulo RING. All zero is rest."""
 COMMANDS: Final = slice(len(STATE), len(STATE) + RING)
 STATE_SIZE: Final = len(STATE) + RING
 
@@ -116,6 +121,7 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     user[REVERSE_RATIO] = 0.0 if drive.reverse_ratio == 1.0 else drive.reverse_ratio
     user[ACCELERATION] = 0.0 if math.isinf(drive.acceleration_rpm_s) else drive.acceleration_rpm_s
     user[GAP], user[BREAKAWAY], user[STRIBECK] = drive.gap_rad, drive.breakaway_n_m, drive.stribeck_rad_s
+    user[COULOMB] = drive.coulomb_n_m
     return user
 
 
@@ -126,6 +132,7 @@ def set_wheel_parameters(
     wheel_name: str | None = None,
     quantum_rpm: float | None = None,
     torque_limit_n_m: float | None = None,
+    inertia_kg_m2: float = 0.0,
 ) -> None:
     """Make a named actuator of a spec a wheel drive with a plugin instance of its own; call it once.
 
@@ -139,6 +146,7 @@ def set_wheel_parameters(
         wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
         quantum_rpm: as for `dynprm`.
         torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
+        inertia_kg_m2: of the free wheel.
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
@@ -148,7 +156,9 @@ def set_wheel_parameters(
     actuator.dynprm = dynprm(parameters, quantum_rpm)
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
-    actuator.userdata = userdata(robot, parameters, torque_limit_n_m)
+    user = userdata(robot, parameters, torque_limit_n_m)
+    user[INERTIA] = inertia_kg_m2
+    actuator.userdata = user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]
 
@@ -163,6 +173,8 @@ def write_parameters(
 ) -> None:
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
+    The inertia stays: it belongs to the body, which is not rewritten.
+
     Args:
         mjmodel: the compiled model, written in place.
         actuator_id: a wheel drive, one of `wheel_actuators`.
@@ -172,8 +184,8 @@ def write_parameters(
         torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
 
     Raises:
-        InputError: that actuator is not a wheel drive, the model's delay is too long, the limit is not above
-            0, or the stiction is another one.
+        InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not
+            above 0.
         UnstableLawError: the wheel's law is unstable.
     """
     if actuator_id not in wheel_actuators(mjmodel):
@@ -188,10 +200,9 @@ def write_parameters(
         raise InputError(
             f"nuser_actuator = {mjmodel.nuser_actuator}, must be {USER_SIZE} for a model with these effects"
         )
+    if mjmodel.nuser_actuator > INERTIA:
+        user[INERTIA] = mjmodel.actuator_user[actuator_id, INERTIA]
     user = user[: mjmodel.nuser_actuator]
-    compiled = mjmodel.actuator_user[actuator_id]
-    if parameters.breakaway_n_m != (compiled[BREAKAWAY] if len(compiled) > BREAKAWAY else 0.0):
-        raise InputError("effects.stiction: is in the wheel's joint too; compile the model anew")
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
     mjmodel.actuator_user[actuator_id, : len(user)] = user

@@ -4,7 +4,10 @@
 // linearly from w(k) to w(k+1), and hold it with a (PI) velocity servo:
 //
 //   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
-//   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt             [N m], limited to torque_limit_n_m
+//   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
+//
+// limited to torque_limit_n_m. The law is what the drive does with the free wheel; J, the wheel's own inertia, is
+// fed forward, so the free wheel does just that. Friction of the wheel's bearing acts beside this torque.
 //
 // mecanum_env/law/drive.py is the same law in Python; the tests hold the two equal bit for bit.
 //
@@ -22,20 +25,25 @@
 #define RING 32                  // latched commands remembered: bounds the delay
 #define MAX_EVENTS 1024          // law ticks or latches in one substep
 #define EPS 1e-9                 // of a period: a clock may be this early
+#define LEARNT 0.1               // of a change of the load, in a substep
 static const double RAD_S_PER_RPM = 2.0 * 3.141592653589793 / 60.0;
 
 enum { SAMPLE_PERIOD = 6, COMMAND_PERIOD, QUANTUM, SATURATION };  // in dynprm, after A..F
 enum { INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, NUSER };               // in user; those that follow may be absent
-enum { DEADBAND = NUSER, GAIN, REVERSE_RATIO, DROP, SOFTNESS, ACCELERATION, GAP, BREAKAWAY, STRIBECK, LAST_USER };
+enum { DEADBAND = NUSER, GAIN, REVERSE_RATIO, DROP, SOFTNESS, ACCELERATION, GAP, BREAKAWAY, STRIBECK,
+       COULOMB, INERTIA, LAST_USER };
 
 typedef struct {
   double substeps, ticks, latches;                 // since the clocks started
   double timestep, sample_period, command_period;  // the clocks in use; another value restarts them
   double w0, w1, w2, r1, r2;                       // the law's memory [rpm]: w0 = w(k+1), w1 = w(k)
+  double ramp;                                     // command behind the acceleration limit, when the tick ends [rpm]
   double setpoint;                                 // at the end of the last substep [rad/s]
-  double integral;                                 // of setpoint - speed [rad]
+  double rise;                                     // of the setpoint over the last substep [rad/s]
+  double integral;                                 // of setpoint - speed of the motor [rad]
   double change;                                   // of the speed over the last substep [rad/s]
   double gap;                                      // motor ahead of wheel in the backlash, +- half of it [rad]
+  double load;                                     // torque of others on the wheel, smoothed [N m]
   double command[RING];                            // latched command j at j modulo RING [rpm]
 } Drive;
 
@@ -83,8 +91,19 @@ static double latch(const mjModel* m, const mjData* d, int id, double seconds) {
   return shaped(m, id, u, seconds);
 }
 
-// r(k): the mean over the tick of the delayed command, as far as it was sent by the tick's start.
-static double law_input(const Drive* s, double tau, double T, double delay) {
+// Move the ramp towards a command for a part of a tick; return its share in the mean over the tick. The ramp
+// rises by at most `most` in a whole tick; 0: at once.
+static double ramped(double* ramp, double command, double part, double most) {
+  if (!(most > 0)) return *ramp = command, part * command;
+  double before = *ramp;
+  *ramp = fmin(fmax(command, before - most * part), before + most * part);
+  double way = *ramp - before;
+  return part * *ramp - way * fabs(way) / (2 * most);
+}
+
+// r(k): the mean over the tick of the delayed command, as far as it was sent by the tick's start, behind the
+// acceleration limit.
+static double law_input(Drive* s, double tau, double T, double delay, double most) {
   double t = s->ticks * tau;
   double latest = floor(t / T + EPS);
   if (!(latest <= s->latches - 1)) latest = s->latches - 1;
@@ -96,10 +115,10 @@ static double law_input(const Drive* s, double tau, double T, double delay) {
     double arrival = (j + 1) * T + delay;
     if (!(arrival < t + tau)) break;
     double part = (arrival - t) / tau;
-    sum += (part - done) * s->command[slot(j)];
+    sum += ramped(&s->ramp, s->command[slot(j)], part - done, most);
     done = part;
   }
-  return sum + (1 - done) * s->command[slot(j)];
+  return sum + ramped(&s->ramp, s->command[slot(j)], 1 - done, most);
 }
 
 // The drive at the end of this substep; its integral is still that of the start.
@@ -107,7 +126,7 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
   const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
   const double h = m->opt.timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   const double delay = m->actuator_user[id * m->nuser_actuator + DELAY];
-  const double most = option(m, id, ACCELERATION) * tau;  // change of r per tick
+  const double most = option(m, id, ACCELERATION) * tau;  // change of the ramp per tick
   Drive s;
   memcpy(&s, state, sizeof s);
 
@@ -124,8 +143,7 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
     s.latches += 1;
   }
   for (int i = 0; i < MAX_EVENTS && now >= s.ticks * tau - EPS * tau; i++) {
-    double r = law_input(&s, tau, T, delay);
-    if (most > 0) r = fmin(fmax(r, s.r1 - most), s.r1 + most);
+    double r = law_input(&s, tau, T, delay, most);
     double w = p[0] * s.w0 + p[1] * s.w1 + p[2] * s.w2 + p[3] * r + p[4] * s.r1 + p[5] * s.r2;
     s.w2 = s.w1, s.w1 = s.w0, s.w0 = w;
     s.r2 = s.r1, s.r1 = r;
@@ -134,15 +152,45 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
   s.substeps += 1;
   double part = (s.substeps * h - (s.ticks - 1) * tau) / tau;
   part = part < 0 ? 0 : part > 1 ? 1 : part;
+  double before = s.setpoint;
   s.setpoint = (s.w1 + (s.w0 - s.w1) * part) * RAD_S_PER_RPM;
+  s.rise = s.setpoint - before;
   return s;
 }
 
-// The servo's torque without its limit.
-static double asked_torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
-  double kv = -m->actuator_biasprm[id * mjNBIAS + 2];
+static double stiffness(const mjModel* m, int id) { return -m->actuator_biasprm[id * mjNBIAS + 2]; }
+
+static double speed(const mjModel* m, const mjData* d, int id) { return d->actuator_velocity[m->actuator_outadr[id]]; }
+
+// Whether the integrator takes kv times the coming change of speed off the torque.
+static int implicit(const mjModel* m) {
+  return m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
+}
+
+// The inertia that a substep moves, by the reported torque: the wheel's own and that damping.
+static double moved(const mjModel* m, int id) {
+  return option(m, id, INERTIA) + (implicit(m) ? m->opt.timestep * stiffness(m, id) : 0);
+}
+
+// The speed of the motor without load: that at which the servo's torque is 0.
+static double unloaded(const mjModel* m, int id, const Drive* s) {
   double ki = m->actuator_user[id * m->nuser_actuator + INTEGRAL_GAIN];
-  return kv * (s->setpoint - d->actuator_velocity[m->actuator_outadr[id]]) + ki * s->integral;
+  return s->setpoint + ki / stiffness(m, id) * s->integral;
+}
+
+// The torque with which the wheel gets none, if it changes its speed as it did: the integrator takes it off.
+static double damping(const mjModel* m, int id, const Drive* s) {
+  return implicit(m) ? stiffness(m, id) * s->change : 0;
+}
+
+// The torque to report without its limit.
+static double asked_torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
+  double h = m->opt.timestep, kv = stiffness(m, id), half = option(m, id, GAP) / 2;
+  double rate = unloaded(m, id, s) + option(m, id, INERTIA) * s->rise / (h * kv) - speed(m, d, id);
+  if (!(half > 0)) return kv * rate;
+  // Only what of the motor's way in this substep lies beyond the gap moves the wheel.
+  double ahead = s->gap + h * rate, beyond = ahead - mju_clip(ahead, -half, half);
+  return beyond == 0 ? damping(m, id, s) : kv * beyond / h;
 }
 
 // The torque to report, limited. The implicit integrators take kv times the coming change of speed off it:
@@ -157,30 +205,34 @@ static double asked_torque(const mjModel* m, const mjData* d, int id, const Driv
 // substep is 6.5 rpm (with forcerange 28 rpm, and 50 rpm to and fro on a slippery floor with twice the limit);
 // while limited the wheel gets 4 % more than the limit in the mean, and over 1.2 times it in 0.3 % of substeps.
 static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
-  double asked = asked_torque(m, d, id, s), limit = m->actuator_user[id * m->nuser_actuator + TORQUE_LIMIT];
-  double half = option(m, id, GAP) / 2;
-  int implicit = m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
-  double damping = implicit ? -m->actuator_biasprm[id * mjNBIAS + 2] * s->change : 0;
-  if (half > 0) {
-    // The motor follows the setpoint; only what of its way in this substep lies beyond the gap moves the wheel.
-    double h = m->opt.timestep, rate = s->setpoint - d->actuator_velocity[m->actuator_outadr[id]];
-    double ahead = s->gap + h * rate, beyond = ahead - mju_clip(ahead, -half, half);
-    asked += -m->actuator_biasprm[id * mjNBIAS + 2] * (beyond / h - rate);
-    // Teeth push and never pull.
-    if (beyond == 0 || (beyond > 0) != (asked > 0)) return damping;
-  }
-  if (asked - damping > limit) return limit + damping;
-  if (asked - damping < -limit) return -limit + damping;
+  double limit = m->actuator_user[id * m->nuser_actuator + TORQUE_LIMIT];
+  double asked = asked_torque(m, d, id, s), off = damping(m, id, s);
+  if (asked - off > limit) return limit + off;
+  if (asked - off < -limit) return -limit + off;
   return asked;
 }
 
-// Stiction: MuJoCo's frictionloss of the joint holds with the breakaway torque at any speed; this gives back
-// what a moving wheel does not feel of it, breakaway (1 - exp(-(speed / stribeck)^2)).
-static double unstuck(const mjModel* m, const mjData* d, int id) {
-  double breakaway = option(m, id, BREAKAWAY), stribeck = option(m, id, STRIBECK);
-  if (!(breakaway > 0) || !(stribeck > 0)) return 0;
-  double speed = d->actuator_velocity[m->actuator_outadr[id]], ratio = speed / stribeck;
-  return copysign(-breakaway * expm1(-ratio * ratio), speed);
+// Friction of the wheel's bearing: the torque that leaves the wheel at rest after this substep, as far as
+// friction goes, coulomb + breakaway exp(-(speed / stribeck)^2). Not MuJoCo's frictionloss: its solver knows the
+// bare inertia J, while the implicit step moves J + h kv, four times that and more. So it stops the wheel with too
+// small a torque or, at a reversal, pushes it past the setpoint (0.517 N m, servo 0.8, setpoint 4.25 rpm: 6.84 rpm
+// instead of 0). Here both are the same, and the free wheel stops and sticks exactly. With more inertia on it (a
+// robot) a substep leaves 1 - (J + h kv) / (inertia + h kv) of its speed, never turned round. What else pulls at
+// the wheel (a slope) is taken from its motion, smoothed: at full gain wheels that stick on rollers' soft contacts
+// tremble by up to 0.5 rpm a substep, at LEARNT not at all.
+static double friction(const mjModel* m, const mjData* d, int id, const Drive* s, double drive) {
+  double breakaway = option(m, id, BREAKAWAY), stribeck = option(m, id, STRIBECK), most = option(m, id, COULOMB);
+  int falls = breakaway > 0 && stribeck > 0;
+  if (!(most > 0 || falls)) return 0;
+  double perstep = fmax(moved(m, id), mjMINVAL) / m->opt.timestep, left = speed(m, d, id);
+  double stop = drive + s->load + left * perstep;
+  // The friction that falls with speed is that of the speed it leaves, found by going there from the present one.
+  for (int i = 0; i < 3 && falls; i++) {
+    double ratio = left / stribeck;
+    most = option(m, id, COULOMB) + breakaway * exp(-ratio * ratio);
+    left = (stop - mju_clip(stop, -most, most)) / perstep;
+  }
+  return -mju_clip(stop, -most, most);
 }
 
 // The actuator's speed from qvel; d->actuator_velocity stays that of the substep's start until the next one.
@@ -208,7 +260,8 @@ static void wheel_compute(const mjModel* m, mjData* d, int instance, int capabil
   int id = actuator_of(m, instance);
   if (id < 0) return;
   Drive s = after_substep(m, d, id, d->plugin_state + m->plugin_stateadr[instance]);
-  d->actuator_force[m->actuator_outadr[id]] = torque(m, d, id, &s) + unstuck(m, d, id);
+  double drive = torque(m, d, id, &s);
+  d->actuator_force[m->actuator_outadr[id]] = drive + friction(m, d, id, &s, drive);
 }
 
 static void wheel_advance(const mjModel* m, mjData* d, int instance) {
@@ -217,19 +270,21 @@ static void wheel_advance(const mjModel* m, mjData* d, int instance) {
   mjtNum* state = d->plugin_state + m->plugin_stateadr[instance];
   Drive s = after_substep(m, d, id, state);
   int out = m->actuator_outadr[id];
-  // The error now, not at the end of the substep: zero where the wheel follows an accelerating setpoint.
-  double now = ((const Drive*)state)->setpoint;
-  double error = now - d->actuator_velocity[out];
-  // What is given back of stiction is none of the servo's torque.
-  double given = unstuck(m, d, id) == 0 ? d->actuator_force[out] : torque(m, d, id, &s);
-  double asked = asked_torque(m, d, id, &s);
-  int held = (asked > given && error > 0) || (asked < given && error < 0);
-  if (!held) s.integral += m->opt.timestep * error;
+  double h = m->opt.timestep, half = option(m, id, GAP) / 2;
+  double asked = asked_torque(m, d, id, &s), drive = torque(m, d, id, &s);
+  // Nothing is given while actuation is off.
+  double given = d->actuator_force[out] == drive + friction(m, d, id, &s, drive) ? drive : 0;
   // MuJoCo has advanced qvel by now. Taken here and not at the next substep, a speed set by hand in between
   // does not count as acceleration.
-  s.change = speed_now(d, out) - d->actuator_velocity[out];
-  double half = option(m, id, GAP) / 2;
-  s.gap = mju_clip(s.gap + m->opt.timestep * (s.setpoint - speed_now(d, out)), -half, half);
+  double now = speed_now(d, out);
+  s.change = now - d->actuator_velocity[out];
+  s.load += LEARNT * (moved(m, id) * s.change / h - d->actuator_force[out] - s.load);
+  double before = s.gap;
+  s.gap = mju_clip(before + h * (unloaded(m, id, &s) - now), -half, half);
+  // The motor's error: in the gap it turns without the wheel.
+  double error = s.setpoint - now - (s.gap - before) / h;
+  int held = (asked > given && error > 0) || (asked < given && error < 0);
+  if (!held) s.integral += h * error;
   memcpy(state, &s, sizeof s);
 }
 
@@ -297,7 +352,8 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
   static const char* const options[] = {"command_deadband.threshold_rpm", "gain", "reverse_ratio",
                                         "battery_sag.drop_per_s", "speed_saturation.softness_rpm",
                                         "acceleration_limit.limit_rpm_s", "backlash, in rad",
-                                        "stiction.breakaway_n_m", "stiction.stribeck, in rad/s"};
+                                        "stiction.breakaway_n_m", "stiction.stribeck, in rad/s",
+                                        "coulomb_friction.torque_n_m", "the wheel's inertia, in kg m^2"};
   for (int i = DEADBAND; i < LAST_USER; i++)
     if (!(option(m, id, i) >= 0) || !isfinite(option(m, id, i)))
       REFUSE(PLUGIN_NAME ", actuator \"%s\": %s = user[%d] = %g, must be a finite number not below 0 (0: off)", name,

@@ -37,7 +37,7 @@ def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.Arr
     for actuator, speed in zip(actuators, np.broadcast_to(speeds, (len(actuators),)), strict=True):
         state = data.plugin_state[state_slice(mjmodel, actuator)]
         state[:] = 0.0
-        for name in ("w0", "w1", "w2", "r1", "r2"):
+        for name in ("w0", "w1", "w2", "r1", "r2", "ramp"):
             state[STATE.index(name)] = speed
         state[STATE.index("setpoint")] = speed * RAD_S_PER_RPM
         state[COMMANDS] = speed

@@ -100,10 +100,11 @@ def test_each_parameter_moves_the_prediction(base, plain, plant, name, parameter
     hidden = (plant == "bench" and (name, parameter) in BENCH_DOES_NOT_SHOW) or (
         plant == "planar" and parameter == "height_m"
     )
-    assert (seen == 0) if hidden else (seen > 0.01)
+    assert (seen < 1e-9) if hidden else (seen > 0.01)
 
 
 BENCH_DOES_NOT_SHOW = {
+    ("weak_servo", "servo_n_m_s_rad"),  # nothing loads the free wheel
     *(("wheel_gain_mismatch", f"gain_{wheel}") for wheel in ("fr", "rl", "rr")),
     ("sensor_scale", "linear"),
     ("sensor_scale", "yaw"),
@@ -114,8 +115,10 @@ BENCH_DOES_NOT_SHOW = {
 @pytest.mark.parametrize("name", CATALOGUE)
 def test_a_plant_simulates_an_effect_or_refuses_it_or_has_nothing_for_it(plain, plant, name):
     effect, model = CATALOGUE[name], clear_model(name)
-    if effect.acts_in(plant):
+    if effect.acts_in(plant) and not (plant == "bench" and name == "weak_servo"):
         assert not np.array_equal(channels(model, plant), plain(plant))
+    elif effect.acts_in(plant):
+        np.testing.assert_allclose(channels(model, plant), plain(plant), atol=1e-9)
     elif effect.simulated and plant in effect.absent_from:
         np.testing.assert_array_equal(channels(model, plant), plain(plant))
     else:

@@ -82,8 +82,9 @@ def test_state_equals_the_reference_bit_for_bit(
             state.ticks,
             state.latches,
         )
-        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2")] == [
-            float(x) for x in (state.law.w0, state.law.w1, state.law.w2, state.law.r1, state.law.r2)
+        law = state.law
+        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp")] == [
+            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, state.ramp)
         ]
         assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
         setpoints.append(float(setpoint))

@@ -1,7 +1,7 @@
 """What MuJoCo's servo adds to the law when a bench log is replayed on the free wheel.
 
 The packaged model, on a step to 80 rpm and on every log of a folder. `difference` is MuJoCo minus the law's
-own simulation; `beyond the lag` is what is left of it after the servo's first-order lag, predicted exactly.
+own simulation: rounding, since the wheel's inertia is fed forward.
 
     python benchmarks/replay.py --logs examples/logs --out out/benchmark_replay.json
 """
@@ -18,14 +18,14 @@ from tqdm import tqdm
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.model import Model, paper_model, read_model
-from mecanum_env.simulator import bench_lag_s, compile_bench
+from mecanum_env.simulator import compile_bench
 from mecanum_env.simulator.bench import law_of_bench, replay_bench
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, read_dataset
 
 
 def benchmark(logs: Path = Path("examples/logs"), model: Path | None = None, out: Path | None = None) -> None:
-    """Print what the servo adds, in rpm and ms; write JSON with --out.
+    """Print what the servo adds, in rpm; write JSON with --out.
 
     Example: python benchmarks/replay.py --logs examples/logs
 
@@ -40,10 +40,9 @@ def benchmark(logs: Path = Path("examples/logs"), model: Path | None = None, out
     for log in tqdm(read_dataset(logs).runs, desc="replaying", leave=False, disable=None):
         if isinstance(log.command, BenchCommand):
             results.append(_compare(chosen, log.file, log.time_s, log.command.command_rpm))
-    lag_ms = 1e3 * bench_lag_s(chosen)
-    _print(results, lag_ms)
+    _print(results)
     if out is not None:
-        write_json(out, {"format": "mecanum-benchmark-replay/1", "servo_lag_ms": lag_ms, "results": results})
+        write_json(out, {"format": "mecanum-benchmark-replay/1", "results": results})
 
 
 def _compare(model: Model, name: str, time_s: FloatArray, command_rpm: FloatArray) -> dict[str, Any]:
@@ -52,24 +51,18 @@ def _compare(model: Model, name: str, time_s: FloatArray, command_rpm: FloatArra
     clock = np.arange(int(np.ceil((time_s[-1] - time_s[0]) / step - 1e-9)) + 1) * step
     law = law_of_bench(model, time_s, command_rpm, clock)
     wheel = replay_bench(model, time_s, command_rpm, sample_times_s=time_s[0] + clock, mj_model=mj_model)
-    gain = step / (step + bench_lag_s(model))
-    lagged = np.zeros_like(law)
-    for n in range(1, len(law)):
-        lagged[n] = lagged[n - 1] + gain * (law[n] - lagged[n - 1])
     added = wheel - law
     return {
         "name": name,
         "rms_rpm": float(np.sqrt(np.mean(added**2))),
         "max_rpm": float(np.max(np.abs(added))),
-        "beyond_the_lag_max_rpm": float(np.max(np.abs(wheel - lagged))),
     }
 
 
-def _print(results: list[dict[str, Any]], lag_ms: float) -> None:
-    print(f"the servo follows the law with a lag of {lag_ms:.3f} ms")
-    print(f"{'run':<24}{'difference rms':>16}{'max':>10}{'beyond the lag':>18}   [rpm]")
+def _print(results: list[dict[str, Any]]) -> None:
+    print(f"{'run':<24}{'difference rms':>16}{'max':>12}   [rpm]")
     for r in results:
-        print(f"{r['name']:<24}{r['rms_rpm']:16.4f}{r['max_rpm']:10.4f}{r['beyond_the_lag_max_rpm']:18.2e}")
+        print(f"{r['name']:<24}{r['rms_rpm']:16.2e}{r['max_rpm']:12.2e}")
 
 
 def main() -> None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from mecanum_env.model import Model
-from mecanum_env.simulator.bench import bench_lag_s, replay_bench
+from mecanum_env.simulator.bench import replay_bench
 from sysid.fit.drive_choice import pooled
 from sysid.fit.figures import residual, rms, simulate
 from sysid.fit.pipeline import Fit
@@ -24,10 +24,8 @@ class BenchReplay:
     law_measured_rms_rpm: float
     """Measured minus the law."""
     servo_rms_rpm: float
-    """MuJoCo minus the law: what the servo between law and wheel adds."""
+    """MuJoCo minus the law: what the servo between law and wheel adds, next to nothing."""
     servo_max_rpm: float
-    servo_lag_s: float
-    """The servo's time constant on the free wheel [s]."""
 
 
 def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
@@ -56,5 +54,4 @@ def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
         law_measured_rms_rpm=rms(data.speed_rpm - law),
         servo_rms_rpm=rms(wheel - law),
         servo_max_rpm=float(np.max(np.abs(wheel - law))),
-        servo_lag_s=bench_lag_s(model),
     )

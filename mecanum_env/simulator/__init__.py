@@ -3,7 +3,7 @@
 Importing this room imports mujoco; programs that draw call `mecanum_env.rendering.backend.use_backend` first.
 """
 
-from mecanum_env.simulator.bench import bench_lag_s, compile_bench, replay_bench
+from mecanum_env.simulator.bench import compile_bench, replay_bench
 from mecanum_env.simulator.command_file import read_commands
 from mecanum_env.simulator.commands import BodyCommands, Commands, WheelCommands
 from mecanum_env.simulator.robot import Plant, compile_plant, drive
@@ -19,7 +19,6 @@ __all__ = [
     "SimulationDivergedError",
     "Trajectory",
     "WheelCommands",
-    "bench_lag_s",
     "compile_bench",
     "compile_plant",
     "drive",

@@ -12,7 +12,6 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.drive import simulate_drive
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import SERVO, wheel_actuators
 from mecanum_env.plugin.state import set_steady
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.stepping import step_through
@@ -33,8 +32,8 @@ def replay_bench(
 ) -> FloatArray:
     """Replay a bench log's commands on the free wheel and return its speed [rpm] at the log's samples.
 
-    The speed is that of the law (`mecanum_env.law.drive.simulate_drive`) behind one first-order lag of
-    `bench_lag_s`, which is what the servo between law and wheel adds.
+    Without effects behind the law the speed is that of the law (`mecanum_env.law.drive.simulate_drive`): the
+    servo between law and wheel is fed the wheel's inertia and adds nothing.
 
     Args:
         model: the wheel to simulate.
@@ -103,7 +102,7 @@ def law_of_bench(
     initial_rpm: float = 0.0,
     wheel: str | None = None,
 ) -> FloatArray:
-    """Return the speed [rpm] that the law alone gives on a physics clock: what `replay_bench` lags behind.
+    """Return the speed [rpm] that the law alone gives on a physics clock.
 
     Args:
         model: the wheel to simulate.
@@ -131,13 +130,6 @@ def compile_bench(model: Model, wheel: str | None = None) -> mujoco.MjModel:
         wheel: fl, fr, rl or rr for that wheel's own law; by default the common one.
     """
     return bench_spec(model, wheel=wheel, visuals=False).compile()
-
-
-def bench_lag_s(model: Model) -> float:
-    """Return the time constant [s] that the servo adds on the free wheel: inertia over stiffness."""
-    compiled = compile_bench(model)
-    stiffness = -float(compiled.actuator_biasprm[wheel_actuators(compiled)[0], SERVO])
-    return float(compiled.dof_M0[0]) / stiffness
 
 
 def _check_log(

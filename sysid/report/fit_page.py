@@ -97,7 +97,7 @@ def _mujoco(replay: BenchReplay | None) -> str:
         f"Run {replay.name} replayed on the one-wheel bench: {replay.measured_rms_rpm:.3f} rpm rms "
         f"against the measurement in MuJoCo, {replay.law_measured_rms_rpm:.3f} by the law alone. "
         f"The servo that holds the law's speed adds {replay.servo_rms_rpm:.3f} rpm rms "
-        f"(at most {replay.servo_max_rpm:.3f}), a lag of {replay.servo_lag_s * 1e3:.2f} ms."
+        f"(at most {replay.servo_max_rpm:.3f})."
     )
 
 

@@ -1,4 +1,4 @@
-"""The main job, end to end: logs -> fit -> model -> the robot drives in MuJoCo -> picture and video.
+"""The main job, end to end: logs -> fit -> gap found and closed -> the robot drives in MuJoCo -> video.
 
 Example: python examples/demo.py --out out
 """
@@ -13,10 +13,11 @@ from mecanum_env.cli import run
 from mecanum_env.rendering.backend import use_backend
 
 LOGS = Path(__file__).parent / "logs"
+CHANGED_LOGS = Path(__file__).parent / "gap_logs"
 
 
 def demo(out: Path = Path("out")) -> None:
-    """Fit the bundled bench logs, then drive and film the robot with the identified wheels.
+    """Fit the bundled bench logs, find what changed in later ones, then drive and film the robot.
 
     Args:
         out: folder to write.
@@ -25,13 +26,16 @@ def demo(out: Path = Path("out")) -> None:
     from mecanum_env.mjcf.__main__ import main as write_mjcf
     from mecanum_env.render import render
     from sysid.fit.__main__ import fit
+    from sysid.gap.__main__ import gap
 
     print("1. python -m sysid.fit examples/logs --out", out)
     fit(LOGS, out=out)
-    model = out / "model.json"
-    print("\n2. python -m mecanum_env.mjcf", model, "--out", out / "mjcf")
+    print("\n2. python -m sysid.gap examples/gap_logs --model", out / "model.json", "--out", out / "gap")
+    gap(CHANGED_LOGS, model=out / "model.json", out=out / "gap", jobs=2)
+    model = out / "gap" / "model.json"
+    print("\n3. python -m mecanum_env.mjcf", model, "--out", out / "mjcf")
     write_mjcf(model, out=out / "mjcf")
-    print("\n3. python -m mecanum_env.render", model, "--commands tour --out", out / "rollout.mp4")
+    print("\n4. python -m mecanum_env.render", model, "--commands tour --out", out / "rollout.mp4")
     render(str(model), commands="tour", out=out / "rollout.mp4", still=out / "robot.png")
 
     figures = json.loads((out / "fit.json").read_text(encoding="utf-8"))
@@ -39,15 +43,23 @@ def demo(out: Path = Path("out")) -> None:
     runs = sum(best["runs"].values())
     sigma = figures["noise"]["sigma_rpm"]["speed_rpm"]
     rms, rise, settling = best["rms_rpm"]["test"], best["rise_time_s"], best["settling_time_s"]
+    study = json.loads((out / "gap" / "gap.json").read_text(encoding="utf-8"))
+    missing = " and ".join(effect["name"] for effect in study["effects"]) or "nothing"
+    before, after, floor = (study["gap"][key] for key in ("before", "after", "noise_floor"))
     print(f"""
 The wheel was identified from {runs} bench runs of a motor that no third-order law describes exactly:
 {rms:.2f} rpm rms on runs it never saw, where repeats differ by {sigma:.2f} rpm; it rises in {rise:.3f} s
 and settles in {settling:.3f} s, and is stable by construction.
 
-Look at   {out / "report.html"}    how well, how sure, and what is left over
-          {out / "fit.png"}        the same as one picture
-          {out / "rollout.mp4"}    the robot on its rollers, driven by the identified wheels
-          {out / "model.json"}     the model: everything else reads it""")
+Then something was changed in the drive. Logs made after that say what the model lacks: {missing}.
+With it the difference on untouched runs falls from {before:.2f} to {after:.2f} rpm (noise {floor:.2f}).
+The robot in the video has it too.
+
+Look at   {out / "report.html"}      how well, how sure, and what is left over
+          {out / "fit.png"}          the same as one picture
+          {out / "gap" / "report.html"}  where model and later logs differ, what is missing, before and after
+          {out / "rollout.mp4"}      the robot on its rollers, driven by the wheels as they are now
+          {out / "gap" / "model.json"}   the model with what was missing: everything else reads it""")
 
 
 if __name__ == "__main__":

@@ -1,0 +1,127 @@
+"""Draw a study of the gap: the worst runs before and after, and where the difference was.
+
+    python examples/draw_gap.py out/model.json --out docs/images
+
+The pictures of docs/gap.md. It does what `python -m sysid.gap examples/gap_logs --model out/model.json` does.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import tyro
+
+from mecanum_env.cli import run
+from mecanum_env.files import atomic_path
+from mecanum_env.model import read_model
+from sysid.gap.analyse import analyse
+from sysid.gap.records import Difference, GapReport, Overlay, Region
+from sysid.gap.verdict import verdict_sentence
+from sysid.logs import read_dataset
+from sysid.measure import stage_bar
+
+LOGS = Path(__file__).parent / "gap_logs"
+MEASURED, BEFORE, AFTER, COMMAND = "#8a8a8a", "#c8102e", "#0b7a75", "#1f4e79"
+DIMENSIONS = ("phase", "speed", "direction")
+
+
+def draw(model: tyro.conf.Positional[Path], /, logs: Path = LOGS, out: Path = Path("out/gap")) -> None:
+    """Study logs and write gap_runs.png and gap_where.png.
+
+    Args:
+        model: to compare with the logs, from python -m sysid.fit.
+        logs: folder of bench or robot logs.
+        out: folder to write.
+    """
+    with stage_bar(8) as progress:
+        report = analyse(read_dataset(logs), read_model(model), progress=progress)
+    print(verdict_sentence(report))
+    for name, figure in (("gap_runs.png", runs_figure(report)), ("gap_where.png", where_figure(report))):
+        with atomic_path(out / name) as path:
+            figure.savefig(path, dpi=100, format="png", metadata={"Software": None})
+        print(f"wrote {out / name}")
+
+
+def runs_figure(report: GapReport, count: int = 2) -> Any:
+    """Return the figure of the worst run of each of `count` command sequences, and what is missed in it.
+
+    Args:
+        report: of the study.
+        count: how many command sequences.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    chosen = _one_of_each(report.overlays, count)
+    axes = figure.subplots(2, len(chosen), sharex="col", squeeze=False, height_ratios=(2, 1))
+    for (upper, lower), overlay in zip(axes.T, chosen, strict=True):
+        if overlay.command is not None:
+            upper.step(overlay.time_s, overlay.command, where="post", color=COMMAND, lw=0.8, label="command")
+        upper.plot(overlay.time_s, overlay.measured, ".", color=MEASURED, ms=4.0, label="measured")
+        for name, values, colour in (("before", overlay.before, BEFORE), ("after", overlay.after, AFTER)):
+            rms = float(np.sqrt(np.nanmean((overlay.measured - values) ** 2)))
+            upper.plot(
+                overlay.time_s, values, color=colour, lw=1.2, label=f"{name}, rms {rms:.2g} {overlay.unit}"
+            )
+            lower.plot(overlay.time_s, overlay.measured - values, color=colour, lw=1.0)
+        upper.set_title(f"{overlay.file} ({overlay.split})", fontsize=10, loc="left")
+        upper.set_ylabel(f"{overlay.channel} [{overlay.unit}]")
+        upper.legend(fontsize=8, frameon=False)
+        lower.axhline(0.0, color="#bbbbbb", lw=0.6, zorder=0)
+        lower.set_ylabel(f"missed [{overlay.unit}]")
+        lower.set_xlabel("time [s]")
+    return figure
+
+
+def where_figure(report: GapReport) -> Any:
+    """Return the figure of one channel's rms error by region, before and after.
+
+    Args:
+        report: of the study; its worst channel is drawn.
+    """
+    from matplotlib.figure import Figure
+
+    channel, difference = max(report.channels.items(), key=lambda item: _excess(item[1]))
+    figure = Figure(figsize=(10.0, 3.4), layout="constrained")
+    axes = figure.subplots(1, len(DIMENSIONS), sharex=True)
+    for ax, dimension in zip(axes, DIMENSIONS, strict=True):
+        found = [r for r in report.where if r.channel == channel and r.dimension == dimension]
+        found.sort(key=_speed_of if dimension == "speed" else lambda r: r.rms)
+        rows = np.arange(len(found))
+        ax.barh(rows + 0.2, [r.rms for r in found], 0.36, color=BEFORE, label="before")
+        ax.barh(rows - 0.2, [r.rms_after for r in found], 0.36, color=AFTER, label="after")
+        if difference.noise_floor is not None:
+            ax.axvline(difference.noise_floor, color="black", ls=":", lw=1.0, label="noise")
+        ax.set_yticks(rows, [f"{r.region}  ({r.share:.0%})" for r in found], fontsize=9)
+        ax.set_title(f"by {dimension}", fontsize=10, loc="left")
+        ax.set_xscale("log")
+        ax.set_xlabel(f"rms error of {channel} [{difference.unit}]", fontsize=9)
+    axes[0].legend(fontsize=8, frameon=False, loc="lower right")
+    return figure
+
+
+def _one_of_each(overlays: Sequence[Overlay], count: int) -> list[Overlay]:
+    """Return the first overlay of each command sequence; a file's name up to the last "_" tells which."""
+    first: dict[str, Overlay] = {}
+    for overlay in overlays:
+        first.setdefault(overlay.file.rsplit("_", 1)[0], overlay)
+    return list(first.values())[:count]
+
+
+def _excess(difference: Difference) -> float:
+    return difference.before / (difference.noise_floor or difference.after)
+
+
+def _speed_of(region: Region) -> float:
+    """Return the first number in a region's name, "above" and "up to" after and before their number."""
+    words = region.region.split()
+    number = next(float(word) for word in words if word.replace(".", "", 1).isdigit())
+    return number + {"above": 0.5, "up": -0.5}.get(words[0], 0.0)
+
+
+if __name__ == "__main__":
+    sys.exit(run(draw, prog="python examples/draw_gap.py"))

@@ -15,6 +15,7 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
 from sysid.fit.figures import finite_or_none
 from sysid.fit.pipeline import Fit, latency, wheel_model
+from sysid.fit.roller_stage import on_rollers
 from sysid.gap.own_error import with_own_error
 from sysid.statistics import Quantity
 
@@ -56,6 +57,10 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
             "notes": list(fit.notes),
         },
     )
+    if fit.dataset.level == "robot" and not fit.wheels:
+        model, said = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
+        notes = [*model.provenance["notes"], said]
+        model = replace(model, provenance={**model.provenance, "notes": notes})
     return with_own_error(model, fit.dataset)
 
 

@@ -26,7 +26,7 @@ import numpy as np
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.fitted import Fitted, fit
-from sysid.gap.intervals import doubtful
+from sysid.gap.intervals import FORMULA_ERROR, doubtful
 from sysid.gap.law_again import LawAgain
 from sysid.gap.problem import Problem
 from sysid.gap.records import Verdict
@@ -34,9 +34,7 @@ from sysid.gap.scores import Mask, group_masks, group_scores, total
 from sysid.gap.search import Search
 from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance, largest_misfit, misfit_p_value
 
-FORMULA_ERROR: Final = 0.1
-"""Relative error that an effect's formula may have before a rival counts as worse or one more as needed."""
-ENOUGH: Final = 0.2
+ENOUGH: Final = 0.15
 """Of what a set explains (root mean square) so much may be left beyond chance, and its names still stand."""
 MATTERS: Final = 0.1
 """Share of the squared difference above the noise that a set must remove to be named."""
@@ -119,7 +117,7 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     if p_value > FALSE_ALARM:
         judged = _judge(problem, search, masks, inflation)
         return Decision("no_gap", None, (), judged, None, p_value, inflation, {}, ())
-    size = _grow(problem, search, masks, most, rng)
+    size = _grow(problem, search, masks, floor, most, rng)
     best = min(search.fitted.values(), key=lambda f: f.cost)
     inflation = _inflation(problem, best)
     chosen = _best(problem, search, size, masks, inflation)
@@ -139,7 +137,8 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
             f"{max(removed, 0.0):.0%} of the difference above the noise: not told from the model's own error"
         )
         return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
-    if law is not None and law.score < chosen.score - NEVER**2:
+    formula = FORMULA_ERROR**2 * max(0.0, base.cost - chosen.fitted.cost) / inflation
+    if law is not None and law.score < chosen.score - NEVER**2 - formula:
         notes.append(
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it anew (python -m sysid.fit) before looking for effects"
@@ -163,18 +162,22 @@ def _inflation(problem: Problem, best: Fitted[Any]) -> float:
 
 
 def _grow(
-    problem: Problem, search: Search, masks: Mapping[str, Mask], most: int, rng: np.random.Generator
+    problem: Problem,
+    search: Search,
+    masks: Mapping[str, Mask],
+    floor: Floor,
+    most: int,
+    rng: np.random.Generator,
 ) -> int:
     """Fit larger sets as long as one more effect pays; return the size that does."""
     size = 1
     while size < most:
-        parent = _best(problem, search, size, masks, 1.0).fitted
+        parent = search.polish(_best(problem, search, size, masks, 1.0).fitted)
         nearest = search.of_size(size)[: search.effort.beam]
         expected = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
         inflation = max(1.0, expected / problem.size)
         needed = chance(parent, search.library, rng).threshold()
-        explained = max(0.0, search.base.cost - parent.cost)
-        if parent.cost - expected < needed * inflation + FORMULA_ERROR**2 * explained:
+        if parent.cost - expected < needed * inflation:
             return size
         search.grow(size + 1)
         if not search.of_size(size + 1):
@@ -183,8 +186,9 @@ def _grow(
         larger = _best(problem, search, size + 1, masks, inflation)
         smaller = _best(problem, search, size, masks, inflation)
         gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-        # What a formula that is right to so much leaves may look like one more effect.
-        needed += FORMULA_ERROR**2 * (search.base.cost - smaller.fitted.cost) / inflation
+        if not _complete(problem, larger.fitted, floor):
+            # What a formula that is right to so much leaves may look like one more effect.
+            needed += FORMULA_ERROR**2 * (search.base.cost - smaller.fitted.cost) / inflation
         if gain < needed or larger.score > smaller.score - NEVER**2:
             return size
         size += 1
@@ -281,9 +285,14 @@ def _repeats(search: Search, one: Judged, other: Judged, inflation: float) -> bo
     return more and apart < _tolerance(search, other, one, inflation)
 
 
+def _complete(problem: Problem, chosen: Fitted[Any], floor: Floor) -> bool:
+    """Return whether a set leaves no more than chance allows."""
+    return floor.trusted and chosen.cost <= problem.size * largest_misfit(problem.size, floor.freedom)
+
+
 def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Floor) -> bool:
     """Return whether what a set leaves is what chance allows, or little beside what it explains."""
-    if not floor.trusted:
+    if not floor.trusted or _complete(problem, chosen, floor):
         return True
     allowed = problem.size * largest_misfit(problem.size, floor.freedom)
     explained = float(np.sum((base.residual - chosen.residual) ** 2))

@@ -106,16 +106,17 @@ def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
     return Minimum(minimum.place, minimum.residual, jacobian, minimum.evaluations + p)
 
 
-def explored(function: Function, minimum: Minimum) -> Minimum:
+def explored(function: Function, minimum: Minimum, *, everywhere: bool = False) -> Minimum:
     """Return the minimum after looking about along coordinates without a slope: thresholds between commands.
 
     Args:
         function: the residual.
         minimum: as `descend` found it.
+        everywhere: along all coordinates, where the slope may mislead.
     """
     lengths = np.linalg.norm(minimum.jacobian, axis=0)
     place, residual, used = minimum.place, minimum.residual, minimum.evaluations
-    for i in np.flatnonzero(lengths < FLAT):
+    for i in np.flatnonzero((lengths < FLAT) | everywhere):
         for step in _LOOKS:
             moved = np.array(place)
             moved[i] = float(np.clip(place[i] + step, 0.0, 1.0))

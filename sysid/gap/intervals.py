@@ -17,10 +17,12 @@ from sysid.gap.scores import group_masks
 LEVEL: Final = 0.9
 """Of the intervals."""
 SYSTEMATIC: Final = 0.1
-"""Correlation that what is left beyond chance may have with the response to a parameter.
+"""Correlation that what is left beyond chance, or a formula's error, may have with a parameter's response.
 
 It moves the estimate in all groups alike, so that they do not show it.
 """
+FORMULA_ERROR: Final = 0.1
+"""Relative error that an effect's formula may have."""
 FEWEST_GROUPS: Final = 4
 """Fewer say too little about how much they differ."""
 
@@ -42,7 +44,8 @@ def interval_ends(
         inflation: of the variance of everything.
     """
     tail = 0.5 * (1.0 + LEVEL)
-    left = max(0.0, fitted.cost - problem.size)
+    explained = float(np.sum((problem.marginal(problem.base_residual) - fitted.residual) ** 2))
+    left = max(0.0, fitted.cost - problem.size) + FORMULA_ERROR**2 * explained
     half = norm.ppf(tail) * np.sqrt(np.diag(fitted.covariance(inflation + SYSTEMATIC**2 * left)))
     masks = list(group_masks(problem).values())
     if len(masks) >= FEWEST_GROUPS:

@@ -46,6 +46,8 @@ class Problem:
         self.observations = whitener.observations
         self.simulator = Simulator(self.observations)
         robot = self.observations.situations[0].runs[0].level == "robot"
+        self.rough = robot
+        """Whether small changes of a model change a simulation roughly: rollers meet the floor anew."""
         self.least_step = ROUGH_STEP if robot else SMOOTH_STEP
         """Of a difference quotient, on the scale 0 .. 1 of a parameter."""
         self.look_step = ROUGH_LOOK if robot else SMOOTH_LOOK

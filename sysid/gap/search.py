@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from sysid.gap.coordinates import EffectSet
-from sysid.gap.fitted import Fitted, fit, unchanged
+from sysid.gap.descent import Minimum, explored
+from sysid.gap.fitted import Fitted, fit, marginal_function, unchanged
 from sysid.gap.growth import Growth, Key, growths
 from sysid.gap.library import Response
 from sysid.gap.problem import Problem
@@ -81,6 +82,20 @@ class Search:
                 limit = chosen.cost + _NEAR * max(0.0, parent.cost - chosen.cost)
                 near += [g for g in self.growths(parent) if g.expected <= limit]
         self.fit_best(near, self.effort.swaps)
+
+    def polish(self, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
+        """Return a fitted set after a look about, where the simulation is rough and slopes mislead."""
+        if not self.problem.rough or not fitted.place.size:
+            return fitted
+        function = marginal_function(self.problem, fitted.candidate)
+        here = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
+        looked = explored(function, here, everywhere=True)
+        if looked.cost < fitted.cost:
+            again = fit(self.problem, fitted.candidate, looked.place, most=4)
+            if again is not None and again.cost < fitted.cost:
+                fitted = again
+                self.fitted[fitted.names, fitted.candidate.integral] = fitted
+        return fitted
 
     def fit_best(self, candidates: Sequence[Growth], most: int) -> None:
         """Fit up to `most` different `candidates` by full simulation, those that promise enough.

@@ -1,4 +1,4 @@
-# make demo       install everything, fit the bundled logs, drive and film the robot: out/
+# make demo       install everything, fit the bundled logs, find a gap and close it, film the robot: out/
 # make test       install everything, run the test suite
 # make test-all   the slow tests too
 # make test-wheel the tests against the built wheel, outside the checkout
@@ -33,7 +33,7 @@ check: $(VENV)/installed
 	$(BIN)/mypy
 
 bench: $(VENV)/installed
-	for name in plugin physics paper_drives replay fit online render real_logs; do \
+	for name in plugin physics paper_drives replay fit gap online render real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
 # Hours; an interrupted run goes on where it was.

@@ -51,15 +51,19 @@ The wheel was identified from {runs} bench runs of a motor that no third-order l
 {rms:.2f} rpm rms on runs it never saw, where repeats differ by {sigma:.2f} rpm; it rises in {rise:.3f} s
 and settles in {settling:.3f} s, and is stable by construction.
 
-Then something was changed in the drive. Logs made after that say what the model lacks: {missing}.
-With it the difference on untouched runs falls from {before:.2f} to {after:.2f} rpm (noise {floor:.2f}).
-The robot in the video has it too.
+Then something was changed in the drive. Logs made after that say what the model lacks:
+{missing}. With that the difference on untouched runs falls
+from {before:.2f} to {after:.2f} rpm (noise {floor:.2f}). The robot in the video has it too.
 
-Look at   {out / "report.html"}      how well, how sure, and what is left over
-          {out / "fit.png"}          the same as one picture
-          {out / "gap" / "report.html"}  where model and later logs differ, what is missing, before and after
-          {out / "rollout.mp4"}      the robot on its rollers, driven by the wheels as they are now
-          {out / "gap" / "model.json"}   the model with what was missing: everything else reads it""")
+Look at""")
+    for path, what in (
+        (out / "report.html", "how well the wheel was fitted, how sure, and what is left over"),
+        (out / "fit.png", "the same as one picture"),
+        (out / "gap" / "report.html", "where model and later logs differ, what is missing, before and after"),
+        (out / "rollout.mp4", "the robot on its rollers, driven by the wheels as they are now"),
+        (model, "the model with what was missing: everything else reads it"),
+    ):
+        print(f"  {path!s:<21}  {what}")
 
 
 if __name__ == "__main__":

@@ -96,7 +96,7 @@ def make_dataset() -> Dataset:
         for name, split, command in commands(rng)
         for repeat in range(1, REPEATS + 1)
     )
-    return Dataset("example: the same wheel, after a change", runs, ())
+    return Dataset("one wheel on the bench, after a change", runs, ())
 
 
 if __name__ == "__main__":

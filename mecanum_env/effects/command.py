@@ -62,7 +62,9 @@ COMMAND_LATENCY: Final = Effect(
 COMMAND_DEADBAND: Final = Effect(
     name="command_deadband",
     acts_on="command",
-    parameters=(Parameter("threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40)),),
+    parameters=(
+        Parameter("threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40), stepwise=True),
+    ),
     summary="Wheel commands below a threshold do nothing; those above are not changed.",
     signature="No motion for small commands, no error for large ones; a diagonal loses its slow wheels.",
     change_drive=_deadband,

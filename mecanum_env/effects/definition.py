@@ -49,6 +49,8 @@ class Parameter:
     scan: tuple[float, ...] | None = None
     """Values to try one by one, where the response has no useful gradient (thresholds)."""
 
+    stepwise: bool = False
+    """The response jumps where it passes a command, and is flat in between."""
     simulated: bool = True
     """False: named in the contract, but refused unless neutral."""
 

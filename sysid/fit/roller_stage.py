@@ -49,6 +49,11 @@ class LawAndRobot:
         """Free numbers."""
         return self.law.parameter_count + len(self.robot)
 
+    @property
+    def stepwise(self) -> tuple[bool, ...]:
+        """None of them jumps."""
+        return (False,) * self.parameter_count
+
     def start(self) -> FloatArray:
         """Return the place of the model as it is."""
         return np.concatenate([self.law.start(), np.full(len(self.robot), 0.5)])

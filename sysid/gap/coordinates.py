@@ -33,6 +33,8 @@ class Coordinate:
     high: float
     neutral: float
     """In the base model; may be infinite."""
+    stepwise: bool = False
+    """Its response jumps and is flat in between: a slope says nothing."""
 
     @property
     def logarithmic(self) -> bool:
@@ -85,6 +87,11 @@ class EffectSet:
                 robot = replace(robot, servo_integral_n_m_rad=value)
         return replace(base, robot=robot, effects=effects)
 
+    @property
+    def stepwise(self) -> tuple[bool, ...]:
+        """Which free parameters have a response that jumps, shape (p,)."""
+        return tuple(coordinate.stepwise for coordinate in self.coordinates)
+
     def start(self) -> FloatArray:
         """Return the place nearest to neutral, shape (p,)."""
         return np.array([c.unit(c.neutral) if math.isfinite(c.neutral) else 1.0 for c in self.coordinates])
@@ -109,7 +116,7 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter) -> Coordinate:
     if math.isfinite(neutral):
         # What the model has already may lie outside of where a search looks.
         low, high = min(low, neutral), max(high, neutral)
-    return Coordinate(effect.name, parameter.name, low, high, neutral)
+    return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
 
 
 def effect_set(base: Model, names: Sequence[str], *, integral: bool = False) -> EffectSet:

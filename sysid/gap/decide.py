@@ -36,6 +36,8 @@ from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance, largest_misfit, mis
 
 ENOUGH: Final = 0.15
 """Of what a set explains (root mean square) so much may be left beyond chance, and its names still stand."""
+VISIBLE: Final = 1.5
+"""Square sum over expectation above which one more effect that leaves nothing counts in any case."""
 MATTERS: Final = 0.1
 """Share of the squared difference above the noise that a set must remove to be named."""
 _SPARE: Final = (
@@ -124,6 +126,10 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     search.swap(chosen.fitted)
     _spare(problem, search, size, inflation)
     chosen = _best(problem, search, size, masks, inflation)
+    while size > 1 and doubtful(problem, chosen.fitted, inflation):
+        # An effect that may as well be none is no finding: the smaller set is.
+        size -= 1
+        chosen = _best(problem, search, size, masks, inflation)
     law = _law(problem, masks, inflation)
     judged = _judge(problem, search, masks, inflation)
     tied = _tied(search, chosen, [j for j in judged if len(j.names) == size], inflation)
@@ -186,7 +192,8 @@ def _grow(
         larger = _best(problem, search, size + 1, masks, inflation)
         smaller = _best(problem, search, size, masks, inflation)
         gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-        if not _complete(problem, larger.fitted, floor):
+        visible = smaller.fitted.cost > VISIBLE * problem.size
+        if not (visible and _complete(problem, larger.fitted, floor)):
             # What a formula that is right to so much leaves may look like one more effect.
             needed += FORMULA_ERROR**2 * (search.base.cost - smaller.fitted.cost) / inflation
         if gain < needed or larger.score > smaller.score - NEVER**2:

@@ -7,11 +7,12 @@ subproblem.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import lsq_linear
 
 from mecanum_env.units import FloatArray
@@ -26,6 +27,7 @@ _LOOKS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.
 _RELATIVE_GAIN: Final = 1e-4
 _MOST_REACH: Final = 0.5  # of the whole range in one step
 
+Mask = npt.NDArray[np.bool_]
 Function = Callable[[FloatArray], FloatArray | None]
 """Place (p,) in 0 .. 1 -> residual (N,), None where there is none."""
 
@@ -106,17 +108,16 @@ def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
     return Minimum(minimum.place, minimum.residual, jacobian, minimum.evaluations + p)
 
 
-def explored(function: Function, minimum: Minimum, *, everywhere: bool = False) -> Minimum:
-    """Return the minimum after looking about along coordinates without a slope: thresholds between commands.
+def explored(function: Function, minimum: Minimum, along: Mask) -> Minimum:
+    """Return the minimum after looking about where a slope misleads.
 
     Args:
         function: the residual.
         minimum: as `descend` found it.
-        everywhere: along all coordinates, where the slope may mislead.
+        along: which coordinates, (p,).
     """
-    lengths = np.linalg.norm(minimum.jacobian, axis=0)
     place, residual, used = minimum.place, minimum.residual, minimum.evaluations
-    for i in np.flatnonzero((lengths < FLAT) | everywhere):
+    for i in np.flatnonzero(along):
         for step in _LOOKS:
             moved = np.array(place)
             moved[i] = float(np.clip(place[i] + step, 0.0, 1.0))
@@ -125,6 +126,12 @@ def explored(function: Function, minimum: Minimum, *, everywhere: bool = False) 
             if trial is not None and float(trial @ trial) < float(residual @ residual) - _GAIN:
                 place, residual = moved, trial
     return Minimum(place, residual, minimum.jacobian, used)
+
+
+def flat_or(minimum: Minimum, also: Sequence[bool]) -> Mask:
+    """Return which coordinates have no slope, or are named in `also`, (p,)."""
+    lengths = np.linalg.norm(minimum.jacobian, axis=0)
+    return np.asarray((lengths < FLAT) | np.asarray(also, bool))
 
 
 def reach(function: Function, minimum: Minimum, index: int, rise: float) -> tuple[float, float]:

@@ -26,8 +26,8 @@ from scipy.stats import norm
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.gap.decide import FORMULA_ERROR
 from sysid.gap.direct_checks import what_to_measure
+from sysid.gap.intervals import FORMULA_ERROR
 from sysid.gap.records import Experiment
 from sysid.gap.sequence_search import EFFORT, Judged, Worth, search
 from sysid.gap.sequences import Limits

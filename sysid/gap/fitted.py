@@ -9,7 +9,7 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.gap.descent import Function, descend, explored, refined
+from sysid.gap.descent import Function, descend, explored, flat_or, refined
 from sysid.gap.problem import Problem
 
 PRIOR: Final = 0.5
@@ -27,6 +27,11 @@ class Candidate(Protocol):
     @property
     def parameter_count(self) -> int:
         """Free parameters p."""
+        ...
+
+    @property
+    def stepwise(self) -> tuple[bool, ...]:
+        """Which free parameters have a response that jumps, (p,)."""
         ...
 
     def model(self, base: Model, unit: FloatArray) -> Model:
@@ -95,7 +100,7 @@ def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) ->
     if minimum is None:
         return None
     minimum = refined(function, minimum, problem.least_step)
-    looked = explored(function, minimum)
+    looked = explored(function, minimum, flat_or(minimum, candidate.stepwise))
     # The refined derivatives, or a look about, may show a way that Broyden's did not.
     again = descend(
         function, looked.place, residual=looked.residual, jacobian=looked.jacobian, most=max(2, most // 3)

@@ -9,14 +9,14 @@ from scipy.stats import chi2, norm, t
 
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
-from sysid.gap.descent import FLAT, Minimum, reach
+from sysid.gap.descent import Minimum, flat_or, reach
 from sysid.gap.fitted import Fitted, marginal_function
 from sysid.gap.problem import Problem
 from sysid.gap.scores import group_masks
 
 LEVEL: Final = 0.9
 """Of the intervals."""
-SYSTEMATIC: Final = 0.1
+SYSTEMATIC: Final = 0.15
 """Correlation that what is left beyond chance, or a formula's error, may have with a parameter's response.
 
 It moves the estimate in all groups alike, so that they do not show it.
@@ -56,7 +56,7 @@ def interval_ends(
     low, high = fitted.place - half, fitted.place + half
     minimum = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
     function = marginal_function(problem, fitted.candidate)
-    for i in np.flatnonzero(np.linalg.norm(fitted.jacobian, axis=0) < FLAT):
+    for i in np.flatnonzero(flat_or(minimum, fitted.candidate.stepwise)):
         down, up = reach(function, minimum, int(i), chi2.ppf(LEVEL, 1) * inflation)
         low[i], high[i] = fitted.place[i] - down, fitted.place[i] + up
     return low, high

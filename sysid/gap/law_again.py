@@ -30,6 +30,11 @@ class LawAgain:
         """Free numbers."""
         return len(_REACH)
 
+    @property
+    def stepwise(self) -> tuple[bool, ...]:
+        """None of them jumps."""
+        return (False,) * self.parameter_count
+
     def start(self) -> FloatArray:
         """Return the place of the law as it is, shape (5,)."""
         return np.full(len(_REACH), 0.5)

@@ -11,6 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.descent import Minimum, explored
 from sysid.gap.fitted import Fitted, fit, marginal_function, unchanged
@@ -89,7 +91,7 @@ class Search:
             return fitted
         function = marginal_function(self.problem, fitted.candidate)
         here = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
-        looked = explored(function, here, everywhere=True)
+        looked = explored(function, here, np.ones(here.place.size, bool))
         if looked.cost < fitted.cost:
             again = fit(self.problem, fitted.candidate, looked.place, most=4)
             if again is not None and again.cost < fitted.cost:

@@ -71,7 +71,7 @@ def _threshold(place: FloatArray) -> FloatArray:
 
 def test_a_threshold_without_slope_is_found_by_looking_about() -> None:
     start = Minimum(np.array([0.52]), _threshold(np.array([0.52])), np.zeros((10, 1)), 0)
-    found = explored(_threshold, start)
+    found = explored(_threshold, start, np.ones(1, bool))
     assert found.cost == 0.0
 
 

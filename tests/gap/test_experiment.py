@@ -11,9 +11,9 @@ from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import Model, Robot
 from mecanum_env.simulator.bench import replay_bench
 from sysid.gap.analyse import analyse
-from sysid.gap.decide import FORMULA_ERROR
 from sysid.gap.direct_checks import DIRECT, what_to_measure
 from sysid.gap.experiment import Rival, design, power, separation
+from sysid.gap.intervals import FORMULA_ERROR
 from sysid.gap.noise import Noise
 from sysid.gap.records import GapOptions
 from sysid.gap.sequence_search import EFFORT, Effort

@@ -97,7 +97,7 @@ class EffectSet:
         return np.array([c.unit(c.neutral) if math.isfinite(c.neutral) else 1.0 for c in self.coordinates])
 
     def without(self, index: int) -> EffectSet:
-        """Return the set with one parameter fewer, which is left at neutral."""
+        """Return the set without the parameter at `index`, which is left at neutral."""
         left = self.coordinates[:index] + self.coordinates[index + 1 :]
         return EffectSet(self.names, left, any(not c.effect for c in left))
 

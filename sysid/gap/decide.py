@@ -130,7 +130,9 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
         # An effect that may as well be none is no finding: the smaller set is.
         size -= 1
         chosen = _best(problem, search, size, masks, inflation)
-    law = _law(problem, masks, inflation)
+    # Where nothing is left, no law can do better.
+    complete = _complete(problem, chosen.fitted, floor)
+    law = None if complete else _law(problem, masks, inflation)
     judged = _judge(problem, search, masks, inflation)
     tied = _tied(search, chosen, [j for j in judged if len(j.names) == size], inflation)
     frequency = _frequency(chosen, [j for j in judged if j.names], rng)
@@ -178,7 +180,9 @@ def _grow(
     """Fit larger sets as long as one more effect pays; return the size that does."""
     size = 1
     while size < most:
-        parent = search.polish(_best(problem, search, size, masks, 1.0).fitted)
+        parent = _best(problem, search, size, masks, 1.0).fitted
+        if not _complete(problem, parent, floor):
+            parent = search.polish(parent)
         nearest = search.of_size(size)[: search.effort.beam]
         expected = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
         inflation = max(1.0, expected / problem.size)

@@ -16,7 +16,7 @@ from sysid.gap.scores import group_masks
 
 LEVEL: Final = 0.9
 """Of the intervals."""
-SYSTEMATIC: Final = 0.15
+SYSTEMATIC: Final = 0.25
 """Correlation that what is left beyond chance, or a formula's error, may have with a parameter's response.
 
 It moves the estimate in all groups alike, so that they do not show it.

@@ -42,8 +42,8 @@ def paper_gap_markdown(found: PaperGap) -> str:
         "## Sets of effects",
         f"{found.worsts.size} sets of up to four effects were fitted, each size grown from the best of the "
         "size before: a beam, not all sets. Shown are the nearest of each size and all that reproduce the "
-        "six figures. Misfit: root mean square of the deviations over their tolerances; worst: the largest, at "
-        "most 1 where all six are reproduced. "
+        "six figures. Misfit: root mean square of the deviations over their tolerances; worst: the largest, "
+        "at most 1 where all six are reproduced. "
         f"Half the tolerance would leave {np.sum(found.worsts <= 0.5)} sets, twice the tolerance "
         f"{np.sum(found.worsts <= 2.0)}.",
         markdown_table(set_table(found)),

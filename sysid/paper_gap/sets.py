@@ -20,9 +20,9 @@ from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import Coordinate, EffectSet, effect_set
 from sysid.paper_gap.drives import PAPER, SEARCH_HOLD_S, TOLERANCE, figures
 
-LEFT_OUT: Final = ("wheel_gain_mismatch", "mount_yaw")
+LEFT_OUT: Final = ("wheel_gain_mismatch", "mount_yaw", "battery_sag")
 """Four gains fit a straight line and a turn at will, but bend the path; a sensor turned so far that it loses
-speed shows a quarter of it sideways. The paper says nothing of either."""
+speed shows a quarter of it sideways; what sags depends on the time, and no drive's length is printed."""
 WIDER: Final = {("speed_saturation", "softness_rpm"): 135.0}
 """Upper bounds beyond the catalogue's: a knee as wide as the wheel's whole range."""
 HELD: Final = {

@@ -56,7 +56,11 @@ def paper_gap_markdown(found: PaperGap) -> str:
 
 def conclusion(found: PaperGap) -> str:
     """Return the answer in a few sentences."""
-    good = found.reproducing
+    good = [
+        f
+        for f, six in zip(found.reproducing, found.on_rollers, strict=True)
+        if np.max(np.abs(six - PAPER) / TOLERANCE) <= 1.0
+    ]
     if not good:
         return "No set of up to four effects reproduces the six figures within the tolerance."
     least = good[0].chosen.parameter_count
@@ -66,8 +70,8 @@ def conclusion(found: PaperGap) -> str:
     together = next(s.fit for s in found.suspects if s.title == ALL_SOFT)
     missed = [_HEAD[i] for i in _missed(together)]
     return (
-        f"{len(good)} sets reproduce all six figures, the smallest with {least} parameters: only {spare} "
-        f"more figure{'s' if spare != 1 else ''} than parameters, so six figures cannot tell them apart. "
+        f"{len(good)} sets reproduce all six figures, on rollers too, the smallest with {least} "
+        f"parameters: only {spare} more figure{'s' if spare != 1 else ''} than parameters, so six figures cannot tell them apart. "
         f"The simplest is {sizes(good[0])}. "
         + (f"All of them have {' and '.join(every)}. " if every else "")
         + "The paper's suspects together (load, rolling friction, latency, a soft saturation) miss: "

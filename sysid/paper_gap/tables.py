@@ -71,7 +71,8 @@ def conclusion(found: PaperGap) -> str:
     missed = [_HEAD[i] for i in _missed(together)]
     return (
         f"{len(good)} sets reproduce all six figures, on rollers too, the smallest with {least} "
-        f"parameters: only {spare} more figure{'s' if spare != 1 else ''} than parameters, so six figures cannot tell them apart. "
+        f"parameters: only {spare} more figure{'s' if spare != 1 else ''} than "
+        "parameters, so six figures cannot tell them apart. "
         f"The simplest is {sizes(good[0])}. "
         + (f"All of them have {' and '.join(every)}. " if every else "")
         + "The paper's suspects together (load, rolling friction, latency, a soft saturation) miss: "

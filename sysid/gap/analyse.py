@@ -40,6 +40,8 @@ from sysid.model_error import ModelError, estimate_model_error, model_error_of
 
 SECONDS: Final = {"bench": 240.0, "robot": 60.0}
 """Of log that is simulated again and again in the search."""
+RESTLESS: Final = 5.0
+"""Repeats on the bench that differ so many times as much as neighbouring samples are none."""
 EFFORT: Final = {"bench": Effort(15, 16, 8, 20, 5), "robot": Effort(8, 8, 4, 6, 4)}
 
 
@@ -131,7 +133,9 @@ def _study(dataset: Dataset, model: Model) -> _Study:
     if not same and not trusted:
         notes.append("no repeats, and the model states no error of its own: what is left may be noise or not")
     freedom = sum(block.freedom for block in observations.blocks)
-    floor = Floor(float(freedom) if noise.from_repeats else math.inf, trusted)
+    # A robot's wheels slip a little otherwise in each repeat; a wheel on the bench has no such excuse.
+    restless = noise.restless(RESTLESS) if dataset.level == "bench" else ()
+    floor = Floor(float(freedom) if noise.from_repeats else math.inf, trusted, not restless)
     return _Study(observations, noise, error, floor, tuple(notes))
 
 

@@ -34,8 +34,10 @@ from sysid.gap.scores import Mask, group_masks, group_scores, total
 from sysid.gap.search import Search
 from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance, largest_misfit, misfit_p_value
 
-ENOUGH: Final = 0.15
-"""Of what a set explains (root mean square) so much may be left beyond chance, and its names still stand."""
+ENOUGH: Final = 0.2
+"""Of what a set explains (root mean square) so much may be left beyond chance, and its name still stands.
+
+Of a set of k effects, which can bend more, 1 / sqrt(k) of it."""
 VISIBLE: Final = 1.5
 """Square sum over expectation above which one more effect that leaves nothing counts in any case."""
 MATTERS: Final = 0.1
@@ -54,6 +56,8 @@ class Floor:
     """Degrees of freedom of the noise."""
     trusted: bool
     """Whether what a right model leaves is known: else no set can be called inadequate."""
+    repeatable: bool = True
+    """Whether repeats are alike but for noise: where chance acts on the wheel, no effect is all of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +149,12 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
             f"{max(removed, 0.0):.0%} of the difference above the noise: not told from the model's own error"
         )
         return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
-    formula = FORMULA_ERROR**2 * max(0.0, base.cost - chosen.fitted.cost) / inflation
-    if law is not None and law.score < chosen.score - NEVER**2 - formula:
+    if enough and not floor.repeatable:
+        notes.append(
+            "repeats of one command differ far more than neighbouring samples: chance acts, not effects"
+        )
+        enough = False
+    if law is not None and law.score < chosen.score - NEVER**2:
         notes.append(
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it anew (python -m sysid.fit) before looking for effects"
@@ -307,7 +315,7 @@ def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Flo
         return True
     allowed = problem.size * largest_misfit(problem.size, floor.freedom)
     explained = float(np.sum((base.residual - chosen.residual) ** 2))
-    return chosen.cost <= allowed + ENOUGH**2 * explained
+    return chosen.cost <= allowed + ENOUGH**2 / len(chosen.names) * explained
 
 
 def _removed(problem: Problem, base: Fitted[Any], chosen: Fitted[Any]) -> float:

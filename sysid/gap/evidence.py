@@ -81,7 +81,7 @@ def evidence(
             parameter_count=p,
             score=judged.score - base.score,
             misfit=fitted.cost / problem.size,
-            adequate=fitted.cost <= limit * problem.size + ENOUGH**2 * explained,
+            adequate=fitted.cost <= limit * problem.size + ENOUGH**2 / max(1, len(judged.names)) * explained,
             validation_rms=_rms(problem, problem.observations, parts, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
             bic=fitted.cost / decision.inflation + p * math.log(problem.size),

@@ -47,6 +47,13 @@ class Noise:
     lasting: Mapping[str, Lasting] = field(default_factory=dict)
     """Channel -> the part of the noise that lasts; none where neighbouring samples are independent."""
 
+    scatter: Mapping[str, float] = field(default_factory=dict)
+    """Channel -> standard deviation by neighbouring samples of held commands alone."""
+
+    def restless(self, factor: float) -> tuple[str, ...]:
+        """Return the channels whose repeats differ `factor` times as much as neighbouring samples."""
+        return tuple(n for n, s in self.sigma.items() if s > factor * self.scatter.get(n, s))
+
     @property
     def from_repeats(self) -> bool:
         """Whether repeats gave the noise of every channel."""
@@ -63,21 +70,23 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     sigma: dict[str, float] = {}
     source: dict[str, Source] = {}
     lasting: dict[str, Lasting] = {}
+    scatter: dict[str, float] = {}
     repeats = noise_from_repeats(dataset.runs) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
+        scatter[name] = max(_scatter(observations, blocks), _LEAST)
         freedom = sum(block.freedom for block in blocks)
         if freedom >= _LEAST_SAMPLES:
             sigma[name], source[name] = math.sqrt(sum(block.spread for block in blocks) / freedom), "repeats"
         elif name in repeats and name not in POSE and repeats[name].degrees_of_freedom >= _LEAST_SAMPLES:
             sigma[name], source[name] = repeats[name].std, "repeats"
         else:
-            sigma[name], source[name] = _scatter(observations, blocks), "scatter"
+            sigma[name], source[name] = scatter[name], "scatter"
         sigma[name] = max(sigma[name], _LEAST)
         found = _lasting(blocks)
         if found is not None:
             lasting[name] = found
-    return Noise(sigma, source, lasting)
+    return Noise(sigma, source, lasting, scatter)
 
 
 def _lasting(blocks: list[Block]) -> Lasting | None:

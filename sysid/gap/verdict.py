@@ -12,6 +12,8 @@ from sysid.gap.records import Difference, GapReport, Interval, Region
 
 WHEEL_LAW: Final = "wheel_law"
 """Stands among the sets of effects for the law fitted again."""
+SURE: Final = 0.01
+"""Probability of chance below which a difference is one, however small."""
 _CONCENTRATED: Final = 0.1
 """A region stands out if its share of the error is so much above its share of the samples."""
 
@@ -34,6 +36,11 @@ def verdict_sentence(report: GapReport) -> str:
     """Return what a study found, in one sentence."""
     gap = report.gap
     differ = amount(gap.before, gap.unit)
+    if report.verdict == "no_gap" and report.p_value <= SURE:
+        return (
+            f"No gap worth a name: model and measurement differ by {differ}; what the effects could take off "
+            f"is sure (p = {report.p_value:.2g}) but too little to matter."
+        )
     if report.verdict == "no_gap":
         return (
             f"No gap: model and measurement differ by {differ}, which noise and the model's own uncertainty "

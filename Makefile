@@ -33,7 +33,7 @@ check: $(VENV)/installed
 	$(BIN)/mypy
 
 bench: $(VENV)/installed
-	for name in plugin physics paper_drives replay fit gap online render real_logs; do \
+	for name in plugin physics paper_drives replay fit gap online render env real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
 # Hours; an interrupted run goes on where it was.

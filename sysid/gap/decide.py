@@ -42,6 +42,8 @@ VISIBLE: Final = 1.5
 """Square sum over expectation above which one more effect that leaves nothing counts in any case."""
 MATTERS: Final = 0.1
 """Share of the squared difference above the noise that a set must remove to be named."""
+FAR: Final = 4.0
+"""Square sum over that of the noise that is no error of a model's own, even where none is stated."""
 _SPARE: Final = (
     4.0  # a parameter within two standard deviations of neutral, and no worse without it, is left out
 )
@@ -143,6 +145,10 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     notes: list[str] = []
     enough = _enough(problem, base, chosen.fitted, floor)
     removed = _removed(problem, base, chosen.fitted)
+    apart = float(np.mean(problem.unmarginal(base.residual) ** 2)) > FAR
+    if enough and removed < MATTERS and apart and not floor.trusted:
+        notes.append("model and measurement are far apart, and no set of effects removes a tenth of that")
+        enough = False
     if enough and removed < MATTERS:
         notes.append(
             f"{' + '.join(chosen.names)} would be significant (p = {p_value:.2g}), but removes only "

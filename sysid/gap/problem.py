@@ -21,6 +21,8 @@ from sysid.gap.nuisance import plausible_models, shape_columns
 from sysid.gap.simulator import Simulator
 from sysid.gap.whitening import Whitener
 
+UNUSABLE: Final = (MecanumError, ValueError)
+"""What a model raises that cannot be simulated; MuJoCo refuses a latency too long by ValueError."""
 SMOOTH_STEP: Final = 1e-3
 ROUGH_STEP: Final = 0.02
 """Rollers meet the floor a little earlier or later: what a smaller step changes is mostly that."""
@@ -70,7 +72,7 @@ class Problem:
         """Return the whitened residual (N,) of a model, None where it cannot be simulated."""
         try:
             predictions = self.simulator.predictions(model)
-        except MecanumError:
+        except UNUSABLE:
             return None
         return self.measured - self.whitener.whiten(predictions)
 
@@ -84,7 +86,7 @@ class Problem:
         def change(model: Model) -> FloatArray | None:
             try:
                 moved = self._rough.predictions(model)
-            except MecanumError:
+            except UNUSABLE:
                 return None
             parts = [before - after for before, after in zip(reference, moved, strict=True)]
             return self.marginal(self.whitener.whiten(parts))

@@ -82,6 +82,9 @@ def main(
     write_text(out / "blind.txt", text + "\n")
     if markdown is not None:
         command = f"python -m sysid.blind --seed {seed}" + (" --quick" if quick else "")
+        for name, count in (("bench", bench), ("robot", robot)):
+            command += "" if count is None else f" --{name} {count}"
+        command += "" if only == "*" else f" --only '{only}'"
         write_text(markdown, summary_markdown(outcomes, command, datetime.date.today().isoformat()))
     print(text)
     print(f"\nwrote {out / 'blind.json'}")

@@ -163,7 +163,7 @@ def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) ->
     command, knee = command_rpm, min(softness_rpm, limit_rpm)
     if knee > 0.0 and math.isfinite(limit_rpm):
         beyond = np.abs(command) - (limit_rpm - knee)
-        on_it = np.minimum(beyond, 2.0 * knee)  # where it counts; further out the square may overflow
+        on_it = np.clip(beyond, 0.0, 2.0 * knee)  # where it counts; further out the square may overflow
         bent = np.copysign(limit_rpm - knee + beyond - on_it * on_it / (4.0 * knee), command)
         command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
     limited: FloatArray = np.minimum(np.maximum(command, -limit_rpm), limit_rpm)

@@ -1,4 +1,4 @@
-"""The acceleration limit: the law's input is the mean over each tick of one continuous ramp."""
+"""The acceleration limit, whose input to the law is the mean of one continuous ramp, and the soft ceiling."""
 
 from dataclasses import replace
 
@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.drive import DriveParameters, latched_commands
+from mecanum_env.law.drive import DriveParameters, latched_commands, saturated
 from mecanum_env.model import paper_model
 
 FINE = 2000  # parts of a tick
@@ -58,3 +58,9 @@ def test_a_ramp_that_ends_within_a_tick_rests_for_the_remainder():
     found = latched_commands(drive, np.array([0.0]), np.array([1.5]), 3)
     # Half a tick on the way, at 1.25 rpm in the mean, and half a tick there.
     assert found == pytest.approx([0.5, (1.25 + 1.5) / 2, 1.5])
+
+
+@pytest.mark.parametrize("command_rpm", [-21.4, 21.4, 22.0, 1e9])
+def test_a_knee_of_next_to_no_width_is_a_plain_limit(command_rpm):
+    limited = saturated(np.float64(command_rpm), 22.0, 5e-324)
+    assert float(limited) == np.clip(command_rpm, -22.0, 22.0)

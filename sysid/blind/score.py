@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -69,8 +69,12 @@ def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
             and (level is None or o.case.level == level)
         ]
 
-    found: Callable[[Outcome], bool] = lambda o: o.found  # noqa: E731
-    named: Callable[[Outcome], bool] = lambda o: o.verdict in ("named", "ambiguous")  # noqa: E731
+    def found(outcome: Outcome) -> bool:
+        return outcome.found
+
+    def named(outcome: Outcome) -> bool:
+        return outcome.verdict in ("named", "ambiguous")
+
     inside = [held for o in of("single", "twin", "pair") for held in o.covered()]
     shares = [
         _share("clear singles found", map(found, of("single", "twin", size="clear")), 0.95, 1.0),

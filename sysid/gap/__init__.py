@@ -2,3 +2,8 @@
 
 `analyse` is the door; `python -m sysid.gap` the command line.
 """
+
+from sysid.gap.analyse import analyse
+from sysid.gap.records import GapOptions, GapReport
+
+__all__ = ["GapOptions", "GapReport", "analyse"]

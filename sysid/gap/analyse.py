@@ -34,7 +34,7 @@ from sysid.gap.thresholds import chance
 from sysid.gap.what_next import what_next
 from sysid.gap.where import regions
 from sysid.gap.whitening import Whitener
-from sysid.logs import Dataset
+from sysid.logs import Dataset, Run
 from sysid.measure import Progress, silent
 from sysid.model_error import ModelError, estimate_model_error, model_error_of
 
@@ -57,14 +57,17 @@ class _Study:
 
 
 def analyse(
-    dataset: Dataset, model: Model, options: GapOptions | None = None, progress: Progress = silent
+    runs: Dataset | Sequence[Run],
+    model: Model,
+    options: GapOptions | None = None,
+    progress: Progress = silent,
 ) -> GapReport:
     """Find where a model and logs disagree, which effects are missing, and what adding them gains.
 
     Fit and validation runs decide; test runs only show the result.
 
     Args:
-        dataset: bench or robot logs, as `sysid.logs.read_dataset` gives them.
+        runs: bench or robot logs, as `sysid.logs.read_dataset` gives them, or the runs alone.
         model: fitted to other logs than these, at best: then how far it errs by itself is known.
         options: seed, effects to consider, jobs.
         progress: called with a message before each long step.
@@ -72,6 +75,7 @@ def analyse(
     Raises:
         InputError: options that make no sense for the logs, or a model that cannot be simulated.
     """
+    dataset = runs if isinstance(runs, Dataset) else Dataset("logs", tuple(runs), ())
     options = options or GapOptions()
     require_valid(options, dataset.level)
     with without_engine_warnings():

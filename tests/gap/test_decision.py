@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import sysid.gap
 from mecanum_env.model import Model
 from sysid.gap.analyse import analyse
 from sysid.gap.records import GapOptions
@@ -89,3 +90,9 @@ def test_an_effect_that_no_command_excites_is_untestable(bench_logs: MakeLogs, b
     assert "payload" in unseen  # a bench has no body
     assert "speed_gain" not in unseen
     assert report.smallest_detectable["speed_gain"]["gain"] == pytest.approx(1.0, abs=0.01)
+
+
+def test_the_package_is_the_door_and_takes_the_runs_alone(bench_logs: MakeLogs, base: Model) -> None:
+    dataset = bench_logs(base, seed=1)
+    report = sysid.gap.analyse(dataset.runs, base, QUIET)
+    assert report.verdict == analyse(dataset, base, QUIET).verdict == "no_gap"

@@ -7,7 +7,7 @@ import pytest
 
 from mecanum_env.tankendo import Opponent, Rules, command_to_action
 from mecanum_env.tankendo.constants import TECHNIQUES
-from training.controllers import Hold, Still
+from training.controllers import Proportional, Still
 
 SHORT = tuple(replace(technique, reach_m=1.0) for technique in TECHNIQUES)
 HARMLESS = Opponent(patience_s=(0.3, 0.3), feint_probability=0.0, drift_m_s=0.0, techniques=SHORT)
@@ -71,7 +71,7 @@ def test_a_clash_ends_it(begin):
 
 
 def test_tracking_is_a_success_for_who_keeps_maai(play):
-    kept = play(lambda arena, row: Hold(gain_per_s=4.0), 20, task="track")
+    kept = play(lambda arena, row: Proportional(gain_per_s=4.0), 20, task="track")
     stood = play(lambda arena, row: Still(), 20, task="track")
     assert kept["is_success"].mean() >= 0.9
     assert stood["is_success"].mean() <= 0.1
@@ -85,7 +85,7 @@ def test_standing_still_loses_the_duel(play):
 
 def test_a_missed_strike_is_the_robots_chance(play):
     rules = Rules(own_reach_m=2.5)
-    last = play(lambda arena, row: Hold(), 6, task="duel", opponent=HARMLESS, rules=rules)
+    last = play(lambda arena, row: Proportional(), 6, task="duel", opponent=HARMLESS, rules=rules)
     np.testing.assert_array_equal(last["points"], 2)
     assert last["is_success"].all()
 

@@ -8,15 +8,16 @@ Each has `reset()` and `act(observation) -> (V rpm, theta deg, VC rpm)`, whole n
         v, theta, vc = controller.act(observation)    # as `mecanum_env.tankendo.observation` describes it
         robot.send(v, theta, vc)
 
-and on the simulator, with `action_mode="command"`:
+`training.controllers.named.make_controller` makes one by its name.
+On the simulator, with `action_mode="command"`:
 
     observation, reward, ... = env.step(command_to_action(controller.act(observation)))
 """
 
-from training.controllers.hold import Hold
 from training.controllers.interface import Command, Controller, twist_command
 from training.controllers.oracle import Oracle
 from training.controllers.pose import PoseController
+from training.controllers.proportional import Proportional
 from training.controllers.random_motion import RandomMotion
 from training.controllers.retreat import Retreat
 from training.controllers.still import Still
@@ -24,9 +25,9 @@ from training.controllers.still import Still
 __all__ = [
     "Command",
     "Controller",
-    "Hold",
     "Oracle",
     "PoseController",
+    "Proportional",
     "RandomMotion",
     "Retreat",
     "Still",

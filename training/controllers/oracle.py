@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.units import FloatArray
-from training.controllers.hold import Hold
 from training.controllers.interface import Command, twist_command
+from training.controllers.proportional import Proportional
 
 _SPEED_M_S, _ACCELERATION_M_S2 = 1.05, 3.5  # of the packaged robot, with a little in hand
 _TICK_S = 0.02
@@ -34,7 +34,8 @@ class Oracle:
         self._arena, self._row = arena, row
         maai = arena.setting.rules.maai_m
         self.reset()
-        self._wait, self._return = Hold(distance_m=maai + 0.15), Hold(distance_m=maai, gain_per_s=4.0)
+        self._wait = Proportional(distance_m=maai + 0.15)
+        self._return = Proportional(distance_m=maai, gain_per_s=4.0)
 
     def reset(self) -> None:
         """Forget the episode."""

@@ -10,15 +10,15 @@ import numpy.typing as npt
 from mecanum_env.tankendo import Observed, read_observation
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
-from training.controllers.hold import Hold
 from training.controllers.interface import Command, twist_command
+from training.controllers.proportional import Proportional
 
 
 @dataclass
 class Retreat:
     """Backs off at full speed for a while once the sword has left its guard, then returns to its distance."""
 
-    hold: Hold = field(default_factory=Hold)
+    hold: Proportional = field(default_factory=Proportional)
     """What it does otherwise."""
     speed_m_s: float = 1.07
     """Of the retreat [m/s]; the paper's robot reaches 1.08."""

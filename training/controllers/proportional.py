@@ -13,7 +13,7 @@ from training.controllers.interface import Command, twist_command
 
 
 @dataclass(frozen=True)
-class Hold:
+class Proportional:
     """Twist asked for = gains * (distance error, bearing)."""
 
     distance_m: float = Rules.maai_m

@@ -1,0 +1,87 @@
+"""Controllers by name: what a command line takes and what tables list."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Final
+
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.model import Model
+from mecanum_env.tankendo.arena import Arena
+from training.controllers.interface import Controller
+from training.controllers.oracle import Oracle
+from training.controllers.proportional import Proportional
+from training.controllers.random_motion import RandomMotion
+from training.controllers.retreat import Retreat
+from training.controllers.still import Still
+
+
+@dataclass(frozen=True)
+class Given:
+    """What a controller may be made from; see `make_controller`."""
+
+    model: Model
+    arena: Arena | None
+    row: int
+    seed: int
+
+
+def _oracle(given: Given) -> Controller:
+    if given.arena is None:
+        raise InputError("the oracle looks into the simulator and needs an arena; a real robot has none")
+    return Oracle(given.arena, given.row)
+
+
+CONTROLLERS: Final[Mapping[str, Callable[[Given], Controller]]] = MappingProxyType(
+    {
+        "random": lambda given: RandomMotion(given.seed),
+        "still": lambda _: Still(),
+        "p": lambda given: Proportional(robot=given.model.robot),
+        "retreat": lambda given: Retreat(Proportional(robot=given.model.robot)),
+        "oracle": _oracle,
+        "policy": lambda _: _load(_policy_module().bundled()),
+    }
+)
+"""Name -> maker, simplest first; `policy` is the trained policy that is part of the package."""
+
+
+def make_controller(
+    name: str, model: Model, *, arena: Arena | None = None, row: int = 0, seed: int = 0
+) -> Controller:
+    """Return a new controller, ready for an episode.
+
+    Args:
+        name: a key of `CONTROLLERS`, or the path of a trained policy: a folder, or a file `.npz`.
+        model: what the controller knows of the robot: wheel law, dimensions, named effects.
+        arena: the simulator that the oracle looks into.
+        row: which of the arena's episodes it plays.
+        seed: of a controller that draws by chance.
+
+    Raises:
+        InputError: no such name and no such policy, or the oracle without an arena.
+    """
+    if name in CONTROLLERS:
+        controller = CONTROLLERS[name](Given(model, arena, row, seed))
+    elif Path(name).suffix == ".npz" or Path(name).is_dir():
+        controller = _load(Path(name))
+    else:
+        raise InputError(
+            f"controller {name!r}: no such name{did_you_mean(name, CONTROLLERS)}; known: "
+            f"{', '.join(CONTROLLERS)}, or the path of a trained policy (a folder or a file .npz)"
+        )
+    controller.reset()
+    return controller
+
+
+def _load(path: Path) -> Controller:
+    controller: Controller = _policy_module().load_policy(path)
+    return controller
+
+
+def _policy_module() -> Any:
+    # Only who asks for a policy pays for it.
+    return importlib.import_module("training.controllers.policy")

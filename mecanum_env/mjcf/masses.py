@@ -79,7 +79,7 @@ def robot_masses(robot: Robot) -> Masses:
         raise InputError(
             f"robot.yaw_inertia_kg_m2 = {robot.yaw_inertia_kg_m2:g} is less than the wheels alone have at "
             f"their places, {robot.yaw_inertia_kg_m2 - left:.4g}; a solid plate of the robot's size has "
-            f"{total * (robot.half_wheelbase_m**2 + robot.half_track_m**2) / 3:.4g}"
+            f"{robot.plate_yaw_inertia_kg_m2:.4g}"
         )
     # A plate of the robot's proportions, scaled to the moment that is left, and somewhat thick.
     a, b = robot.half_wheelbase_m, robot.half_track_m

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import fields, replace
 from typing import Any, Final
 
 from mecanum_env.effects import EFFECT_PARAMETERS
@@ -87,18 +87,25 @@ def model_from_dict(value: Any) -> Model:
 def robot_from_dict(value: Any) -> Robot:
     """Build the robot from a partial JSON object `value`; packaged values fill in what is absent.
 
+    The packaged yaw inertia is that of the packaged robot: of another whose mass, wheelbase and track are all
+    given, that of a solid plate stands until it is measured or fitted.
+
     Raises:
         InputError: an unknown name, or a value out of range.
     """
     numbers: dict[str, Any] = dict(_numbers("robot", value, _ROBOT_FIELDS))
     if numbers.get("rollers_per_wheel", math.nan).is_integer():
         numbers["rollers_per_wheel"] = int(numbers["rollers_per_wheel"])
-    return Robot(**numbers)
+    robot = Robot(**numbers)
+    if "yaw_inertia_kg_m2" not in numbers and all(name in numbers for name in _PLATE):
+        robot = replace(robot, yaw_inertia_kg_m2=robot.plate_yaw_inertia_kg_m2)
+    return robot
 
 
 _LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
 _WHEEL_FIELDS: Final = ("command_period_s", "command_quantum_rpm", "saturation_rpm")
 _ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
+_PLATE: Final = ("mass_kg", "half_wheelbase_m", "half_track_m")
 _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
 
 

@@ -62,6 +62,11 @@ class Robot:
     friction: float = 0.8
     """Coulomb coefficient between roller and floor."""
 
+    @property
+    def plate_yaw_inertia_kg_m2(self) -> float:
+        """Yaw inertia that a solid plate of the robot's mass, wheelbase and track has: m (a^2 + b^2) / 3."""
+        return self.mass_kg * (self.half_wheelbase_m**2 + self.half_track_m**2) / 3.0
+
     def __post_init__(self) -> None:
         for name in ("wheel_radius_m", "half_wheelbase_m", "half_track_m", "mass_kg", "yaw_inertia_kg_m2"):
             _require(f"robot.{name}", getattr(self, name), 0.0, strict=True)

@@ -1,0 +1,91 @@
+"""The plants of a certificate: all that the issue asks for, playable, and the paper's robot as measured."""
+
+import numpy as np
+import pytest
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.apply import active_effects
+from mecanum_env.errors import InputError
+from mecanum_env.model import Model
+from mecanum_env.tankendo.plant import compile_model
+from mecanum_env.tankendo.randomize import sampler_for
+from sysid.paper_gap.drives import PAPER, TOLERANCE, figures
+from training.certify.plants import GROUPS, plants, realistic_sizes, robot_level, select
+
+
+@pytest.fixture
+def identified(paper: Model) -> Model:
+    """Return a model with two effects and what a fit leaves open."""
+    found = paper.with_effect("backlash", gap_deg=2.0).with_effect("command_latency", delay_s=0.03)
+    return Model(
+        found.wheel,
+        found.robot,
+        found.effects,
+        uncertainty={"effects": {"backlash": {"gap_deg": {"low": 1.5, "high": 2.5}}}},
+    )
+
+
+def test_the_robot_level_plant_has_the_paper_s_six_figures(paper):
+    off = np.abs(figures(robot_level(paper)).six - PAPER) / TOLERANCE
+    assert off.max() < 1.0
+
+
+def test_every_effect_of_the_catalogue_has_a_size_that_acts(paper):
+    sizes = realistic_sizes(paper)
+    assert list(sizes) == list(CATALOGUE)
+    for name, values in sizes.items():
+        assert [effect.name for effect, _ in active_effects(paper.with_effect(name, **values))] == [name]
+
+
+def test_every_plant_can_be_built_and_names_are_unique(identified):
+    found = plants(identified)
+    assert len({plant.name for plant in found}) == len(found)
+    for plant in found:
+        compile_model(plant.model, plant.physics)
+        if plant.randomize == "posterior":
+            assert sampler_for("posterior", plant.model) is not None
+
+
+def test_all_groups_are_there_in_order(identified):
+    groups = [plant.group for plant in plants(identified)]
+    assert tuple(dict.fromkeys(groups)) == GROUPS
+
+
+def test_own_effects_alone_and_none(identified):
+    own = {plant.name: set(plant.model.effects) for plant in plants(identified) if plant.group == "effects"}
+    assert own == {
+        "bare": set(),
+        "only-backlash": {"backlash"},
+        "only-command_latency": {"command_latency"},
+    }
+
+
+def test_a_latency_that_is_there_already_grows(identified):
+    late = next(plant for plant in plants(identified) if plant.group == "latency")
+    assert late.model.effects["command_latency"]["delay_s"] == pytest.approx(0.13)
+    assert late.model.effects["backlash"] == identified.effects["backlash"]
+
+
+def test_what_the_planar_plant_refuses_runs_on_rollers(paper):
+    physics = {plant.name: plant.physics for plant in plants(paper)}
+    assert {name for name, kind in physics.items() if kind == "rollers"} == {
+        "with-roller_friction",
+        "with-low_grip",
+    }
+    assert {plant.physics for plant in plants(paper, "rollers")} == {"rollers"}
+
+
+def test_a_selection_takes_names_and_groups_and_always_the_nominal_plant(identified):
+    found = plants(identified)
+    chosen = select(found, ["latency", "only-backlash"])
+    assert [plant.name for plant in chosen] == ["nominal", "only-backlash", "latency+0.1s"]
+    assert select(found, []) == found
+
+
+@pytest.mark.parametrize(
+    ("wanted", "message"),
+    [("with-backlsh", 'did you mean "with-backlash"'), ("posterior", "holds no uncertainty")],
+)
+def test_a_plant_that_is_not_there_is_refused(paper, wanted, message):
+    with pytest.raises(InputError, match=message):
+        select(plants(paper), [wanted])

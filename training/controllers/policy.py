@@ -1,0 +1,231 @@
+"""A trained policy as a controller, with numpy alone: what a robot's computer runs.
+
+A policy file (`.npz`, written by `training.train`) holds the observation normaliser, the layers of the
+network and, as JSON, what it was trained for. Nothing in it is pickled.
+
+    controller = load_policy(bundled())
+    controller.reset()
+    v, theta, vc = controller.act(observation)  # every 0.1 s
+"""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.files import atomic_path
+from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
+from mecanum_env.units import FloatArray
+from training.controllers.interface import Command
+
+FORMAT: Final = "mecanum-policy/1"
+DEFAULT: Final = "nominal"
+"""Name of the bundled policy that is meant where none is named."""
+_FOLDER: Final = Path(__file__).parent.parent / "policies"
+
+
+def _relu(x: FloatArray) -> FloatArray:
+    return np.maximum(x, 0.0)
+
+
+ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {"tanh": np.tanh, "relu": _relu}
+"""Name -> function between the layers."""
+
+
+@dataclass(frozen=True)
+class Network:
+    """The deterministic policy: the newest observations in, an action out.
+
+    With x the last `stack` observations, oldest first, one after the other: x is normalised to
+    clip((x - mean) / scale, +-clip), goes through the layers W x + b with the activation between them, and
+    the result is clipped to [-1, 1], or through tanh where `squashes`.
+    """
+
+    mean: FloatArray
+    """Of each number of x, (stack * k,)."""
+    scale: FloatArray
+    """What x - mean is divided by, (stack * k,)."""
+    clip: float
+    """Largest absolute value of a normalised number."""
+    weights: tuple[FloatArray, ...]
+    """W of each layer, (outputs, inputs)."""
+    biases: tuple[FloatArray, ...]
+    """b of each layer, (outputs,)."""
+    activation: str
+    """Between the layers: a name in `ACTIVATIONS`."""
+    squashes: bool
+    """Whether tanh, and not a clip, keeps actions within [-1, 1]."""
+    action_mode: ActionMode
+    """What an action means; see `mecanum_env.tankendo.actions`."""
+    stack: int
+    """How many observations it looks at."""
+
+    @property
+    def observation_size(self) -> int:
+        """Numbers of one observation."""
+        return len(self.mean) // self.stack
+
+    def actions(self, stacked: npt.NDArray[np.floating]) -> FloatArray:
+        """Return actions within [-1, 1], shape (..., 3), of stacked observations, (..., stack * k)."""
+        x = np.clip((np.asarray(stacked, float) - self.mean) / self.scale, -self.clip, self.clip)
+        between = ACTIVATIONS[self.activation]
+        for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
+            x = x @ weight.T + bias
+            if layer < len(self.weights) - 1:
+                x = between(x)
+        return np.tanh(x) if self.squashes else np.clip(x, -1.0, 1.0)
+
+
+class Policy:
+    """A trained policy as a controller; it remembers as many observations as its network looks at.
+
+    Args:
+        network: from observations to an action.
+        about: what it was trained for and with, as its file says.
+    """
+
+    def __init__(self, network: Network, about: Mapping[str, Any]) -> None:
+        self.network, self.about = network, about
+        self._quantum_rpm = float(about.get("command_quantum_rpm", 1.0))
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the episode."""
+        self._memory: FloatArray | None = None
+
+    def act(self, observation: npt.NDArray[np.floating]) -> Command:
+        """Return the command for an observation, shape (k,).
+
+        Raises:
+            InputError: the policy was trained on observations of another length.
+        """
+        seen = np.asarray(observation, float)
+        size = self.network.observation_size
+        if seen.shape != (size,):
+            raise InputError(
+                f"observation of shape {seen.shape}, must be ({size},): this policy was trained for "
+                f"{self.about.get('env', 'another task')}"
+            )
+        self._memory = remember(self._memory, seen, self.network.stack)
+        action = self.network.actions(self._memory)
+        # A robot takes whole numbers, whatever quantum the model was trained with.
+        v, theta, vc = action_to_command(action, self.network.action_mode, max(self._quantum_rpm, 1.0))
+        return round(float(v)), round(float(theta)), round(float(vc))
+
+
+def remember(memory: FloatArray | None, seen: FloatArray, stack: int) -> FloatArray:
+    """Return the last observations, oldest first, (..., stack * k), after a new one.
+
+    Args:
+        memory: what it returned last; None at an episode's start: then the first stands for those before it.
+        seen: the new observation, (..., k).
+        stack: how many are kept.
+    """
+    if memory is None:
+        return np.concatenate([seen] * stack, axis=-1)
+    return np.concatenate([memory[..., seen.shape[-1] :], seen], axis=-1)
+
+
+def bundled(name: str = DEFAULT) -> Path:
+    """Return a policy file that comes with the package; its card is beside it (`.md`).
+
+    Raises:
+        InputError: there is none of this name.
+    """
+    known = sorted(path.stem for path in _FOLDER.glob("*.npz"))
+    if name not in known:
+        raise InputError(f"bundled policy {name!r}{did_you_mean(name, known)}, must be {', '.join(known)}")
+    return _FOLDER / f"{name}.npz"
+
+
+def load_policy(path: Path) -> Policy:
+    """Return the policy that a file holds, ready to act.
+
+    Args:
+        path: an `.npz` that `training.train` wrote, or `bundled()`.
+
+    Raises:
+        InputError: there is no such file, or it is no policy.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+    except FileNotFoundError as error:
+        raise InputError(
+            f"{path}: no such policy; `python -m training.train --out RUN` writes one"
+        ) from error
+    except (OSError, ValueError, zipfile.BadZipFile) as error:
+        raise InputError(f"{path}: no policy file ({error}); give policy.npz of a training folder") from error
+    try:
+        about = json.loads(str(arrays["about"]))
+        if about["format"] != FORMAT:
+            raise InputError(f'{path}: format = {about["format"]!r}, must be "{FORMAT}"; export it again')
+        network = _network(arrays, about)
+    except (KeyError, TypeError, ValueError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"{path}: no policy file ({error!r}); give a policy.npz of training") from error
+    return Policy(network, about)
+
+
+def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
+    """Write a policy file, whole or not at all.
+
+    Args:
+        path: the `.npz` to write.
+        network: from observations to an action.
+        about: what it was trained for and with; JSON.
+    """
+    layers = len(network.weights)
+    shape = {
+        "format": FORMAT,
+        "layers": layers,
+        "clip": network.clip,
+        "activation": network.activation,
+        "squashes": network.squashes,
+        "action_mode": network.action_mode,
+        "stack": network.stack,
+    }
+    arrays: dict[str, Any] = {"mean": network.mean, "scale": network.scale}
+    for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
+        # Training computes in single precision too.
+        arrays[f"weight_{layer}"] = weight.astype(np.float32)
+        arrays[f"bias_{layer}"] = bias.astype(np.float32)
+    text = json.dumps({**about, **shape}, indent=1, allow_nan=False)
+    with atomic_path(path) as temporary:
+        np.savez_compressed(temporary, about=np.array(text), **arrays)
+
+
+def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -> Network:
+    layers = range(int(about["layers"]))
+    network = Network(
+        mean=arrays["mean"].astype(float),
+        scale=arrays["scale"].astype(float),
+        clip=float(about["clip"]),
+        weights=tuple(arrays[f"weight_{layer}"].astype(float) for layer in layers),
+        biases=tuple(arrays[f"bias_{layer}"].astype(float) for layer in layers),
+        activation=about["activation"],
+        squashes=bool(about["squashes"]),
+        action_mode=about["action_mode"],
+        stack=int(about["stack"]),
+    )
+    check_mode(network.action_mode)
+    if network.activation not in ACTIVATIONS:
+        raise InputError(
+            f"activation = {network.activation!r}, must be {', '.join(ACTIVATIONS)}; export the policy again"
+        )
+    sizes = [len(network.mean), *(len(bias) for bias in network.biases)]
+    shapes = [weight.shape for weight in network.weights]
+    if shapes != list(zip(sizes[1:], sizes[:-1], strict=True)) or network.scale.shape != network.mean.shape:
+        raise ValueError(f"layers of shapes {shapes} do not fit {len(network.mean)} inputs")
+    if not all(np.isfinite(array).all() for name, array in arrays.items() if name != "about"):
+        raise ValueError("a number is not finite")
+    return network

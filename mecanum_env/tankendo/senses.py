@@ -82,7 +82,7 @@ class Senses:
         shown[13:16], shown[16:18] = held, seen[:2]
         shown[18], shown[19] = cos, sin
         for row in self._affected:
-            self._measure(row, shown, seen)
+            self._measure(row, shown, seen, float(time_s[row]))
         noise = self._sizes * noise
         shown[:13] += noise[:13]
         shown[16:20] += noise[13:]
@@ -90,14 +90,17 @@ class Senses:
         np.minimum(np.maximum(shown, -self._limits, out=shown), self._limits, out=shown)
         return shown.T.astype(np.float32)
 
-    def _measure(self, row: int, shown: FloatArray, seen: FloatArray) -> None:
+    def _measure(self, row: int, shown: FloatArray, seen: FloatArray, now_s: float) -> None:
         """Write into `shown` what the sensors of one row make of its own motion."""
         model, past = self._affected[row]
-        past.append(np.array([*shown[10:13, row], *seen[:3, row]]))
+        if past and past[-1][0] == now_s:
+            past.pop()  # asked again, since an episode began beside it: no further sample
+        sample = np.array([now_s, *shown[10:13, row], *seen[:3, row]])
+        if not past:
+            past.append(np.array([-np.inf, *sample[1:]]))  # at rest before; a filter needs two samples
+        past.append(sample)
         del past[:-_WINDOW]
-        if len(past) == 1:
-            past.insert(0, past[0])  # at rest before the start; a filter needs two samples
-        channels = dict(zip(_OWN, np.array(past).T, strict=True))
+        channels = dict(zip(_OWN, np.array(past).T[1:], strict=True))
         clock = np.asarray(np.arange(len(past)) * self._step_s, float)
         now = measured(model, clock, channels)
         shown[10:13, row] = [now[name][-1] for name in _OWN[:3]]

@@ -120,3 +120,9 @@ def test_stable_baselines_steps_it():
             np.testing.assert_array_equal(infos[row]["terminal_observation"], expected[4]["final_obs"][row])
     assert ends
     assert {"episode", "is_success", "technique", "TimeLimit.truncated"} <= ends[0].keys()
+
+
+def test_with_slow_sensors_too(paper):
+    """Episodes that end beside it are no further samples for a filter."""
+    actions = np.random.default_rng(0).uniform(-0.15, 0.15, (60, 5, 3)).astype(np.float32)
+    assert together(5, 60, actions, model=paper.with_effect("sensor_lowpass", time_constant_s=0.1)) >= 3

@@ -1,0 +1,94 @@
+"""Train a policy: `python -m training.train --out FOLDER`."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError
+from mecanum_env.simulator import Plant
+from mecanum_env.tankendo.actions import ActionMode
+from training.train.settings import Algorithm, Ppo, Robots, Sac, Settings
+
+
+def main(
+    out: Path | None = None,
+    resume: Path | None = None,
+    algo: Algorithm = Settings.algo,
+    env: str = Settings.env,
+    steps: int | None = None,
+    seed: int = Settings.seed,
+    plant: Plant = Settings.plant,
+    model: Path | None = None,
+    difficulty: str = Settings.difficulty,
+    randomize: Robots = Settings.randomize,
+    envs: int = Settings.envs,
+    action_mode: ActionMode = Settings.action_mode,
+    stack: int = Settings.stack,
+    checkpoint_every: int = Settings.checkpoint_every,
+    ppo: Ppo = Ppo(),  # noqa: B008
+    sac: Sac = Sac(),  # noqa: B008
+) -> None:
+    """Train a policy with Stable-Baselines3 and write it, with all that it takes to train it again.
+
+    Example: python -m training.train --out out/ppo --steps 2000000
+
+    Args:
+        out: Folder to write; policy.npz in it is what a robot runs.
+        resume: Folder of a run that was interrupted; only --steps counts beside it.
+        algo: ppo or sac.
+        env: Name of the environment.
+        steps: Of all environments together; default 2,000,000.
+        seed: Of weights, episodes and actions.
+        plant: planar, or rollers (much slower).
+        model: Model file; default: the packaged model.
+        difficulty: Of the opponent: easy, normal, hard.
+        randomize: On which robots: none, posterior, or levels.
+        envs: Environments side by side.
+        action_mode: What an action means: cartesian, polar, command.
+        stack: How many observations the policy looks at.
+        checkpoint_every: Steps between two checkpoints.
+        ppo: Numbers of PPO.
+        sac: Numbers of SAC.
+    """
+    if importlib.util.find_spec("stable_baselines3") is None:
+        raise InputError("training needs Stable-Baselines3: pip install 'mecanum-tankendo[train]'")
+    from training.train import run as training
+
+    given = Settings(
+        algo=algo,
+        env=env,
+        seed=seed,
+        plant=plant,
+        model=None if model is None else str(model),
+        difficulty=difficulty,
+        randomize=randomize,
+        envs=envs,
+        action_mode=action_mode,
+        stack=stack,
+        checkpoint_every=checkpoint_every,
+        ppo=ppo,
+        sac=sac,
+    )
+    if resume is not None:
+        if out is not None or given != Settings():
+            raise InputError("--resume FOLDER: the run's own settings count; give only --steps beside it")
+        state, folder = training.resume(resume, steps=steps), resume
+    elif out is None:
+        raise InputError("--out FOLDER or --resume FOLDER must be given")
+    else:
+        if steps is not None:
+            given = replace(given, steps=steps)
+        state, folder = training.train(given, out), out
+    print("   steps  success  minutes  of the processor")
+    for point in state.curve:
+        minutes = f"{point.wall_s / 60:7.1f}  {point.processor_s / 60:7.1f}"
+        print(f"{point.steps:8d}  {point.success:7.3f}  {minutes}")
+    print(f"\nwrote {folder / 'policy.npz'}; watch with: tensorboard --logdir {folder}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m training.train"))

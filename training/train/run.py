@@ -1,0 +1,223 @@
+"""Training, from the settings to the exported policy, and going on after an interruption.
+
+At each checkpoint all environments begin anew and every generator of random numbers is seeded from the run's
+seed and the steps done. What follows a checkpoint thus hangs on nothing but the checkpoint and the settings:
+a run that goes on from one ends with the same weights as one that was never interrupted, bit for bit.
+"""
+
+from __future__ import annotations
+
+import shlex
+import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import configure
+from stable_baselines3.common.utils import set_random_seed
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+from tqdm import tqdm
+
+from mecanum_env.errors import InputError
+from training.controllers.policy import Network
+from training.train.agent import make_agent
+from training.train.checkpoint import (
+    Point,
+    State,
+    newest_checkpoint,
+    read_learner,
+    read_run,
+    read_state,
+    write_checkpoint,
+    write_run,
+)
+from training.train.environment import bare_env, env_arguments, model_of, seeds_at, training_env
+from training.train.export import network_of
+from training.train.levels import level_models
+from training.train.play import DEVELOPMENT_SEEDS, play
+from training.train.provenance import commit, versions
+from training.train.settings import Settings
+
+_NEVER: Final = sys.maxsize
+
+
+def train(
+    settings: Settings,
+    folder: Path,
+    *,
+    stop_after: int | None = None,
+    watch: Sequence[int] = DEVELOPMENT_SEEDS,
+    quiet: bool = False,
+) -> State:
+    """Train a policy into a new folder; return where the run ended.
+
+    Args:
+        settings: of the run.
+        folder: to write; see `training.train.checkpoint`.
+        stop_after: end at the first checkpoint after so many steps; `resume` goes on from there.
+        watch: seeds of the episodes that each checkpoint is tried on.
+        quiet: whether to show no progress bar.
+
+    Raises:
+        InputError: the folder holds a run already, or the settings are not usable.
+    """
+    if (folder / "run.json").exists():
+        raise InputError(
+            f"{folder}: holds a training run; go on with --resume {folder}, or give another --out"
+        )
+    normaliser = training_env(settings)
+    agent = make_agent(settings, normaliser)
+    command = shlex.join(["python", "-m", "training.train", *sys.argv[1:]])
+    write_run(folder, settings, {"command": command, "versions": versions(), "commit": commit()})
+    return _learn(agent, normaliser, settings, State(), folder, command, stop_after, watch, quiet)
+
+
+def resume(
+    folder: Path,
+    *,
+    steps: int | None = None,
+    stop_after: int | None = None,
+    watch: Sequence[int] = DEVELOPMENT_SEEDS,
+    quiet: bool = False,
+) -> State:
+    """Go on with the run of a folder, from its newest checkpoint; return where it ended.
+
+    Args:
+        folder: of the run.
+        steps: train for so many in all instead of the run's own number; the learning rate then falls over
+            these, so the result is not that of a run that had this number from its start.
+        stop_after: end at the first checkpoint after so many steps.
+        watch: seeds of the episodes that each checkpoint is tried on.
+        quiet: whether to show no progress bar.
+
+    Raises:
+        InputError: the folder holds no run, or one that is over.
+    """
+    settings, facts = read_run(folder)
+    if steps is not None and steps != settings.steps:
+        settings = replace(settings, steps=steps)
+        write_run(folder, settings, facts)
+    if not any((folder / "checkpoints").glob("[0-9]*")):
+        # Interrupted before its first checkpoint: from the start, as it was begun.
+        normaliser = training_env(settings)
+        agent, state = make_agent(settings, normaliser), State()
+    else:
+        checkpoint = newest_checkpoint(folder)
+        state = read_state(checkpoint)
+        if state.steps_done >= settings.steps:
+            raise InputError(f"{folder}: trained for its {settings.steps} steps already; give more --steps")
+        agent, normaliser = read_learner(checkpoint, settings, VecMonitor(bare_env(settings)))
+    return _learn(agent, normaliser, settings, state, folder, facts["command"], stop_after, watch, quiet)
+
+
+def tried(network: Network, settings: Settings, seeds: Sequence[int]) -> tuple[float, float]:
+    """Return the share of successes of a policy's network on a run's robots: the mean, and the worst robot's.
+
+    Args:
+        network: the policy.
+        settings: of the run.
+        seeds: of the episodes, for each robot.
+    """
+    model = model_of(settings)
+    models = level_models(model) if settings.randomize == "levels" else {"": model}
+    arguments: dict[str, Any] = {**env_arguments(settings)}
+    arguments.pop("action_mode")
+    if settings.randomize == "posterior":
+        arguments["randomize"] = "posterior"
+    shares = [float(play(network, one, seeds, **arguments).success.mean()) for one in models.values()]
+    return float(np.mean(shares)), min(shares)
+
+
+class _Parts(BaseCallback):  # type: ignore[misc]
+    """Writes a checkpoint and begins anew whenever enough steps are done."""
+
+    def __init__(
+        self, settings: Settings, state: State, save: Callable[[], None], stop_after: int, bar: tqdm[Any]
+    ) -> None:
+        super().__init__()
+        self._settings, self._save, self._bar = settings, save, bar
+        self._next = state.steps_done
+        self._begun, self._stop_after = state.steps_done, stop_after
+        self.stopped = False
+
+    def _on_rollout_start(self) -> None:
+        done = self.model.num_timesteps
+        if done < self._next:
+            return
+        if done > self._begun:
+            self._save()
+            self.stopped = done >= self._stop_after
+        if not self.stopped:
+            _begin_part(self.model, self._settings)
+            every = self._settings.checkpoint_every
+            self._next = (done // every + 1) * every
+
+    def _on_step(self) -> bool:
+        self._bar.update(self.training_env.num_envs)
+        return not self.stopped
+
+
+def _learn(
+    agent: BaseAlgorithm,
+    normaliser: VecNormalize,
+    settings: Settings,
+    state: State,
+    folder: Path,
+    command: str,
+    stop_after: int | None,
+    watch: Sequence[int],
+    quiet: bool,
+) -> State:
+    wall, processor = time.perf_counter() - state.wall_s, time.process_time() - state.processor_s
+    now = [state]
+    agent.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
+
+    def save() -> None:
+        nonlocal wall, processor
+        spent = time.perf_counter() - wall, time.process_time() - processor
+        success, worst = tried(network_of(agent, normaliser, settings), settings, watch)
+        # Watching is no part of training, so the clocks stand meanwhile.
+        wall, processor = time.perf_counter() - spent[0], time.process_time() - spent[1]
+        point = Point(agent.num_timesteps, success, worst, *spent)
+        now[0] = State(agent.num_timesteps, (*now[0].curve, point), *spent)
+        agent.logger.record("watch/success", success)
+        agent.logger.record("watch/worst", worst)
+        bar.set_postfix_str(f"success {success:.2f}")
+        write_checkpoint(folder, agent, normaliser, settings, now[0], command)
+
+    with tqdm(
+        total=settings.steps,
+        initial=state.steps_done,
+        unit="step",
+        unit_scale=True,
+        desc=settings.algo,
+        disable=True if quiet else None,
+    ) as bar:
+        parts = _Parts(settings, state, save, _NEVER if stop_after is None else stop_after, bar)
+        # Something is there, so that `learn` does not reset what the first part resets.
+        agent._last_obs = np.zeros((settings.envs, *normaliser.observation_space.shape), np.float32)
+        left = settings.steps - agent.num_timesteps
+        agent.learn(left, callback=parts, reset_num_timesteps=False)
+        if not parts.stopped:
+            save()
+    normaliser.close()
+    return now[0]
+
+
+def _begin_part(agent: BaseAlgorithm, settings: Settings) -> None:
+    """Begin every episode anew and seed every generator from the settings and the steps done."""
+    done = agent.num_timesteps
+    seed = int(np.random.SeedSequence((settings.seed, done, 1)).generate_state(1)[0])
+    set_random_seed(seed)
+    agent.action_space.seed(seed)
+    env = agent.get_env()
+    native = env.unwrapped
+    native._seeds = seeds_at(settings, done)
+    agent._last_obs = env.reset()
+    agent._last_episode_starts = np.ones(env.num_envs, bool)
+    agent._last_original_obs = env.get_original_obs()

@@ -1,0 +1,144 @@
+"""What a training run is told: everything that decides its result, as one record that is saved with it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields
+from typing import Any, Final, Literal, get_args
+
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.registration import ENVIRONMENTS
+from mecanum_env.simulator import Plant
+from mecanum_env.tankendo.actions import ActionMode, check_mode
+
+Algorithm = Literal["ppo", "sac"]
+ALGORITHMS: Final[tuple[Algorithm, ...]] = get_args(Algorithm)
+Robots = Literal["none", "posterior", "levels"]
+ROBOTS: Final[tuple[Robots, ...]] = get_args(Robots)
+"""On which robots: the model; for each episode one drawn from what its identification left open; the plants
+of `training.train.levels` side by side."""
+
+
+@dataclass(frozen=True)
+class Ppo:
+    """Numbers of proximal policy optimisation; the defaults were tuned for the dodge (docs/training.md)."""
+
+    learning_rate: float = 1e-3
+    """At the start; falls evenly."""
+    last_learning_rate: float = 1e-4
+    """At the end."""
+    rollout_steps: int = 64
+    """Steps of each environment between two updates."""
+    batch_size: int = 1024
+    """Steps in a minibatch."""
+    epochs: int = 10
+    """Passes over a rollout."""
+    gamma: float = 0.98
+    """Discount of a step of 0.1 s."""
+    gae_lambda: float = 0.95
+    """Of generalised advantage estimation."""
+    clip_range: float = 0.2
+    entropy_weight: float = 0.0
+    log_std: float = -0.5
+    """Logarithm of the actions' standard deviation at the start."""
+    layers: tuple[int, ...] = (64, 64)
+    """Units of each hidden layer; the critic has the same."""
+    activation: Literal["tanh", "relu"] = "tanh"
+
+
+@dataclass(frozen=True)
+class Sac:
+    """Numbers of soft actor-critic."""
+
+    learning_rate: float = 1e-3
+    last_learning_rate: float = 1e-4
+    """At the end; falls evenly."""
+    batch_size: int = 256
+    updates_a_step: int = 4
+    """Gradient steps each time that all environments have stepped once."""
+    buffer_size: int = 300_000
+    """Steps that are remembered, those of all environments together."""
+    learning_starts: int = 10_000
+    """Steps with random actions at the start."""
+    gamma: float = 0.98
+    layers: tuple[int, ...] = (128, 128)
+    activation: Literal["tanh", "relu"] = "relu"
+
+
+@dataclass(frozen=True)
+class Settings:
+    """A training run. Two runs with the same settings and versions end with the same weights, bit for bit."""
+
+    algo: Algorithm = "ppo"
+    env: str = "MecanumTankendo-v0"
+    steps: int = 2_000_000
+    """Of all environments together; the learning rate falls over this number."""
+    seed: int = 0
+    plant: Plant = "planar"
+    model: str | None = None
+    """Path of a model file; None: the packaged model."""
+    difficulty: str = "normal"
+    randomize: Robots = "none"
+    envs: int = 64
+    """Environments side by side."""
+    action_mode: ActionMode = "cartesian"
+    stack: int = 3
+    """How many observations, of 0.1 s each, the policy looks at."""
+    checkpoint_every: int = 250_000
+    """Steps between two checkpoints; at each one all environments begin anew."""
+    reward_weights: Mapping[str, float] = field(default_factory=dict)
+    """Of the environment's reward, those that differ from its own."""
+    ppo: Ppo = field(default_factory=Ppo)
+    sac: Sac = field(default_factory=Sac)
+
+    def __post_init__(self) -> None:
+        _one_of("algo", self.algo, ALGORITHMS)
+        _one_of("env", self.env, ENVIRONMENTS)
+        _one_of("randomize", self.randomize, ROBOTS)
+        check_mode(self.action_mode)
+        for name in ("steps", "envs", "stack", "checkpoint_every"):
+            if getattr(self, name) < 1:
+                raise InputError(f"{name} = {getattr(self, name)}, must be at least 1")
+        if self.seed < 0:
+            raise InputError(f"seed = {self.seed}, must not be negative")
+
+    @property
+    def task(self) -> str:
+        """The environment's task: dodge, track or duel."""
+        return ENVIRONMENTS[self.env]
+
+    @property
+    def gamma(self) -> float:
+        """The discount of the algorithm."""
+        return self.ppo.gamma if self.algo == "ppo" else self.sac.gamma
+
+
+def settings_json(settings: Settings) -> dict[str, Any]:
+    """Return settings as JSON."""
+    return asdict(settings)
+
+
+def settings_from_json(stored: Mapping[str, Any]) -> Settings:
+    """Return the settings that `settings_json` made of them, as `stored` in a folder.
+
+    Raises:
+        InputError: a name or value that is not known.
+    """
+    values = dict(stored)
+    known = {one.name for one in fields(Settings)}
+    unknown = sorted(set(values) - known)
+    if unknown:
+        raise InputError(f"settings: no {unknown[0]!r}{did_you_mean(unknown[0], known)}")
+    try:
+        for name, kind in (("ppo", Ppo), ("sac", Sac)):
+            own = dict(values[name])
+            own["layers"] = tuple(own["layers"])
+            values[name] = kind(**own)
+        return Settings(**values)
+    except (KeyError, TypeError) as error:
+        raise InputError(f"settings: not those of a training run ({error})") from error
+
+
+def _one_of(name: str, value: str, known: Any) -> None:
+    if value not in known:
+        raise InputError(f"{name} = {value!r}{did_you_mean(value, known)}, must be {', '.join(known)}")

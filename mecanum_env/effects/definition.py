@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
 from mecanum_env.units import FloatArray
@@ -24,6 +24,8 @@ Plant = Literal["bench", "rollers", "planar"]
 """One free wheel; the robot on its rollers; the robot that slides without slip."""
 PLANTS: Final[tuple[Plant, ...]] = ("bench", "rollers", "planar")
 
+SPEED_UNITS: Final = ("rpm", "rpm/s")
+"""Of parameters whose sizes go with how fast a robot is."""
 Values = Mapping[str, float]
 """Parameter name -> value."""
 Channels = Mapping[str, FloatArray]
@@ -41,7 +43,7 @@ class Parameter:
     """The value at which it changes nothing; a string names the model's own value ("robot.friction"); None
     for one that matters only beside another (the height of a payload)."""
     bounds: tuple[float, float]
-    """Where a search looks."""
+    """Where a search looks, on a robot about as fast as the packaged one; see `scaled`."""
     valid: tuple[float, float] = (0.0, math.inf)
     """What the simulator takes, ends included; infinity itself only where that is neutral."""
     default: float = 0.0
@@ -62,6 +64,17 @@ class Parameter:
             section, field = self.neutral.split(".")
             return float(getattr(getattr(model, section), field))
         return self.neutral
+
+    def scaled(self, factor: float) -> Parameter:
+        """Return the parameter with bounds and scan for a robot `factor` times as fast as the packaged one.
+
+        What is no speed or acceleration stays as it is; and so does what the simulator takes.
+        """
+        if factor == 1.0 or self.unit not in SPEED_UNITS:
+            return self
+        low, high = self.bounds
+        scan = None if self.scan is None else tuple(factor * value for value in self.scan)
+        return replace(self, bounds=(max(self.valid[0], factor * low), factor * high), scan=scan)
 
 
 ChangeModel = Callable[["Model", Values], "Model"]

@@ -38,6 +38,16 @@ RING: Final = 32
 """Latched commands remembered; bounds the delay to RING - 3 command periods less a timestep."""
 
 
+def longest_delay_s(command_period_s: float, timestep_s: float = 0.0) -> float:
+    """Return the longest delay of a command [s] that a drive can remember.
+
+    Args:
+        command_period_s: of the robot [s].
+        timestep_s: of the physics that runs the plugin [s].
+    """
+    return (RING - 3) * command_period_s - timestep_s
+
+
 @dataclass(frozen=True)
 class DriveParameters:
     """The law and what happens to a command before it.
@@ -98,7 +108,7 @@ class DriveParameters:
             raise InputError(
                 f"acceleration_rpm_s = {self.acceleration_rpm_s}, must be above 0 (infinite: no limit)"
             )
-        longest = (RING - 3) * self.command_period_s
+        longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
                 f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 
@@ -20,6 +21,8 @@ INTEGRAL_BOUNDS: Final = (1.0, 500.0)
 """Of the drive's integral action [N m/rad], where friction is tried on a drive that has one."""
 FRICTION: Final = ("coulomb_friction", "stiction", "viscous_friction")
 """Effects that look quite different on a drive with integral action."""
+BENCH_RIDGES: Final = (frozenset({"speed_gain", "sensor_scale"}),)
+"""Effects that a bench log cannot tell apart even side by side: only the product of the two numbers shows."""
 
 
 @dataclass(frozen=True)
@@ -102,34 +105,53 @@ class EffectSet:
         return EffectSet(self.names, left, any(not c.effect for c in left))
 
 
-def coordinate(base: Model, effect: Effect, parameter: Parameter) -> Coordinate:
+def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float = 1.0) -> Coordinate:
     """Return the free parameter of an effect.
 
     Args:
         base: whose own value is neutral: that of the effect where the model has it already.
         effect: in the catalogue.
         parameter: of the effect.
+        scale: of bounds in rpm and rpm/s, from `sysid.gap.scale`.
     """
     present = base.effects.get(effect.name, {})
     neutral = present.get(parameter.name, parameter.neutral_in(base))
-    low, high = parameter.bounds
+    low, high = parameter.scaled(scale).bounds
+    if effect.name == "command_latency":
+        # A physics step is no longer than a tick of the law.
+        high = min(high, longest_delay_s(base.wheel.command_period_s, base.wheel.law.sample_period_s))
     if math.isfinite(neutral):
         # What the model has already may lie outside of where a search looks.
         low, high = min(low, neutral), max(high, neutral)
     return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
 
 
-def effect_set(base: Model, names: Sequence[str], *, integral: bool = False) -> EffectSet:
+def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:
+    """Return the places at which a parameter is tried, each once; none where its response has a gradient.
+
+    Args:
+        parameter: of an effect.
+        one: its coordinate.
+        scale: of the grid, as for `coordinate`.
+    """
+    return list(dict.fromkeys(one.unit(value) for value in parameter.scaled(scale).scan or ()))
+
+
+def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, scale: float = 1.0) -> EffectSet:
     """Return the set of named effects with all their parameters free.
 
     Args:
         base: whose own values are neutral.
         names: in the catalogue.
         integral: the drive has integral action too, of unknown size.
+        scale: as for `coordinate`.
     """
     ordered = tuple(name for name in CATALOGUE if name in names)
     free = [
-        coordinate(base, CATALOGUE[n], p) for n in ordered for p in CATALOGUE[n].parameters if p.simulated
+        coordinate(base, CATALOGUE[n], p, scale)
+        for n in ordered
+        for p in CATALOGUE[n].parameters
+        if p.simulated
     ]
     if integral:
         free.append(integral_action(base))

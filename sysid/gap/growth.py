@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -48,13 +49,16 @@ class Growth:
         return _place(self.candidate, self.parent, {})
 
 
-def growths(base: Model, parent: Fitted[EffectSet], library: Sequence[Response]) -> list[Growth]:
+def growths(
+    base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: float = 1.0
+) -> list[Growth]:
     """Return a set's growths by one effect each, the most promising first.
 
     Args:
         base: whose own values are neutral.
         parent: the set, fitted.
         library: responses of the effects to consider.
+        scale: of bounds in rpm and rpm/s, from `sysid.gap.scale`.
     """
     orthogonal = (
         np.linalg.qr(parent.jacobian)[0] if parent.place.size else np.zeros((parent.residual.size, 0))
@@ -68,7 +72,7 @@ def growths(base: Model, parent: Fitted[EffectSet], library: Sequence[Response])
         seen = [r for r in own if float(np.linalg.norm(r.change)) > _SEEN]
         for together in _alternatives(seen, rest, orthogonal):
             expected, shares = _linear(together, rest, orthogonal)
-            candidate = joined(parent.candidate, _free(base, name, seen, together))
+            candidate = joined(parent.candidate, _free(base, name, seen, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
             growth = Growth(candidate, place, parent, expected)
             if growth.key not in best or expected < best[growth.key].expected:
@@ -139,13 +143,18 @@ def _moved(together: Sequence[Response], shares: FloatArray) -> dict[Coordinate,
     return places
 
 
-def _free(base: Model, name: str, seen: Sequence[Response], together: Sequence[Response]) -> EffectSet:
+def _free(
+    base: Model, name: str, seen: Sequence[Response], together: Sequence[Response], scale: float
+) -> EffectSet:
     """Return the effect with those parameters free that these logs show."""
     integral = together[0].chosen.integral
-    full = effect_set(base, [name], integral=integral)
+    full = effect_set(base, [name], integral=integral, scale=scale)
     shown = {c for response in (*seen, *together) for c in response.chosen.coordinates}
     # A height or a heading matters only beside its mass or slope, and is found there.
     beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
+    if any(c.effect == name and math.isinf(c.neutral) for c in shown):
+        # So does the softness of a limit that the model does not have.
+        beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}
     kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside or not c.effect)
     return EffectSet(full.names, kept, integral)
 

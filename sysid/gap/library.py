@@ -11,7 +11,7 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.gap.coordinates import FRICTION, Coordinate, EffectSet, coordinate, integral_action
+from sysid.gap.coordinates import FRICTION, Coordinate, EffectSet, coordinate, integral_action, scanned
 from sysid.gap.problem import Problem
 
 _TORQUES: Final = (0.05, 0.2, 0.5)
@@ -48,7 +48,7 @@ def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
         trial
         for name in CATALOGUE
         if name in effects
-        for trial in _trials(base, CATALOGUE[name], problem.look_step)
+        for trial in _trials(base, CATALOGUE[name], problem.look_step, problem.scale)
     ]
     models = [chosen.model(base, place) for chosen, place, _, _ in trials]
     found = []
@@ -58,15 +58,17 @@ def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
     return found
 
 
-def _trials(base: Model, effect: Effect, step: float) -> list[tuple[EffectSet, FloatArray, bool, float]]:
+def _trials(
+    base: Model, effect: Effect, step: float, scale: float
+) -> list[tuple[EffectSet, FloatArray, bool, float]]:
     """Return set, place, whether a small step, and how far from neutral, of each simulation to make."""
     trials = []
     primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
     secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
     for parameter in primary:
-        one = coordinate(base, effect, parameter)
+        one = coordinate(base, effect, parameter, scale)
         neutral = one.unit(one.neutral) if np.isfinite(one.neutral) else 1.0
-        places = [one.unit(value) for value in parameter.scan or ()]
+        places = scanned(parameter, one, scale)
         linear = not places
         if linear:
             places = [neutral + step if neutral + step <= 1.0 else neutral - step]
@@ -77,22 +79,23 @@ def _trials(base: Model, effect: Effect, step: float) -> list[tuple[EffectSet, F
             if not secondary:
                 trials.append((_set(effect, moved), np.array(where), linear, abs(place - neutral)))
             for other in secondary:
-                second = coordinate(base, effect, other)
-                for value in other.scan or ():
-                    both = np.array([place, second.unit(value)])
+                second = coordinate(base, effect, other, scale)
+                for beside in scanned(other, second, scale):
+                    both = np.array([place, beside])
                     trials.append((_set(effect, [one, second]), both, linear, abs(place - neutral)))
     if effect.name in FRICTION:
-        trials += _with_integral(base, effect)
+        trials += _with_integral(base, effect, scale)
     return trials
 
 
-def _with_integral(base: Model, effect: Effect) -> list[tuple[EffectSet, FloatArray, bool, float]]:
+def _with_integral(
+    base: Model, effect: Effect, scale: float
+) -> list[tuple[EffectSet, FloatArray, bool, float]]:
     """Return a friction's trials on a drive with integral action, or, where it has, almost without."""
     extra = integral_action(base)
     parameter = effect.parameters[0]
-    one = coordinate(base, effect, parameter)
-    scanned = [one.unit(value) for value in parameter.scan or ()]
-    places = scanned or [one.unit(one.neutral) + x for x in _TORQUES]
+    one = coordinate(base, effect, parameter, scale)
+    places = scanned(parameter, one, scale) or [one.unit(one.neutral) + x for x in _TORQUES]
     action = 0.0 if extra.neutral > 0.0 else extra.unit(_TYPICAL_INTEGRAL)
     chosen = EffectSet((effect.name,), (one, extra), integral=True)
     return [(chosen, np.array([place, action]), False, place) for place in places if place <= 1.0]

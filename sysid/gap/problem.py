@@ -18,6 +18,7 @@ from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.gap.nuisance import plausible_models, shape_columns
+from sysid.gap.scale import speed_scale
 from sysid.gap.simulator import Simulator
 from sysid.gap.whitening import Whitener
 
@@ -47,7 +48,10 @@ class Problem:
         self.base, self.whitener, self.jobs = base, whitener, jobs
         self.observations = whitener.observations
         self.simulator = Simulator(self.observations)
-        robot = self.observations.situations[0].runs[0].level == "robot"
+        runs = [run for situation in self.observations.situations for run in situation.runs]
+        self.scale = speed_scale(base, runs)
+        """Of the catalogue's bounds and grids in rpm and rpm/s."""
+        robot = runs[0].level == "robot"
         self.rough = robot
         """Whether small changes of a model change a simulation roughly: rollers meet the floor anew."""
         self.least_step = ROUGH_STEP if robot else SMOOTH_STEP

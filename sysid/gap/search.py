@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from sysid.gap.coordinates import EffectSet
+from sysid.gap.coordinates import BENCH_RIDGES, EffectSet
 from sysid.gap.descent import Minimum, explored
 from sysid.gap.fitted import Fitted, fit, marginal_function, unchanged
 from sysid.gap.growth import Growth, Key, growths
@@ -68,8 +68,13 @@ class Search:
         self.fit_best([g for p in parents for g in self.growths(p)], self.effort.of_size(size))
 
     def growths(self, parent: Fitted[EffectSet]) -> list[Growth]:
-        """Return a fitted set's growths by one effect each, the most promising first."""
-        return growths(self.problem.base, parent, self.library)
+        """Return a fitted set's growths by one effect each, the most promising first.
+
+        Not by one that does what an effect of the set does already, whatever the command.
+        """
+        found = growths(self.problem.base, parent, self.library, self.problem.scale)
+        ridges = () if self.problem.rough else BENCH_RIDGES
+        return [g for g in found if not any(ridge <= set(g.candidate.names) for ridge in ridges)]
 
     def swap(self, chosen: Fitted[EffectSet]) -> None:
         """Fit the sets that differ from a `chosen` one in one effect and may explain as much.

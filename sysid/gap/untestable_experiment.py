@@ -35,6 +35,7 @@ def design_for_untestable(
     limits: Limits,
     *,
     threshold: float,
+    scale: float = 1.0,
     seed: int = 0,
     jobs: int = 1,
 ) -> Design:
@@ -46,12 +47,13 @@ def design_for_untestable(
         setting: how the experiment will be recorded.
         limits: of the robot.
         threshold: gain of square sum that counts as seen.
+        scale: of bounds in rpm and rpm/s, from `sysid.gap.scale`.
         seed: of the random sequences and changes.
         jobs: sequences simulated at a time; changes the time taken, not the result.
     """
     plant: Plant = "bench" if setting.kind == "bench" else "rollers"
     there = [CATALOGUE[name] for name in effects if CATALOGUE[name].acts_in(plant)]
-    rivals = [_typical(model, effect) for effect in there[: _MOST[level_of(setting)]]]
+    rivals = [_typical(model, effect, scale) for effect in there[: _MOST[level_of(setting)]]]
     if not rivals:
         return Design(None, "")
     shown: list[int] = []
@@ -104,13 +106,13 @@ def visibility(
     return np.array(z)
 
 
-def _typical(model: Model, effect: Effect) -> Rival:
+def _typical(model: Model, effect: Effect, scale: float) -> Rival:
     """Return the model with an effect of a size that a user would care about."""
     values = dict(model.effects.get(effect.name, {}))
     for parameter in effect.parameters:
         if not parameter.simulated or parameter.neutral is None:
             continue
-        one = coordinate(model, effect, parameter)
+        one = coordinate(model, effect, parameter, scale)
         neutral = one.unit(one.neutral) if math.isfinite(one.neutral) else 1.0
         place = neutral + _TYPICAL * (1.0 - neutral if neutral < 0.5 else -neutral)
         values[parameter.name] = one.value(place)

@@ -53,7 +53,14 @@ def what_next(
         return _separating(problem, decision, setting, limits, seed)
     names = [effect.name for effect in untestable] if decision.verdict in ("named", "no_gap") else []
     return design_for_untestable(
-        improved, names, setting, limits, threshold=threshold, seed=seed, jobs=problem.jobs
+        improved,
+        names,
+        setting,
+        limits,
+        threshold=threshold,
+        scale=problem.scale,
+        seed=seed,
+        jobs=problem.jobs,
     )
 
 

@@ -1,0 +1,139 @@
+"""The search on robots that are faster or slower than the packaged one, with other clocks or no ceiling."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator import replay_bench
+from sysid.gap.coordinates import Coordinate, coordinate, effect_set, scanned
+from sysid.gap.library import responses
+from sysid.gap.noise import measure_noise
+from sysid.gap.observations import observe
+from sysid.gap.problem import Problem
+from sysid.gap.scale import speed_scale
+from sysid.gap.search import EMPTY, Effort, Search
+from sysid.gap.whitening import Whitener
+from sysid.logs import BenchCommand, Dataset, Run
+
+from .conftest import MakeLogs
+
+MODEL = paper_model()
+EFFORT = Effort(4, 4, 2, 4, 2)
+
+
+def of_ceiling(rpm: float) -> Model:
+    return replace(MODEL, wheel=replace(MODEL.wheel, saturation_rpm=rpm))
+
+
+def fast_logs(model: Model, top_rpm: float) -> Dataset:
+    """Return what a model does at speeds up to some, on the bench, with noise."""
+    rng = np.random.default_rng(3)
+    time = np.arange(0.0, 4.0, 0.02)
+    runs = []
+    for i, split in enumerate(("fit", "fit", "validation", "test")):
+        levels = top_rpm * rng.uniform(-1.0, 1.0, 10)
+        levels[:3] = top_rpm * np.array([1.0, -0.9, 0.8])
+        command = np.rint(np.repeat(levels, time.size // 10))
+        speed = replay_bench(model, time, command) + 0.5 * rng.standard_normal(time.size)
+        runs.append(Run(f"{i}.csv", f"{i}", split, time, BenchCommand(command), {"speed_rpm": speed}))  # type: ignore[arg-type]
+    return Dataset("fast bench", tuple(runs), ())
+
+
+def searched(logs: Dataset, model: Model, effects: list[str]) -> Search:
+    runs = tuple(run for run in logs.runs if run.split != "test")
+    observations = observe(replace(logs, runs=runs))
+    problem = Problem(model, Whitener(observations, measure_noise(logs, observations), None))
+    return Search(problem, responses(problem, effects), EFFORT)
+
+
+def one_of(name: str, parameter: str, model: Model = MODEL, scale: float = 1.0) -> Coordinate:
+    found = next(p for p in CATALOGUE[name].parameters if p.name == parameter)
+    return coordinate(model, CATALOGUE[name], found, scale)
+
+
+@pytest.mark.parametrize("ceiling", [100.0, 135.0, 180.0])
+def test_robots_about_as_fast_as_ours_are_searched_as_the_catalogue_says(ceiling: float) -> None:
+    assert speed_scale(of_ceiling(ceiling), ()) == 1.0
+    for effect in CATALOGUE.values():
+        for parameter in effect.parameters:
+            assert parameter.scaled(1.0) is parameter
+
+
+def test_the_logs_say_how_fast_a_wheel_without_ceiling_is(bench_logs: MakeLogs) -> None:
+    endless = of_ceiling(math.inf)
+    assert speed_scale(endless, bench_logs(MODEL).runs) == 1.0  # commands up to 120 rpm
+    assert speed_scale(endless, fast_logs(endless, 800.0).runs) == 8.0
+    assert speed_scale(of_ceiling(30.0), fast_logs(endless, 800.0).runs) == 0.25
+
+
+def test_bounds_and_grid_of_speeds_go_with_the_robot_and_no_others_do() -> None:
+    endless = of_ceiling(math.inf)
+    for effect in CATALOGUE.values():
+        for parameter in effect.parameters:
+            low, high = parameter.scaled(4.0).bounds
+            factor = 4.0 if parameter.unit in ("rpm", "rpm/s") else 1.0
+            assert (low, high) == (factor * parameter.bounds[0], factor * parameter.bounds[1])
+            if parameter.scan:
+                assert parameter.scaled(4.0).scan == tuple(factor * v for v in parameter.scan)
+    limit = one_of("speed_saturation", "limit_rpm", endless, 8.0)
+    assert (limit.low, limit.high) == (80.0, 1600.0)
+    assert one_of("speed_saturation", "softness_rpm", endless, 8.0).high == 480.0
+
+
+def test_a_dead_band_and_a_ceiling_far_beyond_the_packaged_robots_are_found() -> None:
+    base = of_ceiling(math.inf)
+    true = base.with_effect("command_deadband", threshold_rpm=140.0)
+    true = true.with_effect("speed_saturation", limit_rpm=600.0, softness_rpm=150.0)
+    search = searched(fast_logs(true, 800.0), base, ["command_deadband", "speed_saturation", "speed_gain"])
+    search.grow(1)
+    search.grow(2)
+    best = search.of_size(2)[0]
+    found = best.candidate.model(base, best.place).effects
+    assert best.names == ("command_deadband", "speed_saturation")
+    assert found["command_deadband"]["threshold_rpm"] == pytest.approx(140.0, rel=0.1)
+    assert found["speed_saturation"]["limit_rpm"] == pytest.approx(600.0, rel=0.02)
+    assert found["speed_saturation"]["softness_rpm"] == pytest.approx(150.0, rel=0.2)
+
+
+def test_softness_is_free_beside_a_limit_that_the_model_does_not_have() -> None:
+    names = ["speed_saturation"]
+    base = of_ceiling(math.inf)
+    search = searched(fast_logs(base.with_effect("speed_saturation", limit_rpm=90.0), 120.0), base, names)
+    growth = search.growths(search.base)[0]
+    assert [c.parameter for c in growth.candidate.coordinates] == ["limit_rpm", "softness_rpm"]
+    # Beside a limit that the model has, softness shows by itself, or is left alone.
+    slow = searched(fast_logs(MODEL.with_effect("speed_saturation", limit_rpm=40.0), 60.0), MODEL, names)
+    growth = slow.growths(slow.base)[0]
+    assert [c.parameter for c in growth.candidate.coordinates] == ["limit_rpm"]
+
+
+def test_a_command_is_delayed_no_longer_than_a_drive_remembers() -> None:
+    assert one_of("command_latency", "delay_s").high == 0.3
+    quick = replace(MODEL, wheel=replace(MODEL.wheel, command_period_s=MODEL.wheel.law.sample_period_s / 2))
+    late = one_of("command_latency", "delay_s", quick)
+    assert late.high < 29 * quick.wheel.command_period_s
+    longest = effect_set(quick, ["command_latency"]).model(quick, np.ones(1))
+    time = np.arange(0.0, 1.0, 0.01)
+    assert np.all(np.isfinite(replay_bench(longest, time, np.full(time.size, 50.0))))
+    delay = CATALOGUE["command_latency"].parameters[0]
+    places = scanned(delay, late)
+    assert len(set(places)) == len(places) > 1
+    assert places[-1] == 1.0
+    assert one_of("sensor_latency", "delay_s", quick).high == 0.3
+
+
+def test_gain_and_scale_are_never_both_free_on_a_bench(bench_logs: MakeLogs) -> None:
+    true = MODEL.with_effect("speed_gain", gain=0.9)
+    search = searched(bench_logs(true), MODEL, ["speed_gain", "sensor_scale", "command_deadband"])
+    search.grow(1)
+    search.grow(2)
+    search.swap(search.of_size(2)[0])
+    sets = {fitted.names for fitted in search.fitted.values()}
+    assert {EMPTY.names, ("speed_gain",), ("sensor_scale",), ("command_deadband", "sensor_scale")} <= sets
+    assert not any({"speed_gain", "sensor_scale"} <= set(names) for names in sets)

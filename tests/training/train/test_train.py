@@ -1,0 +1,166 @@
+"""Training: exact after an interruption, whole folders, bad input; the exported policy is the learner's."""
+
+import json
+import shutil
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError
+from mecanum_env.model import paper_model
+from training.controllers.policy import load_policy
+from training.train.__main__ import main
+from training.train.checkpoint import newest_checkpoint, read_learner, read_run
+from training.train.environment import bare_env, seeds_at, training_env
+from training.train.levels import level_models
+from training.train.play import DEVELOPMENT_SEEDS
+from training.train.run import resume, train
+from training.train.settings import Ppo, Sac, Settings, settings_from_json, settings_json
+
+WATCH = range(100_000, 100_002)
+SMALL = {
+    "ppo": Settings(
+        steps=384,
+        envs=4,
+        stack=2,
+        checkpoint_every=128,
+        ppo=Ppo(rollout_steps=16, batch_size=32, epochs=2, layers=(8,)),
+    ),
+    "sac": Settings(
+        algo="sac",
+        steps=384,
+        envs=4,
+        stack=2,
+        checkpoint_every=128,
+        sac=Sac(learning_starts=64, batch_size=16, updates_a_step=1, buffer_size=400, layers=(8,)),
+    ),
+}
+
+
+@pytest.fixture(scope="module", params=SMALL)
+def trained(request, tmp_path_factory):
+    """Return settings and folder of an uninterrupted run."""
+    folder = tmp_path_factory.mktemp(request.param) / "run"
+    settings = SMALL[request.param]
+    train(settings, folder, watch=WATCH, quiet=True)
+    return settings, folder
+
+
+def learner(folder, settings):
+    return read_learner(newest_checkpoint(folder), settings, bare_env(settings))
+
+
+def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
+    settings, folder = trained
+    other = tmp_path / "run"
+    first = train(settings, other, stop_after=100, watch=WATCH, quiet=True)
+    assert 100 <= first.steps_done < settings.steps
+    last = resume(other, watch=WATCH, quiet=True)
+    assert last.steps_done == settings.steps
+    (agent, normaliser), (again, normaliser_again) = learner(folder, settings), learner(other, settings)
+    weights, weights_again = agent.policy.state_dict(), again.policy.state_dict()
+    assert weights.keys() == weights_again.keys()
+    assert all(np.array_equal(weights[name].numpy(), weights_again[name].numpy()) for name in weights)
+    np.testing.assert_array_equal(normaliser.obs_rms.mean, normaliser_again.obs_rms.mean)
+    np.testing.assert_array_equal(normaliser.obs_rms.var, normaliser_again.obs_rms.var)
+    assert normaliser.ret_rms.var == normaliser_again.ret_rms.var
+
+
+def test_another_seed_ends_with_other_weights(trained, tmp_path):
+    settings, folder = trained
+    train(replace(settings, seed=1), tmp_path / "run", watch=WATCH, quiet=True)
+    one, other = load_policy(folder / "policy.npz"), load_policy(tmp_path / "run" / "policy.npz")
+    assert not np.array_equal(one.network.weights[-1], other.network.weights[-1])
+
+
+def test_the_exported_policy_is_the_learners(trained):
+    settings, folder = trained
+    agent, normaliser = learner(folder, settings)
+    network = load_policy(folder / "policy.npz").network
+    rng = np.random.default_rng(0)
+    limits = normaliser.observation_space.high
+    seen = np.concatenate(
+        [rng.uniform(-limits, limits, (100, len(limits))), rng.normal(size=(100, len(limits)))]
+    )
+    seen = seen.astype(np.float32)
+    expected, _ = agent.predict(normaliser.normalize_obs(seen), deterministic=True)
+    np.testing.assert_allclose(network.actions(seen), expected, atol=1e-5)
+
+
+def test_a_folder_says_what_made_it(trained):
+    settings, folder = trained
+    stored, facts = read_run(folder)
+    assert stored == settings
+    assert {"python", "mujoco", "torch", "stable-baselines3"} <= facts["versions"].keys()
+    about = load_policy(folder / "policy.npz").about
+    assert about["steps_done"] == settings.steps
+    assert settings_from_json(about["settings"]) == settings
+    curve = json.loads((folder / "curve.json").read_text())
+    assert [point["steps"] for point in curve] == [128, 256, 384]
+    assert list((folder / "tensorboard").iterdir())
+    assert not list(folder.rglob(".*"))
+
+
+def test_only_the_newest_checkpoint_keeps_the_replay_buffer(trained):
+    settings, folder = trained
+    kept = [path.parent.name for path in folder.glob("checkpoints/*/replay.pkl")]
+    assert kept == (["000000384"] if settings.algo == "sac" else [])
+
+
+def test_a_half_written_checkpoint_is_not_taken(trained, tmp_path):
+    _, folder = trained
+    shutil.copytree(folder, tmp_path / "run")
+    torn = tmp_path / "run" / "checkpoints" / ".writing-abc"
+    torn.mkdir()
+    assert newest_checkpoint(tmp_path / "run").name == "000000384"
+
+
+def test_what_is_over_or_begun_is_refused(trained, tmp_path):
+    settings, folder = trained
+    with pytest.raises(InputError, match="trained for its 384 steps already; give more --steps"):
+        resume(folder, quiet=True)
+    with pytest.raises(InputError, match=r"holds a training run; go on with --resume"):
+        train(settings, folder, quiet=True)
+    with pytest.raises(InputError, match=r"run.json: No such file"):
+        resume(tmp_path, quiet=True)
+
+
+def test_bad_settings_are_refused(capsys):
+    with pytest.raises(InputError, match=r'env = .*did you mean "MecanumTankendoDuel-v0"'):
+        Settings(env="MecanumTankendoDual-v0")
+    with pytest.raises(InputError, match="stack = 0, must be at least 1"):
+        Settings(stack=0)
+    with pytest.raises(InputError, match=r'no .stak. \(did you mean "stack"'):
+        settings_from_json(settings_json(Settings()) | {"stak": 1})
+    assert run(main, []) == 2
+    assert "--out FOLDER or --resume FOLDER" in capsys.readouterr().err
+    assert run(main, ["--resume", "x", "--seed", "3"]) == 2
+    assert "the run's own settings count" in capsys.readouterr().err
+
+
+def test_levels_are_robots_side_by_side():
+    settings = Settings(randomize="levels", envs=9, stack=2)
+    env = training_env(settings)
+    models = level_models(paper_model())
+    assert len({json.dumps(model.effects, sort_keys=True, default=dict) for model in models.values()}) == len(
+        models
+    )
+    groups = env.unwrapped.groups
+    assert [group.num_envs for group in groups] == [2, 2, 1, 1, 1, 1, 1]
+    env.unwrapped._seeds = seeds_at(settings, 0)
+    assert env.reset().shape == (9, 40)
+    env.step(np.ones((9, 3), np.float32))
+    one = [group.env.arena.robots.model_of(0) for group in groups]
+    assert one == list(models.values())
+
+
+def test_training_never_meets_an_episode_of_an_evaluation():
+    seeds = seeds_at(Settings(envs=256), 0)
+    assert len(set(seeds)) == 256
+    assert min(seeds) > max(DEVELOPMENT_SEEDS)
+    assert set(seeds).isdisjoint(seeds_at(Settings(envs=256), 250_000))
+    assert set(seeds).isdisjoint(seeds_at(Settings(envs=256, seed=1), 0))

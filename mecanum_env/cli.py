@@ -18,18 +18,20 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
     `prog` is the name of the program in the help; None takes that of the running one.
 
     Returns:
-        0 when the command returned, 2 when it raised a `MecanumError`, 130 when it was interrupted. Wrong
+        What the command returned if that is a whole number, such as 1 for a test that was not passed; else 0
+        when it returned, 2 when it raised a `MecanumError`, 130 when it was interrupted. Wrong
         arguments make tyro print what is known and raise ``SystemExit(2)``.
     """
     try:
-        tyro.cli(command, args=args, prog=prog)
+        result = tyro.cli(command, args=args, prog=prog)
     except MecanumError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
         # The reader (`| head`) has seen enough; keep the interpreter from failing again when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print("interrupted; nothing half-written was left behind", file=sys.stderr)
         return 130
-    return 0
+    return result if isinstance(result, int) else 0

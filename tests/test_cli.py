@@ -31,6 +31,14 @@ def test_a_command_that_returns_exits_with_0(capsys):
     assert capsys.readouterr().out == "hello world hello world \n"
 
 
+def test_a_verdict_is_the_exit_code():
+    def judge() -> int:
+        """Fail."""
+        return 1
+
+    assert run(judge, []) == 1
+
+
 def test_bad_input_is_one_sentence_on_stderr_and_exit_code_2(capsys):
     assert run(refuse, []) == 2
     out, err = capsys.readouterr()

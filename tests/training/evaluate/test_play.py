@@ -1,0 +1,102 @@
+"""Episodes: one seed each, the same whatever plays beside them; why they fail."""
+
+import numpy as np
+import pytest
+
+from mecanum_env.errors import InputError
+from mecanum_env.tankendo import Opponent, command_to_action
+from mecanum_env.tankendo.env import TankendoEnv
+from training.controllers.proportional import Proportional
+from training.controllers.still import Still
+from training.evaluate import Setup, evaluate, named_maker
+
+
+def same(a, b) -> bool:
+    return a.episodes == b.episodes
+
+
+@pytest.mark.parametrize("effect", [None, ("sensor_lowpass", {"time_constant_s": 0.1})])
+def test_the_number_of_rows_changes_nothing(paper, echo, effect):
+    model = paper if effect is None else paper.with_effect(effect[0], **effect[1])
+    found = [evaluate(echo, Setup(model), range(7), rows=rows) for rows in (1, 3, 7)]
+    assert same(found[0], found[1])
+    assert same(found[0], found[2])
+    assert [episode.seed for episode in found[0].episodes] == list(range(7))
+
+
+def test_drawn_robots_do_not_depend_on_the_rows(paper, echo):
+    from dataclasses import replace
+
+    known = {"effects": {"speed_gain": {"gain": {"low": 0.6, "high": 1.0}}}}
+    model = replace(paper.with_effect("speed_gain", gain=0.8), uncertainty=known)
+    setup = Setup(model, randomize="posterior")
+    one, many = (evaluate(echo, setup, range(4), rows=rows) for rows in (1, 3))
+    assert same(one, many)
+    assert not same(one, evaluate(echo, Setup(model), range(4)))
+
+
+def test_an_episode_is_that_of_the_single_environment(paper):
+    found = evaluate(named_maker("retreat", paper), Setup(paper), [5]).episodes[0]
+    env = TankendoEnv(model=paper, action_mode="command")
+    observation, info = env.reset(seed=5)
+    controller = named_maker("retreat", paper)(env.arena, 0, 5)
+    total, over, steps = 0.0, False, 0
+    while not over:
+        observation, reward, terminated, truncated, info = env.step(
+            command_to_action(controller.act(observation))
+        )
+        total, over, steps = total + reward, terminated or truncated, steps + 1
+    assert found.success == info["is_success"]
+    assert found.total_reward == pytest.approx(total)
+    assert found.duration_s == pytest.approx(0.1 * steps)
+    assert found.warning_s == pytest.approx(info["warning_s"])
+    assert found.technique == ("do", "nodo", "men", "kote")[info["technique"]]
+    env.close()
+
+
+def test_why_episodes_fail(paper):
+    still = evaluate(named_maker("still", paper), Setup(paper), range(6))
+    assert {episode.reason for episode in still.episodes} == {"hit"}
+    away = evaluate(lambda *_: Driving(), Setup(paper), range(3))
+    assert {episode.reason for episode in away.episodes} == {"left the field"}
+    ram = evaluate(lambda *_: Proportional(distance_m=0.2), Setup(paper), range(3))
+    assert {episode.reason for episode in ram.episodes} == {"clash"}
+    patient = Setup(paper, opponent=Opponent(patience_s=(2.0, 3.0)))
+    turned = evaluate(lambda *_: Driving(0, 0, 60), patient, range(2))
+    assert {episode.reason for episode in turned.episodes} == {"no opening"}
+    idle = evaluate(named_maker("still", paper), Setup(paper, task="track"), range(3))
+    assert {episode.reason for episode in idle.episodes} <= {"not kept", "clash"}
+    assert all(episode.technique == "" and episode.warning_s is None for episode in idle.episodes)
+
+
+def test_a_success_needs_no_reason(paper):
+    kind = Opponent(warning_s=(0.6, 0.65), feint_probability=0.0)
+    found = evaluate(named_maker("oracle", paper), Setup(paper, opponent=kind), range(3))
+    assert [(episode.success, episode.reason) for episode in found.episodes] == [(True, "")] * 3
+    assert all(0.6 <= episode.warning_s <= 0.65 for episode in found.episodes)
+
+
+def test_times_are_measured_but_do_not_count_as_equal(paper):
+    first, second = (evaluate(lambda *_: Still(), Setup(paper), [0]) for _ in range(2))
+    assert same(first, second)
+    assert first.command_times_s.shape == (round(first.episodes[0].duration_s / 0.1),)
+    assert np.all(first.command_times_s > 0.0)
+
+
+def test_no_episode_is_refused(paper):
+    with pytest.raises(InputError, match="must be at least 1"):
+        evaluate(named_maker("still", paper), Setup(paper), [])
+
+
+class Driving:
+    """Sends one command for ever: backwards unless told otherwise."""
+
+    def __init__(self, theta: int = 180, v: int = 130, vc: int = 0) -> None:
+        self._command = (v, theta, vc)
+
+    def reset(self) -> None:
+        """Forget nothing."""
+
+    def act(self, _observation):
+        """Return the command."""
+        return self._command

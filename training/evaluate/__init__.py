@@ -1,0 +1,28 @@
+"""Playing seeded episodes of a controller and measuring them.
+
+play       episodes side by side, one seed an episode
+episode    what is recorded of one, and what is kept
+measures   settling, overshoot and the like, of arrays
+intervals  shares and means with their intervals
+"""
+
+from training.evaluate.episode import Ending, Episode, Reason, Trace, summarise
+from training.evaluate.intervals import Mean, Share, mean, share
+from training.evaluate.play import Evaluation, Maker, Setup, evaluate, named_maker
+
+__all__ = [
+    "Ending",
+    "Episode",
+    "Evaluation",
+    "Maker",
+    "Mean",
+    "Reason",
+    "Setup",
+    "Share",
+    "Trace",
+    "evaluate",
+    "mean",
+    "named_maker",
+    "share",
+    "summarise",
+]

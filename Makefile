@@ -18,10 +18,10 @@ export OMP_NUM_THREADS := 1
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
 
-test: $(VENV)/installed
+test: $(VENV)/train
 	$(BIN)/python -m pytest -m "not slow"
 
-test-all: $(VENV)/installed
+test-all: $(VENV)/train
 	$(BIN)/python -m pytest
 
 test-wheel: $(VENV)/installed
@@ -32,7 +32,7 @@ check: $(VENV)/installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
-bench: $(VENV)/installed
+bench: $(VENV)/train
 	for name in plugin physics paper_drives replay fit gap online render env real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
@@ -60,6 +60,11 @@ FORCE:
 # Again when the dependencies, the plugin or the set of modules change.
 $(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt $(wildcard mecanum_env/plugin/*.c) $(VENV)/modules | system $(BIN)/python
 	$(BIN)/pip install --quiet -c constraints.txt -e ".[dev]"
+	@touch $@
+
+# Stable-Baselines3 with torch, which only training and its tests need.
+$(VENV)/train: $(VENV)/installed
+	$(BIN)/pip install --quiet -c constraints.txt "mecanum-tankendo[train]"
 	@touch $@
 
 clean:

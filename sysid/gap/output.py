@@ -10,6 +10,7 @@ import numpy as np
 
 from mecanum_env.files import atomic_path, write_json
 from mecanum_env.model import write_model
+from mecanum_env.report import report_available
 from mecanum_env.units import FloatArray
 from sysid.gap.records import Experiment, GapReport
 from sysid.gap.result import gap_json
@@ -17,7 +18,6 @@ from sysid.gap.table import NEXT_FILE
 from sysid.logs.columns import TIME
 from sysid.logs.writer import write_columns
 from sysid.report import write_gap_report
-from sysid.report.page import report_available
 
 _RESULT, _MODEL, _PAGE = "gap.json", "model.json", "report.html"
 FILES: Final = (_RESULT, _MODEL, _PAGE, NEXT_FILE)

@@ -10,13 +10,14 @@ import numpy as np
 import mecanum_env
 from mecanum_env.law.metrics import step_response
 from mecanum_env.model import Model
+from mecanum_env.report import figure, report_available, write_page
 from sysid.fit.pipeline import Fit
 from sysid.fit.table import method_table, quantity_table, robot_table
 from sysid.logs import Split
 from sysid.replay import BenchReplay, replay_worst
-from sysid.report.page import figure, report_available, write_page
 from sysid.report.worst_runs import RunView, run_views
 
+_TEMPLATE: Final = Path(__file__).parent / "templates" / "fit.html"
 _GREY, _RED, _BLUE = "#8a8a8a", "#c8102e", "#1f4e79"
 _MOST_FINDINGS: Final = 40
 _HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")
@@ -38,7 +39,7 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
     findings = fit.dataset.findings[:_MOST_FINDINGS]
     write_page(
         path,
-        "fit.html",
+        _TEMPLATE,
         {
             **overlays,
             "poles": _poles(fit),

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from mecanum_env.report import report_available, write_page
 from sysid.gap.records import Difference, Evidence, FoundEffect, GapReport
 from sysid.gap.table import next_step
 from sysid.gap.verdict import (
@@ -21,8 +22,8 @@ from sysid.gap.verdict import (
     verdict_sentence,
 )
 from sysid.report.gap_plots import experiment_figure, heat_figure, heat_scale, overlay_figure, was_changed
-from sysid.report.page import report_available, write_page
 
+_TEMPLATE: Final = Path(__file__).parent / "templates" / "gap.html"
 _MOST_OVERLAYS: Final = 6
 _MOST_FINDINGS: Final = 40
 _EVIDENCE_SHOWN, _EVIDENCE_FOLDED = 10, 60
@@ -47,7 +48,7 @@ def write_gap_report(report: GapReport, path: Path) -> bool:
         figures["experiment"] = experiment_figure(report.next_experiment)
     write_page(
         path,
-        "gap.html",
+        _TEMPLATE,
         figures,
         dataset=report.dataset,
         level=report.level,

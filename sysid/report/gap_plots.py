@@ -8,11 +8,11 @@ from typing import Any, Final
 
 import numpy as np
 
+from mecanum_env.report import figure
 from mecanum_env.units import FloatArray
 from sysid.gap.records import Experiment, GapReport, Overlay, Region
 from sysid.gap.verdict import number
 from sysid.logs.columns import UNITS
-from sysid.report.page import figure
 
 MEASURED, BEFORE, AFTER, COMMAND = "#8a8a8a", "#c8102e", "#0b7a75", "#1f4e79"
 CANDIDATES: Final = ("#0b7a75", "#c8102e", "#1f4e79", "#c58b00", "#6b4c9a")

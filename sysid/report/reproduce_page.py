@@ -9,13 +9,14 @@ from typing import Any, Final
 import numpy as np
 
 import mecanum_env
+from mecanum_env.report import figure, report_available, write_page
 from mecanum_env.units import FloatArray
-from sysid.report.page import figure, report_available, write_page
 from sysid.reproduce.chapters import chapters
 from sysid.reproduce.charts import Line, Panel, charts
 from sysid.reproduce.experiment import Reproduction
 from sysid.reproduce.tables import verdict
 
+_TEMPLATE: Final = Path(__file__).parent / "templates" / "reproduce.html"
 _STYLE: Final[dict[str, dict[str, Any]]] = {
     "line": {"mode": "lines", "line": {"width": 1.6}},
     "stairs": {"mode": "lines", "line": {"width": 1.4, "shape": "hv"}},
@@ -42,7 +43,7 @@ def write_reproduction_page(found: Reproduction, path: Path) -> bool:
         grids[chart.name] = (chart.columns, names)
     write_page(
         path,
-        "reproduce.html",
+        _TEMPLATE,
         figures,
         verdict=verdict(found),
         chapters=chapters(found),

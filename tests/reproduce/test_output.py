@@ -8,7 +8,7 @@ import pytest
 
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
-from sysid.report.page import report_available
+from mecanum_env.report import report_available
 from sysid.report.reproduce_page import write_reproduction_page
 from sysid.report.reproduce_plots import write_reproduction_plots
 from sysid.reproduce.__main__ import main

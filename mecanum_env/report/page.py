@@ -53,12 +53,12 @@ def figure(
     return {"data": [dict(trace) for trace in traces], "layout": base}
 
 
-def write_page(path: Path, template: str, figures: Mapping[str, Mapping[str, Any]], **values: Any) -> None:
-    """Render a template of `sysid/report/templates` with figures and values, whole or not at all.
+def write_page(path: Path, template: Path, figures: Mapping[str, Mapping[str, Any]], **values: Any) -> None:
+    """Render a template with figures and values, whole or not at all.
 
     Args:
         path: of the page.
-        template: file name, such as "fit.html".
+        template: its file; it may extend "base.html", and others beside it.
         figures: element id -> figure; the template places them with ``{{ plot("id") }}``.
         **values: what else the template shows.
     """
@@ -68,7 +68,7 @@ def write_page(path: Path, template: str, figures: Mapping[str, Mapping[str, Any
     from plotly.offline import get_plotlyjs
 
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(Path(__file__).parent / "templates"),
+        loader=jinja2.FileSystemLoader([template.parent, Path(__file__).parent / "templates"]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
@@ -83,4 +83,4 @@ def write_page(path: Path, template: str, figures: Mapping[str, Mapping[str, Any
         return Markup(text)
 
     script = Markup(get_plotlyjs())
-    write_text(path, environment.get_template(template).render(plot=plot, plotly=script, **values))
+    write_text(path, environment.get_template(template.name).render(plot=plot, plotly=script, **values))

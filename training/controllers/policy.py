@@ -150,11 +150,13 @@ def load_policy(path: Path) -> Policy:
     """Return the policy that a file holds, ready to act.
 
     Args:
-        path: an `.npz` that `training.train` wrote, or `bundled()`.
+        path: an `.npz` or a folder that `training.train` wrote, or `bundled()`.
 
     Raises:
         InputError: there is no such file, or it is no policy.
     """
+    if path.is_dir():
+        path = path / "policy.npz"
     try:
         with np.load(path, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}

@@ -30,19 +30,15 @@ def model_of(settings: Settings) -> Model:
     return paper_model() if settings.model is None else read_model(settings.model)
 
 
-def env_arguments(settings: Settings) -> dict[str, Any]:
-    """Return the arguments of `TankendoVectorEnv` that say what is played; the robot is not among them."""
-    return {
+def bare_env(settings: Settings) -> VecEnv:
+    """Return the environments with the policy's memory, but neither monitor nor normaliser."""
+    arguments: dict[str, Any] = {
         "task": settings.task,
         "plant": settings.plant,
         "difficulty": settings.difficulty,
         "action_mode": settings.action_mode,
+        "reward_weights": dict(settings.reward_weights),
     }
-
-
-def bare_env(settings: Settings) -> VecEnv:
-    """Return the environments with the policy's memory, but neither monitor nor normaliser."""
-    arguments = env_arguments(settings) | {"reward_weights": dict(settings.reward_weights)}
     model = model_of(settings)
     if settings.randomize == "levels":
         models = list(level_models(model).values())

@@ -24,7 +24,6 @@ from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tqdm import tqdm
 
 from mecanum_env.errors import InputError
-from training.controllers.policy import Network
 from training.train.agent import make_agent
 from training.train.checkpoint import (
     Point,
@@ -36,12 +35,11 @@ from training.train.checkpoint import (
     write_checkpoint,
     write_run,
 )
-from training.train.environment import bare_env, env_arguments, model_of, seeds_at, training_env
+from training.train.environment import bare_env, seeds_at, training_env
 from training.train.export import network_of
-from training.train.levels import level_models
-from training.train.play import DEVELOPMENT_SEEDS, play
 from training.train.provenance import commit, versions
 from training.train.settings import Settings
+from training.train.watch import DEVELOPMENT_SEEDS, watch
 
 _NEVER: Final = sys.maxsize
 
@@ -51,7 +49,7 @@ def train(
     folder: Path,
     *,
     stop_after: int | None = None,
-    watch: Sequence[int] = DEVELOPMENT_SEEDS,
+    watch_seeds: Sequence[int] = DEVELOPMENT_SEEDS,
     quiet: bool = False,
 ) -> State:
     """Train a policy into a new folder; return where the run ended.
@@ -60,7 +58,7 @@ def train(
         settings: of the run.
         folder: to write; see `training.train.checkpoint`.
         stop_after: end at the first checkpoint after so many steps; `resume` goes on from there.
-        watch: seeds of the episodes that each checkpoint is tried on.
+        watch_seeds: of the episodes that each checkpoint is tried on.
         quiet: whether to show no progress bar.
 
     Raises:
@@ -74,7 +72,7 @@ def train(
     agent = make_agent(settings, normaliser)
     command = shlex.join(["python", "-m", "training.train", *sys.argv[1:]])
     write_run(folder, settings, {"command": command, "versions": versions(), "commit": commit()})
-    return _learn(agent, normaliser, settings, State(), folder, command, stop_after, watch, quiet)
+    return _learn(agent, normaliser, settings, State(), folder, command, stop_after, watch_seeds, quiet)
 
 
 def resume(
@@ -82,7 +80,7 @@ def resume(
     *,
     steps: int | None = None,
     stop_after: int | None = None,
-    watch: Sequence[int] = DEVELOPMENT_SEEDS,
+    watch_seeds: Sequence[int] = DEVELOPMENT_SEEDS,
     quiet: bool = False,
 ) -> State:
     """Go on with the run of a folder, from its newest checkpoint; return where it ended.
@@ -92,7 +90,7 @@ def resume(
         steps: train for so many in all instead of the run's own number; the learning rate then falls over
             these, so the result is not that of a run that had this number from its start.
         stop_after: end at the first checkpoint after so many steps.
-        watch: seeds of the episodes that each checkpoint is tried on.
+        watch_seeds: of the episodes that each checkpoint is tried on.
         quiet: whether to show no progress bar.
 
     Raises:
@@ -112,25 +110,9 @@ def resume(
         if state.steps_done >= settings.steps:
             raise InputError(f"{folder}: trained for its {settings.steps} steps already; give more --steps")
         agent, normaliser = read_learner(checkpoint, settings, VecMonitor(bare_env(settings)))
-    return _learn(agent, normaliser, settings, state, folder, facts["command"], stop_after, watch, quiet)
-
-
-def tried(network: Network, settings: Settings, seeds: Sequence[int]) -> tuple[float, float]:
-    """Return the share of successes of a policy's network on a run's robots: the mean, and the worst robot's.
-
-    Args:
-        network: the policy.
-        settings: of the run.
-        seeds: of the episodes, for each robot.
-    """
-    model = model_of(settings)
-    models = level_models(model) if settings.randomize == "levels" else {"": model}
-    arguments: dict[str, Any] = {**env_arguments(settings)}
-    arguments.pop("action_mode")
-    if settings.randomize == "posterior":
-        arguments["randomize"] = "posterior"
-    shares = [float(play(network, one, seeds, **arguments).success.mean()) for one in models.values()]
-    return float(np.mean(shares)), min(shares)
+    return _learn(
+        agent, normaliser, settings, state, folder, facts["command"], stop_after, watch_seeds, quiet
+    )
 
 
 class _Parts(BaseCallback):  # type: ignore[misc]
@@ -170,7 +152,7 @@ def _learn(
     folder: Path,
     command: str,
     stop_after: int | None,
-    watch: Sequence[int],
+    watch_seeds: Sequence[int],
     quiet: bool,
 ) -> State:
     wall, processor = time.perf_counter() - state.wall_s, time.process_time() - state.processor_s
@@ -180,14 +162,14 @@ def _learn(
     def save() -> None:
         nonlocal wall, processor
         spent = time.perf_counter() - wall, time.process_time() - processor
-        success, worst = tried(network_of(agent, normaliser, settings), settings, watch)
+        seen = watch(network_of(agent, normaliser, settings), settings, watch_seeds)
         # Watching is no part of training, so the clocks stand meanwhile.
         wall, processor = time.perf_counter() - spent[0], time.process_time() - spent[1]
-        point = Point(agent.num_timesteps, success, worst, *spent)
+        point = Point(agent.num_timesteps, seen.success, seen.worst, *spent)
         now[0] = State(agent.num_timesteps, (*now[0].curve, point), *spent)
-        agent.logger.record("watch/success", success)
-        agent.logger.record("watch/worst", worst)
-        bar.set_postfix_str(f"success {success:.2f}")
+        agent.logger.record("watch/success", seen.success)
+        agent.logger.record("watch/worst", seen.worst)
+        bar.set_postfix_str(f"success {seen.success:.2f}")
         write_checkpoint(folder, agent, normaliser, settings, now[0], command)
 
     with tqdm(

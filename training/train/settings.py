@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal, cast, get_args
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode, check_mode
+from mecanum_env.tankendo.arena import TaskName
 
 Algorithm = Literal["ppo", "sac"]
 ALGORITHMS: Final[tuple[Algorithm, ...]] = get_args(Algorithm)
@@ -103,9 +104,9 @@ class Settings:
             raise InputError(f"seed = {self.seed}, must not be negative")
 
     @property
-    def task(self) -> str:
+    def task(self) -> TaskName:
         """The environment's task: dodge, track or duel."""
-        return ENVIRONMENTS[self.env]
+        return cast(TaskName, ENVIRONMENTS[self.env])
 
     @property
     def gamma(self) -> float:

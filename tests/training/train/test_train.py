@@ -17,9 +17,9 @@ from training.train.__main__ import main
 from training.train.checkpoint import newest_checkpoint, read_learner, read_run
 from training.train.environment import bare_env, seeds_at, training_env
 from training.train.levels import level_models
-from training.train.play import DEVELOPMENT_SEEDS
 from training.train.run import resume, train
 from training.train.settings import Ppo, Sac, Settings, settings_from_json, settings_json
+from training.train.watch import DEVELOPMENT_SEEDS
 
 WATCH = range(100_000, 100_002)
 SMALL = {
@@ -46,7 +46,7 @@ def trained(request, tmp_path_factory):
     """Return settings and folder of an uninterrupted run."""
     folder = tmp_path_factory.mktemp(request.param) / "run"
     settings = SMALL[request.param]
-    train(settings, folder, watch=WATCH, quiet=True)
+    train(settings, folder, watch_seeds=WATCH, quiet=True)
     return settings, folder
 
 
@@ -57,9 +57,9 @@ def learner(folder, settings):
 def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
     settings, folder = trained
     other = tmp_path / "run"
-    first = train(settings, other, stop_after=100, watch=WATCH, quiet=True)
+    first = train(settings, other, stop_after=100, watch_seeds=WATCH, quiet=True)
     assert 100 <= first.steps_done < settings.steps
-    last = resume(other, watch=WATCH, quiet=True)
+    last = resume(other, watch_seeds=WATCH, quiet=True)
     assert last.steps_done == settings.steps
     (agent, normaliser), (again, normaliser_again) = learner(folder, settings), learner(other, settings)
     weights, weights_again = agent.policy.state_dict(), again.policy.state_dict()
@@ -72,7 +72,7 @@ def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
 
 def test_another_seed_ends_with_other_weights(trained, tmp_path):
     settings, folder = trained
-    train(replace(settings, seed=1), tmp_path / "run", watch=WATCH, quiet=True)
+    train(replace(settings, seed=1), tmp_path / "run", watch_seeds=WATCH, quiet=True)
     one, other = load_policy(folder / "policy.npz"), load_policy(tmp_path / "run" / "policy.npz")
     assert not np.array_equal(one.network.weights[-1], other.network.weights[-1])
 

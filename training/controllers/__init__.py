@@ -15,21 +15,29 @@ On the simulator, with `action_mode="command"`:
 """
 
 from training.controllers.interface import Command, Controller, twist_command
+from training.controllers.lqr import Lqr
+from training.controllers.mpc import Mpc
 from training.controllers.oracle import Oracle
 from training.controllers.pose import PoseController
 from training.controllers.proportional import Proportional
 from training.controllers.random_motion import RandomMotion
 from training.controllers.retreat import Retreat
+from training.controllers.sidestep import SideStep
+from training.controllers.smith import Smith
 from training.controllers.still import Still
 
 __all__ = [
     "Command",
     "Controller",
+    "Lqr",
+    "Mpc",
     "Oracle",
     "PoseController",
     "Proportional",
     "RandomMotion",
     "Retreat",
+    "SideStep",
+    "Smith",
     "Still",
     "twist_command",
 ]

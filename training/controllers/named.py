@@ -13,10 +13,14 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
 from mecanum_env.tankendo.arena import Arena
 from training.controllers.interface import Controller
+from training.controllers.lqr import Lqr
+from training.controllers.mpc import Mpc
 from training.controllers.oracle import Oracle
 from training.controllers.proportional import Proportional
 from training.controllers.random_motion import RandomMotion
 from training.controllers.retreat import Retreat
+from training.controllers.sidestep import SideStep
+from training.controllers.smith import Smith
 from training.controllers.still import Still
 
 
@@ -40,8 +44,12 @@ CONTROLLERS: Final[Mapping[str, Callable[[Given], Controller]]] = MappingProxyTy
     {
         "random": lambda given: RandomMotion(given.seed),
         "still": lambda _: Still(),
-        "p": lambda given: Proportional(robot=given.model.robot),
+        "p": lambda given: Proportional(gain_per_s=4.0, turn_gain_per_s=4.0, robot=given.model.robot),
+        "smith": lambda given: Smith(given.model),
+        "lqr": lambda given: Lqr(given.model),
         "retreat": lambda given: Retreat(Proportional(robot=given.model.robot)),
+        "sidestep": lambda given: SideStep(Proportional(robot=given.model.robot)),
+        "mpc": lambda given: Mpc(given.model),
         "oracle": _oracle,
         "policy": lambda _: _load(_policy_module().bundled()),
     }

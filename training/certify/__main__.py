@@ -1,0 +1,85 @@
+"""Certify a controller: `python -m training.certify CONTROLLER --model model.json`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Literal
+
+import tyro
+from tqdm import tqdm
+
+from mecanum_env.cli import run
+from mecanum_env.model import paper_model, read_model
+from training.certify.codec import write_certificate
+from training.certify.page import write_certificate_page
+from training.certify.records import Thresholds
+from training.certify.run import Options, certify, episodes_of, require_usable
+from training.certify.table import certificate_table
+
+
+def main(
+    controller: tyro.conf.Positional[str],
+    /,
+    model: Path | None = None,
+    episodes: int = 200,
+    plants: tuple[str, ...] = (),
+    out: Path = Path("certificate"),
+    physics: Literal["planar", "rollers"] = "planar",
+    difficulty: str = "normal",
+    jobs: int = 0,
+    thresholds: Thresholds = Thresholds(),  # noqa: B008  (frozen; its values are the help's defaults)
+) -> int:
+    """Play a controller on many plants; write its figures and whether they meet the thresholds.
+
+    Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input.
+
+    Example: python -m training.certify retreat --model gap/model.json --plants nominal robot-level latency
+
+    Args:
+        controller: Name of a controller (random, still, p, smith, lqr, retreat, sidestep, mpc, oracle,
+            policy; with +compensated behind it: with the model's effects compensated), or path of a trained
+            policy.
+        model: Model file of the robot; by default the packaged one.
+        episodes: Of each plant, seeded 0, 1, ...
+        plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if); by
+            default all.
+        out: Folder to write.
+        physics: planar is fast; rollers puts every plant on its rollers.
+        difficulty: Of the opponent: easy, normal or hard.
+        jobs: Plants at a time; the result is the same with any number. 0: as many as there are processors.
+        thresholds: What it takes to pass; each is held against the worse end of the figure's interval.
+
+    Returns:
+        The exit code.
+    """
+    options = Options(
+        episodes=episodes,
+        plants=plants,
+        physics=physics,
+        difficulty=difficulty,
+        jobs=jobs,
+        thresholds=thresholds,
+    )
+    require_usable(options)
+    robot = paper_model() if model is None else read_model(model)
+    with tqdm(total=episodes_of(options, robot), unit="episode", disable=None) as bar:
+
+        def progress(name: str, count: int) -> None:
+            bar.set_description(name)
+            bar.update(count)
+
+        certificate = certify(controller, robot, options, progress)
+    write_certificate(certificate, out / "certificate.json")
+    written = [out / "certificate.json"]
+    hint = "; for certificate.html: pip install 'mecanum-tankendo[report]'"
+    if write_certificate_page(certificate, out / "certificate.html"):
+        written.append(out / "certificate.html")
+        hint = ""
+    print(certificate_table(certificate))
+    print(f"\nwrote {', '.join(map(str, written))}{hint}")
+    return 0 if certificate.passed else 1
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m training.certify"))

@@ -1,0 +1,98 @@
+"""A certificate as a JSON file, and back."""
+
+from __future__ import annotations
+
+import json
+import os
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import asdict, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Final
+
+from mecanum_env.errors import InputError
+from mecanum_env.files import write_json
+from training.certify.records import Certificate
+
+FORMAT: Final = "mecanum-certificate/1"
+
+
+def certificate_to_dict(certificate: Certificate) -> dict[str, Any]:
+    """Return a certificate as a JSON object.
+
+    Only `timing`, `timing_check` and, where the time decides, `passed` hang on the machine.
+    """
+    head = {"format": FORMAT, "passed": certificate.passed, "worst_plant": certificate.worst.name}
+    return head | asdict(certificate)
+
+
+def certificate_from_dict(value: Mapping[str, Any]) -> Certificate:
+    """Build a certificate from a JSON object, the value that `certificate_to_dict` returns.
+
+    Raises:
+        InputError: another format, or a field that is missing or of another kind.
+    """
+    if value.get("format") != FORMAT:
+        raise InputError(f'"format" is {value.get("format")!r}, must be "{FORMAT}"')
+    found: Certificate = _read(Certificate, value, "certificate")
+    return found
+
+
+def write_certificate(certificate: Certificate, path: str | os.PathLike[str]) -> None:
+    """Write a certificate to a path as JSON, whole or not at all."""
+    write_json(path, certificate_to_dict(certificate))
+
+
+def read_certificate(path: str | os.PathLike[str]) -> Certificate:
+    """Read a certificate from a path: what `write_certificate` was given.
+
+    Raises:
+        InputError: no such file, not JSON, or not a certificate.
+    """
+    path = Path(path)
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}); make one with `python -m training.certify`"
+        ) from error
+    except ValueError as error:
+        raise InputError(f"{path}: not valid JSON ({error})") from error
+    try:
+        return certificate_from_dict(value if isinstance(value, dict) else {})
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _read(kind: Any, value: Any, where: str) -> Any:
+    """Build a value of a type out of what JSON made of it."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin is types.UnionType:
+        choices = [one for one in arguments if one is not types.NoneType]
+        return None if value is None else _read(choices[0] if len(choices) == 1 else Any, value, where)
+    if is_dataclass(kind) and isinstance(kind, type):
+        if not isinstance(value, dict):
+            raise InputError(f"{where}: must be an object, not {value!r}")
+        hints = typing.get_type_hints(kind)
+        missing = [one.name for one in fields(kind) if one.name not in value]
+        if missing:
+            raise InputError(f"{where}: lacks {', '.join(missing)}")
+        return kind(
+            **{
+                one.name: _read(hints[one.name], value[one.name], f"{where}.{one.name}")
+                for one in fields(kind)
+            }
+        )
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise InputError(f"{where}: must be a list, not {value!r}")
+        kinds = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
+        return tuple(
+            _read(one, item, f"{where}[{i}]") for i, (one, item) in enumerate(zip(kinds, value, strict=True))
+        )
+    if origin is not None and isinstance(value, dict):
+        return {key: _read(arguments[1], item, f"{where}.{key}") for key, item in value.items()}
+    if kind is float and (isinstance(value, bool) or not isinstance(value, int | float)):
+        raise InputError(f"{where}: must be a number, not {value!r}")
+    return value

@@ -1,0 +1,223 @@
+"""Making a certificate: which episodes are played where, one job a plant, as many at a time as wanted."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Any
+
+import mujoco
+
+import mecanum_env
+from mecanum_env.errors import InputError
+from mecanum_env.model import Model
+from mecanum_env.model.codec import model_to_dict
+from mecanum_env.simulator import Plant
+from mecanum_env.tankendo import opponent_for
+from training.certify.figures import plant_figures, timing_of, track_figures
+from training.certify.judge import checks, require_valid, timing_check
+from training.certify.plants import NamedPlant, knows_uncertainty, plants, select
+from training.certify.records import Certificate, Thresholds
+from training.certify.warning import RANGE_S, warning_curve
+from training.evaluate import Evaluation, Setup, evaluate, named_maker
+
+TRACK_SHARE = 4
+"""One episode in this many of the dodge is played of tracking, which lasts five times as long."""
+WARNING_FACTOR = 2
+"""Episodes of varied warning, over those of a plant: a curve takes more than a point."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a certificate is made."""
+
+    episodes: int = 200
+    """A plant; their seeds are 0, 1, ..."""
+    plants: tuple[str, ...] = ()
+    """Names and groups of plants; none: all. The nominal one is always among them."""
+    physics: Plant = "planar"
+    difficulty: str = "normal"
+    jobs: int = 0
+    """Plants at a time; 0: as many as there are processors. The result is the same with any number."""
+    thresholds: Thresholds = Thresholds()  # noqa: RUF009  (frozen)
+
+
+@dataclass(frozen=True)
+class Job:
+    """Episodes to play on one plant; it travels to another process."""
+
+    name: str
+    controller: str
+    known: Model
+    setup: Setup
+    episodes: int
+
+    def play(self) -> Evaluation:
+        """Play them."""
+        return evaluate(named_maker(self.controller, self.known), self.setup, range(self.episodes))
+
+
+def certify(
+    controller: str,
+    model: Model,
+    options: Options | None = None,
+    progress: Callable[[str, int], Any] | None = None,
+) -> Certificate:
+    """Play a controller on every plant and hold its figures against the thresholds.
+
+    The controller knows the model, whichever plant it is played on.
+
+    Args:
+        controller: its name or path, as for `training.controllers.named.make_controller`.
+        model: the identified robot.
+        options: which plants and how many episodes; `Options()` when None.
+        progress: called with the name of what was played and the number of episodes.
+
+    Raises:
+        InputError: no such controller, plant or difficulty, or a number that is none.
+    """
+    options = Options() if options is None else options
+    require_usable(options)
+    chosen = select(plants(model, options.physics), options.plants)
+    played = _play(_jobs(controller, model, chosen, options), options.jobs, progress)
+    nominal = played[chosen[0].name].episodes
+    figures = tuple(
+        plant_figures(plant, played[plant.name].episodes, None if i == 0 else nominal)
+        for i, plant in enumerate(chosen)
+    )
+    varied = played[_WARNING].episodes
+    warnings = [e.warning_s for e in varied if e.warning_s is not None]  # every episode of the dodge has one
+    curve = warning_curve(warnings, [e.success for e in varied])
+    track, timing = track_figures(played[_TRACK].episodes), timing_of(played[chosen[0].name])
+    worst = min(figures, key=lambda one: one.success.value)
+    return Certificate(
+        controller=controller,
+        plants=figures,
+        warning=curve,
+        track=track,
+        thresholds=options.thresholds,
+        checks=checks(figures[0], worst, curve, track, options.thresholds),
+        notes=_notes(model, chosen, options),
+        provenance=_provenance(model, options),
+        timing=timing,
+        timing_check=timing_check(timing, options.thresholds),
+    )
+
+
+def episodes_of(options: Options, model: Model) -> int:
+    """Return how many episodes a certificate with these options takes for a model, for a progress bar."""
+    count = len(select(plants(model, options.physics), options.plants))
+    return (count + WARNING_FACTOR) * options.episodes + _track_episodes(options)
+
+
+def require_usable(options: Options) -> None:
+    """Refuse options that cannot be played.
+
+    Raises:
+        InputError: fewer than one episode, a negative number of jobs, no such difficulty or threshold.
+    """
+    if options.episodes < 1:
+        raise InputError(f"episodes = {options.episodes}, must be at least 1")
+    if options.jobs < 0:
+        raise InputError(f"jobs = {options.jobs}, must be at least 0 (0: as many as there are processors)")
+    opponent_for(options.difficulty)
+    require_valid(options.thresholds)
+
+
+_WARNING, _TRACK = "warning", "tracking"
+
+
+def _jobs(controller: str, model: Model, chosen: Sequence[NamedPlant], options: Options) -> dict[str, Job]:
+    def job(name: str, episodes: int, setup: Setup) -> Job:
+        return Job(name, controller, model, replace(setup, known=model), episodes)
+
+    opponent = opponent_for(options.difficulty)
+    nominal = Setup(model, chosen[0].physics, difficulty=options.difficulty)
+    varied = replace(nominal, opponent=replace(opponent, warning_s=RANGE_S))
+    found = {
+        plant.name: job(
+            plant.name,
+            options.episodes,
+            Setup(plant.model, plant.physics, difficulty=options.difficulty, randomize=plant.randomize),
+        )
+        for plant in chosen
+    }
+    found[_WARNING] = job(_WARNING, WARNING_FACTOR * options.episodes, varied)
+    found[_TRACK] = job(_TRACK, _track_episodes(options), replace(nominal, task="track"))
+    return found
+
+
+def _track_episodes(options: Options) -> int:
+    return max(1, options.episodes // TRACK_SHARE)
+
+
+def _play(
+    jobs: dict[str, Job], at_a_time: int, progress: Callable[[str, int], Any] | None
+) -> dict[str, Evaluation]:
+    at_a_time = min(at_a_time or os.cpu_count() or 1, len(jobs))
+    played = {}
+
+    def done(job: Job, evaluation: Evaluation) -> None:
+        played[job.name] = evaluation
+        if progress is not None:
+            progress(job.name, job.episodes)
+
+    # The first alone: a controller that cannot be made is refused before any process starts, and the time
+    # for a command is measured with nothing else under way.
+    first, *others = jobs.values()
+    done(first, first.play())
+    if at_a_time == 1:
+        for job in others:
+            done(job, job.play())
+        return played
+    with _pool(at_a_time) as pool:
+        # The slow ones first, so that the processes end together.
+        order = sorted(others, key=lambda job: (job.setup.physics != "rollers", -job.episodes))
+        waiting = {pool.submit(job.play): job for job in order}
+        for future in as_completed(waiting):
+            done(waiting[future], future.result())
+    return played
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Yield a pool whose waiting work is dropped when the program is interrupted."""
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)
+
+
+def _notes(model: Model, chosen: Sequence[NamedPlant], options: Options) -> tuple[str, ...]:
+    notes = []
+    if not knows_uncertainty(model):
+        notes.append(
+            "The model holds no uncertainty, so no robots were drawn from it; python -m sysid.fit makes one "
+            "that does."
+        )
+    if not model.effects:
+        notes.append("The model has no effects of its own; python -m sysid.gap finds them in logs.")
+    rolling = [plant.name for plant in chosen if plant.physics == "rollers"]
+    if rolling and options.physics == "planar":
+        notes.append(f"On rollers, since the planar plant cannot simulate them: {', '.join(rolling)}.")
+    return tuple(notes)
+
+
+def _provenance(model: Model, options: Options) -> dict[str, str | int]:
+    written = json.dumps(model_to_dict(model), sort_keys=True).encode()
+    return {
+        "version": mecanum_env.__version__,
+        "mujoco": mujoco.__version__,
+        "model_sha256": hashlib.sha256(written).hexdigest(),
+        "episodes": options.episodes,
+        "first_seed": 0,
+        "difficulty": options.difficulty,
+        "physics": options.physics,
+    }

@@ -122,6 +122,17 @@ def test_a_robot_of_another_size_has_the_yaw_inertia_of_a_plate_until_it_is_know
         assert robot_from_dict(partial).yaw_inertia_kg_m2 == Robot().yaw_inertia_kg_m2
 
 
+def test_a_heavier_robot_can_accelerate_as_hard_as_the_packaged_one_until_its_torque_is_known():
+    size = {"wheel_radius_m": 0.165, "mass_kg": 50.0}
+    packaged = Robot()
+    force = packaged.torque_limit_n_m / packaged.wheel_radius_m / packaged.mass_kg
+    robot = robot_from_dict(size)
+    assert robot.torque_limit_n_m / robot.wheel_radius_m / robot.mass_kg == pytest.approx(force)
+    assert robot_from_dict({**size, "torque_limit_n_m": 2.0}).torque_limit_n_m == 2.0
+    for small in ({"mass_kg": 50.0}, {"wheel_radius_m": 0.05, "mass_kg": 5.0}):
+        assert robot_from_dict(small).torque_limit_n_m == packaged.torque_limit_n_m
+
+
 def test_the_smallest_file_is_a_law(paper):
     law = paper.wheel.law
     numbers = {**dict(zip("ABCDEF", law.coefficients, strict=True)), "sample_period_s": law.sample_period_s}

@@ -87,8 +87,9 @@ def model_from_dict(value: Any) -> Model:
 def robot_from_dict(value: Any) -> Robot:
     """Build the robot from a partial JSON object `value`; packaged values fill in what is absent.
 
-    The packaged yaw inertia is that of the packaged robot: of another whose mass, wheelbase and track are all
-    given, that of a solid plate stands until it is measured or fitted.
+    What is packaged is the packaged robot's. Of another whose mass, wheelbase and track are all given, the
+    yaw inertia of a solid plate stands until it is measured or fitted; and where mass and wheel radius are,
+    the torque limit is no less than accelerates it as hard as the packaged robot's does that.
 
     Raises:
         InputError: an unknown name, or a value out of range.
@@ -97,6 +98,9 @@ def robot_from_dict(value: Any) -> Robot:
     if numbers.get("rollers_per_wheel", math.nan).is_integer():
         numbers["rollers_per_wheel"] = int(numbers["rollers_per_wheel"])
     robot = Robot(**numbers)
+    if "torque_limit_n_m" not in numbers and all(name in numbers for name in _FORCE):
+        larger = robot.mass_kg * robot.wheel_radius_m / (Robot.mass_kg * Robot.wheel_radius_m)
+        robot = replace(robot, torque_limit_n_m=max(1.0, larger) * Robot.torque_limit_n_m)
     if "yaw_inertia_kg_m2" not in numbers and all(name in numbers for name in _PLATE):
         robot = replace(robot, yaw_inertia_kg_m2=robot.plate_yaw_inertia_kg_m2)
     return robot
@@ -106,6 +110,7 @@ _LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
 _WHEEL_FIELDS: Final = ("command_period_s", "command_quantum_rpm", "saturation_rpm")
 _ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
 _PLATE: Final = ("mass_kg", "half_wheelbase_m", "half_track_m")
+_FORCE: Final = ("mass_kg", "wheel_radius_m")
 _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
 
 

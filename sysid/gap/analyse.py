@@ -29,7 +29,7 @@ from sysid.gap.problem import Problem
 from sysid.gap.records import EmpiricalTerm, FoundEffect, GapOptions, GapReport
 from sysid.gap.search import Effort, Search
 from sysid.gap.simulator import without_engine_warnings
-from sysid.gap.subset import liveliest
+from sysid.gap.subset import deciding
 from sysid.gap.thresholds import chance
 from sysid.gap.what_next import what_next
 from sysid.gap.where import regions
@@ -86,7 +86,7 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     rng = np.random.default_rng(options.seed)
     considered = _considered(dataset, options)
     progress("data check")
-    study = _study(dataset, model)
+    study = _study(dataset, model, options)
     progress("what each effect would do")
     problem, search = _search(study, model, considered, options)
     if not study.floor.trusted:
@@ -106,7 +106,7 @@ def _considered(dataset: Dataset, options: GapOptions) -> tuple[str, ...]:
     return tuple(n for n in known if n not in options.exclude and (not options.only or n in options.only))
 
 
-def _study(dataset: Dataset, model: Model) -> _Study:
+def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
     notes = []
     runs = dataset.split("fit") + dataset.split("validation")
     if not runs:
@@ -114,10 +114,16 @@ def _study(dataset: Dataset, model: Model) -> _Study:
         notes.append("all runs are test runs: they decide too, so nothing is left to check the decision")
     elif not dataset.split("test"):
         notes.append("no test runs: before and after are shown on runs that the decision has seen")
-    fewer = liveliest(runs, SECONDS[dataset.level])
-    if len(fewer) < len(runs):
-        seconds = sum(run.duration_s for run in fewer)
-        notes.append(f"{len(fewer)} of {len(runs)} runs ({seconds:.0f} s), the liveliest, decide")
+    most = SECONDS[dataset.level] if options.seconds is None else options.seconds
+    fewer = deciding(runs, most, model.wheel.command_period_s)
+    length, whole = (sum(run.duration_s for run in some) for some in (fewer, runs))
+    if any(run not in runs for run in fewer):
+        notes.append(
+            f"{len(fewer)} pieces of the runs ({length:.0f} of {whole:.0f} s) that cover the speeds decide; "
+            "what grows with the time in a run is not seen in them"
+        )
+    elif len(fewer) < len(runs):
+        notes.append(f"{len(fewer)} of {len(runs)} runs ({length:.0f} s), the liveliest, decide")
     observations = observe(replace(dataset, runs=fewer))
     noise = measure_noise(dataset, observations)
     scattered = [name for name, source in noise.source.items() if source == "scatter"]

@@ -7,7 +7,7 @@
    the truth, it is dropped with a probability below Phi(-NEVER), however far the predictions are apart.
    More is allowed where effects are large, since no formula is exact (4.).
 4. Is it enough? What is left must be what chance allows, or small (`ENOUGH`) beside what the set explains:
-   no formula is exact.
+   no formula is exact. And it must not raise the plain error on the validation runs.
 5. Does it matter? A set that is sure but removes less than `MATTERS` of the squared difference above the
    noise is no better than the model's own error, and not worth a name.
 6. The wheel law fitted again is a rival: where it does better than every set, no effect is missing but a fit.
@@ -29,6 +29,7 @@ from sysid.gap.fitted import Fitted, fit
 from sysid.gap.intervals import FORMULA_ERROR, doubtful
 from sysid.gap.law_again import LawAgain
 from sysid.gap.problem import Problem
+from sysid.gap.raw_error import rises
 from sysid.gap.records import Verdict
 from sysid.gap.scores import Mask, group_masks, group_scores, total
 from sysid.gap.search import Search
@@ -132,15 +133,16 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     search.swap(chosen.fitted)
     _spare(problem, search, size, inflation)
     chosen = _best(problem, search, size, masks, inflation)
-    while size > 1 and doubtful(problem, chosen.fitted, inflation):
-        # An effect that may as well be none is no finding: the smaller set is.
+    while size > 1 and (doubtful(problem, chosen.fitted, inflation) or rises(problem, base, chosen.fitted)):
+        # An effect that may as well be none, or that does harm, is no finding: the smaller set is.
         size -= 1
         chosen = _best(problem, search, size, masks, inflation)
     # Where nothing is left, no law can do better.
     complete = _complete(problem, chosen.fitted, floor)
     law = None if complete else _law(problem, masks, inflation)
     judged = _judge(problem, search, masks, inflation)
-    tied = _tied(search, chosen, [j for j in judged if len(j.names) == size], inflation)
+    harmless = [j for j in judged if len(j.names) == size and not rises(problem, base, j.fitted)]
+    tied = _tied(search, chosen, harmless, inflation)
     frequency = _frequency(chosen, [j for j in judged if j.names], rng)
     notes: list[str] = []
     enough = _enough(problem, base, chosen.fitted, floor)
@@ -155,6 +157,12 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
             f"{max(removed, 0.0):.0%} of the difference above the noise: not told from the model's own error"
         )
         return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
+    if enough and rises(problem, base, chosen.fitted):
+        notes.append(
+            f"{' + '.join(chosen.names)} would be significant (p = {p_value:.2g}), but raises the plain "
+            "difference on the validation runs"
+        )
+        enough = False
     if enough and not floor.repeatable:
         notes.append(
             "repeats of one command differ far more than neighbouring samples: chance acts, not effects"
@@ -216,14 +224,16 @@ def _grow(
             needed += FORMULA_ERROR**2 * (search.base.cost - smaller.fitted.cost) / inflation
         if gain < needed or larger.score > smaller.score - NEVER**2:
             return size
+        if rises(problem, search.base, larger.fitted):
+            return size
         size += 1
     return size
 
 
 def _best(problem: Problem, search: Search, size: int, masks: Mapping[str, Mask], inflation: float) -> Judged:
-    """Return the set of a size that predicts each group best from the others."""
+    """Return the set of a size that predicts each group best from the others, a harmless one if there is."""
     judged = [_with_scores(problem, f, masks, inflation) for f in search.of_size(size)]
-    return min(judged, key=lambda j: (j.score, j.names))
+    return min(judged, key=lambda j: (rises(problem, search.base, j.fitted), j.score, j.names))
 
 
 def _judge(

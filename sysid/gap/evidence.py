@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -11,12 +10,12 @@ import numpy as np
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
-from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.decide import ENOUGH, Decision, Judged
 from sysid.gap.intervals import interval_ends
-from sysid.gap.observations import Observations, observe
+from sysid.gap.observations import observe
 from sysid.gap.problem import Problem
+from sysid.gap.raw_error import fitted_rms, raw_rms
 from sysid.gap.records import Evidence, FoundEffect, Interval
 from sysid.gap.simulator import Simulator
 from sysid.gap.thresholds import largest_misfit
@@ -72,7 +71,6 @@ def evidence(
     def row(judged: Judged) -> Evidence:
         fitted = judged.fitted
         model = fitted.candidate.model(problem.base, fitted.place)
-        parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
         explained = float(np.sum((base.fitted.residual - fitted.residual) ** 2))
         p = fitted.candidate.parameter_count
         return Evidence(
@@ -82,7 +80,7 @@ def evidence(
             score=judged.score - base.score,
             misfit=fitted.cost / problem.size,
             adequate=fitted.cost <= limit * problem.size + ENOUGH**2 / max(1, len(judged.names)) * explained,
-            validation_rms=_rms(problem, problem.observations, parts, "validation"),
+            validation_rms=fitted_rms(problem, fitted, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
             bic=fitted.cost / decision.inflation + p * math.log(problem.size),
         )
@@ -111,19 +109,4 @@ def _test_rms(problem: Problem, test: Simulator, model: Model) -> float:
         return math.nan
     blocks = test.observations.blocks
     parts = [block.value - p for block, p in zip(blocks, predictions, strict=True)]
-    return _rms(problem, test.observations, parts, "test")
-
-
-def _rms(problem: Problem, observations: Observations, parts: Sequence[FloatArray], split: str) -> float:
-    """Return the rms of measured minus simulated over single samples, repeats' spread included.
-
-    In the channel's unit where there is one channel, else over the noise.
-    """
-    alone = len(problem.observations.channels) == 1
-    squares = weights = 0.0
-    for block, part in zip(observations.blocks, parts, strict=True):
-        if observations.situations[block.situation].split == split:
-            scale = 1.0 if alone else problem.whitener.noise.sigma[block.channel]
-            squares += (float(block.weight @ part**2) + block.spread) / scale**2
-            weights += float(block.weight.sum())
-    return math.sqrt(squares / weights) if weights else math.nan
+    return raw_rms(problem, test.observations, parts, "test")

@@ -16,8 +16,8 @@ def require_valid(options: GapOptions, level: Level) -> None:
         level: what the logs are.
 
     Raises:
-        InputError: another level than that of the logs, a count below 1, or an effect that does not exist,
-            has nothing to act on at this level, or is both asked for and excluded.
+        InputError: another level than that of the logs, a count below 1, no time to decide on, or an effect
+            that does not exist, has nothing to act on at this level, or is both asked for and excluded.
     """
     if options.level not in ("auto", level):
         raise InputError(f"level {options.level}: these are {level} logs; leave it out, or give {level}")
@@ -39,6 +39,8 @@ def require_valid(options: GapOptions, level: Level) -> None:
     for option, count in (("max-effects", options.max_effects), ("jobs", options.jobs)):
         if count < 1:
             raise InputError(f"{option} = {count}, must be at least 1")
+    if options.seconds is not None and not options.seconds > 0.0:
+        raise InputError(f"seconds = {options.seconds:g}, must be above 0")
     if options.seed < 0:
         raise InputError(f"seed = {options.seed}, must be 0 or more")
 

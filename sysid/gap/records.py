@@ -30,6 +30,8 @@ class GapOptions:
     """Largest set that is tried."""
     jobs: int = 1
     """Simulations at a time; changes the time taken, not the result."""
+    seconds: float | None = None
+    """Of distinct commands that decide [s]; None: 240 on the bench, 60 on the robot."""
     empirical: bool = False
     """Where nothing explains the gap, add a correction by regression, which is not physics."""
     next_experiment: bool = True

@@ -21,6 +21,7 @@ from mecanum_env.simulator import Plant
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.tankendo.figure import Picture, Shape, opponent_shapes
+from mecanum_env.tankendo.scene import separation
 from mecanum_env.units import FloatArray
 
 _WIDEST = "dodge   robot 0 : 0 opponent   distance 0.00 m   facing +000 deg    "
@@ -39,17 +40,23 @@ def drawn_model(arena: Arena, plant: Plant) -> mujoco.MjModel:
     return spec(wheel_side(model) if limits_body(model) else model, wheel_quantum=False).compile()
 
 
-def picture_of(arena: Arena, row: int = 0) -> Picture:
-    """Return what is to be drawn of one row of an arena."""
-    scene, sword = arena.scenes.now[:, row], arena.fighter.sword
-    now = float(arena.time_s()[row])
-    tip, _ = sword.tip_and_velocity(arena.time_s(), arena.scenes.now)
+def picture_of(arena: Arena, row: int = 0, ago_s: float = 0.0) -> Picture:
+    """Return what is to be drawn of one row of an arena.
+
+    Args:
+        arena: whose episode it is.
+        row: which.
+        ago_s: how long before now, at most one step: for pictures between two steps [s].
+    """
+    scenes, sword = arena.scenes.ago(ago_s), arena.fighter.sword
+    scene, now = scenes[:, row], float(arena.time_s()[row]) - ago_s
+    tip, _ = sword.tip_and_velocity(arena.time_s() - ago_s, scenes)
     striking = not sword.is_feint[row] and sword.cut_s[row] <= now < sword.land_s[row] + 0.25
-    hit = bool(arena.hit[row])
+    hit = bool(arena.hit[row]) and now >= sword.land_s[row]
     lane = (sword.origin[:, row].copy(), sword.end[:, row].copy()) if striking else None
     target = np.array([scene[0], scene[1], sword.end_height_m[row]]) if hit else None
     rules = arena.setting.rules
-    distance, bearing = (value[row] for value in arena.scenes.separation())
+    distance, bearing = (float(value) for value in separation(scene))
     at_maai = abs(distance - rules.maai_m) <= rules.band_m and abs(bearing) <= rules.facing_rad
     return Picture(
         scene[6:8].copy(), float(scene[8]), tip[:, row], bool(striking), lane, target, bool(at_maai), rules
@@ -116,12 +123,17 @@ class Painter:
         # Also when the program ends without closing: mujoco's own clean-up comes too late then.
         self._free = weakref.finalize(self, self._renderer.close)
 
-    def frame(self) -> Frame:
-        """Return the picture of now, (height, width, 3)."""
-        _place(self._model, self._data, self._arena.robots.qpos(0))
-        _aim(self._camera, self._arena.scenes.now[:, 0])
+    def frame(self, ago_s: float = 0.0, qpos: FloatArray | None = None) -> Frame:
+        """Return the picture of now or of a moment between the last two steps, (height, width, 3).
+
+        Args:
+            ago_s: how long before now, at most one step [s].
+            qpos: MuJoCo's generalised positions of the robot at that moment; those of now when None.
+        """
+        _place(self._model, self._data, self._arena.robots.qpos(0) if qpos is None else qpos)
+        _aim(self._camera, self._arena.scenes.ago(ago_s)[:, 0])
         self._renderer.update_scene(self._data, self._camera)
-        add_shapes(self._renderer.scene, opponent_shapes(picture_of(self._arena)))
+        add_shapes(self._renderer.scene, opponent_shapes(picture_of(self._arena, ago_s=ago_s)))
         frame: Frame = self._renderer.render()
         draw_caption(frame, score_lines(self._arena), _WIDEST)
         return frame

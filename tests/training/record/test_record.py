@@ -1,0 +1,66 @@
+"""A video of an episode: the one that was evaluated, with its plots."""
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError
+from mecanum_env.tankendo.env import TankendoEnv
+from training.controllers.still import Still
+from training.evaluate import Setup, evaluate, named_maker
+from training.record.__main__ import main
+from training.record.rollout import Rollout
+
+SMALL = ("--physics", "planar", "--width", "320", "--height", "240", "--fps", "10")
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory):
+    """Return what the program wrote of an episode of standing still, and what it printed."""
+    out = tmp_path_factory.mktemp("video") / "still.mp4"
+    assert run(main, ["still", *SMALL, "--out", str(out), "--still", str(out.with_suffix(".png"))]) == 0
+    return out
+
+
+def test_the_video_is_the_episode_that_is_evaluated(video, paper, read_video):
+    frames, fps = read_video(video)
+    episode = evaluate(named_maker("still", paper), Setup(paper), [0]).episodes[0]
+    assert frames.shape == (1 + round(10 * episode.duration_s) + 10, 240, 320, 3)
+    assert fps == 10
+
+
+def test_the_plots_are_under_the_picture(video):
+    picture = iio.imread(video.with_suffix(".png"))
+    assert picture[:160].mean() > 2.0 * picture[170:].mean()  # a bright field over dark paper
+    assert picture[170:].std() > 5.0
+
+
+def test_pictures_between_two_steps_are_between_them(paper):
+    env = TankendoEnv(model=paper, action_mode="command")
+    frames = Rollout(env, Still(), paper, width=320, height=240, fps=20).frames("planar")
+    first, between, after = (next(frames)[60:160].astype(float) for _ in range(3))
+    frames.close()
+    assert 0.0 < np.abs(between - first).mean() < np.abs(after - first).mean()
+
+
+def test_bad_arguments_are_one_sentence(tmp_path, capsys):
+    for arguments, message in (
+        (("still", "--env", "MecanumTankendo-v1"), "did you mean"),
+        (("still", "--out", "a.gif"), "must end in .mp4"),
+        (("still", "--width", "321"), "even numbers"),
+        (("still", "--on", "moon"), "no plant 'moon'"),
+        (("stil",), 'did you mean "still"'),
+    ):
+        assert (
+            run(main, [*arguments, *(() if "--out" in arguments else ("--out", str(tmp_path / "a.mp4")))])
+            == 2
+        )
+        assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_frame_rate_of_nothing_is_refused(paper):
+    env = TankendoEnv(model=paper, action_mode="command")
+    with pytest.raises(InputError, match="fps = 0"):
+        Rollout(env, Still(), paper, fps=0.0)

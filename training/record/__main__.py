@@ -1,0 +1,107 @@
+"""A video of a controller at work: `python -m training.record CONTROLLER`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+import tyro
+from tqdm import tqdm
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.model import paper_model, read_model
+from mecanum_env.registration import ENVIRONMENTS
+from mecanum_env.rendering.backend import use_backend
+
+if TYPE_CHECKING:
+    from mecanum_env.rendering.caption import Frame
+
+
+def main(
+    controller: tyro.conf.Positional[str],
+    /,
+    env: str = "MecanumTankendo-v0",
+    seed: int = 0,
+    out: Path = Path("video.mp4"),
+    model: Path | None = None,
+    on: str = "nominal",
+    physics: Literal["planar", "rollers"] = "rollers",
+    difficulty: str = "normal",
+    width: int = 640,
+    height: int = 480,
+    fps: float = 30.0,
+    still: Path | None = None,
+    still_time: float = 1.0,
+) -> None:
+    """Film one episode: the fight, the score, and the commanded against the actual speed.
+
+    Drawn offline, with OSMesa where it is there. The episode is the one that the same seed has in a
+    certificate.
+
+    Example: python -m training.record retreat --seed 3 --out retreat.mp4
+
+    Args:
+        controller: Name of a controller, or path of a trained policy, as for python -m training.certify.
+        env: Which environment.
+        seed: Of the episode.
+        out: The video (.mp4).
+        model: Model file of the robot; by default the packaged one.
+        on: Plant of a certificate, such as robot-level or with-backlash; the controller knows the model only.
+        physics: Rollers on a floor, or the planar plant, whose wheels do not turn in the picture.
+        difficulty: Of the opponent: easy, normal or hard.
+        width: Of the video [pixels].
+        height: Of the video, plots included [pixels].
+        fps: Frames per second.
+        still: Also write one frame here (.png, .jpg).
+        still_time: Which one: this long after the start [s].
+    """
+    backend = use_backend()
+    # Only now: mujoco picks its graphics library on import.
+    from mecanum_env.rendering import video
+    from mecanum_env.tankendo.env import TankendoEnv
+    from training.certify.plants import plants, select
+    from training.controllers.named import make_controller
+    from training.record.rollout import Rollout, outcome
+
+    if env not in ENVIRONMENTS:
+        raise InputError(f"env = {env!r}{did_you_mean(env, ENVIRONMENTS)}, must be {', '.join(ENVIRONMENTS)}")
+    video.check_suffix(out, (".mp4",))
+    if still is not None:
+        video.check_suffix(still, video.STILL_SUFFIXES)
+    known = paper_model() if model is None else read_model(model)
+    plant = next(one for one in select(plants(known, physics), [on]) if on in (one.name, one.group))
+    world = TankendoEnv(
+        task=ENVIRONMENTS[env],  # type: ignore[arg-type]
+        model=plant.model,
+        plant=plant.physics,
+        difficulty=difficulty,
+        action_mode="command",
+        randomize=plant.randomize,
+    )
+    player = make_controller(controller, known, arena=world.arena, seed=seed)
+    title = f"{controller}, {plant.name}, seed {seed}"
+    rollout = Rollout(world, player, known, seed=seed, width=width, height=height, fps=fps, title=title)
+    kept: list[Frame] = []
+
+    def watched() -> Iterator[Frame]:
+        frames = tqdm(rollout.frames(plant.physics), desc="drawing", unit="frame", disable=None)
+        for i, frame in enumerate(frames):
+            if i <= still_time * fps:
+                kept[:] = [frame]
+            yield frame
+
+    count = video.write_video(out, watched(), fps)
+    how = outcome(world.arena)
+    print(
+        f"{out}: {controller}, seed {seed}: {how}; {count} frames, {width} x {height}, drawn with {backend}"
+    )
+    if still is not None:
+        video.write_still(still, kept[0])
+        print(f"{still}: {width} x {height}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m training.record"))

@@ -1,0 +1,124 @@
+"""What training reaches, over seeds: success after all steps, and how soon it passes the scripted retreat.
+
+Example: python benchmarks/train.py --out out/bench/train.json
+
+Interrupted, it goes on where it was; what is trained already is not trained again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from mecanum_env.cli import run
+from mecanum_env.files import write_json
+from training.controllers.policy import Policy, load_policy
+from training.evaluate import Setup, evaluate, mean, named_maker
+from training.train import run as training
+from training.train.checkpoint import newest_checkpoint, read_run, read_state
+from training.train.environment import model_of
+from training.train.provenance import commit, versions
+from training.train.settings import Algorithm, Settings
+from training.train.watch import DEVELOPMENT_SEEDS
+
+BUDGET_S = 600.0
+"""In which training should pass the scripted retreat, by the clock [s]."""
+TARGET = 0.85
+"""Success after all steps."""
+
+
+def trained(settings: Settings, folder: Path) -> list[dict[str, Any]]:
+    """Train, or go on, until the run is over; return its learning curve."""
+    if not (folder / "run.json").exists():
+        state = training.train(settings, folder)
+    else:
+        stored, _ = read_run(folder)
+        if stored != settings:
+            raise SystemExit(f"{folder}: trained with other settings; give another --out or remove it")
+        done = any((folder / "checkpoints").glob("[0-9]*"))
+        state = read_state(newest_checkpoint(folder)) if done else None
+        if state is None or state.steps_done < settings.steps:
+            state = training.resume(folder)
+    return [asdict(point) for point in state.curve]
+
+
+def success(settings: Settings, maker: Any, seeds: range) -> float:
+    """Return the share of successes on some seeds."""
+    setup = Setup(model_of(settings), settings.plant, settings.task, settings.difficulty)
+    return float(sum(one.success for one in evaluate(maker, setup, seeds).episodes) / len(seeds))
+
+
+def main(
+    out: Path = Path("out/bench/train.json"),
+    algo: Algorithm = "ppo",
+    seeds: int = 3,
+    steps: int = Settings.steps,
+    checkpoint_every: int = 100_000,
+    episodes: int = 500,
+) -> None:
+    """Train with several seeds and print what they reach.
+
+    Args:
+        out: JSON to write; the runs are in a folder of the same name beside it.
+        algo: ppo or sac.
+        seeds: how many runs.
+        steps: of each.
+        checkpoint_every: points of the learning curve are so many steps apart.
+        episodes: of the final figure, seeds 0, 1, ...
+    """
+    settings = Settings(algo=algo, steps=steps, checkpoint_every=checkpoint_every)
+    retreat_maker = named_maker("retreat", model_of(settings))
+    watched = success(settings, retreat_maker, DEVELOPMENT_SEEDS)
+    retreat = success(settings, retreat_maker, range(episodes))
+    runs = []
+    for seed in tqdm(range(seeds), desc="seeds", disable=None):
+        folder = out.with_suffix("") / f"{algo}-{seed}"
+        curve = trained(replace(settings, seed=seed), folder)
+        policy = load_policy(folder / "policy.npz")
+        final = success(settings, lambda *_, p=policy: Policy(p.network, p.about), range(episodes))
+        passed = next((point for point in curve if point["success"] > watched), None)
+        runs.append({"seed": seed, "success": final, "passed_retreat": passed, "curve": curve})
+        over_seeds = mean([one["success"] for one in runs])
+        write_json(
+            out,
+            {
+                "algo": algo,
+                "steps": steps,
+                "episodes": episodes,
+                "retreat": retreat,
+                "retreat_on_development_seeds": watched,
+                "success": None if over_seeds is None else asdict(over_seeds),
+                "target": TARGET,
+                "budget_s": BUDGET_S,
+                "runs": runs,
+                "versions": versions(),
+                "commit": commit(),
+            },
+        )
+    for one in runs:
+        passed = one["passed_retreat"]
+        when = (
+            f"passed retreat after {passed['steps']:,} steps, {passed['wall_s'] / 60:.1f} minutes "
+            f"({passed['wall_s'] / BUDGET_S:.2f} of the budget; {passed['processor_s'] / 60:.1f} of processor)"
+            if passed
+            else "did not pass retreat"
+        )
+        last = one["curve"][-1]
+        print(
+            f"{algo}, seed {one['seed']}: success {one['success']:.3f}; {when}; all {last['steps']:,} steps "
+            f"{last['wall_s'] / 60:.1f} minutes ({last['processor_s'] / 60:.1f} of processor)"
+        )
+    if over_seeds is not None:
+        verdict = "ok" if over_seeds.value >= TARGET else "MISSED"
+        print(
+            f"{algo}, mean of {over_seeds.count} seeds: {over_seeds.value:.3f} ({over_seeds.low:.3f} .. "
+            f"{over_seeds.high:.3f}, bootstrap over seeds), >= {TARGET}  {verdict}; retreat {retreat:.3f}"
+        )
+    print(f"wrote {out}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(run(main, prog="python benchmarks/train.py"))

@@ -1,0 +1,68 @@
+"""Cards and curves: their figures come from episodes and runs, and from nowhere else."""
+
+import json
+from dataclasses import asdict
+
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from mecanum_env.cli import run
+from mecanum_env.model import paper_model
+from training.controllers.policy import Policy, load_policy
+from training.evaluate import Setup, evaluate
+from training.train import card, curve
+from training.train.checkpoint import Point
+from training.train.run import train
+from training.train.settings import Ppo, Settings
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with a policy that is hardly trained."""
+    folder = tmp_path_factory.mktemp("card") / "run"
+    ppo = Ppo(rollout_steps=8, batch_size=32, epochs=1, layers=(8,))
+    settings = Settings(steps=64, envs=4, stack=2, ppo=ppo, reward_weights={"hit": 2.0})
+    train(settings, folder, watch_seeds=range(100_000, 100_002), quiet=True)
+    return folder
+
+
+def test_a_card_says_what_was_measured(folder, tmp_path, capsys):
+    out = tmp_path / "card.md"
+    command = [str(folder), "--out", str(out), "--episodes", "6", "--rollers-episodes", "1"]
+    assert run(card.main, command) == 0
+    capsys.readouterr()
+    text, stored = out.read_text(), json.loads(out.with_suffix(".json").read_text())
+    planar = [row for row in stored["rows"] if row["physics"] == "planar" and row["robot"] == "nominal"]
+    assert [row["difficulty"] for row in planar] == ["easy", "normal", "hard"]
+    policy = load_policy(folder)
+    setup = Setup(paper_model(), difficulty="easy")
+    played = evaluate(lambda *_: Policy(policy.network, policy.about), setup, range(6)).episodes
+    assert planar[0]["policy"]["successes"] == sum(episode.success for episode in played)
+    assert f"| nominal | planar | easy | {planar[0]['policy']['successes'] / 6:.3f} (" in text
+    assert "PPO, seed 0, 64 steps" in text
+    assert "hit 2.0" in text
+    assert "worst" in text.lower()
+
+
+def test_a_card_without_episodes_is_refused(folder, capsys):
+    assert run(card.main, [str(folder), "--episodes", "0"]) == 2
+    assert "episodes = 0, must be at least 1" in capsys.readouterr().err
+
+
+def test_a_curve_is_drawn_from_what_was_watched(folder, tmp_path):
+    points = [Point(**point) for point in json.loads((folder / "curve.json").read_text())]
+    assert curve.read_curve(folder) == points
+    figure = curve.draw({"one": points}, 0.5, levels=True)
+    retreat, success, worst = figure.axes[0].lines
+    assert list(retreat.get_ydata()) == [0.5, 0.5]
+    assert list(success.get_ydata()) == [point.success for point in points]
+    assert list(worst.get_ydata()) == [asdict(point)["worst"] for point in points]
+    assert run(curve.main, [str(folder), "--out", str(tmp_path / "curve.png")]) == 0
+    assert (tmp_path / "curve.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_folder_without_a_curve_is_refused(tmp_path, capsys):
+    assert run(curve.main, [str(tmp_path)]) == 2
+    assert "give the folder of `python -m training.train`" in capsys.readouterr().err
+    assert run(curve.main, []) == 2

@@ -1,0 +1,97 @@
+"""Draw learning curves: `python -m training.train.curve FOLDER ... --out curve.png`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import matplotlib
+import tyro
+from matplotlib.figure import Figure
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError
+from mecanum_env.files import atomic_path
+from training.evaluate import Setup, evaluate, named_maker
+from training.train.checkpoint import Point, read_run
+from training.train.environment import model_of
+from training.train.settings import Settings
+from training.train.watch import DEVELOPMENT_SEEDS
+
+
+def read_curve(folder: Path) -> list[Point]:
+    """Return the learning curve of a training folder.
+
+    Raises:
+        InputError: it holds none.
+    """
+    path = folder / "curve.json"
+    try:
+        return [Point(**point) for point in json.loads(path.read_text(encoding="utf-8"))]
+    except (OSError, TypeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: no learning curve ({error}); give folders of training runs") from error
+
+
+def draw(curves: dict[str, list[Point]], retreat: float, levels: bool) -> Figure:
+    """Return a figure of success against steps.
+
+    Args:
+        curves: of the runs, by name.
+        retreat: success of the scripted retreat on the same episodes.
+        levels: whether to draw the worst robot of each run too.
+    """
+    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    axes = figure.subplots()
+    axes.axhline(retreat, color="0.5", linestyle="--", linewidth=1.0)
+    axes.annotate("scripted retreat", (0.0, retreat), (4, 4), textcoords="offset points", color="0.4")
+    for name, points in curves.items():
+        millions = [point.steps / 1e6 for point in points]
+        (line,) = axes.plot(millions, [point.success for point in points], marker=".", label=name)
+        if levels:
+            axes.plot(
+                millions,
+                [point.worst for point in points],
+                color=line.get_color(),
+                linestyle=":",
+                label=f"{name}, worst robot",
+            )
+    axes.set_xlabel("steps, millions")
+    axes.set_ylabel("success, deterministic policy")
+    axes.set_ylim(0.0, 1.0)
+    axes.set_xlim(left=0.0)
+    axes.grid(alpha=0.3)
+    axes.legend(loc="lower right")
+    return figure
+
+
+def retreat_of(settings: Settings) -> float:
+    """Return what the scripted retreat reaches on the episodes that a run with these settings is tried on."""
+    model = model_of(settings)
+    setup = Setup(model, settings.plant, settings.task, settings.difficulty)
+    episodes = evaluate(named_maker("retreat", model), setup, DEVELOPMENT_SEEDS).episodes
+    return sum(episode.success for episode in episodes) / len(episodes)
+
+
+def main(folders: tyro.conf.Positional[tuple[Path, ...]], /, out: Path = Path("curve.png")) -> None:
+    """Draw the learning curves of training runs, with the scripted retreat on the same episodes.
+
+    Example: python -m training.train.curve out/ppo out/ppo-1 --out out/curve.png
+
+    Args:
+        folders: Of training runs.
+        out: Picture to write; its suffix says the format.
+    """
+    if not folders:
+        raise InputError("no folder given; name at least one training run")
+    matplotlib.use("Agg")
+    runs = [read_run(folder)[0] for folder in folders]
+    curves = {folder.name: read_curve(folder) for folder in folders}
+    figure = draw(curves, retreat_of(runs[0]), any(settings.randomize == "levels" for settings in runs))
+    with atomic_path(out) as path:
+        figure.savefig(path, dpi=120)
+    print(f"wrote {out}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m training.train.curve"))

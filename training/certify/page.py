@@ -13,6 +13,8 @@ from training.evaluate import Share
 
 _TEMPLATE: Final = Path(__file__).parent / "templates" / "certificate.html"
 _BLUE, _RED, _GREY, _BAND = "#1f5fa8", "#c0392b", "#888888", "rgba(31,95,168,0.15)"
+# On the left: on the right are the buttons that zoom.
+_LEGEND: Final = {"orientation": "h", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}
 _ROW_PX, _MARGIN_PX = 22, 90
 
 
@@ -83,7 +85,11 @@ def warning_figure(certificate: Certificate) -> dict[str, Any]:
     shapes = [_line({"y0": curve.target, "y1": curve.target, "x0": 0, "x1": 1, "xref": "paper"})]
     if curve.needed_s is not None:
         shapes.append(_line({"x0": curve.needed_s, "x1": curve.needed_s, "y0": 0, "y1": curve.target}))
-    layout = {"shapes": shapes, "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]}}
+    layout = {
+        "shapes": shapes,
+        "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
+        "legend": _LEGEND,
+    }
     return figure(
         traces, x="warning: from the first visible motion to the hit [s]", height=380, layout=layout
     )
@@ -122,6 +128,7 @@ def techniques_figure(certificate: Certificate) -> dict[str, Any]:
     layout = {
         "xaxis": {"tickvals": list(range(len(names))), "ticktext": names, "zeroline": False},
         "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
+        "legend": _LEGEND,
     }
     return figure(traces, height=300, layout=layout)
 

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
+from mecanum_env.tankendo import Rules
 from training.certify.plants import Group
 from training.certify.warning import WarningCurve
 from training.evaluate import Mean, Share
@@ -21,16 +22,17 @@ class Thresholds:
     """Least success on the worst plant."""
     warning_s: float = 0.58
     """Most warning that it may need for nine successes in ten, nominal plant [s]: the longest published."""
-    tracking_m: float = 0.15
-    """Largest tracking error: rms of distance - maai behind an opponent that walks about [m]."""
-    settling_s: float = 2.0
+    tracking_m: float = Rules.band_m
+    """Largest tracking error: rms of distance - maai behind an opponent that walks about [m]; by default as
+    far off as still counts as at maai."""
+    settling_s: float = 1.0
     """Longest mean time until at maai and facing [s]."""
     overshoot: float = 0.25
     """Largest mean overshoot of the distance, over the distance to cover."""
     saturated_share: float = 0.5
     """Largest share of commands that ask a wheel for its ceiling."""
     command_s: float = 0.1
-    """Longest time for a command, 99 of 100 [s]; the robot takes one every 0.1 s."""
+    """Longest processor time for a command, 99 of 100 [s]; the robot takes one every 0.1 s."""
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class TrackFigures:
 
 @dataclass(frozen=True)
 class Timing:
-    """How long a command takes, on the machine that wrote the certificate."""
+    """Processor time for a command, on the machine that wrote the certificate."""
 
     p50_s: float
     p99_s: float

@@ -1,14 +1,10 @@
-"""Making a certificate: which episodes are played where, one job a plant, as many at a time as wanted."""
+"""Making a certificate: which episodes are played where, and what comes of them."""
 
 from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import os
-from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -25,7 +21,7 @@ from training.certify.judge import checks, require_valid, timing_check
 from training.certify.plants import NamedPlant, knows_uncertainty, plants, select
 from training.certify.records import Certificate, Thresholds
 from training.certify.warning import RANGE_S, warning_curve
-from training.evaluate import Evaluation, Setup, evaluate, named_maker
+from training.evaluate import Job, Setup, play_jobs
 
 TRACK_SHARE = 4
 """One episode in this many of the dodge is played of tracking, which lasts five times as long."""
@@ -46,21 +42,6 @@ class Options:
     jobs: int = 0
     """Plants at a time; 0: as many as there are processors. The result is the same with any number."""
     thresholds: Thresholds = Thresholds()  # noqa: RUF009  (frozen)
-
-
-@dataclass(frozen=True)
-class Job:
-    """Episodes to play on one plant; it travels to another process."""
-
-    name: str
-    controller: str
-    known: Model
-    setup: Setup
-    episodes: int
-
-    def play(self) -> Evaluation:
-        """Play them."""
-        return evaluate(named_maker(self.controller, self.known), self.setup, range(self.episodes))
 
 
 def certify(
@@ -85,7 +66,7 @@ def certify(
     options = Options() if options is None else options
     require_usable(options)
     chosen = select(plants(model, options.physics), options.plants)
-    played = _play(_jobs(controller, model, chosen, options), options.jobs, progress)
+    played = play_jobs(_jobs(controller, model, chosen, options), options.jobs, progress)
     nominal = played[chosen[0].name].episodes
     figures = tuple(
         plant_figures(plant, played[plant.name].episodes, None if i == 0 else nominal)
@@ -135,7 +116,7 @@ _WARNING, _TRACK = "warning", "tracking"
 
 def _jobs(controller: str, model: Model, chosen: Sequence[NamedPlant], options: Options) -> dict[str, Job]:
     def job(name: str, episodes: int, setup: Setup) -> Job:
-        return Job(name, controller, model, replace(setup, known=model), episodes)
+        return Job(name, controller, replace(setup, known=model), episodes)
 
     opponent = opponent_for(options.difficulty)
     nominal = Setup(model, chosen[0].physics, difficulty=options.difficulty)
@@ -155,44 +136,6 @@ def _jobs(controller: str, model: Model, chosen: Sequence[NamedPlant], options: 
 
 def _track_episodes(options: Options) -> int:
     return max(1, options.episodes // TRACK_SHARE)
-
-
-def _play(
-    jobs: dict[str, Job], at_a_time: int, progress: Callable[[str, int], Any] | None
-) -> dict[str, Evaluation]:
-    at_a_time = min(at_a_time or os.cpu_count() or 1, len(jobs))
-    played = {}
-
-    def done(job: Job, evaluation: Evaluation) -> None:
-        played[job.name] = evaluation
-        if progress is not None:
-            progress(job.name, job.episodes)
-
-    # The first alone: a controller that cannot be made is refused before any process starts, and the time
-    # for a command is measured with nothing else under way.
-    first, *others = jobs.values()
-    done(first, first.play())
-    if at_a_time == 1:
-        for job in others:
-            done(job, job.play())
-        return played
-    with _pool(at_a_time) as pool:
-        # The slow ones first, so that the processes end together.
-        order = sorted(others, key=lambda job: (job.setup.physics != "rollers", -job.episodes))
-        waiting = {pool.submit(job.play): job for job in order}
-        for future in as_completed(waiting):
-            done(waiting[future], future.result())
-    return played
-
-
-@contextmanager
-def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool whose waiting work is dropped when the program is interrupted."""
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)
 
 
 def _notes(model: Model, chosen: Sequence[NamedPlant], options: Options) -> tuple[str, ...]:

@@ -3,17 +3,20 @@
 play       episodes side by side, one seed an episode
 episode    what is recorded of one, and what is kept
 measures   settling, overshoot and the like, of arrays
+jobs       many evaluations at a time
 intervals  shares and means with their intervals
 """
 
 from training.evaluate.episode import Ending, Episode, Reason, Trace, summarise
 from training.evaluate.intervals import Mean, Share, mean, share
+from training.evaluate.jobs import Job, play_jobs
 from training.evaluate.play import Evaluation, Maker, Setup, evaluate, named_maker
 
 __all__ = [
     "Ending",
     "Episode",
     "Evaluation",
+    "Job",
     "Maker",
     "Mean",
     "Reason",
@@ -23,6 +26,7 @@ __all__ = [
     "evaluate",
     "mean",
     "named_maker",
+    "play_jobs",
     "share",
     "summarise",
 ]

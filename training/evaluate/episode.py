@@ -48,7 +48,7 @@ class Episode:
     saturated_share: float
     """Of the commands, those that ask a wheel for its ceiling or more."""
     command_time_s: float = field(compare=False)
-    """Mean time that the controller took for a command [s]; of the machine, so it does not count in `==`."""
+    """Mean processor time of the controller for a command [s]; it does not count in `==`."""
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,8 @@ class Evaluation:
     episodes: tuple[Episode, ...]
     """In the order of their seeds."""
     command_times_s: npt.NDArray[np.float64] = field(compare=False)
-    """How long the controller took for each command, all episodes [s]; of the machine."""
+    """Processor time that the controller took for each command, all episodes [s]; of the machine, but not of
+    what else runs on it."""
 
 
 def named_maker(name: str, known: Model) -> Maker:
@@ -126,9 +127,9 @@ class _Recorder:
 
     def act(self, observation: npt.NDArray[np.float32]) -> tuple[int, int, int]:
         """Ask the controller, and note how long it takes."""
-        begin = time.perf_counter()
+        begin = time.process_time()
         command = self.controller.act(observation)
-        self._times.append(time.perf_counter() - begin)
+        self._times.append(time.process_time() - begin)
         return command
 
     def sample(self, reward: float) -> None:

@@ -1,0 +1,91 @@
+"""All controllers in one table: the same figures as certificates, whatever plays at a time."""
+
+import json
+
+import pytest
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError
+from training.certify.plants import robot_level
+from training.compare import compare
+from training.compare.__main__ import main
+from training.compare.table import cells, comparison_markdown, comparison_table, label
+from training.evaluate import Setup, evaluate, named_maker
+
+NAMES = ("still", "retreat")
+
+
+@pytest.fixture(scope="module")
+def found():
+    from mecanum_env.model import paper_model
+
+    return compare(NAMES, paper_model(), episodes=4, rollers=False, jobs=1)
+
+
+def successes(name, setup, paper):
+    return sum(one.success for one in evaluate(named_maker(name, paper), setup, range(4)).episodes)
+
+
+def test_the_figures_are_those_of_the_episodes(found, paper):
+    assert [row.controller for row in found.rows] == list(NAMES)
+    row = found.rows[1]
+    assert (
+        list(row.success) == ["easy", "normal", "hard", "robot-level", "latency+0.1s"] == list(found.settings)
+    )
+    assert row.success["normal"].successes == successes("retreat", Setup(paper), paper)
+    assert row.success["easy"].successes == successes("retreat", Setup(paper, difficulty="easy"), paper)
+    changed = Setup(robot_level(paper), known=paper)
+    assert row.success["robot-level"].successes == successes("retreat", changed, paper)
+    assert row.warning.episodes == 8
+    assert row.track.success.trials == 1
+
+
+def test_rollers_are_a_setting_of_their_own(paper):
+    one = compare(["still"], paper, episodes=1, rollers=True, jobs=1)
+    assert list(one.rows[0].success)[3] == "rollers"
+
+
+def test_every_row_has_every_cell(found):
+    head, *rows = cells(found)
+    assert all(len(row) == len(head) for row in rows)
+    assert "0.00 (0.00 .. 0.49)" in comparison_table(found)
+    text = comparison_markdown(found, "python -m training.compare")
+    tables = [line for line in text.splitlines() if line.startswith("|")]
+    assert len(tables) == 2 * (2 + len(NAMES))
+    assert {line.count("|") for line in tables[:4]} == {len(found.settings) + 2}
+
+
+def test_a_policy_is_shown_by_the_name_of_its_file():
+    assert label("runs/mine/policy.npz") == "policy"
+    assert label("mpc") == "mpc"
+    assert label("retreat+compensated") == "retreat+compensated"
+
+
+@pytest.mark.parametrize(("names", "message"), [([], "must be some"), (["still", "still"], "each once")])
+def test_a_list_that_makes_no_table_is_refused(paper, names, message):
+    with pytest.raises(InputError, match=message):
+        compare(names, paper, episodes=1)
+
+
+def test_the_program_writes_figures_and_page(tmp_path, capsys):
+    out, page = tmp_path / "c.json", tmp_path / "docs" / "c.md"
+    arguments = ["still", "--episodes", "1", "--no-rollers", "--jobs", "1", "--out", str(out)]
+    assert run(main, [*arguments, "--markdown", str(page)]) == 0
+    assert "controller" in capsys.readouterr().out
+    assert json.loads(out.read_text())["rows"][0]["controller"] == "still"
+    assert page.read_text().startswith("# Results of `python -m training.compare`")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["retreat", "stil"], 'did you mean "still"'),
+        (["still", "--out", "c.txt"], "must end in .json"),
+        (["still", "--episodes", "0"], "episodes = 0"),
+    ],
+)
+def test_bad_input_is_one_sentence_and_writes_nothing(arguments, message, tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(main, arguments) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

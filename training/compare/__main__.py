@@ -1,0 +1,74 @@
+"""All controllers in one table: `python -m training.compare`."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+import tyro
+from tqdm import tqdm
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError
+from mecanum_env.files import write_json, write_text
+from mecanum_env.model import paper_model, read_model
+from training.compare.run import compare
+from training.compare.table import comparison_markdown, comparison_table
+from training.controllers.named import CONTROLLERS
+
+
+def main(
+    controllers: tyro.conf.Positional[tuple[str, ...]] = (),
+    /,
+    model: Path | None = None,
+    episodes: int = 200,
+    rollers: bool = True,
+    jobs: int = 0,
+    out: Path = Path("compare.json"),
+    markdown: Path | None = None,
+) -> None:
+    """Play controllers on the same episodes; print success, warning needed, tracking error, time a command.
+
+    Example: python -m training.compare retreat mpc runs/mine --markdown docs/results/compare.md
+
+    Args:
+        controllers: Names, or paths of trained policies; by default every name.
+        model: Model file of the robot; by default the packaged one.
+        episodes: Of each controller in each setting, seeded 0, 1, ...
+        rollers: Play the roller plant too, which takes most of the time.
+        jobs: At a time; 0: as many as there are processors. The result is the same with any number.
+        out: The figures (.json).
+        markdown: Also write a page here (.md).
+    """
+    for path, suffix in ((out, ".json"), (markdown, ".md")):
+        if path is not None and path.suffix != suffix:
+            raise InputError(f"{path}: its name must end in {suffix}")
+    robot = paper_model() if model is None else read_model(model)
+    with tqdm(unit="episode", disable=None) as bar:
+
+        def progress(name: str, count: int) -> None:
+            bar.set_description(name)
+            bar.update(count)
+
+        found = compare(
+            controllers or tuple(CONTROLLERS),
+            robot,
+            episodes=episodes,
+            rollers=rollers,
+            jobs=jobs,
+            progress=progress,
+        )
+    write_json(out, {"format": "mecanum-comparison/1", **asdict(found)})
+    print(comparison_table(found))
+    written = [out]
+    if markdown is not None:
+        given = shlex.join(["python", "-m", "training.compare", *sys.argv[1:]])
+        write_text(markdown, comparison_markdown(found, given))
+        written.append(markdown)
+    print(f"\nwrote {', '.join(map(str, written))}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m training.compare"))

@@ -1,0 +1,132 @@
+"""Playing several controllers on the same seeds."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import mujoco
+
+import mecanum_env
+from mecanum_env.errors import InputError
+from mecanum_env.model import Model
+from mecanum_env.tankendo import DIFFICULTIES, opponent_for
+from training.certify.figures import success_of, timing_of, track_figures
+from training.certify.plants import plants
+from training.certify.records import Timing, TrackFigures
+from training.certify.run import TRACK_SHARE, WARNING_FACTOR
+from training.certify.warning import RANGE_S, WarningCurve, warning_curve
+from training.evaluate import Evaluation, Job, Setup, Share, evaluate, named_maker, play_jobs
+from training.evaluate.jobs import Progress
+
+ROLLERS: Final = "rollers"
+"""Name of the setting in which every roller is on the floor, level normal."""
+GROUPS: Final = ("robot-level", "latency")
+"""Plants of a certificate that are compared too, beside the model itself."""
+_WARNING, _TRACK = "warning", "track"
+
+
+@dataclass(frozen=True)
+class Row:
+    """The figures of one controller."""
+
+    controller: str
+    success: Mapping[str, Share]
+    """Setting -> success: the three levels on the planar plant; normal on rollers and on changed plants."""
+    warning: WarningCurve
+    track: TrackFigures
+    timing: Timing = field(compare=False)
+    """Of the machine, so it does not count in `==`."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """Several controllers on the same seeds."""
+
+    rows: tuple[Row, ...]
+    settings: Mapping[str, str]
+    """Name of each setting -> what it is, one line."""
+    provenance: Mapping[str, str | int]
+
+
+def compare(
+    controllers: Sequence[str],
+    model: Model,
+    *,
+    episodes: int = 200,
+    rollers: bool = True,
+    jobs: int = 0,
+    progress: Progress | None = None,
+) -> Comparison:
+    """Play every controller in every setting, seeds 0, 1, ...
+
+    Args:
+        controllers: names or paths, as for `training.controllers.named.make_controller`.
+        model: the robot, which all of them know.
+        episodes: of each controller in each setting.
+        rollers: whether the rollers are played too; they take most of the time.
+        jobs: at a time; 0: as many as there are processors. The result is the same with any number.
+        progress: called after each job, with its name and number of episodes.
+
+    Raises:
+        InputError: no such controller, none at all, one twice, or no episode.
+    """
+    if not controllers or len(set(controllers)) != len(controllers):
+        raise InputError(f"controllers = {', '.join(controllers) or 'none'}: must be some, each once")
+    if episodes < 1:
+        raise InputError(f"episodes = {episodes}, must be at least 1")
+    for name in controllers:
+        # A misspelt last name would else be found out after an hour.
+        evaluate(named_maker(name, model), Setup(model), [0])
+    setups, settings = _settings(model, rollers)
+    counts = {_WARNING: WARNING_FACTOR * episodes, _TRACK: max(1, episodes // TRACK_SHARE)}
+    planned = {
+        f"{name}|{setting}": Job(f"{name}, {setting}", name, setup, counts.get(setting, episodes))
+        for name in controllers
+        for setting, setup in setups.items()
+    }
+    played = play_jobs(planned, jobs, progress)
+    return Comparison(
+        rows=tuple(
+            _row(name, {setting: played[f"{name}|{setting}"] for setting in setups}, list(settings))
+            for name in controllers
+        ),
+        settings=settings,
+        provenance={
+            "version": mecanum_env.__version__,
+            "mujoco": mujoco.__version__,
+            "episodes": episodes,
+            "first_seed": 0,
+        },
+    )
+
+
+def _settings(model: Model, rollers: bool) -> tuple[dict[str, Setup], dict[str, str]]:
+    """Return what to play by name, and what of that the success counts in."""
+    setups: dict[str, Setup] = {level: Setup(model, difficulty=level) for level in DIFFICULTIES}
+    about: dict[str, str] = {level: f"planar plant, level {level}" for level in DIFFICULTIES}
+    normal = setups["normal"]
+    if rollers:
+        setups[ROLLERS] = replace(normal, physics="rollers")
+        about[ROLLERS] = "every roller on the floor, level normal"
+    for plant in plants(model):
+        if plant.group in GROUPS:
+            setups[plant.name] = replace(normal, model=plant.model, physics=plant.physics, known=model)
+            about[plant.name] = f"planar plant, level normal; {plant.summary}"
+    opponent = opponent_for("normal")
+    setups[_WARNING] = replace(normal, opponent=replace(opponent, warning_s=RANGE_S))
+    setups[_TRACK] = replace(normal, task="track")
+    return setups, about
+
+
+def _row(name: str, played: Mapping[str, Evaluation], settings: Sequence[str]) -> Row:
+    varied = played[_WARNING].episodes
+    warnings = [one.warning_s for one in varied if one.warning_s is not None]
+    return Row(
+        controller=name,
+        success={setting: success_of(played[setting].episodes) for setting in settings},
+        warning=warning_curve(warnings, [one.success for one in varied]),
+        track=track_figures(played[_TRACK].episodes),
+        timing=timing_of(played["normal"]),
+    )

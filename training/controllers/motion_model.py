@@ -8,21 +8,24 @@ goes. With s the setpoints, v the body's twist, w = J v its wheel speeds and M i
     v(k+1) = v(k) + h M^-1 J' torque
 
 with g = h b / (M + h b), b = servo J'J: the share of e that a servo of finite stiffness makes up in a tick.
-Forces of the turning frame, slip and what pushes from outside are left out.
+The model's effects on drives, servo, friction of the wheels, dimensions and mass count: friction f asks the
+drive for g f more and is taken off the torque. Limits of V and VC, backlash, slip, forces of the turning
+frame and what pushes from outside are left out.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mecanum_env.kinematics import WHEELS, clip_wheels, command_to_wheels, twist_to_wheels, wheels_to_twist
+from mecanum_env.effects.apply import active_effects, drive_parameters
+from mecanum_env.kinematics import WHEELS, command_to_wheels, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
-from mecanum_env.law.drive import EPS
+from mecanum_env.law.drive import EPS, received_command
 from mecanum_env.mjcf.planar import wheel_armature
-from mecanum_env.model import Model
+from mecanum_env.model import Model, Robot
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 _MEMORY = 5  # w(k), w(k-1), w(k-2), r(k-1), r(k-2)
@@ -46,15 +49,16 @@ class MotionModel:
     """Predicts twists on the identified law; holds no state.
 
     Args:
-        model: its wheel laws and robot count, not its effects.
+        model: its wheel laws, robot and effects; a `command_latency` is not put in here.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
-        self._limit_rpm = model.wheel.saturation_rpm
-        robot = model.robot
+        # V, theta and VC are rounded, not the wheels' shares of them.
+        self._drives = [replace(drive_parameters(model, w), command_quantum_rpm=0.0) for w in WHEELS]
+        robot, friction = _as_it_is(model)
         most = math.ceil(self.period_s / self.tick_s + EPS) + 1
         laws = [model.law_of(wheel) for wheel in WHEELS]
         pairs = [_responses(law, most) for law in laws]
@@ -70,6 +74,8 @@ class MotionModel:
         share = self.tick_s * stiffness / (inertia + self.tick_s * stiffness)
         self._to_torque = jacobian / gram * (inertia * share / self.tick_s)
         self._to_twist = (jacobian / inertia * self.tick_s).T
+        self._to_speeds = jacobian
+        self._friction, self._share = friction, float(np.mean(share))
         self._torque_limit = robot.torque_limit_n_m
         self._rpm_to_twist = wheels_to_twist(np.eye(4), robot).T  # (3, 4)
 
@@ -85,15 +91,25 @@ class MotionModel:
         return math.ceil(command * self.period_s / self.tick_s - EPS)
 
     def wheels(self, command: tuple[float, float, float]) -> FloatArray:
-        """Return the wheel speeds that a command (V, theta, VC) asks for, limited, shape (4,) [rpm]."""
-        return clip_wheels(command_to_wheels(*command), self._limit_rpm)
+        """Return the wheel speeds that a command (V, theta, VC) asks for, shape (4,) [rpm]."""
+        return command_to_wheels(*command)
+
+    def received(self, wheels_rpm: FloatArray, seconds: float) -> FloatArray:
+        """Return what the drives make of wheel commands, shape (4, n) [rpm].
+
+        Args:
+            wheels_rpm: shape (4, n).
+            seconds: since the start; a battery sags.
+        """
+        pairs = zip(self._drives, wheels_rpm, strict=True)
+        return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
 
     def play(self, state: MotionState, wheels_rpm: FloatArray, ticks: int) -> tuple[FloatArray, MotionState]:
         """Hold wheel commands for some ticks; return the twist after each, (ticks, 3, n), and the next state.
 
         Args:
             state: of n robots.
-            wheels_rpm: within the limit, shape (4, n).
+            wheels_rpm: as `received`, shape (4, n).
             ticks: of the law, at most one more than a command period has.
         """
         before = np.concatenate([state.law, wheels_rpm[:, None, :]], axis=1)  # (4, 6, n)
@@ -104,11 +120,42 @@ class MotionModel:
         most = self._torque_limit
         for k in range(ticks):
             torque = self._to_torque @ (wanted[:, k] - twist)
+            if self._friction is not None:
+                lost = self._friction.torque(self._to_speeds @ twist)
+                torque += self._share * lost
             np.minimum(torque, most, out=torque)
             np.maximum(torque, -most, out=torque)
+            if self._friction is not None:
+                torque -= lost
             twist = twist + self._to_twist @ torque
             twists[k] = twist
         return twists, MotionState(np.matmul(self._states[:, ticks - 1], before), twist)
+
+
+_SLOW_RAD_S = 0.3  # friction of a wheel slower than this grows with its speed, or it would chatter
+
+
+@dataclass(frozen=True)
+class _Friction:
+    coulomb_n_m: float
+    damping_n_m_s_rad: float
+
+    def torque(self, speeds_rad_s: FloatArray) -> FloatArray:
+        sign = np.clip(speeds_rad_s / _SLOW_RAD_S, -1.0, 1.0)
+        return self.coulomb_n_m * sign + self.damping_n_m_s_rad * speeds_rad_s
+
+
+def _as_it_is(model: Model) -> tuple[Robot, _Friction | None]:
+    """Return the robot with the effects that change its numbers, and the friction of its wheels."""
+    changed, mass, coulomb, damping = model, 0.0, 0.0, 0.0
+    for effect, values in active_effects(model):
+        if effect.change_model is not None:
+            changed = effect.change_model(changed, values)
+        mass += values["mass_kg"] if effect.name == "payload" else 0.0
+        coulomb += values["torque_n_m"] if effect.name == "coulomb_friction" else 0.0
+        damping += values["damping_n_m_s_rad"] if effect.name == "viscous_friction" else 0.0
+    robot = replace(changed.robot, mass_kg=changed.robot.mass_kg + mass)
+    return robot, _Friction(coulomb, damping) if coulomb > 0.0 or damping > 0.0 else None
 
 
 def _responses(law: WheelLaw, ticks: int) -> tuple[FloatArray, FloatArray]:

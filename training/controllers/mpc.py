@@ -217,6 +217,8 @@ class Mpc:
         limit = self._limit_rpm
         wheels_first = scale_wheels(twist_to_wheels(first.T, self._robot), limit).T
         wheels_second = scale_wheels(twist_to_wheels(second.T, self._robot), limit).T
+        wheels_first = own.model.received(wheels_first, own.time_s)
+        wheels_second = own.model.received(wheels_second, own.time_s)
         state = own.state.repeated(first.shape[1])
         twists = [state.twist[None]]
         for command in range(commands):

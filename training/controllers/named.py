@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any, Final
+from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
 from mecanum_env.tankendo.arena import Arena
+from training.controllers.compensated import Compensated
 from training.controllers.interface import Controller
 from training.controllers.lqr import Lqr
 from training.controllers.mpc import Mpc
@@ -22,6 +22,12 @@ from training.controllers.retreat import Retreat
 from training.controllers.sidestep import SideStep
 from training.controllers.smith import Smith
 from training.controllers.still import Still
+
+SUFFIX: Final = "+compensated"
+"""Behind a name: the controller within `Compensated`."""
+_LATENCY: Final = ("command_latency",)
+_LEFT: Final[Mapping[str, tuple[str, ...]]] = {"smith": _LATENCY, "lqr": _LATENCY, "mpc": _LATENCY}
+"""Effects that a controller deals with itself, better than a compensation around it could."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +46,12 @@ def _oracle(given: Given) -> Controller:
     return Oracle(given.arena, given.row)
 
 
+def _bundled(_given: Given) -> Controller:
+    from training.controllers.policy import bundled
+
+    return _load(bundled())
+
+
 CONTROLLERS: Final[Mapping[str, Callable[[Given], Controller]]] = MappingProxyType(
     {
         "random": lambda given: RandomMotion(given.seed),
@@ -51,7 +63,7 @@ CONTROLLERS: Final[Mapping[str, Callable[[Given], Controller]]] = MappingProxyTy
         "sidestep": lambda given: SideStep(Proportional(robot=given.model.robot)),
         "mpc": lambda given: Mpc(given.model),
         "oracle": _oracle,
-        "policy": lambda _: _load(_policy_module().bundled()),
+        "policy": _bundled,
     }
 )
 """Name -> maker, simplest first; `policy` is the trained policy that is part of the package."""
@@ -63,7 +75,8 @@ def make_controller(
     """Return a new controller, ready for an episode.
 
     Args:
-        name: a key of `CONTROLLERS`, or the path of a trained policy: a folder, or a file `.npz`.
+        name: a key of `CONTROLLERS`, or the path of a trained policy: a folder, or a file `.npz`; with
+            `+compensated` behind it, wrapped into a compensation of the model's effects.
         model: what the controller knows of the robot: wheel law, dimensions, named effects.
         arena: the simulator that the oracle looks into.
         row: which of the arena's episodes it plays.
@@ -72,24 +85,30 @@ def make_controller(
     Raises:
         InputError: no such name and no such policy, or the oracle without an arena.
     """
-    if name in CONTROLLERS:
+    controller: Controller
+    if name.endswith(SUFFIX):
+        # It drives the robot that compensation makes of this one.
+        base = name.removesuffix(SUFFIX)
+        left = {key: value for key, value in model.effects.items() if key in _LEFT.get(base, ())}
+        ideal = replace(model, effects=left)
+        inner = make_controller(base, ideal, arena=arena, row=row, seed=seed)
+        controller = Compensated(inner, model, foresees=base in _LEFT)
+    elif name in CONTROLLERS:
         controller = CONTROLLERS[name](Given(model, arena, row, seed))
     elif Path(name).suffix == ".npz" or Path(name).is_dir():
         controller = _load(Path(name))
     else:
         raise InputError(
             f"controller {name!r}: no such name{did_you_mean(name, CONTROLLERS)}; known: "
-            f"{', '.join(CONTROLLERS)}, or the path of a trained policy (a folder or a file .npz)"
+            f"{', '.join(CONTROLLERS)}, or the path of a trained policy (a folder or a file .npz); "
+            f"each may be followed by {SUFFIX}"
         )
     controller.reset()
     return controller
 
 
 def _load(path: Path) -> Controller:
-    controller: Controller = _policy_module().load_policy(path)
-    return controller
-
-
-def _policy_module() -> Any:
     # Only who asks for a policy pays for it.
-    return importlib.import_module("training.controllers.policy")
+    from training.controllers.policy import load_policy
+
+    return load_policy(path)

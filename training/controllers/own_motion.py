@@ -21,7 +21,7 @@ class OwnMotion:
     that much later.
 
     Args:
-        model: wheel laws and robot.
+        model: wheel laws, robot and effects.
     """
 
     def __init__(self, model: Model) -> None:
@@ -40,10 +40,16 @@ class OwnMotion:
         """Commands sent so far."""
         return self._commands
 
+    @property
+    def time_s(self) -> float:
+        """Time since the start [s]."""
+        return self._commands * self.model.period_s
+
     def send(self, command: Command) -> None:
         """Take note of a command that is sent now, and go on to the end of its period."""
         ticks = self.model.ticks(self._commands)
-        twists, self.state = self.model.play(self.state, self.model.wheels(command)[:, None], ticks)
+        wheels = self.model.received(self.model.wheels(command)[:, None], self.time_s)
+        twists, self.state = self.model.play(self.state, wheels, ticks)
         self._twists.extend(twists[:, :, 0])
         self._commands += 1
 
@@ -56,8 +62,24 @@ class OwnMotion:
         """Return the twists of the last law ticks until now, oldest first, shape (ticks + 1, 3)."""
         return np.array(list(self._twists)[-1 - ticks :])
 
-    def moved(self, ago_s: float) -> FloatArray:
-        """Return the pose now, seen from that `ago_s` [s] before: ahead, left [m], turn [rad], shape (3,)."""
+    def moved(self, ago_s: float, until_s: float = 0.0) -> FloatArray:
+        """Return the pose `until_s` [s] before now, seen from that `ago_s` [s] before now.
+
+        Ahead, left [m], turn [rad], shape (3,); `until_s` is not above `ago_s`.
+        """
+        moved = self._until_now(ago_s)
+        if until_s <= 0.0:
+            return moved
+        # What came after is taken off: first = all * rest^-1.
+        rest = self._until_now(until_s)
+        turn = moved[2] - rest[2]
+        cos, sin = np.cos(turn), np.sin(turn)
+        before: FloatArray = moved - np.array(
+            [cos * rest[0] - sin * rest[1], sin * rest[0] + cos * rest[1], rest[2]]
+        )
+        return before
+
+    def _until_now(self, ago_s: float) -> FloatArray:
         past = self._past(ago_s)
         if len(past) < 2:
             return np.zeros(3)
@@ -74,6 +96,13 @@ class OwnMotion:
             share = whole - ticks
             twists[0] = twists[0] + share * (twists[1] - twists[0])
         return twists
+
+
+def seen_from(pose: FloatArray, x_m: float, y_m: float) -> tuple[float, float]:
+    """Return a place [m] as seen from a pose: x, y [m], yaw [rad], shape (3,)."""
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    dx, dy = x_m - pose[0], y_m - pose[1]
+    return float(cos * dx + sin * dy), float(cos * dy - sin * dx)
 
 
 def integrated(twists: FloatArray, steps_s: FloatArray) -> FloatArray:

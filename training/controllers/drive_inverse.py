@@ -1,0 +1,211 @@
+"""Which command makes a robot with known effects move as the nominal one would: the drives, inverted.
+
+Forward, in the steady state: command -> limits of V and VC -> wheels -> dead band, gains, saturation
+(`mecanum_env.law.drive.received_command`) -> friction under a servo without integral action, which leaves
+
+    w = (|r| - coulomb / servo) / (1 + viscous / servo) sign(r), or 0 where |r| servo <= coulomb + breakaway
+
+-> body, with the wheels and the track that the robot has. The inverse scales the wanted motion until every
+wheel can follow, which keeps its direction, and solves for the command by fixed-point iteration. What a dead
+band or stiction cannot give at once is made up for by the following commands (error diffusion).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects.apply import active_effects, drive_parameters
+from mecanum_env.kinematics import (
+    WHEELS,
+    body_to_wheels,
+    command_to_wheels,
+    scale_wheels,
+    twist_to_wheels,
+    wheels_to_body,
+    wheels_to_command,
+    wheels_to_twist,
+)
+from mecanum_env.law.drive import received_command
+from mecanum_env.model import Model, Robot
+from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from training.controllers.interface import Command
+
+INVERTED: Final = (
+    *("body_speed_limit", "command_deadband", "speed_gain", "wheel_gain_mismatch", "direction_asymmetry"),
+    *("battery_sag", "speed_saturation", "weak_servo", "coulomb_friction", "stiction", "viscous_friction"),
+    *("wheel_radius", "track_width"),
+)
+"""Effects that this inverts."""
+_GEOMETRY: Final = ("wheel_radius", "track_width", "weak_servo")  # other numbers in the robot's section
+_ITERATIONS: Final = 20
+_CLOSE_RPM: Final = 0.02  # commands are whole numbers
+_HUGE_RPM: Final = 1e6
+
+
+@dataclass(frozen=True)
+class _Friction:
+    """What the wheels lose [rpm], with a servo that has no integral action."""
+
+    constant_rpm: float
+    breakaway_rpm: float
+    relative: float
+
+    def speed(self, driven_rpm: FloatArray) -> FloatArray:
+        size = np.abs(driven_rpm)
+        moving = np.maximum(size - self.constant_rpm, 0.0) / (1.0 + self.relative)
+        return np.copysign(np.where(size <= self.breakaway_rpm, 0.0, moving), driven_rpm)
+
+    def driven(self, speed_rpm: FloatArray) -> FloatArray:
+        size = np.abs(speed_rpm) * (1.0 + self.relative) + self.constant_rpm
+        return np.where(speed_rpm == 0.0, 0.0, np.copysign(size, speed_rpm))
+
+
+class DriveInverse:
+    """The inverse of one robot's drives.
+
+    Args:
+        model: wheel, robot and effects; those of `INVERTED` count.
+    """
+
+    def __init__(self, model: Model) -> None:
+        effects = {effect.name: (effect, values) for effect, values in active_effects(model)}
+        self.is_needed = any(name in effects for name in INVERTED)
+        """Whether any effect is there to invert; without one commands are left alone."""
+        self._limit_rpm = model.wheel.saturation_rpm
+        # V, theta and VC are rounded, not the wheels' shares of them.
+        self._drives = [replace(drive_parameters(model, w), command_quantum_rpm=0.0) for w in WHEELS]
+        self._smooth = [replace(drive, deadband_rpm=0.0) for drive in self._drives]
+        changed = model
+        for name in _GEOMETRY:
+            if name in effects:
+                effect, values = effects[name]
+                assert effect.change_model is not None
+                changed = effect.change_model(changed, values)
+        self._nominal: Robot = model.robot
+        self._robot: Robot = changed.robot
+        self._friction = _friction(
+            changed.robot,
+            effects["coulomb_friction"][1]["torque_n_m"] if "coulomb_friction" in effects else 0.0,
+            effects["stiction"][1]["breakaway_n_m"] if "stiction" in effects else 0.0,
+            effects["viscous_friction"][1]["damping_n_m_s_rad"] if "viscous_friction" in effects else 0.0,
+        )
+        limits = effects["body_speed_limit"][1] if "body_speed_limit" in effects else {}
+        self._v_rpm = min(limits.get("v_rpm", math.inf), FULL_V_RPM)
+        self._vc_rpm = min(limits.get("vc_rpm", math.inf), FULL_VC_RPM)
+        self._sticks = "command_deadband" in effects or self._friction.breakaway_rpm > 0.0
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget what is still owed."""
+        self._owed = np.zeros(3)
+
+    def command(self, wanted: Command, seconds: float) -> Command:
+        """Return the command that gives what the nominal robot would make of the wanted one.
+
+        Args:
+            wanted: V [rpm], theta [deg], VC [rpm] for the nominal robot.
+            seconds: since the start, when it acts: a battery sags.
+        """
+        if not self.is_needed:
+            return wanted
+        wheels = scale_wheels(command_to_wheels(*wanted), self._limit_rpm)
+        twist = wheels_to_twist(wheels, self._nominal)
+        body = self._within_reach(wheels_to_body(twist_to_wheels(twist, self._robot)), seconds)
+        if not self._sticks:
+            return _rounded(self._solve(body, seconds))
+        return self._diffused(body, seconds)
+
+    def delivered(self, command: Command, seconds: float) -> FloatArray:
+        """Return the body motion (ahead, left, turn) [rpm], shape (3,), that a command leads to.
+
+        Args:
+            command: V [rpm], theta [deg], VC [rpm].
+            seconds: since the start.
+        """
+        v = min(max(command[0], -self._v_rpm), self._v_rpm)
+        vc = min(max(command[2], -self._vc_rpm), self._vc_rpm)
+        wheels = command_to_wheels(v, command[1], vc)
+        received = [
+            received_command(drive, one, seconds) for drive, one in zip(self._drives, wheels, strict=True)
+        ]
+        return wheels_to_body(self._friction.speed(np.array(received)))
+
+    def _smooth_wheels(self, wheels: FloatArray, seconds: float) -> FloatArray:
+        """Return the wheel speeds that commands lead to, but for thresholds and rounding."""
+        received = [
+            received_command(drive, one, seconds) for drive, one in zip(self._smooth, wheels, strict=True)
+        ]
+        return replace(self._friction, breakaway_rpm=0.0).speed(np.array(received))
+
+    def _within_reach(self, body: FloatArray, seconds: float) -> FloatArray:
+        """Return the body motion, scaled until every wheel can follow."""
+        wheels = body_to_wheels(body)
+        most = np.abs(self._smooth_wheels(np.copysign(_HUGE_RPM, wheels), seconds))
+        size = np.abs(wheels)
+        share = float(np.min(np.divide(most, size, out=np.ones(4), where=size > most)))
+        return body * share
+
+    def _solve(self, body: FloatArray, seconds: float) -> FloatArray:
+        """Return the body command that leads to a body motion, within the robot's range, shape (3,)."""
+        driven = self._friction.driven(body_to_wheels(body))
+        command = wheels_to_body(driven / self._gains(driven, seconds))
+        for _ in range(_ITERATIONS):
+            # One body command serves four wheels, maybe unlike ones; gains within (0, 2) let this contract.
+            off = body - wheels_to_body(self._smooth_wheels(body_to_wheels(command), seconds))
+            if np.max(np.abs(off)) < _CLOSE_RPM:
+                break
+            command = command + off
+        speed, turn = math.hypot(command[0], command[1]), abs(float(command[2]))
+        share = min(1.0, self._v_rpm / max(speed, 1e-9), self._vc_rpm / max(turn, 1e-9))
+        scaled: FloatArray = command * share
+        return scaled
+
+    def _diffused(self, body: FloatArray, seconds: float) -> Command:
+        """Return the command that comes nearest to a body motion and what was owed before."""
+        if not np.any(body):
+            self._owed = np.zeros(3)
+            return 0, 0, 0
+        wanted = body + self._owed
+        plain = self._solve(wanted, seconds)
+        wheels = np.abs(body_to_wheels(plain))
+        least = self._least(seconds)
+        scales = [1.0] + [float(t / w) for t, w in zip(least, wheels, strict=True) if 0.5 < w < t]
+        choices: list[Command] = [(0, 0, 0), *(_rounded(plain * scale) for scale in scales)]
+        reached = [self.delivered(choice, seconds) for choice in choices]
+        best = int(np.argmin([float(np.sum((one - wanted) ** 2)) for one in reached]))
+        most = float(np.max(least))
+        self._owed = np.clip(wanted - reached[best], -most, most)
+        return choices[best]
+
+    def _gains(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
+        """Return the gain of each wheel's drive, by the direction in which it is driven, shape (4,)."""
+        forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives])
+        reverse = np.array([d.reverse_ratio for d in self._drives])
+        gains: FloatArray = np.where(driven_rpm < 0.0, forward * reverse, forward)
+        return gains
+
+    def _least(self, seconds: float) -> FloatArray:
+        """Return the smallest command that moves each wheel [rpm], shape (4,)."""
+        gains = np.minimum(self._gains(np.ones(4), seconds), self._gains(-np.ones(4), seconds))
+        dead = np.array([d.deadband_rpm for d in self._drives])
+        # One more than either: rounding must not fall below it.
+        least: FloatArray = np.maximum(dead, self._friction.breakaway_rpm / gains) + 1.0
+        return least
+
+
+def _friction(robot: Robot, coulomb: float, breakaway: float, damping: float) -> _Friction:
+    if robot.servo_integral_n_m_rad > 0.0:
+        return _Friction(0.0, 0.0, 0.0)
+    rpm = 1.0 / (robot.servo_n_m_s_rad * RAD_S_PER_RPM)
+    threshold = (coulomb + breakaway) * rpm if breakaway > 0.0 else 0.0
+    return _Friction(coulomb * rpm, threshold, damping / robot.servo_n_m_s_rad)
+
+
+def _rounded(body_rpm: FloatArray) -> Command:
+    v, theta, vc = wheels_to_command(body_to_wheels(body_rpm))
+    return round(float(v)), round(float(theta)), round(float(vc))

@@ -1,0 +1,161 @@
+"""What the robot's own sensors would show without their known errors, and without a known command latency.
+
+- `sensor_bias` is taken off, `sensor_scale` divided out, `mount_yaw` turned back.
+- `sensor_latency` and `sensor_lowpass` are known filters: what they took away from the motion that the
+  commands led to is added back, so noise is not amplified as an inverse filter would.
+- `command_latency`: the observation is brought forward by it, so the controller sees a robot that obeys at
+  once: its own part by the commands under way, the opponent's by its velocity.
+
+The numbers are those of `mecanum_env.tankendo.observation`, by index.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.effects.apply import active_effects, drive_parameters, measured
+from mecanum_env.model import Model
+from mecanum_env.tankendo import Sensors
+from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
+from mecanum_env.units import FloatArray
+from training.controllers.interface import Command
+from training.controllers.own_motion import OwnMotion, seen_from
+
+CORRECTED: Final = ("sensor_bias", "sensor_scale", "mount_yaw", "sensor_latency", "sensor_lowpass")
+"""Effects on sensors that this takes out."""
+_FILTERS: Final = ("sensor_latency", "sensor_lowpass")
+_CHANNELS: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
+_KEPT: Final = 40  # observations; several times the longest delay or filter
+_OWN, _HELD, _PLACE, _HEADING = slice(10, 13), slice(13, 16), slice(16, 18), slice(18, 20)
+_SEEN_PLACES, _SEEN_VELOCITIES = ((0, 1), (4, 5)), ((2, 3), (7, 8))
+
+
+class SenseInverse:
+    """Corrects the observations of one robot.
+
+    Args:
+        model: wheel, robot and effects; those of `CORRECTED` and `command_latency` count.
+        delay_s: how late the sensors are by nature [s].
+        foresees: leave `command_latency` to the controller.
+    """
+
+    def __init__(self, model: Model, delay_s: float = Sensors.delay_s, foresees: bool = False) -> None:
+        effects = {effect.name: values for effect, values in active_effects(model)}
+        self._late_s = drive_parameters(model).delay_s
+        self._seen_s = delay_s
+        self._bias = effects.get("sensor_bias", {})
+        self._scale = effects.get("sensor_scale", {})
+        self._angle = math.radians(effects.get("mount_yaw", {}).get("angle_deg", 0.0))
+        filters: dict[str, Mapping[str, float]] = {
+            name: model.effects[name] for name in _FILTERS if name in effects
+        }
+        self._filters = replace(model, effects=filters) if filters else None
+        self.corrects = any(name in effects for name in CORRECTED)
+        """Whether any sensor has an error to take out."""
+        self._brings_forward = self._late_s > 0.0 and not foresees
+        self.is_needed = self.corrects or self._brings_forward
+        # What the controller asks for is what a compensated robot does.
+        self._own = OwnMotion(replace(model, effects={}))
+        self._step_s = model.wheel.command_period_s
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the episode."""
+        self._own.reset()
+        self._last: Command | None = None
+        self._pose = np.zeros(3)
+        self._past: list[FloatArray] = [np.zeros(6), np.zeros(6)]
+
+    def send(self, command: Command) -> None:
+        """Take note of what the controller asked for: what the compensated robot does."""
+        self._last = command
+        if self.is_needed:
+            self._own.send(command)
+
+    def corrected(
+        self, observation: npt.NDArray[np.floating], hides_command: bool = False
+    ) -> npt.NDArray[np.floating]:
+        """Return the observation without the known errors, shape as given.
+
+        Args:
+            observation: shape (20 or more,).
+            hides_command: show the command that the controller gave, not the one that was sent for it.
+        """
+        if not self.is_needed and not hides_command:
+            return observation
+        shown = np.array(observation, float)
+        if self.corrects:
+            self._correct(shown)
+        if self._brings_forward:
+            self._bring_forward(shown)
+        if hides_command and self._last is not None:
+            v, theta, vc = self._last
+            angle = math.radians(theta)
+            shown[_HELD] = (
+                v / FULL_V_RPM * math.cos(angle),
+                v / FULL_V_RPM * math.sin(angle),
+                vc / FULL_VC_RPM,
+            )
+        return shown
+
+    def _correct(self, shown: FloatArray) -> None:
+        own = shown[_OWN]
+        own -= [self._bias.get(name, 0.0) for name in _CHANNELS[:3]]
+        linear, yaw = self._scale.get("linear", 1.0), self._scale.get("yaw", 1.0)
+        # A scale of 0 left nothing to correct.
+        own /= [linear or 1.0, linear or 1.0, yaw or 1.0]
+        if self._angle != 0.0:
+            cos, sin = math.cos(self._angle), math.sin(self._angle)
+            for pair in (shown[10:12], shown[_PLACE]):
+                pair[:] = cos * pair[0] - sin * pair[1], sin * pair[0] + cos * pair[1]
+        if self._filters is not None:
+            self._unfilter(shown)
+
+    def _unfilter(self, shown: FloatArray) -> None:
+        """Add what the filters took away from the motion as the commands led to it."""
+        assert self._filters is not None
+        twist, pose = self._odometry()
+        self._past = [*self._past[1 - _KEPT :], np.array([*twist, *pose])]
+        clock = np.arange(len(self._past)) * self._step_s
+        table = np.array(self._past).T
+        channels = dict(zip(_CHANNELS, table, strict=True))
+        filtered = measured(self._filters, np.asarray(clock, float), channels)
+        lost = np.array([channels[name][-1] - filtered[name][-1] for name in _CHANNELS])
+        shown[_OWN] += lost[:3]
+        heading = math.atan2(shown[19], shown[18]) + lost[5]
+        shown[_HEADING] = math.cos(heading), math.sin(heading)
+        # Odometry began with some heading of its own.
+        turn = heading - pose[2]
+        cos, sin = math.cos(turn), math.sin(turn)
+        shown[_PLACE] += (cos * lost[3] - sin * lost[4], sin * lost[3] + cos * lost[4])
+
+    def _odometry(self) -> tuple[FloatArray, FloatArray]:
+        """Return twist and pose, as the commands led to them, when the observation was made."""
+        ago_s = self._seen_s + self._late_s
+        step = self._own.moved(ago_s + self._step_s, ago_s)
+        cos, sin = math.cos(self._pose[2]), math.sin(self._pose[2])
+        self._pose = self._pose + np.array(
+            [cos * step[0] - sin * step[1], sin * step[0] + cos * step[1], step[2]]
+        )
+        return self._own.twist(ago_s), self._pose
+
+    def _bring_forward(self, shown: FloatArray) -> None:
+        late, seen = self._late_s, self._seen_s
+        moved = self._own.moved(late + seen, seen)
+        for (x, y), (vx, vy) in zip(_SEEN_PLACES, _SEEN_VELOCITIES, strict=True):
+            shown[x], shown[y] = seen_from(moved, shown[x] + late * shown[vx], shown[y] + late * shown[vy])
+        shown[6] += late * shown[9]
+        turn = np.array([0.0, 0.0, moved[2]])
+        for vx, vy in _SEEN_VELOCITIES:
+            shown[vx], shown[vy] = seen_from(turn, shown[vx], shown[vy])
+        shown[_OWN] += self._own.twist(seen) - self._own.twist(late + seen)
+        cos, sin = shown[18], shown[19]
+        shown[_PLACE] += (cos * moved[0] - sin * moved[1], sin * moved[0] + cos * moved[1])
+        c, s = math.cos(moved[2]), math.sin(moved[2])
+        shown[_HEADING] = cos * c - sin * s, sin * c + cos * s

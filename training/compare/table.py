@@ -43,8 +43,8 @@ def comparison_markdown(found: Comparison, command: str) -> str:
         "",
         "Warning: the shortest at which the success reaches 90 %, planar plant, level normal but for the "
         "warning; see [certificates](../certify.md). Tracking error: root mean square of distance - maai "
-        "behind an opponent that walks about, mean over episodes. Time: of the processor, for one command, on "
-        "the machine that wrote this; the robot takes one every 100 ms.",
+        "behind an opponent that walks about, mean over episodes. Time: of the processor, for one command, "
+        "on the machine that wrote this; the robot takes one every 100 ms.",
         "",
         *_markdown([(head[0], *head[1 + len(found.settings) :])]
                    + [(row[0], *row[1 + len(found.settings) :]) for row in rows]),

@@ -24,6 +24,7 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import atomic_path
 from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
 from mecanum_env.units import FloatArray
+from training.controllers.features import ADDED, features
 from training.controllers.interface import Command
 
 FORMAT: Final = "mecanum-policy/1"
@@ -42,11 +43,11 @@ ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {"tanh": 
 
 @dataclass(frozen=True)
 class Network:
-    """The deterministic policy: the newest observations in, an action out.
+    """The deterministic policy: features of the newest observations in, an action out.
 
-    With x the last `stack` observations, oldest first, one after the other: x is normalised to
-    clip((x - mean) / scale, +-clip), goes through the layers W x + b with the activation between them, and
-    the result is clipped to [-1, 1], or through tanh where `squashes`.
+    With x the features of the last `stack` observations, oldest first, one after the other: x is normalised
+    to clip((x - mean) / scale, +-clip), goes through the layers W x + b with the activation between them,
+    and the result is clipped to [-1, 1], or through tanh where `squashes`.
     """
 
     mean: FloatArray
@@ -71,10 +72,10 @@ class Network:
     @property
     def observation_size(self) -> int:
         """Numbers of one observation."""
-        return len(self.mean) // self.stack
+        return len(self.mean) // self.stack - ADDED
 
     def actions(self, stacked: npt.NDArray[np.floating]) -> FloatArray:
-        """Return actions within [-1, 1], shape (..., 3), of stacked observations, (..., stack * k)."""
+        """Return actions within [-1, 1], shape (..., 3), of stacked features, (..., stack * k)."""
         x = np.clip((np.asarray(stacked, float) - self.mean) / self.scale, -self.clip, self.clip)
         between = ACTIVATIONS[self.activation]
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
@@ -114,7 +115,7 @@ class Policy:
                 f"observation of shape {seen.shape}, must be ({size},): this policy was trained for "
                 f"{self.about.get('env', 'another task')}"
             )
-        self._memory = remember(self._memory, seen, self.network.stack)
+        self._memory = remember(self._memory, features(seen), self.network.stack)
         action = self.network.actions(self._memory)
         # A robot takes whole numbers, whatever quantum the model was trained with.
         v, theta, vc = action_to_command(action, self.network.action_mode, max(self._quantum_rpm, 1.0))
@@ -122,11 +123,11 @@ class Policy:
 
 
 def remember(memory: FloatArray | None, seen: FloatArray, stack: int) -> FloatArray:
-    """Return the last observations, oldest first, (..., stack * k), after a new one.
+    """Return the features of the last observations, oldest first, (..., stack * k), after new ones.
 
     Args:
         memory: what it returned last; None at an episode's start: then the first stands for those before it.
-        seen: the new observation, (..., k).
+        seen: features of the new observation, (..., k).
         stack: how many are kept.
     """
     if memory is None:

@@ -29,6 +29,7 @@ def main(
     action_mode: ActionMode = Settings.action_mode,
     stack: int = Settings.stack,
     checkpoint_every: int = Settings.checkpoint_every,
+    reward_weights: dict[str, float] | None = None,
     ppo: Ppo = Ppo(),  # noqa: B008
     sac: Sac = Sac(),  # noqa: B008
 ) -> None:
@@ -51,6 +52,7 @@ def main(
         action_mode: What an action means: cartesian, polar, command.
         stack: How many observations the policy looks at.
         checkpoint_every: Steps between two checkpoints.
+        reward_weights: Of the environment's reward, by name; default: waiting 0.05 out 5.
         ppo: Numbers of PPO.
         sac: Numbers of SAC.
     """
@@ -73,6 +75,8 @@ def main(
         ppo=ppo,
         sac=sac,
     )
+    if reward_weights is not None:
+        given = replace(given, reward_weights=reward_weights)
     if resume is not None:
         if out is not None or given != Settings():
             raise InputError("--resume FOLDER: the run's own settings count; give only --steps beside it")

@@ -11,6 +11,7 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
+from training.train.exploration import SeenSpreadPolicy
 from training.train.settings import Settings
 
 _CLASSES: Final = {"ppo": PPO, "sac": SAC}
@@ -47,7 +48,7 @@ def read_agent(settings: Settings, env: VecEnv, path: Path) -> BaseAlgorithm:
 def _ppo(settings: Settings, env: VecEnv) -> PPO:
     own = settings.ppo
     return PPO(
-        "MlpPolicy",
+        SeenSpreadPolicy,
         env,
         learning_rate=_falling(*_rates(settings)),
         n_steps=own.rollout_steps,

@@ -7,7 +7,6 @@ a run that goes on from one ends with the same weights as one that was never int
 
 from __future__ import annotations
 
-import shlex
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -38,7 +37,7 @@ from training.train.checkpoint import (
 from training.train.environment import bare_env, seeds_at, training_env
 from training.train.export import network_of
 from training.train.provenance import commit, versions
-from training.train.settings import Settings
+from training.train.settings import Settings, command_line
 from training.train.watch import DEVELOPMENT_SEEDS, watch
 
 _NEVER: Final = sys.maxsize
@@ -70,7 +69,7 @@ def train(
         )
     normaliser = training_env(settings)
     agent = make_agent(settings, normaliser)
-    command = shlex.join(["python", "-m", "training.train", *sys.argv[1:]])
+    command = command_line(settings, str(folder))
     write_run(folder, settings, {"command": command, "versions": versions(), "commit": commit()})
     return _learn(agent, normaliser, settings, State(), folder, command, stop_after, watch_seeds, quiet)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Final, Literal, cast, get_args
@@ -24,24 +25,24 @@ of `training.train.levels` side by side."""
 class Ppo:
     """Numbers of proximal policy optimisation; the defaults were tuned for the dodge (docs/training.md)."""
 
-    learning_rate: float = 1e-3
+    learning_rate: float = 5e-4
     """At the start; falls evenly."""
-    last_learning_rate: float = 1e-4
+    last_learning_rate: float = 5e-5
     """At the end."""
-    rollout_steps: int = 64
+    rollout_steps: int = 32
     """Steps of each environment between two updates."""
     batch_size: int = 1024
     """Steps in a minibatch."""
     epochs: int = 10
     """Passes over a rollout."""
-    gamma: float = 0.98
+    gamma: float = 0.99
     """Discount of a step of 0.1 s."""
     gae_lambda: float = 0.95
     """Of generalised advantage estimation."""
     clip_range: float = 0.2
     entropy_weight: float = 0.0
-    log_std: float = -0.5
-    """Logarithm of the actions' standard deviation at the start."""
+    log_std: float = -0.7
+    """Logarithm of the actions' standard deviation at the start; it then depends on what is seen."""
     layers: tuple[int, ...] = (64, 64)
     """Units of each hidden layer; the critic has the same."""
     activation: Literal["tanh", "relu"] = "tanh"
@@ -80,15 +81,16 @@ class Settings:
     """Path of a model file; None: the packaged model."""
     difficulty: str = "normal"
     randomize: Robots = "none"
-    envs: int = 64
+    envs: int = 128
     """Environments side by side."""
     action_mode: ActionMode = "cartesian"
-    stack: int = 3
+    stack: int = 2
     """How many observations, of 0.1 s each, the policy looks at."""
     checkpoint_every: int = 250_000
     """Steps between two checkpoints; at each one all environments begin anew."""
-    reward_weights: Mapping[str, float] = field(default_factory=dict)
-    """Of the environment's reward, those that differ from its own."""
+    reward_weights: Mapping[str, float] = field(default_factory=lambda: {"waiting": 0.05, "out": 5.0})
+    """Of the environment's reward, those that differ from its own. By default waiting costs more, so that a
+    beginner soon offers an opening, and leaving the field so much that it is no way out of waiting."""
     ppo: Ppo = field(default_factory=Ppo)
     sac: Sac = field(default_factory=Sac)
 
@@ -138,6 +140,26 @@ def settings_from_json(stored: Mapping[str, Any]) -> Settings:
         return Settings(**values)
     except (KeyError, TypeError) as error:
         raise InputError(f"settings: not those of a training run ({error})") from error
+
+
+def command_line(settings: Settings, folder: str) -> str:
+    """Return the command that trains with these settings into a new folder."""
+    words = ["python", "-m", "training.train", "--out", folder]
+    usual = asdict(Settings())
+    for name, value in asdict(settings).items():
+        if name in ("ppo", "sac"):
+            for key, own in value.items():
+                if own != usual[name][key]:
+                    words += [f"--{name}.{key}".replace("_", "-"), *_words(own)]
+        elif value != usual[name]:
+            words += [f"--{name}".replace("_", "-"), *_words(value)]
+    return shlex.join(words)
+
+
+def _words(value: Any) -> list[str]:
+    if isinstance(value, Mapping):
+        return [str(part) for pair in value.items() for part in pair]
+    return [str(part) for part in value] if isinstance(value, list | tuple) else [str(value)]
 
 
 def _one_of(name: str, value: str, known: Any) -> None:

@@ -14,11 +14,11 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from training.controllers.policy import load_policy
 from training.train.__main__ import main
-from training.train.checkpoint import newest_checkpoint, read_learner, read_run
+from training.train.checkpoint import State, newest_checkpoint, read_learner, read_run
 from training.train.environment import bare_env, seeds_at, training_env
 from training.train.levels import level_models
 from training.train.run import resume, train
-from training.train.settings import Ppo, Sac, Settings, settings_from_json, settings_json
+from training.train.settings import Ppo, Sac, Settings, command_line, settings_from_json, settings_json
 from training.train.watch import DEVELOPMENT_SEEDS
 
 WATCH = range(100_000, 100_002)
@@ -82,11 +82,8 @@ def test_the_exported_policy_is_the_learners(trained):
     agent, normaliser = learner(folder, settings)
     network = load_policy(folder / "policy.npz").network
     rng = np.random.default_rng(0)
-    limits = normaliser.observation_space.high
-    seen = np.concatenate(
-        [rng.uniform(-limits, limits, (100, len(limits))), rng.normal(size=(100, len(limits)))]
-    )
-    seen = seen.astype(np.float32)
+    size = normaliser.observation_space.shape[0]
+    seen = np.concatenate([rng.uniform(-15, 15, (100, size)), rng.normal(size=(100, size))])
     expected, _ = agent.predict(normaliser.normalize_obs(seen), deterministic=True)
     np.testing.assert_allclose(network.actions(seen), expected, atol=1e-5)
 
@@ -152,7 +149,7 @@ def test_levels_are_robots_side_by_side():
     groups = env.unwrapped.groups
     assert [group.num_envs for group in groups] == [2, 2, 1, 1, 1, 1, 1]
     env.unwrapped._seeds = seeds_at(settings, 0)
-    assert env.reset().shape == (9, 40)
+    assert env.reset().shape == (9, 42)
     env.step(np.ones((9, 3), np.float32))
     one = [group.env.arena.robots.model_of(0) for group in groups]
     assert one == list(models.values())
@@ -164,3 +161,18 @@ def test_training_never_meets_an_episode_of_an_evaluation():
     assert min(seeds) > max(DEVELOPMENT_SEEDS)
     assert set(seeds).isdisjoint(seeds_at(Settings(envs=256), 250_000))
     assert set(seeds).isdisjoint(seeds_at(Settings(envs=256, seed=1), 0))
+
+
+def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
+    settings = replace(SMALL["ppo"], seed=3, reward_weights={"hit": 2.0}, randomize="levels")
+    begun = []
+
+    def begin(*given):
+        begun.append(given)
+        return State()
+
+    monkeypatch.setattr("training.train.run.train", begin)
+    words = command_line(settings, str(tmp_path)).split()
+    assert words[:3] == ["python", "-m", "training.train"]
+    assert run(main, words[3:]) == 0
+    assert begun == [(settings, tmp_path)]

@@ -1,0 +1,132 @@
+"""A policy file and the controller that it makes, with numpy alone."""
+
+import itertools
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.errors import InputError
+from mecanum_env.tankendo.actions import action_to_command
+from mecanum_env.tankendo.constants import GUARD_TIP_M
+from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
+from training.controllers.features import NAMES, features
+from training.controllers.policy import Network, Policy, bundled, load_policy, remember, save_policy
+
+
+@pytest.fixture
+def network():
+    """Return a small network on two observations of twenty numbers."""
+    rng = np.random.default_rng(0)
+    sizes = [42, 7, 3]
+    return Network(
+        mean=rng.normal(size=42),
+        scale=rng.uniform(0.5, 2.0, 42),
+        clip=10.0,
+        weights=tuple(
+            rng.normal(size=(b, a)).astype(np.float32).astype(float) for a, b in itertools.pairwise(sizes)
+        ),
+        biases=tuple(rng.normal(size=b).astype(np.float32).astype(float) for b in sizes[1:]),
+        activation="tanh",
+        squashes=False,
+        action_mode="cartesian",
+        stack=2,
+    )
+
+
+def test_a_file_gives_back_what_was_saved(network, tmp_path):
+    save_policy(tmp_path / "policy.npz", network, {"env": "MecanumTankendo-v0", "seed": 3})
+    for path in (tmp_path, tmp_path / "policy.npz"):
+        policy = load_policy(path)
+        seen = np.random.default_rng(1).normal(size=(50, 42))
+        np.testing.assert_array_equal(policy.network.actions(seen), network.actions(seen))
+        assert policy.about["seed"] == 3
+
+
+def test_it_acts_on_the_last_observations(network):
+    policy = Policy(network, {})
+    seen = np.random.default_rng(2).normal(size=(3, 20))
+    commands = [policy.act(one) for one in seen]
+    for command, (before, now) in zip(commands, [(0, 0), (0, 1), (1, 2)], strict=True):
+        action = network.actions(np.concatenate([features(seen[before]), features(seen[now])]))
+        np.testing.assert_array_equal(command, action_to_command(action, "cartesian"))
+        assert all(isinstance(number, int) for number in command)
+    policy.reset()
+    assert policy.act(seen[0]) == commands[0]
+
+
+def test_memory_of_many_is_that_of_each():
+    seen = np.random.default_rng(3).normal(size=(4, 5, 20))
+    together = None
+    for step in seen:
+        together = remember(together, step, 3)
+    for row in range(5):
+        alone = None
+        for step in seen[:, row]:
+            alone = remember(alone, step, 3)
+        np.testing.assert_array_equal(together[row], alone)
+
+
+def test_a_robot_needs_no_torch():
+    program = (
+        "import sys, numpy as np; from training.controllers.policy import bundled, load_policy; "
+        "policy = load_policy(bundled()); print(policy.act(np.zeros(20))); "
+        "assert not {'torch', 'stable_baselines3'} & set(sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+
+
+def test_an_observation_of_another_task_is_refused(network):
+    policy = Policy(network, {"env": "MecanumTankendo-v0"})
+    with pytest.raises(InputError, match=r"must be \(20,\): this policy was trained for MecanumTankendo-v0"):
+        policy.act(np.zeros(23))
+
+
+def test_what_is_no_policy_is_refused(tmp_path):
+    with pytest.raises(InputError, match="no such policy"):
+        load_policy(tmp_path / "none.npz")
+    (tmp_path / "text.npz").write_text("text")
+    with pytest.raises(InputError, match="no policy file"):
+        load_policy(tmp_path / "text.npz")
+    np.savez(tmp_path / "other.npz", x=np.zeros(3))
+    with pytest.raises(InputError, match="no policy file"):
+        load_policy(tmp_path / "other.npz")
+    with pytest.raises(InputError, match=r'bundled policy .nominl. \(did you mean "nominal"'):
+        bundled("nominl")
+
+
+def test_layers_that_do_not_fit_are_refused(network, tmp_path):
+    save_policy(tmp_path / "policy.npz", replace(network, weights=network.weights[::-1]), {})
+    with pytest.raises(InputError, match="do not fit 42 inputs"):
+        load_policy(tmp_path / "policy.npz")
+    save_policy(tmp_path / "policy.npz", replace(network, mean=network.mean * np.nan), {})
+    with pytest.raises(InputError, match="a number is not finite"):
+        load_policy(tmp_path / "policy.npz")
+    save_policy(tmp_path / "policy.npz", replace(network, activation="step"), {})
+    with pytest.raises(InputError, match="activation = 'step'"):
+        load_policy(tmp_path / "policy.npz")
+
+
+def test_features_say_what_their_names_say():
+    """The opponent 2 m ahead on guard, then its sword sunk and drawn back as for a thrust at the trunk."""
+    seen = np.zeros(22)
+    seen[[0, 2, 4, 6, 10]] = 2.0, 0.5, 2.0 - GUARD_TIP_M, GUARD_HEIGHT_M, 0.2
+    seen[20:] = 1.0, 2.0
+    named = dict(zip(NAMES, features(seen), strict=False))
+    assert len(features(seen)) == len(NAMES) + 2
+    np.testing.assert_array_equal(features(seen)[-2:], [1.0, 2.0])
+    assert named["distance - maai"] == pytest.approx(2.0 - 2 * GUARD_TIP_M)
+    assert named["opponent's velocity relative to the own, ahead"] == pytest.approx(0.3)
+    assert named["tip seen from the opponent, ahead"] == pytest.approx(-GUARD_TIP_M)
+    assert named["how far the tip is from guard"] == pytest.approx(0.0)
+    seen[[4, 6]] = 2.0 - GUARD_TIP_M + 0.3, GUARD_HEIGHT_M - 0.4
+    assert features(seen)[NAMES.index("how far the tip is from guard")] == pytest.approx(0.5)
+
+
+def test_features_of_many_are_those_of_each():
+    seen = np.random.default_rng(4).normal(size=(5, 3, 20))
+    for index in np.ndindex(5, 3):
+        np.testing.assert_array_equal(features(seen)[index], features(seen[index]))

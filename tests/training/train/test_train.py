@@ -147,7 +147,7 @@ def test_levels_are_robots_side_by_side():
         models
     )
     groups = env.unwrapped.groups
-    assert [group.num_envs for group in groups] == [2, 2, 1, 1, 1, 1, 1]
+    assert [group.num_envs for group in groups] == [2, 2, 2, 2, 1]
     env.unwrapped._seeds = seeds_at(settings, 0)
     assert env.reset().shape == (9, 42)
     env.step(np.ones((9, 3), np.float32))

@@ -23,6 +23,7 @@ from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tqdm import tqdm
 
 from mecanum_env.errors import InputError
+from mecanum_env.model import write_model
 from training.train.agent import make_agent
 from training.train.checkpoint import (
     Point,
@@ -34,7 +35,7 @@ from training.train.checkpoint import (
     write_checkpoint,
     write_run,
 )
-from training.train.environment import bare_env, seeds_at, training_env
+from training.train.environment import bare_env, model_of, seeds_at, training_env
 from training.train.export import network_of
 from training.train.provenance import commit, versions
 from training.train.settings import Settings, command_line
@@ -71,6 +72,7 @@ def train(
     agent = make_agent(settings, normaliser)
     command = command_line(settings, str(folder))
     write_run(folder, settings, {"command": command, "versions": versions(), "commit": commit()})
+    write_model(model_of(settings), folder / "model.json")
     return _learn(agent, normaliser, settings, State(), folder, command, stop_after, watch_seeds, quiet)
 
 

@@ -40,12 +40,15 @@ class Ppo:
     gae_lambda: float = 0.95
     """Of generalised advantage estimation."""
     clip_range: float = 0.2
+    """Largest change of an action's probability that is rewarded in one update, as a share."""
     entropy_weight: float = 0.0
+    """Reward for varied actions."""
     log_std: float = -0.7
     """Logarithm of the actions' standard deviation at the start; it then depends on what is seen."""
     layers: tuple[int, ...] = (64, 64)
     """Units of each hidden layer; the critic has the same."""
     activation: Literal["tanh", "relu"] = "tanh"
+    """Between the layers."""
 
 
 @dataclass(frozen=True)
@@ -53,8 +56,9 @@ class Sac:
     """Numbers of soft actor-critic."""
 
     learning_rate: float = 1e-3
+    """At the start; falls evenly."""
     last_learning_rate: float = 1e-4
-    """At the end; falls evenly."""
+    """At the end."""
     batch_size: int = 256
     updates_a_step: int = 4
     """Gradient steps each time that all environments have stepped once."""
@@ -63,8 +67,11 @@ class Sac:
     learning_starts: int = 10_000
     """Steps with random actions at the start."""
     gamma: float = 0.98
+    """Discount of a step of 0.1 s."""
     layers: tuple[int, ...] = (128, 128)
+    """Units of each hidden layer; the critics have the same."""
     activation: Literal["tanh", "relu"] = "relu"
+    """Between the layers."""
 
 
 @dataclass(frozen=True)

@@ -79,6 +79,7 @@ class Timing:
     p99_s: float
     longest_s: float
     commands: int
+    """That were timed."""
 
 
 @dataclass(frozen=True)

@@ -68,7 +68,7 @@ def timing_text(certificate: Certificate) -> str:
     """Return a certificate's times for a command in one sentence."""
     t = certificate.timing
     return (
-        f"{t.commands} commands. Of the processor's time half of them took up to "
+        f"{t.commands} commands were timed. Of the processor's time half of them took up to "
         f"{milliseconds(t.p50_s)}, 99 of 100 up to {milliseconds(t.p99_s)}, the longest "
         f"{milliseconds(t.longest_s)}; the robot takes one every 100 ms."
     )

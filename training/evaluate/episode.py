@@ -47,7 +47,7 @@ class Episode:
     """How much nearer than maai it came before the sword first rose, over the distance to cover."""
     saturated_share: float
     """Of the commands, those that ask a wheel for its ceiling or more."""
-    command_time_s: float = field(compare=False)
+    command_time_s: float | None = field(compare=False)
     """Mean processor time of the controller for a command [s]; it does not count in `==`."""
 
 
@@ -81,7 +81,7 @@ class Ending:
     technique: str
     warning_s: float | None
     command_times_s: tuple[float, ...]
-    """One a command."""
+    """Of the commands that were timed."""
 
 
 def summarise(trace: Trace, ending: Ending, model: Model, rules: Rules, task: TaskName) -> Episode:
@@ -119,5 +119,5 @@ def summarise(trace: Trace, ending: Ending, model: Model, rules: Rules, task: Ta
         settling_s=settling,
         overshoot=overshoot(trace.distance_m[before], rules.maai_m),
         saturated_share=float(np.mean(saturated(wheels, ceiling, quantum))),
-        command_time_s=float(np.mean(ending.command_times_s)),
+        command_time_s=float(np.mean(ending.command_times_s)) if ending.command_times_s else None,
     )

@@ -4,6 +4,7 @@
 # make test-wheel the tests against the built wheel, outside the checkout
 # make check      lint, format, types
 # make bench      every benchmark, figures in out/bench/
+# make bench-train  what training reaches over three seeds, half an hour
 # make blind      hidden effects, to be named from logs alone: the whole table, docs/results/blind.md
 PYTHON ?= python3
 VENV := .venv
@@ -13,7 +14,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench blind system clean FORCE
+.PHONY: demo test test-all test-wheel check bench bench-train blind system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
@@ -35,6 +36,10 @@ check: $(VENV)/installed
 bench: $(VENV)/train
 	for name in plugin physics paper_drives replay fit gap online render env real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
+
+# An interrupted run goes on where it was.
+bench-train: $(VENV)/train
+	$(BIN)/python benchmarks/train.py --out out/bench/train.json
 
 # Hours; an interrupted run goes on where it was.
 blind: $(VENV)/installed

@@ -10,7 +10,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -73,7 +73,8 @@ def train(
     command = command_line(settings, str(folder))
     write_run(folder, settings, {"command": command, "versions": versions(), "commit": commit()})
     write_model(model_of(settings), folder / "model.json")
-    return _learn(agent, normaliser, settings, State(), folder, command, stop_after, watch_seeds, quiet)
+    told = _Told(settings, folder, command, _NEVER if stop_after is None else stop_after, watch_seeds, quiet)
+    return _learn(agent, normaliser, State(), told)
 
 
 def resume(
@@ -98,22 +99,34 @@ def resume(
         InputError: the folder holds no run, or one that is over.
     """
     settings, facts = read_run(folder)
-    if steps is not None and steps != settings.steps:
-        settings = replace(settings, steps=steps)
+    begun = any((folder / "checkpoints").glob("[0-9]*"))
+    state = read_state(newest_checkpoint(folder)) if begun else State()
+    wanted = settings.steps if steps is None else steps
+    if state.steps_done >= wanted:
+        raise InputError(f"{folder}: trained for {state.steps_done} steps already; give more with --steps")
+    if wanted != settings.steps:
+        settings = replace(settings, steps=wanted)
         write_run(folder, settings, facts)
-    if not any((folder / "checkpoints").glob("[0-9]*")):
+    if begun:
+        env = VecMonitor(bare_env(settings))
+        agent, normaliser = read_learner(newest_checkpoint(folder), settings, env)
+    else:
         # Interrupted before its first checkpoint: from the start, as it was begun.
         normaliser = training_env(settings)
-        agent, state = make_agent(settings, normaliser), State()
-    else:
-        checkpoint = newest_checkpoint(folder)
-        state = read_state(checkpoint)
-        if state.steps_done >= settings.steps:
-            raise InputError(f"{folder}: trained for its {settings.steps} steps already; give more --steps")
-        agent, normaliser = read_learner(checkpoint, settings, VecMonitor(bare_env(settings)))
-    return _learn(
-        agent, normaliser, settings, state, folder, facts["command"], stop_after, watch_seeds, quiet
-    )
+        agent = make_agent(settings, normaliser)
+    until = _NEVER if stop_after is None else stop_after
+    told = _Told(settings, folder, facts["command"], until, watch_seeds, quiet)
+    return _learn(agent, normaliser, state, told)
+
+
+@dataclass(frozen=True)
+class _Told:
+    settings: Settings
+    folder: Path
+    command: str
+    stop_after: int
+    watch_seeds: Sequence[int]
+    quiet: bool
 
 
 class _Parts(BaseCallback):  # type: ignore[misc]
@@ -145,17 +158,8 @@ class _Parts(BaseCallback):  # type: ignore[misc]
         return not self.stopped
 
 
-def _learn(
-    agent: BaseAlgorithm,
-    normaliser: VecNormalize,
-    settings: Settings,
-    state: State,
-    folder: Path,
-    command: str,
-    stop_after: int | None,
-    watch_seeds: Sequence[int],
-    quiet: bool,
-) -> State:
+def _learn(agent: BaseAlgorithm, normaliser: VecNormalize, state: State, told: _Told) -> State:
+    settings, folder = told.settings, told.folder
     wall, processor = time.perf_counter() - state.wall_s, time.process_time() - state.processor_s
     now = [state]
     agent.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
@@ -163,7 +167,7 @@ def _learn(
     def save() -> None:
         nonlocal wall, processor
         spent = time.perf_counter() - wall, time.process_time() - processor
-        seen = watch(network_of(agent, normaliser, settings), settings, watch_seeds)
+        seen = watch(network_of(agent, normaliser, settings), settings, told.watch_seeds)
         # Watching is no part of training, so the clocks stand meanwhile.
         wall, processor = time.perf_counter() - spent[0], time.process_time() - spent[1]
         point = Point(agent.num_timesteps, seen.success, seen.worst, *spent)
@@ -171,7 +175,7 @@ def _learn(
         agent.logger.record("watch/success", seen.success)
         agent.logger.record("watch/worst", seen.worst)
         bar.set_postfix_str(f"success {seen.success:.2f}")
-        write_checkpoint(folder, agent, normaliser, settings, now[0], command)
+        write_checkpoint(folder, agent, normaliser, settings, now[0], told.command)
 
     with tqdm(
         total=settings.steps,
@@ -179,9 +183,9 @@ def _learn(
         unit="step",
         unit_scale=True,
         desc=settings.algo,
-        disable=True if quiet else None,
+        disable=True if told.quiet else None,
     ) as bar:
-        parts = _Parts(settings, state, save, _NEVER if stop_after is None else stop_after, bar)
+        parts = _Parts(settings, state, save, told.stop_after, bar)
         # Something is there, so that `learn` does not reset what the first part resets.
         agent._last_obs = np.zeros((settings.envs, *normaliser.observation_space.shape), np.float32)
         left = settings.steps - agent.num_timesteps

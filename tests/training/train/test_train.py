@@ -118,8 +118,11 @@ def test_a_half_written_checkpoint_is_not_taken(trained, tmp_path):
 
 def test_what_is_over_or_begun_is_refused(trained, tmp_path):
     settings, folder = trained
-    with pytest.raises(InputError, match="trained for its 384 steps already; give more --steps"):
+    with pytest.raises(InputError, match="trained for 384 steps already; give more with --steps"):
         resume(folder, quiet=True)
+    with pytest.raises(InputError, match="trained for 384 steps already"):
+        resume(folder, steps=100, quiet=True)
+    assert read_run(folder)[0] == settings
     with pytest.raises(InputError, match=r"holds a training run; go on with --resume"):
         train(settings, folder, quiet=True)
     with pytest.raises(InputError, match=r"run.json: No such file"):

@@ -11,9 +11,10 @@ import mujoco
 import numpy as np
 
 from mecanum_env.effects.apply import measured, without_sensors
-from mecanum_env.mjcf import bench_spec, robot_spec
+from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
+from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
-from mecanum_env.simulator import BodyCommands, Commands, WheelCommands, drive
+from mecanum_env.simulator import BodyCommands, Commands, Plant, WheelCommands, drive
 from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.simulator.trajectory import CHANNELS
@@ -63,17 +64,24 @@ class Motion:
     """How much of it was before the log begins [s]."""
 
 
-def compile_for(model: Model, level: str, timestep_s: float | None = None) -> mujoco.MjModel:
-    """Compile what `predict` simulates: the bench or the robot on its rollers, without what is only seen.
+def compile_for(
+    model: Model, level: str, timestep_s: float | None = None, plant: Plant = "rollers"
+) -> mujoco.MjModel:
+    """Compile what `predict` simulates: the bench or the robot, without what is only seen.
 
     Args:
         model: wheel, robot and effects.
         level: "bench" or "robot".
-        timestep_s: upper bound of the physics step [s]; the generator's choice when None.
+        timestep_s: upper bound of the physics step [s]; the generator's choice when None, on the planar plant
+            `TRAINING_TIMESTEP_S`, which is as good there.
+        plant: of the robot: "rollers", or "planar", which does not slip and is much faster.
     """
     if level == "bench":
         return bench_spec(model, timestep_s, visuals=False).compile()
     after_limits = wheel_side(model) if limits_body(model) else model
+    if plant == "planar":
+        timestep_s = timestep_s or TRAINING_TIMESTEP_S
+        return planar_spec(after_limits, timestep_s, wheel_quantum=False, visuals=False).compile()
     return robot_spec(after_limits, timestep_s, wheel_quantum=False, visuals=False).compile()
 
 
@@ -92,17 +100,22 @@ def in_run_frame(model: Model, start: Start) -> Model:
 
 
 def predict(
-    model: Model, run: Run, start: Start | None = None, mj_model: mujoco.MjModel | None = None
+    model: Model,
+    run: Run,
+    start: Start | None = None,
+    mj_model: mujoco.MjModel | None = None,
+    plant: Plant = "rollers",
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 
-    Robot logs are predicted on the rollers. Their pose starts where the log's does.
+    The pose of a robot log starts where the log's does.
 
     Args:
         model: wheel, robot and effects.
         run: whose commands are replayed.
         start: how it begins; found from its first samples by default.
         mj_model: `compile_for` of the model as `in_run_frame` has it, to save compiling.
+        plant: of the robot, where the model is compiled here.
 
     Raises:
         InputError: an effect that cannot be simulated.
@@ -110,7 +123,7 @@ def predict(
     """
     start = start_of(run) if start is None else start
     local = in_run_frame(without_sensors(model), start)
-    compiled = compile_for(local, run.level) if mj_model is None else mj_model
+    compiled = compile_for(local, run.level, plant=plant) if mj_model is None else mj_model
     return shown(model, run, start, motion_of(local, run, start, compiled))
 
 

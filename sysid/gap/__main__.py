@@ -32,6 +32,7 @@ def gap(
     exclude: tuple[str, ...] = (),
     max_effects: int = 3,
     jobs: int = 1,
+    plant: Literal["rollers", "planar"] = "rollers",
     seconds: float | None = None,
     empirical: bool = False,
 ) -> None:
@@ -51,6 +52,7 @@ def gap(
         exclude: Effects not to look for.
         max_effects: Largest set of effects that is tried.
         jobs: Simulations at a time; the result is the same with any number.
+        plant: That a robot is simulated with; planar does not slip and is much faster.
         seconds: Of distinct commands that decide [s]; default 240 on the bench, 60 on the robot.
         empirical: Where no effect explains the gap, add a correction found by regression to the model.
     """
@@ -61,6 +63,7 @@ def gap(
         exclude=exclude,
         max_effects=max_effects,
         jobs=jobs,
+        plant=plant,
         seconds=seconds,
         empirical=empirical,
     )

@@ -102,7 +102,7 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
 
 
 def _considered(dataset: Dataset, options: GapOptions) -> tuple[str, ...]:
-    known = known_effects(dataset.level)
+    known = known_effects(dataset.level, options.plant)
     return tuple(n for n in known if n not in options.exclude and (not options.only or n in options.only))
 
 
@@ -124,6 +124,9 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
         )
     elif len(fewer) < len(runs):
         notes.append(f"{len(fewer)} of {len(runs)} runs ({length:.0f} s), the liveliest, decide")
+    if options.plant == "planar":
+        left = [name for name in known_effects("robot") if name not in known_effects("robot", "planar")]
+        notes.append(f"simulated without slip (plant planar): {', '.join(left)} are not looked for")
     observations = observe(replace(dataset, runs=fewer))
     noise = measure_noise(dataset, observations)
     scattered = [name for name, source in noise.source.items() if source == "scatter"]
@@ -152,7 +155,9 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
 def _search(
     study: _Study, model: Model, considered: Sequence[str], options: GapOptions
 ) -> tuple[Problem, Search]:
-    problem = Problem(model, Whitener(study.observations, study.noise, study.error), options.jobs)
+    problem = Problem(
+        model, Whitener(study.observations, study.noise, study.error), options.jobs, options.plant
+    )
     level = study.observations.situations[0].runs[0].level
     return problem, Search(problem, responses(problem, considered), EFFORT[level])
 
@@ -179,9 +184,9 @@ def _report(
     improved = _improved(model, decision, effects)
     term = None
     if decision.verdict == "unexplained":
-        improved, term = _empirical(study, improved, options.empirical)
-    before = predicted(model, runs)
-    after = before if improved is model else predicted(improved, runs)
+        improved, term = _empirical(study, improved, options)
+    before = predicted(model, runs, options.plant)
+    after = before if improved is model else predicted(improved, runs, options.plant)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
     threshold = chance(search.base, search.library, np.random.default_rng(options.seed)).threshold()
@@ -222,16 +227,16 @@ def _report(
     )
 
 
-def _empirical(study: _Study, model: Model, adopt: bool) -> tuple[Model, EmpiricalTerm | None]:
+def _empirical(study: _Study, model: Model, options: GapOptions) -> tuple[Model, EmpiricalTerm | None]:
     """Return the model, with the term if asked, and a readable term for what is left where runs decide."""
     runs = [run for situation in study.observations.situations for run in situation.runs]
-    shown = predicted(model, runs)
+    shown = predicted(model, runs, options.plant)
     correction = fit_correction(compare("fit", runs, shown, shown).samples)
     if correction is None:
         return model, None
-    if adopt:
+    if options.empirical:
         model = replace(model, extra={**model.extra, KEY: correction.as_json()})
-    return model, empirical_term(correction, adopted=adopt)
+    return model, empirical_term(correction, adopted=options.empirical)
 
 
 def _improved(model: Model, decision: Decision, effects: Sequence[FoundEffect]) -> Model:

@@ -64,7 +64,7 @@ def evidence(
     if decision.law is not None:
         listed.append(decision.law)
     tests = dataset.split("test")
-    test = Simulator(observe(replace(dataset, runs=tests))) if tests else None
+    test = Simulator(observe(replace(dataset, runs=tests)), plant=problem.plant) if tests else None
     base = next(j for j in decision.judged if not j.names)
     limit = largest_misfit(problem.size, trusted_freedom)
 

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.model import Model
+from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
 from sysid.gap.empirical import correction_of
 from sysid.gap.records import Difference, Overlay
@@ -50,14 +51,15 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
     return split, dataset.split(split)
 
 
-def predicted(model: Model, runs: Sequence[Run]) -> list[dict[str, FloatArray]]:
+def predicted(model: Model, runs: Sequence[Run], plant: Plant = "rollers") -> list[dict[str, FloatArray]]:
     """Return what a model predicts for each run: channel -> values at its rows, (n,).
 
     Args:
         model: wheel, robot and effects.
         runs: bench or robot logs.
+        plant: of the robot.
     """
-    shown = [predict(model, run) for run in runs]
+    shown = [predict(model, run, plant=plant) for run in runs]
     correction = correction_of(model)
     return (
         shown

@@ -67,7 +67,7 @@ def _moved_law(model: Model, step: FloatArray) -> list[Model]:
     for sign in (1.0, -1.0):
         moved = law.coefficients + sign * step
         try:
-            changed = replace(law, **dict(zip(COEFFICIENTS, moved.tolist(), strict=True)))
+            changed = replace(law, **dict(zip(COEFFICIENTS, moved.tolist(), strict=True))).require_stable()
             return [replace(model, wheel=replace(model.wheel, law=changed))]
         except MecanumError:
             continue

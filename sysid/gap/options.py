@@ -21,7 +21,9 @@ def require_valid(options: GapOptions, level: Level) -> None:
     """
     if options.level not in ("auto", level):
         raise InputError(f"level {options.level}: these are {level} logs; leave it out, or give {level}")
-    known = known_effects(level)
+    if options.plant == "planar" and level == "bench":
+        raise InputError("plant planar: these are bench logs, which have no robot; leave it out")
+    known = known_effects(level, options.plant)
     for option, names in (("only", options.only), ("exclude", options.exclude)):
         for name in names:
             if name not in CATALOGUE:
@@ -45,7 +47,12 @@ def require_valid(options: GapOptions, level: Level) -> None:
         raise InputError(f"seed = {options.seed}, must be 0 or more")
 
 
-def known_effects(level: Level) -> tuple[str, ...]:
-    """Return the effects that act on logs of this level, in the order of the chain."""
-    plants: tuple[Plant, ...] = ("bench",) if level == "bench" else ("rollers", "planar")
-    return tuple(name for name, effect in CATALOGUE.items() if any(effect.acts_in(plant) for plant in plants))
+def known_effects(level: Level, plant: Plant = "rollers") -> tuple[str, ...]:
+    """Return the effects that act on logs of a level, in the order of the chain.
+
+    Args:
+        level: of the logs.
+        plant: that a robot is simulated with.
+    """
+    used: Plant = "bench" if level == "bench" else plant
+    return tuple(name for name, effect in CATALOGUE.items() if effect.acts_in(used))

@@ -16,6 +16,7 @@ import numpy as np
 from mecanum_env.errors import MecanumError
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
+from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
 from sysid.gap.nuisance import plausible_models, shape_columns
 from sysid.gap.scale import speed_scale
@@ -42,16 +43,18 @@ class Problem:
         base: the model under study, whose error and uncertainty count.
         whitener: of the observations.
         jobs: simulations at a time.
+        plant: of the robot.
     """
 
-    def __init__(self, base: Model, whitener: Whitener, jobs: int = 1) -> None:
-        self.base, self.whitener, self.jobs = base, whitener, jobs
+    def __init__(self, base: Model, whitener: Whitener, jobs: int = 1, plant: Plant = "rollers") -> None:
+        self.base, self.whitener, self.jobs, self.plant = base, whitener, jobs, plant
         self.observations = whitener.observations
-        self.simulator = Simulator(self.observations)
+        self.simulator = Simulator(self.observations, plant=plant)
         runs = [run for situation in self.observations.situations for run in situation.runs]
         self.scale = speed_scale(base, runs)
         """Of the catalogue's bounds and grids in rpm and rpm/s."""
-        robot = runs[0].level == "robot"
+        self.bench = runs[0].level == "bench"
+        robot = not self.bench and plant == "rollers"
         self.rough = robot
         """Whether small changes of a model change a simulation roughly: rollers meet the floor anew."""
         self.least_step = ROUGH_STEP if robot else SMOOTH_STEP

@@ -30,6 +30,8 @@ class GapOptions:
     """Largest set that is tried."""
     jobs: int = 1
     """Simulations at a time; changes the time taken, not the result."""
+    plant: Literal["rollers", "planar"] = "rollers"
+    """That a robot is simulated with; the planar one does not slip and is much faster."""
     seconds: float | None = None
     """Of distinct commands that decide [s]; None: 240 on the bench, 60 on the robot."""
     empirical: bool = False

@@ -73,7 +73,7 @@ class Search:
         Not by one that does what an effect of the set does already, whatever the command.
         """
         found = growths(self.problem.base, parent, self.library, self.problem.scale)
-        ridges = () if self.problem.rough else BENCH_RIDGES
+        ridges = BENCH_RIDGES if self.problem.bench else ()
         return [g for g in found if not any(ridge <= set(g.candidate.names) for ridge in ridges)]
 
     def swap(self, chosen: Fitted[EffectSet]) -> None:

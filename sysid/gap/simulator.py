@@ -15,6 +15,7 @@ import mujoco
 from mecanum_env.effects.apply import without_sensors
 from mecanum_env.model import Model
 from mecanum_env.model.codec import model_to_dict
+from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
 from sysid.gap.empirical import correction_of
 from sysid.gap.observations import Observations
@@ -43,10 +44,13 @@ class Simulator:
     Args:
         observations: with the commands.
         timestep_s: upper bound of the physics step [s]; the generator's choice when None.
+        plant: of the robot.
     """
 
-    def __init__(self, observations: Observations, timestep_s: float | None = None) -> None:
-        self.observations, self.timestep_s = observations, timestep_s
+    def __init__(
+        self, observations: Observations, timestep_s: float | None = None, plant: Plant = "rollers"
+    ) -> None:
+        self.observations, self.timestep_s, self.plant = observations, timestep_s, plant
         self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
         self._lock = Lock()
 
@@ -90,11 +94,12 @@ class Simulator:
         situations = self.observations.situations
         level = situations[0].runs[0].level
         # Only a floor that slopes makes the compiled model depend on where a run starts.
-        common = None if "floor_slope" in model.effects else compile_for(model, level, self.timestep_s)
+        sloped = "floor_slope" in model.effects
+        common = None if sloped else compile_for(model, level, self.timestep_s, self.plant)
         motions = []
         for situation in situations:
             local = in_run_frame(model, situation.start)
-            compiled = common or compile_for(local, level, self.timestep_s)
+            compiled = common or compile_for(local, level, self.timestep_s, self.plant)
             motions.append(motion_of(local, situation.runs[0], situation.start, compiled))
         return motions
 

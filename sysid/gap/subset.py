@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import fields, replace
@@ -9,12 +10,14 @@ from typing import Final
 
 import numpy as np
 
-from sysid.logs import Run
+from sysid.logs import Dataset, Run
 
 PIECE_S: Final = 5.0
 """Of a long run, at least: the rest of one command and what follows the next."""
 BEFORE_S: Final = 0.5
 """A piece begins so long before a change of command, when the robot has settled."""
+QUIET: Final = 0.5
+"""Of the fastest command: the largest of quiet ones."""
 _BANDS: Final = 4
 """Of commanded speed in each direction, up to the fastest, that pieces are to cover."""
 
@@ -65,6 +68,25 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
             command=type(run.command)(*columns),
             channels={name: values[rows] for name, values in run.channels.items()},
         )
+
+
+def quiet(dataset: Dataset, command_period_s: float) -> Dataset:
+    """Return the fit and validation runs, or pieces of the long ones, whose commands stay small.
+
+    A linear law is fitted best where no limit of speed acts: below half of the fastest command. What departs
+    from it at larger ones is then seen by a study of the gap. Where no fit run is left, all are returned.
+
+    Args:
+        dataset: bench or robot logs.
+        command_period_s: as for `pieces`.
+    """
+    runs = dataset.split("fit") + dataset.split("validation")
+    cut = [p for r in runs for p in (pieces(r, command_period_s) if r.duration_s > 2.0 * PIECE_S else (r,))]
+    largest = [float(np.max(np.abs(run.command.wheels_rpm))) for run in cut]
+    kept = tuple(run for run, rpm in zip(cut, largest, strict=True) if rpm <= QUIET * max(largest))
+    if not any(run.split == "fit" for run in kept):
+        return dataset
+    return replace(dataset, runs=kept, sha256=hashlib.sha256(f"{dataset.sha256} quiet".encode()).hexdigest())
 
 
 def liveliest(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:

@@ -11,7 +11,7 @@ from mecanum_env.model import paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.gap.analyse import analyse
 from sysid.gap.records import GapOptions
-from sysid.gap.subset import BEFORE_S, PIECE_S, deciding, liveliest, pieces
+from sysid.gap.subset import BEFORE_S, PIECE_S, deciding, liveliest, pieces, quiet
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
 
 PERIOD_S = 0.1
@@ -85,12 +85,12 @@ def test_an_effect_is_found_in_pieces_of_long_runs() -> None:
     runs = []
     splits: tuple[Split, ...] = ("fit", "validation", "test")
     for i, split in enumerate(splits):
-        levels = [0.0, *np.rint(rng.uniform(-120.0, 120.0, 7)).tolist()]
+        levels = [0.0, *np.rint(rng.uniform(-120.0, 120.0, 5)).tolist()]
         run = held(levels, 5.0, split, f"{i}")
         speed = replay_bench(true, run.time_s, run.command.wheels_rpm[:, 0])
         measured = {"speed_rpm": speed + 0.5 * rng.standard_normal(speed.size)}
         runs.append(Run(run.file, run.group, run.split, run.time_s, run.command, measured))
-    options = GapOptions(only=("speed_saturation",), seconds=30.0, next_experiment=False)
+    options = GapOptions(only=("speed_saturation",), seconds=20.0, next_experiment=False)
     report = analyse(runs, MODEL, options)
     assert [found.name for found in report.effects] == ["speed_saturation"]
     assert report.effects[0].parameters["limit_rpm"].value == pytest.approx(80.0, abs=1.0)
@@ -102,3 +102,18 @@ def test_the_time_that_decides_is_above_nothing() -> None:
     logs = Dataset("logs", (held([10.0, 20.0], 2.0),), ())
     with pytest.raises(Exception, match=r"seconds = 0, must be above 0"):
         analyse(logs, MODEL, GapOptions(seconds=0.0))
+
+
+def test_quiet_logs_have_no_large_command_and_keep_their_splits() -> None:
+    loud = held([0.0, 100.0, -90.0], 3.0, name="loud")
+    calm = held([0.0, 50.0, -40.0], 3.0, "validation", "calm")
+    long = held([20.0, 30.0, -30.0, 95.0, 100.0, 100.0], 6.0)
+    test = held([0.0, 10.0], 3.0, "test", "test")
+    logs = Dataset("logs", (loud, calm, long, test), (), "sha")
+    kept = quiet(logs, PERIOD_S)
+    assert {run.split for run in kept.runs} == {"fit", "validation"}
+    assert max(float(np.max(np.abs(run.command.wheels_rpm))) for run in kept.runs) == 50.0
+    assert "calm" in {run.group for run in kept.runs}
+    assert kept.sha256 != logs.sha256
+    only_loud = Dataset("logs", (loud, test), (), "sha")
+    assert quiet(only_loud, PERIOD_S) is only_loud

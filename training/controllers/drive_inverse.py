@@ -3,11 +3,11 @@
 Forward, in the steady state: command -> limits of V and VC -> wheels -> dead band, gains, saturation
 (`mecanum_env.law.drive.received_command`) -> friction under a servo without integral action, which leaves
 
-    w = (|r| - coulomb / servo) / (1 + viscous / servo) sign(r), or 0 where |r| servo <= coulomb + breakaway
+    w = (|r| - coulomb / servo) / (1 + viscous / servo) sign(r), or 0 where that is negative
 
 -> body, with the wheels and the track that the robot has. The inverse scales the wanted motion until every
 wheel can follow, which keeps its direction, and solves for the command by fixed-point iteration. What a dead
-band or stiction cannot give at once is made up for by the following commands (error diffusion).
+band cannot give at once is made up for by the following commands (error diffusion).
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from training.controllers.interface import Command
 
 INVERTED: Final = (
     *("body_speed_limit", "command_deadband", "speed_gain", "wheel_gain_mismatch", "direction_asymmetry"),
-    *("battery_sag", "speed_saturation", "weak_servo", "coulomb_friction", "stiction", "viscous_friction"),
+    *("battery_sag", "speed_saturation", "weak_servo", "coulomb_friction", "viscous_friction"),
     *("wheel_radius", "track_width"),
 )
 """Effects that this inverts."""
@@ -52,13 +52,11 @@ class _Friction:
     """What the wheels lose [rpm], with a servo that has no integral action."""
 
     constant_rpm: float
-    breakaway_rpm: float
     relative: float
 
     def speed(self, driven_rpm: FloatArray) -> FloatArray:
         size = np.abs(driven_rpm)
-        moving = np.maximum(size - self.constant_rpm, 0.0) / (1.0 + self.relative)
-        return np.copysign(np.where(size <= self.breakaway_rpm, 0.0, moving), driven_rpm)
+        return np.copysign(np.maximum(size - self.constant_rpm, 0.0) / (1.0 + self.relative), driven_rpm)
 
     def driven(self, speed_rpm: FloatArray) -> FloatArray:
         size = np.abs(speed_rpm) * (1.0 + self.relative) + self.constant_rpm
@@ -91,13 +89,12 @@ class DriveInverse:
         self._friction = _friction(
             changed.robot,
             effects["coulomb_friction"][1]["torque_n_m"] if "coulomb_friction" in effects else 0.0,
-            effects["stiction"][1]["breakaway_n_m"] if "stiction" in effects else 0.0,
             effects["viscous_friction"][1]["damping_n_m_s_rad"] if "viscous_friction" in effects else 0.0,
         )
         limits = effects["body_speed_limit"][1] if "body_speed_limit" in effects else {}
         self._v_rpm = min(limits.get("v_rpm", math.inf), FULL_V_RPM)
         self._vc_rpm = min(limits.get("vc_rpm", math.inf), FULL_VC_RPM)
-        self._sticks = "command_deadband" in effects or self._friction.breakaway_rpm > 0.0
+        self._sticks = "command_deadband" in effects
         self.reset()
 
     def reset(self) -> None:
@@ -117,7 +114,7 @@ class DriveInverse:
         twist = wheels_to_twist(wheels, self._nominal)
         body = self._within_reach(wheels_to_body(twist_to_wheels(twist, self._robot)), seconds)
         if not self._sticks:
-            return _rounded(self._solve(body, seconds))
+            return self._rounded(self._solve(body, seconds))
         return self._diffused(body, seconds)
 
     def delivered(self, command: Command, seconds: float) -> FloatArray:
@@ -140,7 +137,7 @@ class DriveInverse:
         received = [
             received_command(drive, one, seconds) for drive, one in zip(self._smooth, wheels, strict=True)
         ]
-        return replace(self._friction, breakaway_rpm=0.0).speed(np.array(received))
+        return self._friction.speed(np.array(received))
 
     def _within_reach(self, body: FloatArray, seconds: float) -> FloatArray:
         """Return the body motion, scaled until every wheel can follow."""
@@ -151,7 +148,7 @@ class DriveInverse:
         return body * share
 
     def _solve(self, body: FloatArray, seconds: float) -> FloatArray:
-        """Return the body command that leads to a body motion, within the robot's range, shape (3,)."""
+        """Return the body command that leads to a body motion, shape (3,) [rpm]."""
         driven = self._friction.driven(body_to_wheels(body))
         command = wheels_to_body(driven / self._gains(driven, seconds))
         for _ in range(_ITERATIONS):
@@ -160,10 +157,7 @@ class DriveInverse:
             if np.max(np.abs(off)) < _CLOSE_RPM:
                 break
             command = command + off
-        speed, turn = math.hypot(command[0], command[1]), abs(float(command[2]))
-        share = min(1.0, self._v_rpm / max(speed, 1e-9), self._vc_rpm / max(turn, 1e-9))
-        scaled: FloatArray = command * share
-        return scaled
+        return command
 
     def _diffused(self, body: FloatArray, seconds: float) -> Command:
         """Return the command that comes nearest to a body motion and what was owed before."""
@@ -173,9 +167,10 @@ class DriveInverse:
         wanted = body + self._owed
         plain = self._solve(wanted, seconds)
         wheels = np.abs(body_to_wheels(plain))
-        least = self._least(seconds)
+        # One more, not to fall below by rounding.
+        least = np.array([drive.deadband_rpm for drive in self._drives]) + 1.0
         scales = [1.0] + [float(t / w) for t, w in zip(least, wheels, strict=True) if 0.5 < w < t]
-        choices: list[Command] = [(0, 0, 0), *(_rounded(plain * scale) for scale in scales)]
+        choices: list[Command] = [(0, 0, 0), *(self._rounded(plain * scale) for scale in scales)]
         reached = [self.delivered(choice, seconds) for choice in choices]
         best = int(np.argmin([float(np.sum((one - wanted) ** 2)) for one in reached]))
         most = float(np.max(least))
@@ -189,23 +184,16 @@ class DriveInverse:
         gains: FloatArray = np.where(driven_rpm < 0.0, forward * reverse, forward)
         return gains
 
-    def _least(self, seconds: float) -> FloatArray:
-        """Return the smallest command that moves each wheel [rpm], shape (4,)."""
-        gains = np.minimum(self._gains(np.ones(4), seconds), self._gains(-np.ones(4), seconds))
-        dead = np.array([d.deadband_rpm for d in self._drives])
-        # One more than either: rounding must not fall below it.
-        least: FloatArray = np.maximum(dead, self._friction.breakaway_rpm / gains) + 1.0
-        return least
+    def _rounded(self, body_rpm: FloatArray) -> Command:
+        """Return the command nearest to a body command [rpm], scaled into the robot's range."""
+        speed, turn = math.hypot(body_rpm[0], body_rpm[1]), abs(float(body_rpm[2]))
+        share = min(1.0, self._v_rpm / max(speed, 1e-9), self._vc_rpm / max(turn, 1e-9))
+        v, theta, vc = wheels_to_command(body_to_wheels(body_rpm * share))
+        return round(float(v)), round(float(theta)), round(float(vc))
 
 
-def _friction(robot: Robot, coulomb: float, breakaway: float, damping: float) -> _Friction:
+def _friction(robot: Robot, coulomb: float, damping: float) -> _Friction:
     if robot.servo_integral_n_m_rad > 0.0:
-        return _Friction(0.0, 0.0, 0.0)
+        return _Friction(0.0, 0.0)
     rpm = 1.0 / (robot.servo_n_m_s_rad * RAD_S_PER_RPM)
-    threshold = (coulomb + breakaway) * rpm if breakaway > 0.0 else 0.0
-    return _Friction(coulomb * rpm, threshold, damping / robot.servo_n_m_s_rad)
-
-
-def _rounded(body_rpm: FloatArray) -> Command:
-    v, theta, vc = wheels_to_command(body_to_wheels(body_rpm))
-    return round(float(v)), round(float(theta)), round(float(vc))
+    return _Friction(coulomb * rpm, damping / robot.servo_n_m_s_rad)

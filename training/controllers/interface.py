@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from mecanum_env.kinematics import scale_wheels, twist_to_wheels, wheels_to_command
 from mecanum_env.model import Robot, Wheel
+from mecanum_env.tankendo.actions import FULL_VC_RPM
 
 Command = tuple[int, int, int]
 """V [rpm], theta [deg], VC [rpm], as the robot takes them."""
@@ -38,8 +39,10 @@ def twist_command(vx_m_s: float, vy_m_s: float, yaw_rate_rad_s: float, robot: Ro
         yaw_rate_rad_s: counter-clockwise.
         robot: its dimensions count.
 
-    No wheel is asked for more than the ceiling of the paper's robot; the direction is kept.
+    No wheel is asked for more than the ceiling of the paper's robot, and VC stays within its range; the
+    direction of the twist, turn included, is kept.
     """
     wheels = twist_to_wheels([vx_m_s, vy_m_s, yaw_rate_rad_s], robot)
-    v, theta, vc = wheels_to_command(scale_wheels(wheels, Wheel.saturation_rpm))
-    return round(float(v)), round(float(theta)), round(float(vc))
+    v, theta, vc = (float(x) for x in wheels_to_command(scale_wheels(wheels, Wheel.saturation_rpm)))
+    share = min(1.0, FULL_VC_RPM / max(abs(vc), 1e-9))
+    return round(v * share), round(theta), round(vc * share)

@@ -30,6 +30,8 @@ class Planning:
     """How fast [m/s]."""
     longest: int = 8
     """Commands to look ahead at most."""
+    latest_change: int = 3
+    """Commands after which a plan changes at the latest; a later change can wait for the next plan."""
     hypotheses: int = 12
     """Strikes that a plan is tried against."""
     spread_m: float = 0.03
@@ -194,11 +196,9 @@ class Mpc:
             planning.speed_m_s * np.sin(angles),
         )
         count = planning.directions + 1
+        changes = np.arange(1, 1 + max(min(commands - 1, planning.latest_change), 1))
         one, other, change = (
-            grid.ravel()
-            for grid in np.meshgrid(
-                np.arange(count), np.arange(count), np.arange(1, max(commands, 2)), indexing="ij"
-            )
+            grid.ravel() for grid in np.meshgrid(np.arange(count), np.arange(count), changes, indexing="ij")
         )
         keep = (one != other) | (change == 1)
         one, other, change = one[keep], other[keep], change[keep]

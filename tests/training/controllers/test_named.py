@@ -1,0 +1,81 @@
+"""Names: all of them make controllers, wrong ones are refused with what would be right."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mecanum_env.errors import InputError
+from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.model import paper_model
+from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
+from mecanum_env.tankendo.observation import LIMITS
+from mecanum_env.tankendo.vector import TankendoVectorEnv
+from training.controllers.interface import twist_command
+from training.controllers.named import CONTROLLERS, SUFFIX, make_controller
+
+# The oracle needs a simulator; trained policies have tests of their own.
+EVERYWHERE = [name for name in CONTROLLERS if name not in ("oracle", "policy")]
+
+
+@pytest.mark.parametrize("suffix", ["", SUFFIX])
+@pytest.mark.parametrize("name", EVERYWHERE)
+def test_whatever_is_seen_commands_are_whole_and_within_range(name, suffix):
+    model = paper_model().with_effect("speed_gain", gain=0.8).with_effect("command_latency", delay_s=0.03)
+    controller = make_controller(name + suffix, model)
+    rng = np.random.default_rng(0)
+    for scale in (0.1, 0.3, 1.0):
+        controller.reset()
+        for _ in range(12):
+            observation = (scale * rng.uniform(-LIMITS, LIMITS)).astype(np.float32)
+            v, theta, vc = controller.act(observation)
+            assert all(isinstance(number, int) for number in (v, theta, vc))
+            assert abs(v) <= FULL_V_RPM
+            assert abs(theta) <= 180
+            assert abs(vc) <= FULL_VC_RPM
+
+
+@pytest.mark.parametrize("name", ["random", "p", "smith", "lqr", "mpc", "sidestep", "retreat"])
+def test_reset_forgets(name):
+    """The same observations after a reset give the same commands; only chance goes on."""
+    controller = make_controller(name, paper_model(), seed=3)
+    env = TankendoVectorEnv(1, action_mode="command")
+    observation, _ = env.reset(seed=100_000)
+    seen = [env.step(np.zeros((1, 3)))[0][0] for _ in range(25)]
+    first = [controller.act(one) for one in seen]
+    controller.reset()
+    again = [controller.act(one) for one in seen]
+    assert (first == again) == (name != "random")
+    assert observation.shape == (1, 20)
+
+
+def test_the_oracle_needs_a_simulator():
+    with pytest.raises(InputError, match="arena"):
+        make_controller("oracle", paper_model())
+
+
+def test_an_unknown_name_lists_the_known_ones():
+    with pytest.raises(InputError, match=r'did you mean "retreat".*random, still, p, smith, lqr'):
+        make_controller("retret", paper_model())
+
+
+def test_an_unknown_name_is_refused_behind_the_suffix_too():
+    with pytest.raises(InputError, match="no such name"):
+        make_controller("nothing" + SUFFIX, paper_model())
+
+
+@given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-10, 10))
+def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
+    """No wheel is asked for more than its ceiling, and what is asked is the wanted twist times a factor."""
+    robot = paper_model().robot
+    v, theta, vc = twist_command(vx, vy, turn, robot)
+    wheels = command_to_wheels(v, theta, vc)
+    assert np.max(np.abs(wheels)) <= 135 + 3  # rounding of V, theta and VC
+    assert abs(vc) <= FULL_VC_RPM
+    wanted = np.array([vx, vy, turn * (robot.half_wheelbase_m + robot.half_track_m)])
+    asked = np.array([v * np.cos(np.deg2rad(theta)), v * np.sin(np.deg2rad(theta)), vc])
+    size = np.linalg.norm(wanted)
+    if size > 1.0:
+        along = asked @ wanted / size
+        assert np.linalg.norm(asked - along * wanted / size) <= 3.0
+        assert along > 0.0

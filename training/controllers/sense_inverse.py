@@ -73,7 +73,7 @@ class SenseInverse:
         self._past: list[FloatArray] = [np.zeros(6), np.zeros(6)]
 
     def send(self, command: Command) -> None:
-        """Take note of what the controller asked for: what the compensated robot does."""
+        """Take note of the command that the controller gave: what the compensated robot does."""
         self._last = command
         if self.is_needed:
             self._own.send(command)

@@ -10,7 +10,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import measured, without_sensors
+from mecanum_env.effects.apply import check_effects, measured, without_sensors
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
@@ -75,14 +75,18 @@ def compile_for(
         timestep_s: upper bound of the physics step [s]; the generator's choice when None, on the planar plant
             `TRAINING_TIMESTEP_S`, which is as good there.
         plant: of the robot: "rollers", or "planar", which does not slip and is much faster.
+
+    Raises:
+        InputError: an effect that the plant does not have.
     """
     if level == "bench":
         return bench_spec(model, timestep_s, visuals=False).compile()
+    check_effects(model, plant)
+    spec = robot_spec if plant == "rollers" else planar_spec
     after_limits = wheel_side(model) if limits_body(model) else model
-    if plant == "planar":
-        timestep_s = timestep_s or TRAINING_TIMESTEP_S
-        return planar_spec(after_limits, timestep_s, wheel_quantum=False, visuals=False).compile()
-    return robot_spec(after_limits, timestep_s, wheel_quantum=False, visuals=False).compile()
+    if plant == "planar" and timestep_s is None:
+        timestep_s = TRAINING_TIMESTEP_S
+    return spec(after_limits, timestep_s, wheel_quantum=False, visuals=False).compile()
 
 
 def in_run_frame(model: Model, start: Start) -> Model:

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm, t
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.descent import Minimum, flat_or, reach
-from sysid.gap.fitted import Fitted, marginal_function
+from sysid.gap.fitted import Fitted, function_near
 from sysid.gap.problem import Problem
 from sysid.gap.scores import group_masks
 
@@ -55,7 +55,7 @@ def interval_ends(
         half = np.maximum(half, t.ppf(tail, len(masks) - 1) * spread)
     low, high = fitted.place - half, fitted.place + half
     minimum = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
-    function = marginal_function(problem, fitted.candidate)
+    function = function_near(problem, fitted.candidate, fitted.place, fitted.residual)
     for i in np.flatnonzero(flat_or(minimum, fitted.candidate.stepwise)):
         down, up = reach(function, minimum, int(i), chi2.ppf(LEVEL, 1) * inflation)
         low[i], high[i] = fitted.place[i] - down, fitted.place[i] + up

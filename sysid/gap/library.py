@@ -43,18 +43,15 @@ def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
         problem: the model and the logs.
         effects: names in the catalogue.
     """
-    base = problem.base
-    trials = [
-        trial
-        for name in CATALOGUE
-        if name in effects
-        for trial in _trials(base, CATALOGUE[name], problem.look_step, problem.scale)
-    ]
-    models = [chosen.model(base, place) for chosen, place, _, _ in trials]
     found = []
-    for (chosen, place, linear, size), change in zip(trials, problem.changes(models), strict=True):
-        if change is not None:
-            found.append(Response(chosen, place, change, linear, size))
+    for name in [name for name in CATALOGUE if name in effects]:
+        trials = _trials(problem.base, CATALOGUE[name], problem.look_step([name]), problem.scale)
+        models = [chosen.model(problem.base, place) for chosen, place, _, _ in trials]
+        for (chosen, place, linear, size), change in zip(
+            trials, problem.changes(models, quick=problem.is_quick([name])), strict=True
+        ):
+            if change is not None:
+                found.append(Response(chosen, place, change, linear, size))
     return found
 
 

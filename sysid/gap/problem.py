@@ -9,12 +9,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from typing import Final, TypeVar
 
 import numpy as np
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
-from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
@@ -28,9 +29,13 @@ UNUSABLE: Final = (MecanumError, ValueError)
 SMOOTH_STEP: Final = 1e-3
 ROUGH_STEP: Final = 0.02
 """Rollers meet the floor a little earlier or later: what a smaller step changes is mostly that."""
-
 SMOOTH_LOOK: Final = 0.03
 ROUGH_LOOK: Final = 0.15
+OF_THE_ROLLERS: Final = frozenset(
+    [name for name, effect in CATALOGUE.items() if "planar" in effect.refused_by]
+    + ["com_offset", "weak_servo"]
+)
+"""Effects that act by how rollers bear on the floor: the planar plant lacks them, or shows half of them."""
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -54,15 +59,8 @@ class Problem:
         self.scale = speed_scale(base, runs)
         """Of the catalogue's bounds and grids in rpm and rpm/s."""
         self.bench = runs[0].level == "bench"
-        robot = not self.bench and plant == "rollers"
-        self.rough = robot
-        """Whether small changes of a model change a simulation roughly: rollers meet the floor anew."""
-        self.least_step = ROUGH_STEP if robot else SMOOTH_STEP
-        """Of a difference quotient, on the scale 0 .. 1 of a parameter."""
-        self.look_step = ROUGH_LOOK if robot else SMOOTH_LOOK
-        """Of an effect's first response where that has a gradient, on the same scale."""
-        # An effect's change is wanted to some percent only, and twice the step takes half the time.
-        self._rough = Simulator(self.observations, TRAINING_TIMESTEP_S) if robot else self.simulator
+        rollers = not self.bench and plant == "rollers"
+        self._planar = Simulator(self.observations, plant="planar") if rollers else None
         self.measured = whitener.whiten(whitener.measured())
         self.base_residual = self._required(base)
         self.nuisance = self._nuisance()
@@ -77,32 +75,54 @@ class Problem:
 
     def residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model, None where it cannot be simulated."""
+        return self._residual(self.simulator, model)
+
+    def _residual(self, simulator: Simulator, model: Model) -> FloatArray | None:
         try:
-            predictions = self.simulator.predictions(model)
+            predictions = simulator.predictions(model)
         except UNUSABLE:
             return None
         return self.measured - self.whitener.whiten(predictions)
 
-    def changes(self, models: Sequence[Model]) -> list[FloatArray | None]:
-        """Return how each model's marginal residual differs from the base model's, (N,), roughly.
+    def is_quick(self, effects: Sequence[str]) -> bool:
+        """Return whether `quick_residual` is less work than `residual`, and tells what `effects` change."""
+        return self._planar is not None and not OF_THE_ROLLERS.intersection(effects)
 
-        `jobs` at a time; None where a model cannot be simulated.
+    def least_step(self, effects: Sequence[str]) -> float:
+        """Return the least step of a difference quotient in `effects`, on the scale 0 .. 1 of a parameter."""
+        return SMOOTH_STEP if self._planar is None or self.is_quick(effects) else ROUGH_STEP
+
+    def look_step(self, effects: Sequence[str]) -> float:
+        """Return the step to a first response of `effects` where that has a gradient, on the same scale."""
+        return SMOOTH_LOOK if self._planar is None or self.is_quick(effects) else ROUGH_LOOK
+
+    def quick_residual(self, model: Model) -> FloatArray | None:
+        """Return the whitened residual (N,) of a model on the planar plant, a tenth of the work.
+
+        Only its differences mean something: without slip and without the effects that the plant refuses they
+        are those of the rollers to some percent, and smooth where the rollers' are rough. On the bench it is
+        `residual`.
         """
-        reference = self._rough.predictions(self.base)
+        if self._planar is None:
+            return self.residual(model)
+        left = {n: v for n, v in model.effects.items() if "planar" not in CATALOGUE[n].refused_by}
+        return self._residual(self._planar, replace(model, effects=left))
+
+    def changes(self, models: Sequence[Model], *, quick: bool) -> list[FloatArray | None]:
+        """Return how each model's marginal residual differs from the base model's, (N,).
+
+        Args:
+            models: `jobs` of them at a time; None where one cannot be simulated.
+            quick: by `quick_residual`.
+        """
+        of = self.quick_residual if quick else self.residual
+        reference = of(self.base) if models else None
 
         def change(model: Model) -> FloatArray | None:
-            try:
-                moved = self._rough.predictions(model)
-            except UNUSABLE:
-                return None
-            parts = [before - after for before, after in zip(reference, moved, strict=True)]
-            return self.marginal(self.whitener.whiten(parts))
+            moved = of(model)
+            return None if moved is None or reference is None else self.marginal(moved - reference)
 
         return self.map(change, models)
-
-    def residuals(self, models: Sequence[Model]) -> list[FloatArray | None]:
-        """Return the residual of each model; `jobs` at a time."""
-        return self.map(self.residual, models)
 
     def map(self, work: Callable[[T], U], items: Iterable[T]) -> list[U]:
         """Return `work` of each item, in order; `jobs` at a time."""
@@ -132,8 +152,16 @@ class Problem:
         return self.measured - self.whitener.whiten(self.simulator.predictions(model))
 
     def _nuisance(self) -> FloatArray:
-        moved = self.residuals(plausible_models(self.base))
-        columns = [self.base_residual - r for r in moved if r is not None]
+        quick = self.quick_residual(self.base)
+
+        def column(model: Model) -> FloatArray | None:
+            moved = self.quick_residual(model)
+            if moved is not None and quick is not None and np.any(moved != quick):
+                return quick - moved
+            moved = self.residual(model)
+            return None if moved is None else self.base_residual - moved
+
+        columns = [c for c in self.map(column, plausible_models(self.base)) if c is not None]
         for parts in shape_columns(self.base, self.whitener.error, self.observations):
             columns.append(self.whitener.whiten(parts))
         return np.stack(columns, axis=1) if columns else np.zeros((self.size, 0))

@@ -18,7 +18,7 @@ from sysid.gap.descent import Minimum, explored
 from sysid.gap.fitted import Fitted, fit, marginal_function, unchanged
 from sysid.gap.growth import Growth, Key, growths
 from sysid.gap.library import Response
-from sysid.gap.problem import Problem
+from sysid.gap.problem import SMOOTH_STEP, Problem
 
 EMPTY: Final = EffectSet((), ())
 _ROUNDING: Final = 1e-6  # of a square sum
@@ -92,7 +92,8 @@ class Search:
 
     def polish(self, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
         """Return a fitted set after a look about, where the simulation is rough and slopes mislead."""
-        if not self.problem.rough or not fitted.place.size:
+        smooth = self.problem.least_step(fitted.names) == SMOOTH_STEP
+        if smooth or not fitted.place.size:
             return fitted
         function = marginal_function(self.problem, fitted.candidate)
         here = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)

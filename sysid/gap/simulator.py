@@ -92,14 +92,13 @@ class Simulator:
 
     def _simulate(self, model: Model) -> list[Motion]:
         situations = self.observations.situations
-        level = situations[0].runs[0].level
+        how = situations[0].runs[0].level, self.timestep_s, self.plant
         # Only a floor that slopes makes the compiled model depend on where a run starts.
-        sloped = "floor_slope" in model.effects
-        common = None if sloped else compile_for(model, level, self.timestep_s, self.plant)
+        common = None if "floor_slope" in model.effects else compile_for(model, *how)
         motions = []
         for situation in situations:
             local = in_run_frame(model, situation.start)
-            compiled = common or compile_for(local, level, self.timestep_s, self.plant)
+            compiled = common or compile_for(local, *how)
             motions.append(motion_of(local, situation.runs[0], situation.start, compiled))
         return motions
 

@@ -1,0 +1,105 @@
+"""Searching robot logs on the planar plant: exact where corrected, elsewhere near the rollers, and quick."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import Model, paper_model
+from mecanum_env.units import FloatArray
+from sysid.gap.coordinates import EffectSet, effect_set
+from sysid.gap.fitted import fit, function_near, marginal_function
+from sysid.gap.noise import measure_noise
+from sysid.gap.observations import observe
+from sysid.gap.problem import OF_THE_ROLLERS, Problem
+from sysid.gap.whitening import Whitener
+from sysid.logs import BodyCommand, Dataset, Run
+from sysid.prediction import predict
+
+TIME = np.arange(0.0, 2.0, 0.02)
+LEVELS = (
+    [(0, 0, 0), (60, 0, 0), (20, 90, 10), (70, 180, 0)],
+    [(0, 0, 0), (50, 45, 0), (0, 0, 30), (40, 0, 15)],
+)
+TRUTH = {"speed_gain": {"gain": 0.93}}
+
+
+def logs(model: Model) -> Dataset:
+    """Return two robot runs, twice each, of what the model does, with noise."""
+    rng = np.random.default_rng(0)
+    runs = []
+    for number, levels in enumerate(LEVELS):
+        rows = np.repeat(np.array(levels, float), TIME.size // len(levels), axis=0)
+        empty = {name: np.zeros(TIME.size) for name in ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")}
+        run = Run("", f"run{number}", "fit", TIME, BodyCommand(*rows.T), empty)
+        true = predict(model, run)
+        for repeat in range(2):
+            noisy = {name: values + 0.01 * rng.standard_normal(TIME.size) for name, values in true.items()}
+            runs.append(replace(run, file=f"run{number}_{repeat}.csv", channels=noisy))
+    return Dataset("planar search", tuple(runs), (), "made here")
+
+
+@pytest.fixture(scope="module")
+def problem() -> Problem:
+    """Return the paper's model against logs of a robot that is slower."""
+    base = paper_model()
+    dataset = logs(replace(base, effects=TRUTH))
+    observations = observe(dataset)
+    return Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
+
+
+def slower(problem: Problem) -> tuple[EffectSet, FloatArray]:
+    """Return the set of the true effect, and where neutral is."""
+    candidate = effect_set(problem.base, ["speed_gain"])
+    return candidate, candidate.start()
+
+
+def test_what_only_rollers_show_is_simulated_on_them(problem: Problem) -> None:
+    refused = {name for name, effect in CATALOGUE.items() if "planar" in effect.refused_by}
+    assert refused
+    assert refused <= OF_THE_ROLLERS
+    for name in CATALOGUE:
+        assert problem.is_quick([name, "speed_gain"]) == (name not in OF_THE_ROLLERS)
+
+
+def test_a_corrected_simulation_is_exact_where_it_was_corrected(problem: Problem) -> None:
+    candidate, place = slower(problem)
+    residual = marginal_function(problem, candidate)(place)
+    assert residual is not None
+    near = function_near(problem, candidate, place, residual)(place)
+    assert near == pytest.approx(residual, abs=1e-9)
+
+
+def test_a_corrected_simulation_tells_what_an_effect_changes(problem: Problem) -> None:
+    candidate, place = slower(problem)
+    full = marginal_function(problem, candidate)
+    before, after = full(place), full(place - 0.1)
+    assert before is not None
+    assert after is not None
+    told = function_near(problem, candidate, place, before)(place - 0.1)
+    assert told is not None
+    # How rollers slip and bounce is what is left.
+    assert np.linalg.norm(told - after) < 0.35 * np.linalg.norm(after - before)
+
+
+def test_a_fit_by_corrections_ends_where_the_rollers_fit(problem: Problem) -> None:
+    candidate, place = slower(problem)
+    found = fit(problem, candidate, place)
+    assert found is not None
+    full = marginal_function(problem, candidate)(found.place)
+    assert full == pytest.approx(found.residual, abs=1e-9)
+    assert candidate.coordinates[0].value(found.place[0]) == pytest.approx(0.93, abs=0.005)
+    assert found.cost < 1.3 * problem.size
+
+
+def test_a_fit_by_corrections_simulates_the_rollers_a_few_times_only(
+    problem: Problem, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    used: list[Model] = []
+    simulate = problem.residual
+    monkeypatch.setattr(problem, "residual", lambda model: used.append(model) or simulate(model))
+    fit(problem, *slower(problem))
+    assert 2 <= len(used) <= 6

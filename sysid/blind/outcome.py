@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from mecanum_env.effects import CATALOGUE
 from sysid.blind.case import Case
 
 if TYPE_CHECKING:
@@ -30,7 +31,8 @@ class Outcome:
     before: float = math.nan
     after: float = math.nan
     floor: float = math.nan
-    untestable: tuple[str, ...] = ()
+    said_untestable: bool = False
+    """Whether the report says that these logs could not show what is hidden: not at all, or not so little."""
     seconds: float = 0.0
     message: str = ""
     """Of the error."""
@@ -90,9 +92,31 @@ def outcome_of(case: Case, report: GapReport, seconds: float) -> Outcome:
         before=report.gap.before,
         after=report.gap.after,
         floor=math.nan if floor is None else floor,
-        untestable=tuple(entry.name for entry in report.untestable),
+        said_untestable=bool(case.hidden) and all(_out_of_sight(name, case, report) for name in case.hidden),
         seconds=seconds,
     )
+
+
+def _out_of_sight(name: str, case: Case, report: GapReport) -> bool:
+    """Return whether a report calls an effect untestable, or sees it only beyond its true size."""
+    if any(entry.name == name for entry in report.untestable):
+        return True
+    seen = report.smallest_detectable.get(name, {})
+    true = case.truth.get(name, {})
+    return bool(true) and all(
+        key in seen and _is_nearer(value, seen[key], _neutral(name, key, report))
+        for key, value in true.items()
+    )
+
+
+def _neutral(name: str, parameter: str, report: GapReport) -> float:
+    known = {p.name: p for p in CATALOGUE[name].parameters}
+    return float(report.base.effects.get(name, {}).get(parameter, known[parameter].neutral_in(report.base)))
+
+
+def _is_nearer(value: float, other: float, neutral: float) -> bool:
+    """Return whether a value lies between neutral, which may be infinite, and another value."""
+    return other < value < neutral or neutral < value < other
 
 
 def to_json(outcome: Outcome) -> dict[str, Any]:
@@ -116,7 +140,7 @@ def from_json(entry: Mapping[str, Any]) -> Outcome:
             name: {key: (float(b[0]), float(b[1]), float(b[2])) for key, b in values.items()}
             for name, values in entry["parameters"].items()
         },
-        untestable=tuple(entry["untestable"]),
+        said_untestable=entry["said_untestable"],
         message=entry["message"],
         **numbers,
     )

@@ -98,7 +98,7 @@ def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
         _share("untestable: no gap", (o.verdict == "no_gap" for o in of("untestable")), None, None),
         _share(
             "untestable: said so",
-            (set(o.case.hidden) <= set(o.untestable) for o in of("untestable")),
+            (o.said_untestable for o in of("untestable")),
             None,
             None,
         ),

@@ -156,10 +156,10 @@ OUTSIDE: dict[str, Callable[[np.random.Generator], Fields]] = {
 UNREPEATABLE = ("lost commands", "glitches")
 """Different in each repeat, hence part of what the logs give as noise."""
 
-UNTESTABLE = {
-    "speed_saturation": {"top_rpm": 90.0},
-    "command_deadband": {"ignored_below_rpm": 12.5},
-    "direction_asymmetry": {"weak_reverse": 0.8},
+UNTESTABLE: dict[str, tuple[Fields, dict[str, float]]] = {
+    "speed_saturation": ({"top_rpm": 90.0}, {"limit_rpm": 90.0}),
+    "command_deadband": ({"ignored_below_rpm": 12.5}, {"threshold_rpm": 12.5}),
+    "direction_asymmetry": ({"weak_reverse": 0.8}, {"reverse_ratio": 0.8}),
 }
 """There, but the gentle commands (forward, 30 to 70 rpm) do not show it."""
 
@@ -186,11 +186,10 @@ def recipes(seed: int) -> list[Recipe]:
             plants = ("droop",) if what in ("cogging", "swinging torque") else ANY
             case = Case(name, "bench", "outside", "clear", plants[number % len(plants)], (what,))
             made.append(Recipe(case, maker(rng)))
-    for name, fields in UNTESTABLE.items():
+    for name, (fields, true) in UNTESTABLE.items():
         for number in range(1, 4):
-            case = Case(
-                f"bench-untestable-{name}-{number}", "bench", "untestable", "clear", ANY[number % 3], (name,)
-            )
+            label = f"bench-untestable-{name}-{number}"
+            case = Case(label, "bench", "untestable", "clear", ANY[number % 3], (name,), {name: true})
             made.append(Recipe(case, dict(fields), gentle=True))
     return made
 

@@ -158,7 +158,10 @@ OUTSIDE: dict[str, Fields] = {
     "wind": {"wind_n": 25.0},
     "crosstalk": {"crosstalk": 0.6},
 }
-UNTESTABLE: dict[str, Fields] = {"track_width": {"arms": 1.15}, "roller_friction": {"roller_drag_n_m": 0.02}}
+UNTESTABLE: dict[str, tuple[Fields, dict[str, float]]] = {
+    "track_width": ({"arms": 1.15}, {"scale": 1.15}),
+    "roller_friction": ({"roller_drag_n_m": 0.02}, {"torque_n_m": 0.02}),
+}
 
 
 def recipes(seed: int) -> list[Recipe]:
@@ -172,8 +175,9 @@ def recipes(seed: int) -> list[Recipe]:
     for what, fields in OUTSIDE.items():
         name = f"robot-outside-{what.replace(' ', '_')}"
         made.append(Recipe(Case(name, "robot", "outside", "clear", PLANT, (what,)), dict(fields)))
-    for effect, fields in UNTESTABLE.items():
-        case = Case(f"robot-untestable-{effect}", "robot", "untestable", "clear", PLANT, (effect,))
+    for effect, (fields, true) in UNTESTABLE.items():
+        name = f"robot-untestable-{effect}"
+        case = Case(name, "robot", "untestable", "clear", PLANT, (effect,), {effect: true})
         made.append(Recipe(case, dict(fields), gentle=True))
     return made
 

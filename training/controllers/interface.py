@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from mecanum_env.kinematics import scale_wheels, twist_to_wheels, wheels_to_command
 from mecanum_env.model import Robot, Wheel
-from mecanum_env.tankendo.actions import FULL_VC_RPM
+from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 
 Command = tuple[int, int, int]
 """V [rpm], theta [deg], VC [rpm], as the robot takes them."""
@@ -30,7 +30,13 @@ class Controller(Protocol):
         ...
 
 
-def twist_command(vx_m_s: float, vy_m_s: float, yaw_rate_rad_s: float, robot: Robot) -> Command:
+def twist_command(
+    vx_m_s: float,
+    vy_m_s: float,
+    yaw_rate_rad_s: float,
+    robot: Robot,
+    limit_rpm: float = Wheel.saturation_rpm,
+) -> Command:
     """Return the command that asks for a body twist (ahead [m/s], left [m/s], turn [rad/s]).
 
     Args:
@@ -38,11 +44,11 @@ def twist_command(vx_m_s: float, vy_m_s: float, yaw_rate_rad_s: float, robot: Ro
         vy_m_s: to the left.
         yaw_rate_rad_s: counter-clockwise.
         robot: its dimensions count.
+        limit_rpm: no wheel is asked for more [rpm]; by default the ceiling of the paper's robot.
 
-    No wheel is asked for more than the ceiling of the paper's robot, and VC stays within its range; the
-    direction of the twist, turn included, is kept.
+    VC stays within its range, too. The direction of the twist, turn included, is kept.
     """
     wheels = twist_to_wheels([vx_m_s, vy_m_s, yaw_rate_rad_s], robot)
-    v, theta, vc = (float(x) for x in wheels_to_command(scale_wheels(wheels, Wheel.saturation_rpm)))
+    v, theta, vc = (float(x) for x in wheels_to_command(scale_wheels(wheels, min(limit_rpm, FULL_V_RPM))))
     share = min(1.0, FULL_VC_RPM / max(abs(vc), 1e-9))
     return round(v * share), round(theta), round(vc * share)

@@ -41,7 +41,8 @@ class Lqr:
         turn: Weights = TURN,
         delays: Delays | None = None,
     ) -> None:
-        self._robot, self._distance_m = model.robot, distance_m
+        self._robot, self._limit_rpm = model.robot, model.wheel.saturation_rpm
+        self._distance_m = distance_m
         law, period = model.wheel.law, model.wheel.command_period_s
         self.gains: FloatArray = np.array([tracking_gain(law, period, w) for w in (place, place, turn)])
         self._motion = SeenMotion(model, Delays.of(model) if delays is None else delays)
@@ -62,6 +63,8 @@ class Lqr:
         memory = wheels_to_twist(self._motion.own.state.law[:, :, 0].T, self._robot).T
         state = np.concatenate([memory - along[:, None], -error[:, None]], axis=1)
         twist = along - np.sum(self.gains * state, axis=1)
-        command = twist_command(float(twist[0]), float(twist[1]), float(twist[2]), self._robot)
+        command = twist_command(
+            float(twist[0]), float(twist[1]), float(twist[2]), self._robot, self._limit_rpm
+        )
         self._motion.send(command)
         return command

@@ -8,9 +8,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import ndtr
 
-from mecanum_env.kinematics import scale_wheels, twist_to_wheels
+from mecanum_env.kinematics import scale_wheels, twist_to_wheels, wheels_to_twist
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Opponent, Rules, read_observation
+from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.hit_margin import Seen, miss_margin
 from training.controllers.interface import Command, twist_command
@@ -26,8 +27,8 @@ class Planning:
 
     directions: int = 8
     """Ways to go, evenly around; standing is one more."""
-    speed_m_s: float = 1.05
-    """How fast [m/s]."""
+    speed_share: float = 0.97
+    """How fast, of what the wheels reach straight ahead."""
     longest: int = 8
     """Commands to look ahead at most."""
     latest_change: int = 3
@@ -89,11 +90,15 @@ class Mpc:
         self._opponent = Opponent() if opponent is None else opponent
         self._robot = model.robot
         self._period_s = model.wheel.command_period_s
-        self._limit_rpm = model.wheel.saturation_rpm
+        self._limit_rpm = min(model.wheel.saturation_rpm, FULL_V_RPM)
+        self._speed_m_s = self._planning.speed_share * float(
+            wheels_to_twist(np.full(4, self._limit_rpm), model.robot)[0]
+        )
         self._motion = SeenMotion(model, Delays.of(model) if delays is None else delays)
         self._strike = StrikePhase(self._opponent, priors, step_s=self._period_s)
-        self._wait = Proportional(self._planning.wait_m, robot=model.robot)
-        self._return = Proportional(gain_per_s=self._planning.return_gain_per_s, robot=model.robot)
+        # Their twists are wanted, not their commands.
+        self._wait = Proportional(self._planning.wait_m)
+        self._return = Proportional(gain_per_s=self._planning.return_gain_per_s)
         self.reset()
 
     def reset(self) -> None:
@@ -110,7 +115,9 @@ class Mpc:
         estimate = self._strike.update(raw)
         seen = self._motion.now(raw)
         twist = self._twist(seen, estimate)
-        command = twist_command(float(twist[0]), float(twist[1]), float(twist[2]), self._robot)
+        command = twist_command(
+            float(twist[0]), float(twist[1]), float(twist[2]), self._robot, self._limit_rpm
+        )
         self._motion.send(command)
         return command
 
@@ -192,8 +199,8 @@ class Mpc:
         )
         twists = np.zeros((3, planning.directions + 1))
         twists[0, 1:], twists[1, 1:] = (
-            planning.speed_m_s * np.cos(angles),
-            planning.speed_m_s * np.sin(angles),
+            self._speed_m_s * np.cos(angles),
+            self._speed_m_s * np.sin(angles),
         )
         count = planning.directions + 1
         changes = np.arange(1, 1 + max(min(commands - 1, planning.latest_change), 1))

@@ -40,6 +40,16 @@ class Given:
     seed: int
 
 
+def _proportional(given: Given, gain_per_s: float) -> Proportional:
+    model = given.model
+    return Proportional(
+        gain_per_s=gain_per_s,
+        turn_gain_per_s=gain_per_s,
+        robot=model.robot,
+        limit_rpm=model.wheel.saturation_rpm,
+    )
+
+
 def _oracle(given: Given) -> Controller:
     if given.arena is None:
         raise InputError("the oracle looks into the simulator and needs an arena; a real robot has none")
@@ -56,11 +66,11 @@ CONTROLLERS: Final[Mapping[str, Callable[[Given], Controller]]] = MappingProxyTy
     {
         "random": lambda given: RandomMotion(given.seed),
         "still": lambda _: Still(),
-        "p": lambda given: Proportional(gain_per_s=4.0, turn_gain_per_s=4.0, robot=given.model.robot),
+        "p": lambda given: _proportional(given, gain_per_s=4.0),
         "smith": lambda given: Smith(given.model),
         "lqr": lambda given: Lqr(given.model),
-        "retreat": lambda given: Retreat(Proportional(robot=given.model.robot)),
-        "sidestep": lambda given: SideStep(Proportional(robot=given.model.robot)),
+        "retreat": lambda given: Retreat(_proportional(given, gain_per_s=2.0)),
+        "sidestep": lambda given: SideStep(_proportional(given, gain_per_s=2.0)),
         "mpc": lambda given: Mpc(given.model),
         "oracle": _oracle,
         "policy": _bundled,

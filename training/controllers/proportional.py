@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.model import Robot
+from mecanum_env.model import Robot, Wheel
 from mecanum_env.tankendo import Observed, Rules, read_observation
 from training.controllers.interface import Command, twist_command
 
@@ -24,6 +24,8 @@ class Proportional:
     """Correction of the bearing [1/s]."""
     robot: Robot = field(default_factory=Robot)
     """Dimensions of the robot, for its kinematics."""
+    limit_rpm: float = Wheel.saturation_rpm
+    """Ceiling of its wheels [rpm]."""
 
     def reset(self) -> None:
         """Forget nothing: it has no memory."""
@@ -31,7 +33,11 @@ class Proportional:
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
         seen = read_observation(observation)
-        return twist_command(*self.twist(seen), self.robot)
+        return self.command(*self.twist(seen))
+
+    def command(self, vx_m_s: float, vy_m_s: float, yaw_rate_rad_s: float) -> Command:
+        """Return the robot's command for a twist: ahead, left [m/s], turn [rad/s]."""
+        return twist_command(vx_m_s, vy_m_s, yaw_rate_rad_s, self.robot, self.limit_rpm)
 
     def twist(self, seen: Observed) -> tuple[float, float, float]:
         """Return the wanted twist: ahead, left [m/s], turn [rad/s]; `seen` is one observation."""

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from mecanum_env.tankendo import Observed, read_observation
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
-from training.controllers.interface import Command, twist_command
+from training.controllers.interface import Command
 from training.controllers.proportional import Proportional
 
 
@@ -43,7 +43,7 @@ class Retreat:
             x, y = float(seen.opponent_x), float(seen.opponent_y)
             distance = max(float(np.hypot(x, y)), 1e-6)
             vx, vy = -self.speed_m_s * x / distance, -self.speed_m_s * y / distance
-        return twist_command(vx, vy, turn, self.hold.robot)
+        return self.hold.command(vx, vy, turn)
 
     def is_threatened(self, seen: Observed) -> bool:
         """Return whether the opponent, as `seen`, has left its guard."""

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.tankendo import read_observation
-from training.controllers.interface import Command, twist_command
+from training.controllers.interface import Command
 from training.controllers.proportional import Proportional
 from training.controllers.retreat import Retreat
 
@@ -57,4 +57,4 @@ class SideStep:
             back = self.back_share
             across = self._side * float(np.sqrt(1.0 - back * back))
             vx, vy = (self.speed_m_s * (-across * y - back * x), self.speed_m_s * (across * x - back * y))
-        return twist_command(vx, vy, turn, self.hold.robot)
+        return self.hold.command(vx, vy, turn)

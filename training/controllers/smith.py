@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Rules, read_observation
-from training.controllers.interface import Command, twist_command
+from training.controllers.interface import Command
 from training.controllers.proportional import Proportional
 from training.controllers.seen_motion import Delays, SeenMotion
 
@@ -40,7 +40,9 @@ class Smith:
         ahead_s: float = 0.0,
         delays: Delays | None = None,
     ) -> None:
-        self._p = Proportional(distance_m, gain_per_s, turn_gain_per_s, model.robot)
+        self._p = Proportional(
+            distance_m, gain_per_s, turn_gain_per_s, model.robot, model.wheel.saturation_rpm
+        )
         self._lead, self._ahead_s = lead, ahead_s
         self._motion = SeenMotion(model, Delays.of(model) if delays is None else delays)
 
@@ -53,6 +55,6 @@ class Smith:
         seen = self._motion.now(read_observation(observation), self._ahead_s)
         vx, vy, turn = self._p.twist(seen)
         vx, vy = vx + self._lead * float(seen.opponent_vx), vy + self._lead * float(seen.opponent_vy)
-        command = twist_command(vx, vy, turn, self._p.robot)
+        command = self._p.command(vx, vy, turn)
         self._motion.send(command)
         return command

@@ -1,5 +1,7 @@
 """Names: all of them make controllers, wrong ones are refused with what would be right."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -79,3 +81,14 @@ def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
         along = asked @ wanted / size
         assert np.linalg.norm(asked - along * wanted / size) <= 3.0
         assert along > 0.0
+
+
+@pytest.mark.parametrize("name", ["p", "smith", "lqr", "mpc", "sidestep", "retreat"])
+def test_the_ceiling_is_that_of_the_model(name):
+    model = paper_model()
+    model = replace(model, wheel=replace(model.wheel, saturation_rpm=60.0))
+    controller = make_controller(name, model)
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        command = controller.act(rng.uniform(-LIMITS, LIMITS).astype(np.float32))
+        assert np.max(np.abs(command_to_wheels(*command))) <= 60 + 3  # rounding of V, theta and VC

@@ -25,6 +25,7 @@ def main(
     model: Path | None = None,
     difficulty: str = Settings.difficulty,
     randomize: Robots = Settings.randomize,
+    start: Path | None = None,
     envs: int = Settings.envs,
     action_mode: ActionMode = Settings.action_mode,
     stack: int = Settings.stack,
@@ -48,6 +49,7 @@ def main(
         model: Model file; default: the packaged model.
         difficulty: Of the opponent: easy, normal, hard.
         randomize: On which robots: none, posterior, or levels.
+        start: Folder of another run to begin with the weights of, such as one on the model alone.
         envs: Environments side by side.
         action_mode: What an action means: cartesian, polar, command.
         stack: How many observations the policy looks at.
@@ -68,6 +70,7 @@ def main(
         model=None if model is None else str(model),
         difficulty=difficulty,
         randomize=randomize,
+        start=None if start is None else str(start),
         envs=envs,
         action_mode=action_mode,
         stack=stack,

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import os
+import pickle
 import shutil
 import tempfile
 from dataclasses import asdict, dataclass, field
@@ -26,6 +27,7 @@ from mecanum_env.files import write_json
 from training.controllers.policy import save_policy
 from training.train.agent import read_agent
 from training.train.environment import model_of
+from training.train.exploration import SeenSpreadPolicy
 from training.train.export import about, network_of
 from training.train.settings import Settings, settings_from_json, settings_json
 
@@ -173,3 +175,29 @@ def read_learner(checkpoint: Path, settings: Settings, env: VecEnv) -> tuple[Bas
     except (OSError, ValueError) as error:
         raise InputError(f"{checkpoint}: checkpoint not readable ({error})") from error
     return agent, normaliser
+
+
+def begin_with(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -> None:
+    """Give a learner the weights, and a normaliser the statistics, that another run ended with.
+
+    Args:
+        folder: of the other run.
+        agent: changed in place; its network must be built like the other's.
+        normaliser: changed in place.
+
+    Raises:
+        InputError: the folder holds no checkpoint, or one of another algorithm or network.
+    """
+    checkpoint = newest_checkpoint(folder)
+    try:
+        agent.set_parameters(str(checkpoint / "agent.zip"), exact_match=True, device="cpu")
+        with (checkpoint / "normaliser.pkl").open("rb") as stored:
+            other = pickle.load(stored)
+    except (OSError, ValueError, RuntimeError) as error:
+        raise InputError(
+            f"{folder}: not a run with this algorithm, network, stack and task ({error})"
+        ) from error
+    normaliser.obs_rms, normaliser.ret_rms = other.obs_rms, other.ret_rms
+    if isinstance(agent.policy, SeenSpreadPolicy):
+        # A trained policy hardly varies its actions any more, and would learn nothing new.
+        agent.policy.spread_anew()

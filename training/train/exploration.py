@@ -22,12 +22,18 @@ class SeenSpreadPolicy(ActorCriticPolicy):  # type: ignore[misc]
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         super()._build(lr_schedule)
         self.log_std_net = torch.nn.Linear(self.mlp_extractor.latent_dim_pi, self.action_space.shape[0])
-        torch.nn.init.zeros_(self.log_std_net.weight)
-        torch.nn.init.constant_(self.log_std_net.bias, self.log_std_init)
+        self.spread_anew()
         self.log_std.requires_grad_(False)
         learned = [parameter for parameter in self.parameters() if parameter.requires_grad]
         self.optimizer = self.optimizer_class(learned, lr=lr_schedule(1.0), **self.optimizer_kwargs)
 
+    def spread_anew(self) -> None:
+        """Give all states the same spread, that of a beginner."""
+        torch.nn.init.zeros_(self.log_std_net.weight)
+        torch.nn.init.constant_(self.log_std_net.bias, self.log_std_init)
+
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
         log_std = self.log_std_net(latent_pi).clamp(*_LOG_STD)
+        # Not used again: Stable-Baselines3 logs it as train/std.
+        self.log_std.data = log_std.detach().mean(dim=0)
         return self.action_dist.proba_distribution(self.action_net(latent_pi), log_std)

@@ -28,6 +28,7 @@ from training.train.agent import make_agent
 from training.train.checkpoint import (
     Point,
     State,
+    begin_with,
     newest_checkpoint,
     read_learner,
     read_run,
@@ -68,8 +69,7 @@ def train(
         raise InputError(
             f"{folder}: holds a training run; go on with --resume {folder}, or give another --out"
         )
-    normaliser = training_env(settings)
-    agent = make_agent(settings, normaliser)
+    agent, normaliser = _beginner(settings)
     command = command_line(settings, str(folder))
     write_run(folder, settings, {"command": command, "versions": versions(), "commit": commit()})
     write_model(model_of(settings), folder / "model.json")
@@ -112,11 +112,19 @@ def resume(
         agent, normaliser = read_learner(newest_checkpoint(folder), settings, env)
     else:
         # Interrupted before its first checkpoint: from the start, as it was begun.
-        normaliser = training_env(settings)
-        agent = make_agent(settings, normaliser)
+        agent, normaliser = _beginner(settings)
     until = _NEVER if stop_after is None else stop_after
     told = _Told(settings, folder, facts["command"], until, watch_seeds, quiet)
     return _learn(agent, normaliser, state, told)
+
+
+def _beginner(settings: Settings) -> tuple[BaseAlgorithm, VecNormalize]:
+    """Return learner and normaliser before the first step."""
+    normaliser = training_env(settings)
+    agent = make_agent(settings, normaliser)
+    if settings.start is not None:
+        begin_with(Path(settings.start), agent, normaliser)
+    return agent, normaliser
 
 
 @dataclass(frozen=True)
@@ -192,6 +200,7 @@ def _learn(agent: BaseAlgorithm, normaliser: VecNormalize, state: State, told: _
         agent.learn(left, callback=parts, reset_num_timesteps=False)
         if not parts.stopped:
             save()
+            agent.logger.dump(agent.num_timesteps)
     normaliser.close()
     return now[0]
 

@@ -88,6 +88,8 @@ class Settings:
     """Path of a model file; None: the packaged model."""
     difficulty: str = "normal"
     randomize: Robots = "none"
+    start: str | None = None
+    """Folder of another run whose weights and normaliser this one begins with; None: new ones."""
     envs: int = 128
     """Environments side by side."""
     action_mode: ActionMode = "cartesian"

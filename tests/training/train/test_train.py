@@ -14,8 +14,10 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from training.controllers.policy import load_policy
 from training.train.__main__ import main
-from training.train.checkpoint import State, newest_checkpoint, read_learner, read_run
+from training.train.agent import make_agent
+from training.train.checkpoint import State, begin_with, newest_checkpoint, read_learner, read_run
 from training.train.environment import bare_env, seeds_at, training_env
+from training.train.export import network_of
 from training.train.levels import level_models
 from training.train.run import resume, train
 from training.train.settings import Ppo, Sac, Settings, command_line, settings_from_json, settings_json
@@ -179,3 +181,20 @@ def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
     assert words[:3] == ["python", "-m", "training.train"]
     assert run(main, words[3:]) == 0
     assert begun == [(settings, tmp_path)]
+
+
+def test_a_run_can_begin_with_the_weights_of_another(trained, tmp_path):
+    settings, folder = trained
+    normaliser = training_env(settings)
+    agent = make_agent(replace(settings, seed=5), normaliser)
+    begin_with(folder, agent, normaliser)
+    own, other = network_of(agent, normaliser, settings), load_policy(folder).network
+    seen = np.random.default_rng(0).normal(size=(20, len(own.mean)))
+    np.testing.assert_array_equal(own.mean, other.mean)
+    np.testing.assert_allclose(own.actions(seen), other.actions(seen), atol=1e-12)
+    with pytest.raises(InputError, match="no checkpoint yet"):
+        train(replace(settings, start=str(tmp_path)), tmp_path / "run", quiet=True)
+    wider = replace(settings, stack=3, start=str(folder))
+    with pytest.raises(InputError, match="not a run with this algorithm, network, stack and task"):
+        train(wider, tmp_path / "run", quiet=True)
+    assert not (tmp_path / "run").exists()

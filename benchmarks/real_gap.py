@@ -49,6 +49,8 @@ from sysid.logs import Dataset, read_dataset
 BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/body", "micromouse/duty_left", "micromouse/duty_right",
             "micromouse/closed_loop_left", "micromouse/closed_loop_right")  # fmt: skip
+SECONDS = {"bench": 100.0, "robot": 40.0}
+"""Of the fit and validation runs that decide: a study takes a minute or two of processor time."""
 FIT_S = 40.0
 """Of a recording that a law is fitted to where the quiet part will not do."""
 SHOWN = 6
@@ -71,9 +73,9 @@ def main(
     names: Annotated[tuple[str, ...], tyro.conf.Positional] = DATASETS,
     /,
     starts: int = 5,
-    rounds: int = 3,
+    rounds: int = 2,
     max_effects: int = 3,
-    seconds: float = 40.0,
+    seconds: float | None = None,
     only: tuple[str, ...] = (),
     jobs: int = 1,
     out: Path | None = None,
@@ -88,7 +90,7 @@ def main(
         starts: of each fit.
         rounds: studies of each recording at most, each of the model that the one before improved.
         max_effects: largest set of effects in one study.
-        seconds: of the fit and validation runs that decide.
+        seconds: of the fit and validation runs that decide; by default `SECONDS`.
         only: effects to consider; default: all.
         jobs: simulations at a time.
         out: JSON file to write.
@@ -102,9 +104,9 @@ def main(
         "# Results of `python benchmarks/real_gap.py`",
         "Written by the command itself; do not edit. Recordings of real robots, where no truth is known: "
         "what the gap workflow finds, and what is left. A law is fitted to a part of each recording, and "
-        f"{seconds:g} s of its fit and validation runs, in pieces that cover the speeds, decide; the test "
-        "runs are whole and were seen by neither. Times are of one processor. The robot is simulated on "
-        "the planar plant: it is no Mecanum robot, and only drives ahead and turns.",
+        "pieces of its fit and validation runs that cover the speeds decide; the test runs are whole and "
+        "were seen by neither. Times are of one processor. The robot is simulated on the planar plant: it is "
+        "no Mecanum robot, and only drives ahead and turns.",
     ]
     if only:
         parts.append(f"Considered were only {', '.join(only)}.")
@@ -114,7 +116,7 @@ def main(
         options = GapOptions(
             only=only,
             max_effects=max_effects,
-            seconds=seconds,
+            seconds=SECONDS[data.level] if seconds is None else seconds,
             plant="planar" if data.level == "robot" else "rollers",
             jobs=jobs,
             next_experiment=False,

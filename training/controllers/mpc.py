@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -42,8 +42,8 @@ class Planning:
     wait_m: float = Rules.maai_m + 0.1
     """Distance while it waits [m]."""
     return_gain_per_s: float = 4.0
-    """Correction of the distance once the strike is over [1/s]."""
-    distance_weight_per_m: float = 0.3
+    """Correction of distance and bearing once the strike is over [1/s]."""
+    distance_weight_per_m: float = 0.6
     """What being off maai at the hit costs, in probability of a hit."""
     loyalty: float = 0.05
     """Advantage of going on with the last plan."""
@@ -98,7 +98,8 @@ class Mpc:
         self._strike = StrikePhase(self._opponent, priors, step_s=self._period_s)
         # Their twists are wanted, not their commands.
         self._wait = Proportional(self._planning.wait_m)
-        self._return = Proportional(gain_per_s=self._planning.return_gain_per_s)
+        gain = self._planning.return_gain_per_s
+        self._return = Proportional(gain_per_s=gain, turn_gain_per_s=gain)
         self.reset()
 
     def reset(self) -> None:
@@ -132,7 +133,7 @@ class Mpc:
         acts_s = self._motion.delays.acts_s
         if estimate.land_s - acts_s < 0.5 * self._motion.own.model.tick_s:
             self._plan = None
-            return np.array(self._return.twist(seen))
+            return np.array(self._return.twist(self._at_origin(seen)))
         self._plan = self._best(seen, estimate, acts_s)
         return self._plan.first
 
@@ -152,6 +153,11 @@ class Mpc:
         old = np.array([cos * old[0] + sin * old[1], cos * old[1] - sin * old[0]])
         self._origins += 1
         self._origin = old + (new - old) / self._origins
+
+    def _at_origin(self, seen: Observed) -> Observed:
+        """Return what is seen as if the opponent were back where it began its step: there it will stand."""
+        assert self._origin is not None
+        return replace(seen, opponent_x=np.asarray(self._origin[0]), opponent_y=np.asarray(self._origin[1]))
 
     def _best(self, seen: Observed, estimate: StrikeEstimate, acts_s: float) -> _Plan:
         planning = self._planning

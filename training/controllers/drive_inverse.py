@@ -22,8 +22,8 @@ from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.kinematics import (
     WHEELS,
     body_to_wheels,
+    clip_wheels,
     command_to_wheels,
-    scale_wheels,
     twist_to_wheels,
     wheels_to_body,
     wheels_to_command,
@@ -60,7 +60,8 @@ class _Friction:
 
     def driven(self, speed_rpm: FloatArray) -> FloatArray:
         size = np.abs(speed_rpm) * (1.0 + self.relative) + self.constant_rpm
-        return np.where(speed_rpm == 0.0, 0.0, np.copysign(size, speed_rpm))
+        # A wheel that stands, but for rounding, needs nothing.
+        return np.where(np.abs(speed_rpm) < 1e-9, 0.0, np.copysign(size, speed_rpm))
 
 
 class DriveInverse:
@@ -110,7 +111,7 @@ class DriveInverse:
         """
         if not self.is_needed:
             return wanted
-        wheels = scale_wheels(command_to_wheels(*wanted), self._limit_rpm)
+        wheels = clip_wheels(command_to_wheels(*wanted), self._limit_rpm)
         twist = wheels_to_twist(wheels, self._nominal)
         body = self._within_reach(wheels_to_body(twist_to_wheels(twist, self._robot)), seconds)
         if not self._sticks:

@@ -57,9 +57,10 @@ def checks(
             warning_text(warning),
             warning.high_s if warning.needed_s is not None else None,
             t.warning_s,
+            "s",
         ),
-        most("tracking error", mean_text(followed, "m"), _high(followed), t.tracking_m),
-        most("settling", mean_text(nominal.settling_s, "s"), _high(nominal.settling_s), t.settling_s),
+        most("tracking error", mean_text(followed, "m"), _high(followed), t.tracking_m, "m"),
+        most("settling", mean_text(nominal.settling_s, "s"), _high(nominal.settling_s), t.settling_s, "s"),
         most("overshoot", mean_text(nominal.overshoot, ""), _high(nominal.overshoot), t.overshoot),
         most(
             "commands that saturate a wheel",
@@ -78,7 +79,7 @@ def timing_check(timing: Timing, thresholds: Thresholds) -> Check:
         thresholds: what it takes.
     """
     text = f"p50 {milliseconds(timing.p50_s)}, p99 {milliseconds(timing.p99_s)}"
-    return _at_most("time for a command, p99", text, timing.p99_s, thresholds.command_s)
+    return _at_most("time for a command, p99", text, timing.p99_s, thresholds.command_s, "s")
 
 
 def share_text(found: Share) -> str:
@@ -90,7 +91,7 @@ def mean_text(found: Mean | None, unit: str) -> str:
     """Return a mean found, with its interval, in a unit; "never" for None."""
     if found is None:
         return "never"
-    return f"{found.value:.3g}{' ' * bool(unit)}{unit} ({found.low:.3g} .. {found.high:.3g})"
+    return f"{found.value:.2f}{' ' * bool(unit)}{unit} ({found.low:.2f} .. {found.high:.2f})"
 
 
 def warning_text(curve: WarningCurve) -> str:
@@ -114,8 +115,8 @@ def _high(found: Mean | None) -> float | None:
 
 
 def _at_least(name: str, text: str, value: float | None, limit: float) -> Check:
-    return Check(name, text, value, "at least", limit, value is not None and value >= limit)
+    return Check(name, text, value, "at least", limit, "", value is not None and value >= limit)
 
 
-def _at_most(name: str, text: str, value: float | None, limit: float) -> Check:
-    return Check(name, text, value, "at most", limit, value is not None and value <= limit)
+def _at_most(name: str, text: str, value: float | None, limit: float, unit: str = "") -> Check:
+    return Check(name, text, value, "at most", limit, unit, value is not None and value <= limit)

@@ -93,6 +93,8 @@ class Check:
     """The worse end of the interval; None: not defined, which does not pass."""
     sense: Literal["at least", "at most"]
     limit: float
+    unit: str
+    """Of the value and the limit; empty for shares."""
     passed: bool
 
 

@@ -56,7 +56,12 @@ def plant_row(plant: PlantFigures) -> tuple[str, ...]:
 
 def check_row(check: Check) -> tuple[str, ...]:
     """Return the cells of a check: name, what was found, limit, verdict."""
-    return check.name, check.text, f"{check.sense} {check.limit:g}", "ok" if check.passed else "MISSED"
+    return (
+        check.name,
+        check.text,
+        f"{check.sense} {check.limit:g} {check.unit}".rstrip(),
+        "ok" if check.passed else "MISSED",
+    )
 
 
 def all_checks(certificate: Certificate) -> tuple[Check, ...]:

@@ -49,7 +49,7 @@ from sysid.logs import Dataset, read_dataset
 BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/body", "micromouse/duty_left", "micromouse/duty_right",
             "micromouse/closed_loop_left", "micromouse/closed_loop_right")  # fmt: skip
-SECONDS = {"bench": 100.0, "robot": 40.0}
+SECONDS = {"bench": 60.0, "robot": 40.0}
 """Of the fit and validation runs that decide: a study takes a minute or two of processor time."""
 FIT_S = 40.0
 """Of a recording that a law is fitted to where the quiet part will not do."""
@@ -73,7 +73,7 @@ def main(
     names: Annotated[tuple[str, ...], tyro.conf.Positional] = DATASETS,
     /,
     starts: int = 5,
-    rounds: int = 2,
+    rounds: int = 1,
     max_effects: int = 3,
     seconds: float | None = None,
     only: tuple[str, ...] = (),

@@ -2,8 +2,8 @@
 
 A pose drifts: an error of heading made once shows in all that follows. Poses are therefore compared as the
 way made in each window, seen from the heading at its start. Wheel speeds and velocities are compared sample
-by sample. Samples that a slow sensor repeats, and channels that repeat another, say nothing new and are left
-out.
+by sample. Samples that a slow sensor repeats say nothing new and are left out. A channel that repeats another
+(two wheels on one sensor) stays: without it nothing would hold the model's own wheel there.
 """
 
 from __future__ import annotations
@@ -110,7 +110,6 @@ def observe(dataset: Dataset) -> Observations:
         InputError: no run has a measured sample.
     """
     held = {(f.file, f.message.split(":")[0]) for f in dataset.findings if f.kind == "held_samples"}
-    copies = {(f.file, f.message.split(" ")[0]) for f in dataset.findings if f.kind == "same_channel"}
     grouped: dict[tuple[object, ...], list[Run]] = {}
     for run in dataset.runs:
         grouped.setdefault(_key(run), []).append(run)
@@ -119,7 +118,7 @@ def observe(dataset: Dataset) -> Observations:
     for runs in grouped.values():
         situation = Situation(tuple(runs), start_of(runs[0]))
         for name in UNITS:
-            with_it = [run for run in runs if name in run.channels and (run.file, name) not in copies]
+            with_it = [run for run in runs if name in run.channels]
             if name == "battery_v" or not with_it:
                 continue
             parts = [_masked(run, name, (run.file, name) in held) for run in with_it]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,9 +11,10 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
 from sysid.gap.analyse import analyse
+from sysid.gap.observations import observe
 from sysid.gap.options import known_effects
 from sysid.gap.records import GapOptions
-from sysid.logs import BodyCommand, Dataset, Run, Split
+from sysid.logs import BodyCommand, Dataset, Finding, Run, Split
 from sysid.prediction import predict
 
 from .conftest import MakeLogs
@@ -42,6 +45,19 @@ def test_without_slip_what_slips_is_not_looked_for() -> None:
     gone = set(known_effects("robot")) - set(known_effects("robot", "planar"))
     assert gone == {"roller_friction", "low_grip"}
     assert known_effects("bench", "planar") == known_effects("bench")
+
+
+def test_two_wheels_on_one_sensor_are_both_compared() -> None:
+    logs = robot_logs(MODEL)
+    left = [
+        replace(r, channels={**r.channels, "speed_rl_rpm": r.channels["speed_fl_rpm"]}) for r in logs.runs
+    ]
+    findings = [
+        Finding(r.file, "same_channel", "speed_rl_rpm repeats speed_fl_rpm: one sensor", 1.0) for r in left
+    ]
+    seen = observe(replace(logs, runs=tuple(left), findings=tuple(findings)))
+    # Else an effect of the wheel that is left out could do anything there.
+    assert {"speed_fl_rpm", "speed_rl_rpm"} <= set(seen.channels)
 
 
 def test_both_plants_predict_about_the_same() -> None:

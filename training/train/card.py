@@ -92,7 +92,7 @@ def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
         "network": f"last {network.stack} observations, normalised; layers "
         f"{', '.join(map(str, algorithm['layers']))}, {network.activation}; {weights:,} weights",
         "output": f"{network.action_mode}: whole numbers V, theta, VC, ten times a second",
-        "trained with": f"`{about['command']}`",
+        "trained with": ", then ".join(f"`{command}`" for command in about["commands"]),
         "numbers of the algorithm": ", ".join(f"{key} {_short(value)}" for key, value in algorithm.items()),
         "weights of the reward": _pairs(settings["reward_weights"]) or "those of the environment",
         "versions": _pairs(about["versions"]),

@@ -15,6 +15,7 @@ import os
 import pickle
 import shutil
 import tempfile
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -63,7 +64,7 @@ def write_checkpoint(
     normaliser: VecNormalize,
     settings: Settings,
     state: State,
-    command: str,
+    commands: Sequence[str],
 ) -> None:
     """Write a checkpoint, then `policy.npz` and `curve.json` beside it.
 
@@ -73,7 +74,7 @@ def write_checkpoint(
         normaliser: of its observations and rewards.
         settings: of the run.
         state: where it is.
-        command: that trains it.
+        commands: that train it; the last one is this run's, those before the runs' that it began with.
     """
     target = folder / "checkpoints" / f"{state.steps_done:09d}"
     target.parent.mkdir(parents=True, exist_ok=True)
@@ -84,7 +85,7 @@ def write_checkpoint(
         if settings.algo == "sac":
             agent.save_replay_buffer(temporary / "replay.pkl")
         network = network_of(agent, normaliser, settings)
-        facts = about(settings, model_of(settings), state.steps_done, command)
+        facts = about(settings, model_of(settings), state.steps_done, commands)
         save_policy(temporary / "policy.npz", network, facts)
         write_json(temporary / "state.json", asdict(state))
         temporary.chmod(0o755)
@@ -128,6 +129,17 @@ def read_run(folder: Path) -> tuple[Settings, dict[str, Any]]:
     except (AttributeError, KeyError, json.JSONDecodeError) as error:
         raise InputError(f"{path}: not written by `python -m training.train` ({error!r})") from error
     return settings, stored
+
+
+def commands_before(settings: Settings) -> list[str]:
+    """Return the commands of the runs whose weights a run with these settings begins with, oldest first.
+
+    Raises:
+        InputError: a folder holds no run.
+    """
+    if settings.start is None:
+        return []
+    return list(read_run(Path(settings.start))[1]["commands"])
 
 
 def newest_checkpoint(folder: Path) -> Path:

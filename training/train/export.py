@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -45,20 +46,20 @@ def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Setting
     )
 
 
-def about(settings: Settings, model: Model, steps_done: int, command: str) -> dict[str, Any]:
+def about(settings: Settings, model: Model, steps_done: int, commands: Sequence[str]) -> dict[str, Any]:
     """Return what a policy file says of itself.
 
     Args:
         settings: of the run.
         model: that was trained on, or around.
         steps_done: of the training, so far.
-        command: that trained it.
+        commands: that train it, oldest first.
     """
     whole = model_to_dict(model)
     return {
         "env": settings.env,
         "steps_done": steps_done,
-        "command": command,
+        "commands": list(commands),
         "settings": settings_json(settings),
         "model": {
             "source": "the packaged model" if settings.model is None else settings.model,

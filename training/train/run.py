@@ -29,6 +29,7 @@ from training.train.checkpoint import (
     Point,
     State,
     begin_with,
+    commands_before,
     newest_checkpoint,
     read_learner,
     read_run,
@@ -70,10 +71,10 @@ def train(
             f"{folder}: holds a training run; go on with --resume {folder}, or give another --out"
         )
     agent, normaliser = _beginner(settings)
-    command = command_line(settings, str(folder))
-    write_run(folder, settings, {"command": command, "versions": versions(), "commit": commit()})
+    commands = [*commands_before(settings), command_line(settings, str(folder))]
+    write_run(folder, settings, {"commands": commands, "versions": versions(), "commit": commit()})
     write_model(model_of(settings), folder / "model.json")
-    told = _Told(settings, folder, command, _NEVER if stop_after is None else stop_after, watch_seeds, quiet)
+    told = _Told(settings, folder, commands, _NEVER if stop_after is None else stop_after, watch_seeds, quiet)
     return _learn(agent, normaliser, State(), told)
 
 
@@ -114,7 +115,7 @@ def resume(
         # Interrupted before its first checkpoint: from the start, as it was begun.
         agent, normaliser = _beginner(settings)
     until = _NEVER if stop_after is None else stop_after
-    told = _Told(settings, folder, facts["command"], until, watch_seeds, quiet)
+    told = _Told(settings, folder, facts["commands"], until, watch_seeds, quiet)
     return _learn(agent, normaliser, state, told)
 
 
@@ -131,7 +132,7 @@ def _beginner(settings: Settings) -> tuple[BaseAlgorithm, VecNormalize]:
 class _Told:
     settings: Settings
     folder: Path
-    command: str
+    commands: Sequence[str]
     stop_after: int
     watch_seeds: Sequence[int]
     quiet: bool
@@ -183,7 +184,7 @@ def _learn(agent: BaseAlgorithm, normaliser: VecNormalize, state: State, told: _
         agent.logger.record("watch/success", seen.success)
         agent.logger.record("watch/worst", seen.worst)
         bar.set_postfix_str(f"success {seen.success:.2f}")
-        write_checkpoint(folder, agent, normaliser, settings, now[0], told.command)
+        write_checkpoint(folder, agent, normaliser, settings, now[0], told.commands)
 
     with tqdm(
         total=settings.steps,

@@ -198,3 +198,12 @@ def test_a_run_can_begin_with_the_weights_of_another(trained, tmp_path):
     with pytest.raises(InputError, match="not a run with this algorithm, network, stack and task"):
         train(wider, tmp_path / "run", quiet=True)
     assert not (tmp_path / "run").exists()
+
+
+def test_a_run_names_the_runs_that_it_began_with(trained, tmp_path):
+    settings, folder = trained
+    second = tmp_path / "second"
+    train(replace(settings, start=str(folder), steps=64), second, watch_seeds=WATCH, quiet=True)
+    first, own = load_policy(second).about["commands"]
+    assert first == command_line(settings, str(folder))
+    assert own == command_line(replace(settings, start=str(folder), steps=64), str(second))

@@ -1,0 +1,296 @@
+"""From gap to controller: a policy fails on the real robot, logs say why, and what they say mends it.
+
+Logs of a hidden robot -> fit -> a policy certified on the fit -> the same policy on the robot -> the gap
+named -> the drop predicted -> the policy with the effects compensated -> the robot again.
+
+Example: python examples/close_the_loop.py --out out/loop
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, Literal
+
+from loop_report import (
+    FIT,
+    IMPROVED,
+    ITSELF,
+    Row,
+    difference_text,
+    draw,
+    fit_text,
+    gap_lines,
+    holds_text,
+    summary,
+    truth_text,
+    warning_line,
+)
+
+from mecanum_env.cli import run
+from mecanum_env.rendering.backend import use_backend
+
+if TYPE_CHECKING:
+    from mecanum_env.model import Model
+    from mecanum_env.simulator import Plant
+    from sysid.fit import Fit
+    from sysid.gap.records import GapReport
+    from training.certify.records import Certificate
+    from training.evaluate import Share
+
+EXCLUDED: Final = ("sensor_latency",)
+"""No log tells late sensors from late commands. Here the sensors' stamps are known to be the host's clock."""
+QUICK_ONLY: Final = ("command_latency", "direction_asymmetry", "speed_gain")
+"""Effects that a quick run looks for; a real one looks for all."""
+PLANNER: Final = "mpc"
+"""What else may be made for an improved model without training: it plans on it."""
+
+
+@dataclass(frozen=True)
+class Scale:
+    """How much is played."""
+
+    episodes: int
+    fights: Plant
+    """How robots are simulated in fights, certificates and the robot itself alike."""
+    logs: Plant
+    """How the robot itself is simulated while it is logged, and the model in the study of the logs."""
+    jobs: int
+    quick: bool
+
+
+def close_the_loop(
+    out: Path = Path("out/loop"),
+    controller: str = "policy",
+    episodes: int = 400,
+    fights: Literal["planar", "rollers"] = "planar",
+    jobs: int = 2,
+    quick: bool = False,
+) -> None:
+    """Tell the whole story in one run; write models, pages, pictures and loop.json.
+
+    Args:
+        out: folder to write.
+        controller: name or path of a trained policy; as for python -m training.certify.
+        episodes: fights of each controller on each robot.
+        fights: planar plays them without slip, fast; rollers ten times as long. Logs are always of rollers.
+        jobs: simulations at a time; the result is the same with any number.
+        quick: logs without slip too, and a short list of effects, to see that it runs.
+    """
+    use_backend()  # before anything imports mujoco
+    import hidden_robot
+
+    from mecanum_env.files import write_json
+    from mecanum_env.model import read_model
+    from training.certify.judge import share_text
+
+    began = time.perf_counter()
+    scale = Scale(episodes, fights, "planar" if quick else "rollers", jobs, quick)
+
+    print("1. Logs. One wheel on the bench, then the robot built with it, driven by hand.")
+    hidden_robot.write_bench_logs(out / "bench")
+    hidden_robot.write_robot_logs(out / "robot", scale.logs)
+
+    print(f"\n2. Fit to the bench logs -> {out / 'fit' / 'model.json'}")
+    fitted = fit_bench(out)
+    model = read_model(out / "fit" / "model.json")
+    print(f"   {fit_text(fitted)}")
+
+    print(f"\n3. {controller}, certified on the fit -> {out / 'certificate' / 'certificate.html'}")
+    first = certified(controller, model, scale, out / "certificate")
+    promised = first.nominal.success
+    print(f"   success {share_text(promised)}; {warning_line(first)}")
+
+    print("\n4. The same on the robot itself, in fights that no certificate has.")
+    (before,) = on_the_robot({controller: model}, scale)
+    print(f"   success {share_text(before)}, changed by {difference_text(promised, before)}")
+
+    print(f"\n5. What is different? sysid.gap on the robot's logs -> {out / 'gap' / 'model.json'}")
+    report = study(out, model, scale)
+    improved = read_model(out / "gap" / "model.json")
+    print(gap_lines(report))
+
+    print("\n6. Does the improved model predict the drop? The same policy, which still knows the fit only.")
+    predicted = on_models(controller, improved, model, scale)
+    for name, success in predicted.items():
+        print(f"   {name:<28} {share_text(success)}")
+    print(f"   {ITSELF:<28} {share_text(before)}")
+    print(f"   prediction by the improved model: {holds_text(predicted[IMPROVED], before)}")
+    print(f"   prediction by the fit:            {holds_text(promised, before)}")
+
+    better = f"{controller}+compensated"
+    print(f"\n7. {better}: the effects compensated. Its certificate on the improved model.")
+    second = certified(better, improved, scale, out / "certificate_improved")
+    hoped = second.nominal.success
+    print(f"   success {share_text(hoped)}; {warning_line(second)}")
+
+    print("\n8. The robot itself again.")
+    planner = f"{PLANNER}+compensated"
+    after, planned = on_the_robot({better: improved, planner: improved}, scale)
+    print(f"   before: {controller:<20} {share_text(before)}")
+    print(f"   after:  {better:<20} {share_text(after)}, gained {difference_text(before, after)}")
+    print(f"   or:     {planner:<20} {share_text(planned)}, gained {difference_text(before, planned)}")
+    print(f"   prediction by the certificate: {holds_text(hoped, after)}")
+
+    truth = hidden_robot.reveal()
+    print(f"\nWhat had been hidden: {truth_text(truth)}.")
+    rows = (
+        Row(controller, FIT, FIT, promised),
+        Row(controller, FIT, ITSELF, before),
+        *(Row(controller, FIT, name, success) for name, success in predicted.items()),
+        Row(better, IMPROVED, IMPROVED, hoped),
+        Row(better, IMPROVED, ITSELF, after),
+        Row(planner, IMPROVED, ITSELF, planned),
+    )
+    pictures = draw(out, report, rows, (first, second))
+    write_json(out / "loop.json", summary(asdict(scale), fitted, report, rows, truth))
+    print(f"\nLook at {', '.join(str(path) for path in pictures)} and the pages named above.")
+    print(f"All figures: {out / 'loop.json'}. It took {(time.perf_counter() - began) / 60.0:.1f} min.")
+
+
+def fit_bench(out: Path) -> Fit:
+    """Fit the bench logs and write the model and the page of the fit.
+
+    Args:
+        out: folder of the story.
+    """
+    from mecanum_env.files import write_json
+    from mecanum_env.model import write_model
+    from sysid.fit import fit_dataset, fit_json, fitted_model
+    from sysid.logs import read_dataset
+    from sysid.measure import stage_bar
+    from sysid.report import write_fit_report
+
+    with stage_bar(6) as progress:
+        fitted = fit_dataset(read_dataset(out / "bench"), progress=progress)
+    model = fitted_model(fitted)
+    write_model(model, out / "fit" / "model.json")
+    write_json(out / "fit" / "fit.json", fit_json(fitted))
+    write_fit_report(fitted, model, out / "fit" / "report.html")
+    return fitted
+
+
+def study(out: Path, model: Model, scale: Scale) -> GapReport:
+    """Study the gap between the robot's logs and a model; write the improved model and the page.
+
+    Args:
+        out: folder of the story.
+        model: the fit.
+        scale: of the story.
+    """
+    from sysid.gap import analyse
+    from sysid.gap.output import write_study
+    from sysid.gap.records import GapOptions
+    from sysid.logs import read_dataset
+    from sysid.measure import stage_bar
+
+    only = QUICK_ONLY if scale.quick else ()
+    exclude = () if scale.quick else EXCLUDED
+    options = GapOptions(
+        only=only,
+        exclude=exclude,
+        max_effects=2 if scale.quick else 3,
+        jobs=scale.jobs,
+        plant=scale.logs,
+        seconds=9.0 if scale.quick else None,
+        next_experiment=False,
+    )
+    with stage_bar(8) as progress:
+        report = analyse(read_dataset(out / "robot"), model, options, progress)
+    write_study(report, out / "gap")
+    return report
+
+
+def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Certificate:
+    """Certify a controller that knows a model on that model; write the certificate and its page.
+
+    Args:
+        controller: name or path.
+        model: that it knows and is played on.
+        scale: of the story.
+        folder: to write.
+    """
+    from training.certify.codec import write_certificate
+    from training.certify.page import write_certificate_page
+    from training.certify.run import Options, certify, episodes_of
+
+    options = Options(episodes=scale.episodes, plants=("nominal",), physics=scale.fights, jobs=scale.jobs)
+    with bar(episodes_of(options, model)) as progress:
+        certificate = certify(controller, model, options, progress)
+    write_certificate(certificate, folder / "certificate.json")
+    write_certificate_page(certificate, folder / "certificate.html")
+    return certificate
+
+
+def on_models(controller: str, improved: Model, known: Model, scale: Scale) -> dict[str, Share]:
+    """Return a controller's success on the improved model, and on the fit with each of its effects alone.
+
+    Args:
+        controller: name or path.
+        improved: model with effects.
+        known: what the controller was made for.
+        scale: of the story; the fights are those of the certificate.
+    """
+    from training.certify.plants import plants, select
+    from training.evaluate import Job, Setup
+
+    jobs = {}
+    for plant in select(plants(improved, scale.fights), ("nominal", "effects")):
+        name = IMPROVED if plant.name == "nominal" else plant.name
+        if name != "bare":  # that is the fit, which its certificate was made on
+            jobs[name] = Job(name, controller, Setup(plant.model, plant.physics, known=known), scale.episodes)
+    return played(jobs, scale)
+
+
+def on_the_robot(controllers: Mapping[str, Model], scale: Scale) -> tuple[Share, ...]:
+    """Return the success of controllers on the hidden robot.
+
+    Args:
+        controllers: name or path -> the model that it was made for.
+        scale: of the story.
+    """
+    from hidden_robot import fights
+
+    jobs = {n: fights(n, known, scale.episodes, scale.fights) for n, known in controllers.items()}
+    return tuple(played(jobs, scale).values())
+
+
+def played(jobs: Mapping[str, Any], scale: Scale) -> dict[str, Share]:
+    """Return the success of each job.
+
+    Args:
+        jobs: name -> `training.evaluate.Job`.
+        scale: of the story.
+    """
+    from training.certify.figures import success_of
+    from training.evaluate import play_jobs
+
+    with bar(sum(job.episodes for job in jobs.values())) as progress:
+        found = play_jobs(jobs, scale.jobs, progress)
+    return {name: success_of(found[name].episodes) for name in jobs}
+
+
+@contextmanager
+def bar(episodes: int) -> Iterator[Callable[[str, int], None]]:
+    """Show a bar on a terminal; yield what moves it on.
+
+    Args:
+        episodes: in all.
+    """
+    from tqdm import tqdm
+
+    with tqdm(total=episodes, unit="episode", disable=None, leave=False) as shown:
+
+        def advance(name: str, count: int) -> None:
+            shown.set_description(name)
+            shown.update(count)
+
+        yield advance
+
+
+if __name__ == "__main__":
+    sys.exit(run(close_the_loop, prog="python examples/close_the_loop.py"))

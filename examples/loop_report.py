@@ -1,0 +1,246 @@
+"""Words, figures and pictures of `examples/close_the_loop.py`."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from sysid.fit import Fit
+    from sysid.gap.records import GapReport
+    from training.certify.records import Certificate
+    from training.evaluate import Share
+
+RED, GREEN, BLUE = "#c8102e", "#0b7a75", "#1f4e79"
+FIT, IMPROVED, ITSELF = "fit", "improved model", "the robot itself"
+"""Models and robots of the story."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """Fights of one controller on one robot."""
+
+    controller: str
+    knows: str
+    """Which model the controller was made for."""
+    robot: str
+    """On which it was played."""
+    success: Share
+
+
+def difference(before: Share, after: Share) -> tuple[float, float, float]:
+    """Return after - before, and the 95 % interval of that difference of two probabilities.
+
+    R. G. Newcombe, "Interval estimation for the difference between independent proportions", 1998, method 10:
+    made of Wilson's two intervals.
+
+    Args:
+        before: one share.
+        after: another, of other episodes.
+    """
+    change = after.value - before.value
+    low = math.hypot(after.value - after.low, before.high - before.value)
+    high = math.hypot(after.high - after.value, before.value - before.low)
+    return change, change - low, change + high
+
+
+def difference_text(before: Share, after: Share) -> str:
+    """Return the change from `before` to `after` with its interval, such as "+0.30 (+0.21 .. +0.39)"."""
+    change, low, high = difference(before, after)
+    return f"{change:+.2f} ({low:+.2f} .. {high:+.2f})"
+
+
+def holds(predicted: Share, measured: Share) -> bool:
+    """Return whether a prediction and what was measured differ by no more than chance."""
+    _, low, high = difference(predicted, measured)
+    return low <= 0.0 <= high
+
+
+def holds_text(predicted: Share, measured: Share) -> str:
+    """Return whether a prediction holds for what was measured, in words."""
+    place = "within" if predicted.low <= measured.value <= predicted.high else "outside"
+    verdict = "holds" if holds(predicted, measured) else "does not hold"
+    return (
+        f"{measured.value:.2f} is {place} {predicted.low:.2f} .. {predicted.high:.2f}; difference "
+        f"{difference_text(predicted, measured)}: {verdict}"
+    )
+
+
+def fit_text(fitted: Fit) -> str:
+    """Return how well the bench logs were fitted, in words."""
+    figures = fitted.methods[fitted.options.methods[0]]
+    sigma = max(fitted.sigma_rpm.values())
+    return (
+        f"{figures.errors['test'].rms_rpm:.2f} rpm rms on runs it never saw, where repeats differ by "
+        f"{sigma:.2f} rpm; rise {figures.metrics.rise_time_s:.3f} s"
+    )
+
+
+def warning_line(certificate: Certificate) -> str:
+    """Return the warning that a certified controller needs, and whether it passed."""
+    from training.certify.judge import warning_text
+    from training.certify.table import verdict
+
+    return f"warning for 90 %: {warning_text(certificate.warning)}\n   {verdict(certificate)}"
+
+
+def gap_lines(report: GapReport) -> str:
+    """Return what a study found: verdict, sizes, twins."""
+    from sysid.gap.verdict import interval_text, set_name, unit_of, verdict_sentence
+
+    lines = [f"{report.verdict}: {verdict_sentence(report)}"]
+    for found in report.effects:
+        for name, interval in found.parameters.items():
+            value, ends = interval_text(interval, unit_of(found.name, name))
+            often = f"in {found.selection_frequency:.0%} of resamples"
+            lines.append(f"{found.name} {name} = {value} ({ends}, 90 %), {often}")
+    if len(report.candidates) > 1:
+        lines.append(f"tied: {' | '.join(set_name(names) for names in report.candidates)}")
+    return "\n".join(f"   {line}" for line in lines)
+
+
+def truth_text(truth: Mapping[str, Mapping[str, float]]) -> str:
+    """Return effects with their sizes in words."""
+    from sysid.gap.verdict import sizes
+
+    return "; ".join(f"{name} {sizes(name, values)}" for name, values in truth.items())
+
+
+def draw(
+    out: Path, report: GapReport, rows: Sequence[Row], certificates: Sequence[Certificate]
+) -> tuple[Path, ...]:
+    """Draw the logs before and after, every success, and success against warning; return the paths.
+
+    Args:
+        out: folder to write.
+        report: of the study.
+        rows: in the order of the story.
+        certificates: of the policy on the fit, and compensated on the improved model.
+    """
+    from draw_gap import runs_figure
+
+    from mecanum_env.files import atomic_path
+
+    pictures = {
+        "gap": runs_figure(report),
+        "success": success_figure(rows),
+        "warning": warning_figure(certificates),
+    }
+    paths = []
+    for name, figure in pictures.items():
+        paths.append(out / f"close_the_loop_{name}.png")
+        with atomic_path(paths[-1]) as path:
+            figure.savefig(path, dpi=90, format="png", metadata={"Software": None})
+    return tuple(paths)
+
+
+def success_figure(rows: Sequence[Row]) -> Any:
+    """Return the figure of every row's success with its interval.
+
+    Args:
+        rows: from top to bottom.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.lines import Line2D
+
+    figure = Figure(figsize=(9.0, 0.9 + 0.42 * len(rows)), layout="constrained")
+    ax = figure.subplots()
+    for place, row in enumerate(rows):
+        real = row.robot == ITSELF
+        colour = (RED if row.knows == FIT else GREEN) if real else BLUE
+        share = row.success
+        ax.plot([share.low, share.high], [place, place], color=colour, lw=6.0 if real else 2.5, alpha=0.35)
+        ax.plot(share.value, place, "o", color=colour, ms=7.0)
+        ax.annotate(
+            f"{share.value:.2f}", (share.high, place), (5, -3), textcoords="offset points", fontsize=9
+        )
+    ax.set_yticks(range(len(rows)), [f"{row.controller}  on  {row.robot}" for row in rows], fontsize=9)
+    ax.invert_yaxis()
+    ax.set_xlim(0.0, 1.05)
+    ax.set_xlabel("share of fights won, 95 % interval")
+    ax.grid(axis="x", color="#dddddd", lw=0.6)
+    kinds = ((BLUE, "simulated: fit and improved model"), (RED, "the robot itself, before"), (GREEN, "after"))
+    handles = [Line2D([], [], color=colour, marker="o", lw=2.5, label=label) for colour, label in kinds]
+    figure.legend(handles=handles, fontsize=9, frameon=False, loc="outside upper center", ncols=3)
+    return figure
+
+
+def warning_figure(certificates: Sequence[Certificate]) -> Any:
+    """Return the figure of success against warning time.
+
+    Args:
+        certificates: of the policy on the fit, and compensated on the improved model.
+    """
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(7.0, 3.6), layout="constrained")
+    ax = figure.subplots()
+    for certificate, colour, on in zip(certificates, (BLUE, GREEN), (FIT, IMPROVED), strict=True):
+        curve = certificate.warning
+        ax.fill_between(curve.warning_s, curve.low, curve.high, color=colour, alpha=0.18, lw=0.0)
+        ax.plot(
+            curve.warning_s, curve.success, color=colour, lw=2.0, label=f"{certificate.controller} on {on}"
+        )
+    ax.axhline(certificates[0].warning.target, color="#888888", ls=":", lw=1.0)
+    ax.set_ylim(0.0, 1.02)
+    ax.set_xlabel("warning: from the first visible motion of the strike to its hit [s]")
+    ax.set_ylabel("success, 95 % interval")
+    ax.legend(fontsize=9, frameon=False, loc="lower right")
+    return figure
+
+
+def summary(
+    scale: Mapping[str, Any],
+    fitted: Fit,
+    report: GapReport,
+    rows: Sequence[Row],
+    truth: Mapping[str, Mapping[str, float]],
+) -> dict[str, Any]:
+    """Return all figures of the story as JSON.
+
+    Args:
+        scale: how much was played.
+        fitted: to the bench logs.
+        report: of the gap.
+        rows: every controller on every robot.
+        truth: what had been hidden.
+    """
+    import mecanum_env
+
+    figures = fitted.methods[fitted.options.methods[0]]
+    of = {(row.controller, row.robot): row.success for row in rows}
+    first, better = rows[0].controller, rows[-3].controller
+    before = of[first, ITSELF]
+    predictions = {
+        "drop, by the fit": (of[first, FIT], before),
+        "drop, by the improved model": (of[first, IMPROVED], before),
+        "compensated, by the improved model": (of[better, IMPROVED], of[better, ITSELF]),
+    }
+    return {
+        "version": mecanum_env.__version__,
+        "scale": scale,
+        "fit": {"test_rms_rpm": figures.errors["test"].rms_rpm, "rise_time_s": figures.metrics.rise_time_s},
+        "gap": {
+            "verdict": report.verdict,
+            "effects": [asdict(found) for found in report.effects],
+            "candidates": [list(names) for names in report.candidates],
+            "before": report.gap.before,
+            "after": report.gap.after,
+            "unit": report.gap.unit,
+            "noise_floor": report.gap.noise_floor,
+        },
+        "hidden": truth,
+        "fights": [asdict(row) | {"value": row.success.value} for row in rows],
+        "predictions": {
+            name: {"difference": difference(*pair), "holds": holds(*pair)}
+            for name, pair in predictions.items()
+        },
+        "gained": {
+            row.controller: difference(before, row.success)
+            for row in rows
+            if row.robot == ITSELF and row.knows == IMPROVED
+        },
+    }

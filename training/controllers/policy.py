@@ -28,7 +28,7 @@ from training.controllers.features import ADDED, features
 from training.controllers.interface import Command
 
 FORMAT: Final = "mecanum-policy/1"
-DEFAULT: Final = "nominal"
+DEFAULT: Final = "robust"
 """Name of the bundled policy that is meant where none is named."""
 _FOLDER: Final = Path(__file__).parent.parent / "policies"
 

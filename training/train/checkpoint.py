@@ -212,4 +212,4 @@ def begin_with(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -> 
     normaliser.obs_rms, normaliser.ret_rms = other.obs_rms, other.ret_rms
     if isinstance(agent.policy, SeenSpreadPolicy):
         # A trained policy hardly varies its actions any more, and would learn nothing new.
-        agent.policy.spread_anew()
+        agent.policy.spread_anew(agent.policy.log_std_init)

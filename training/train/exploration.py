@@ -22,15 +22,15 @@ class SeenSpreadPolicy(ActorCriticPolicy):  # type: ignore[misc]
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         super()._build(lr_schedule)
         self.log_std_net = torch.nn.Linear(self.mlp_extractor.latent_dim_pi, self.action_space.shape[0])
-        self.spread_anew()
+        self.spread_anew(self.log_std_init)
         self.log_std.requires_grad_(False)
         learned = [parameter for parameter in self.parameters() if parameter.requires_grad]
         self.optimizer = self.optimizer_class(learned, lr=lr_schedule(1.0), **self.optimizer_kwargs)
 
-    def spread_anew(self) -> None:
-        """Give all states the same spread, that of a beginner."""
+    def spread_anew(self, log_std: float) -> None:
+        """Give all states the same spread, with this logarithm log_std of the standard deviation."""
         torch.nn.init.zeros_(self.log_std_net.weight)
-        torch.nn.init.constant_(self.log_std_net.bias, self.log_std_init)
+        torch.nn.init.constant_(self.log_std_net.bias, log_std)
 
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
         log_std = self.log_std_net(latent_pi).clamp(*_LOG_STD)

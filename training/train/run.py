@@ -7,6 +7,7 @@ a run that goes on from one ends with the same weights as one that was never int
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 from collections.abc import Callable, Sequence
@@ -209,6 +210,10 @@ def _learn(agent: BaseAlgorithm, normaliser: VecNormalize, state: State, told: _
 def _begin_part(agent: BaseAlgorithm, settings: Settings) -> None:
     """Begin every episode anew and seed every generator from the settings and the steps done."""
     done = agent.num_timesteps
+    every, ppo = settings.checkpoint_every, settings.ppo
+    renewed = math.ceil(ppo.renewed_at * settings.steps / every)
+    if settings.algo == "ppo" and 0 < done < settings.steps and done // every == renewed:
+        agent.policy.spread_anew(ppo.renewed_log_std)
     seed = int(np.random.SeedSequence((settings.seed, done, 1)).generate_state(1)[0])
     set_random_seed(seed)
     agent.action_space.seed(seed)

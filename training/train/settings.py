@@ -45,6 +45,11 @@ class Ppo:
     """Reward for varied actions."""
     log_std: float = -0.7
     """Logarithm of the actions' standard deviation at the start; it then depends on what is seen."""
+    renewed_at: float = 0.4
+    """Share of the steps after which, at the next checkpoint, all states get the same spread again; 1: never.
+    A policy that has given up one technique no longer varies what it does against it."""
+    renewed_log_std: float = -1.5
+    """Logarithm of that standard deviation."""
     layers: tuple[int, ...] = (64, 64)
     """Units of each hidden layer; the critic has the same."""
     activation: Literal["tanh", "relu"] = "tanh"

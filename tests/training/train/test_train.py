@@ -207,3 +207,18 @@ def test_a_run_names_the_runs_that_it_began_with(trained, tmp_path):
     first, own = load_policy(second).about["commands"]
     assert first == command_line(settings, str(folder))
     assert own == command_line(replace(settings, start=str(folder), steps=64), str(second))
+
+
+def test_the_spread_is_renewed_at_its_checkpoint_and_not_before(tmp_path):
+    torch = pytest.importorskip("torch")
+    usual = SMALL["ppo"]
+    never = replace(usual, ppo=replace(usual.ppo, renewed_at=1.0))
+    train(usual, tmp_path / "usual", watch_seeds=WATCH, quiet=True)
+    train(never, tmp_path / "never", watch_seeds=WATCH, quiet=True)
+    for name, same in (("000000128", True), ("000000256", True), ("000000384", False)):
+        one, other = (load_policy(tmp_path / run / "checkpoints" / name) for run in ("usual", "never"))
+        assert np.array_equal(one.network.weights[-1], other.network.weights[-1]) == same
+    agent, _ = learner(tmp_path / "usual", usual)
+    agent.policy.spread_anew(-1.5)
+    distribution = agent.policy.get_distribution(torch.zeros(5, len(one.network.mean)))
+    np.testing.assert_allclose(distribution.distribution.stddev.detach().numpy(), np.exp(-1.5), rtol=1e-6)

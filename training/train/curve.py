@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Collection
 from pathlib import Path
 
 import matplotlib
@@ -33,13 +34,13 @@ def read_curve(folder: Path) -> list[Point]:
         raise InputError(f"{path}: no learning curve ({error}); give folders of training runs") from error
 
 
-def draw(curves: dict[str, list[Point]], retreat: float, levels: bool) -> Figure:
+def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[str]) -> Figure:
     """Return a figure of success against steps.
 
     Args:
         curves: of the runs, by name.
         retreat: success of the scripted retreat on the same episodes.
-        levels: whether to draw the worst robot of each run too.
+        on_levels: names of the runs whose worst robot is drawn too.
     """
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()
@@ -48,7 +49,7 @@ def draw(curves: dict[str, list[Point]], retreat: float, levels: bool) -> Figure
     for name, points in curves.items():
         millions = [point.steps / 1e6 for point in points]
         (line,) = axes.plot(millions, [point.success for point in points], marker=".", label=name)
-        if levels:
+        if name in on_levels:
             axes.plot(
                 millions,
                 [point.worst for point in points],
@@ -85,9 +86,10 @@ def main(folders: tyro.conf.Positional[tuple[Path, ...]], /, out: Path = Path("c
     if not folders:
         raise InputError("no folder given; name at least one training run")
     matplotlib.use("Agg")
-    runs = [read_run(folder)[0] for folder in folders]
+    runs = {folder.name: read_run(folder)[0] for folder in folders}
     curves = {folder.name: read_curve(folder) for folder in folders}
-    figure = draw(curves, retreat_of(runs[0]), any(settings.randomize == "levels" for settings in runs))
+    on_levels = [name for name, settings in runs.items() if settings.randomize == "levels"]
+    figure = draw(curves, retreat_of(next(iter(runs.values()))), on_levels)
     with atomic_path(out) as path:
         figure.savefig(path, dpi=120)
     print(f"wrote {out}")

@@ -53,8 +53,8 @@ def test_a_card_without_episodes_is_refused(folder, capsys):
 def test_a_curve_is_drawn_from_what_was_watched(folder, tmp_path):
     points = [Point(**point) for point in json.loads((folder / "curve.json").read_text())]
     assert curve.read_curve(folder) == points
-    figure = curve.draw({"one": points}, 0.5, levels=True)
-    retreat, success, worst = figure.axes[0].lines
+    figure = curve.draw({"one": points, "two": points}, 0.5, ["one"])
+    retreat, success, worst, _ = figure.axes[0].lines
     assert list(retreat.get_ydata()) == [0.5, 0.5]
     assert list(success.get_ydata()) == [point.success for point in points]
     assert list(worst.get_ydata()) == [asdict(point)["worst"] for point in points]

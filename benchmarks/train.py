@@ -54,7 +54,7 @@ def success(settings: Settings, maker: Any, seeds: range) -> float:
 def main(
     out: Path = Path("out/bench/train.json"),
     algo: Algorithm = "ppo",
-    seeds: int = 3,
+    seeds: tuple[int, ...] = (0, 1, 2),
     steps: int = Settings.steps,
     checkpoint_every: int = 100_000,
     episodes: int = 500,
@@ -64,7 +64,7 @@ def main(
     Args:
         out: JSON to write; the runs are in a folder of the same name beside it.
         algo: ppo or sac.
-        seeds: how many runs.
+        seeds: of the runs.
         steps: of each.
         checkpoint_every: points of the learning curve are so many steps apart.
         episodes: of the final figure, seeds 0, 1, ...
@@ -73,8 +73,9 @@ def main(
     retreat_maker = named_maker("retreat", model_of(settings))
     watched = success(settings, retreat_maker, DEVELOPMENT_SEEDS)
     retreat = success(settings, retreat_maker, range(episodes))
-    runs = []
-    for seed in tqdm(range(seeds), desc="seeds", disable=None):
+    runs: list[dict[str, Any]] = []
+    over_seeds = None
+    for seed in tqdm(seeds, desc="seeds", disable=None):
         folder = out.with_suffix("") / f"{algo}-{seed}"
         curve = trained(replace(settings, seed=seed), folder)
         policy = load_policy(folder / "policy.npz")

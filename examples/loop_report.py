@@ -31,6 +31,11 @@ class Row:
     success: Share
 
 
+def label(controller: str) -> str:
+    """Return a short name of a controller: of a policy's path, its file's name."""
+    return Path(controller).name.replace(".npz", "")
+
+
 def difference(before: Share, after: Share) -> tuple[float, float, float]:
     """Return after - before, and the 95 % interval of that difference of two probabilities.
 
@@ -157,7 +162,7 @@ def success_figure(rows: Sequence[Row]) -> Any:
         ax.annotate(
             f"{share.value:.2f}", (share.high, place), (5, -3), textcoords="offset points", fontsize=9
         )
-    ax.set_yticks(range(len(rows)), [f"{row.controller}  on  {row.robot}" for row in rows], fontsize=9)
+    ax.set_yticks(range(len(rows)), [f"{label(row.controller)}  on  {row.robot}" for row in rows], fontsize=9)
     ax.invert_yaxis()
     ax.set_xlim(0.0, 1.05)
     ax.set_xlabel("share of fights won, 95 % interval")
@@ -182,7 +187,11 @@ def warning_figure(certificates: Sequence[Certificate]) -> Any:
         curve = certificate.warning
         ax.fill_between(curve.warning_s, curve.low, curve.high, color=colour, alpha=0.18, lw=0.0)
         ax.plot(
-            curve.warning_s, curve.success, color=colour, lw=2.0, label=f"{certificate.controller} on {on}"
+            curve.warning_s,
+            curve.success,
+            color=colour,
+            lw=2.0,
+            label=f"{label(certificate.controller)} on {on}",
         )
     ax.axhline(certificates[0].warning.target, color="#888888", ls=":", lw=1.0)
     ax.set_ylim(0.0, 1.02)
@@ -212,7 +221,8 @@ def summary(
 
     figures = fitted.methods[fitted.options.methods[0]]
     of = {(row.controller, row.robot): row.success for row in rows}
-    first, better = rows[0].controller, rows[-3].controller
+    first = rows[0].controller
+    better = next(row.controller for row in rows if row.knows == IMPROVED)
     before = of[first, ITSELF]
     predictions = {
         "drop, by the fit": (of[first, FIT], before),
@@ -233,13 +243,15 @@ def summary(
             "noise_floor": report.gap.noise_floor,
         },
         "hidden": truth,
-        "fights": [asdict(row) | {"value": row.success.value} for row in rows],
+        "fights": [
+            asdict(row) | {"controller": label(row.controller), "value": row.success.value} for row in rows
+        ],
         "predictions": {
             name: {"difference": difference(*pair), "holds": holds(*pair)}
             for name, pair in predictions.items()
         },
         "gained": {
-            row.controller: difference(before, row.success)
+            label(row.controller): difference(before, row.success)
             for row in rows
             if row.robot == ITSELF and row.knows == IMPROVED
         },

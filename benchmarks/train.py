@@ -103,14 +103,14 @@ def main(
         passed = one["passed_retreat"]
         when = (
             f"passed retreat after {passed['steps']:,} steps, {passed['wall_s'] / 60:.1f} minutes "
-            f"({passed['wall_s'] / BUDGET_S:.2f} of the budget; {passed['processor_s'] / 60:.1f} of processor)"
+            f"({passed['wall_s'] / BUDGET_S:.2f} of the budget; {passed['processor_s'] / 60:.1f} processor)"
             if passed
             else "did not pass retreat"
         )
         last = one["curve"][-1]
         print(
             f"{algo}, seed {one['seed']}: success {one['success']:.3f}; {when}; all {last['steps']:,} steps "
-            f"{last['wall_s'] / 60:.1f} minutes ({last['processor_s'] / 60:.1f} of processor)"
+            f"{last['wall_s'] / 60:.1f} minutes ({last['processor_s'] / 60:.1f} processor)"
         )
     if over_seeds is not None:
         verdict = "ok" if over_seeds.value >= TARGET else "MISSED"

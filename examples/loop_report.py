@@ -89,7 +89,8 @@ def warning_line(certificate: Certificate) -> str:
     from training.certify.judge import warning_text
     from training.certify.table import verdict
 
-    return f"warning for 90 %: {warning_text(certificate.warning)}\n   {verdict(certificate)}"
+    said = verdict(certificate).replace(certificate.controller, label(certificate.controller))
+    return f"warning for 90 %: {warning_text(certificate.warning)}\n   {said}"
 
 
 def gap_lines(report: GapReport) -> str:

@@ -42,7 +42,7 @@ SECONDS: Final = {"bench": 240.0, "robot": 60.0}
 """Of log that is simulated again and again in the search."""
 RESTLESS: Final = 5.0
 """Repeats on the bench that differ so many times as much as neighbouring samples are none."""
-EFFORT: Final = {"bench": Effort(15, 16, 8, 20, 5), "robot": Effort(6, 6, 3, 4, 3)}
+EFFORT: Final = {"bench": Effort(15, 16, 8, 20, 5), "robot": Effort(8, 8, 4, 4, 3)}
 
 
 @dataclass(frozen=True, eq=False)

@@ -121,7 +121,7 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     best = min(search.fitted.values(), key=lambda f: f.cost)
     inflation = _inflation(problem, best)
     p_gain = by_chance.p_value((base.cost - best.cost) / inflation)
-    p_misfit = misfit_p_value(base.cost, problem.size, floor.freedom) if floor.trusted else 1.0
+    p_misfit = _misfit_p_value(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
     if p_value > FALSE_ALARM:
         judged = _judge(problem, search, masks, inflation)
@@ -218,7 +218,7 @@ def _grow(
         larger = _best(problem, search, size + 1, masks, inflation)
         smaller = _best(problem, search, size, masks, inflation)
         gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-        visible = smaller.fitted.cost > VISIBLE * problem.size
+        visible = smaller.fitted.cost > VISIBLE * problem.expected
         if not (visible and _complete(problem, larger.fitted, floor)):
             # What a formula that is right to so much leaves may look like one more effect.
             needed += FORMULA_ERROR**2 * (search.base.cost - smaller.fitted.cost) / inflation
@@ -320,16 +320,22 @@ def _repeats(search: Search, one: Judged, other: Judged, inflation: float) -> bo
     return more and apart < _tolerance(search, other, one, inflation)
 
 
+def _misfit_p_value(problem: Problem, base: Fitted[Any], floor: Floor) -> float:
+    """Return how likely a right model leaves as much as the model under study does; 1 where none can tell."""
+    share = problem.size / problem.expected
+    return misfit_p_value(base.cost * share, problem.size, floor.freedom) if floor.trusted else 1.0
+
+
 def _complete(problem: Problem, chosen: Fitted[Any], floor: Floor) -> bool:
     """Return whether a set leaves no more than chance allows."""
-    return floor.trusted and chosen.cost <= problem.size * largest_misfit(problem.size, floor.freedom)
+    return floor.trusted and chosen.cost <= problem.expected * largest_misfit(problem.size, floor.freedom)
 
 
 def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Floor) -> bool:
     """Return whether what a set leaves is what chance allows, or little beside what it explains."""
     if not floor.trusted or _complete(problem, chosen, floor):
         return True
-    allowed = problem.size * largest_misfit(problem.size, floor.freedom)
+    allowed = problem.expected * largest_misfit(problem.size, floor.freedom)
     explained = float(np.sum((base.residual - chosen.residual) ** 2))
     return chosen.cost <= allowed + ENOUGH**2 / len(chosen.names) * explained
 

@@ -79,7 +79,8 @@ def evidence(
             parameter_count=p,
             score=judged.score - base.score,
             misfit=fitted.cost / problem.size,
-            adequate=fitted.cost <= limit * problem.size + ENOUGH**2 / max(1, len(judged.names)) * explained,
+            adequate=fitted.cost
+            <= limit * problem.expected + ENOUGH**2 / max(1, len(judged.names)) * explained,
             validation_rms=fitted_rms(problem, fitted, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
             bic=fitted.cost / decision.inflation + p * math.log(problem.size),

@@ -31,6 +31,8 @@ ROUGH_STEP: Final = 0.02
 """Rollers meet the floor a little earlier or later: what a smaller step changes is mostly that."""
 SMOOTH_LOOK: Final = 0.03
 ROUGH_LOOK: Final = 0.15
+_HARDLY: Final = (1e-3, -1e-3, 2e-3)
+"""Changes of the wheels' speed that no log shows."""
 OF_THE_ROLLERS: Final = frozenset(
     [name for name, effect in CATALOGUE.items() if "planar" in effect.refused_by]
     + ["com_offset", "weak_servo"]
@@ -67,6 +69,8 @@ class Problem:
         """X, shape (N, q)."""
         left, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
         self._left, self._grow = left, np.sqrt(1.0 + size**2)
+        self.expected = self.size + self._roughness()
+        """Square sum that a right model leaves: noise, and the simulation's own roughness."""
 
     @property
     def size(self) -> int:
@@ -150,6 +154,24 @@ class Problem:
     def _required(self, model: Model) -> FloatArray:
         """Return the residual of a model that must be simulated, errors raised."""
         return self.measured - self.whitener.whiten(self.simulator.predictions(model))
+
+    def _roughness(self) -> float:
+        """Return the square sum by which two right simulations differ, rollers meeting the floor otherwise.
+
+        What hardly visible changes of the model do on the rollers, less what they do without rollers.
+        """
+        base = self.quick_residual(self.base)
+        if self._planar is None or base is None:
+            return 0.0
+        squares = []
+        own = self.base.effects.get("speed_gain", {}).get("gain", 1.0)
+        for change in _HARDLY:
+            moved = self.base.with_effect("speed_gain", gain=own * (1.0 + change))
+            full, quick = self.residual(moved), self.quick_residual(moved)
+            if full is not None and quick is not None:
+                rough = self.marginal((full - self.base_residual) - (quick - base))
+                squares.append(float(rough @ rough))
+        return float(np.mean(squares)) if squares else 0.0
 
     def _nuisance(self) -> FloatArray:
         quick = self.quick_residual(self.base)

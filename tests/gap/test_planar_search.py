@@ -103,3 +103,12 @@ def test_a_fit_by_corrections_simulates_the_rollers_a_few_times_only(
     monkeypatch.setattr(problem, "residual", lambda model: used.append(model) or simulate(model))
     fit(problem, *slower(problem))
     assert 2 <= len(used) <= 6
+
+
+def test_rollers_that_meet_the_floor_otherwise_are_expected_to_differ(problem: Problem) -> None:
+    candidate, place = slower(problem)
+    best = fit(problem, candidate, place)
+    assert best is not None
+    # A right model leaves more than the noise, and no more than noise and roughness together.
+    assert problem.size < problem.expected < 2.0 * problem.size
+    assert best.cost < 1.1 * problem.expected

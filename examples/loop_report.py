@@ -198,7 +198,7 @@ def warning_figure(certificates: Sequence[Certificate]) -> Any:
     ax.set_ylim(0.0, 1.02)
     ax.set_xlabel("warning: from the first visible motion of the strike to its hit [s]")
     ax.set_ylabel("success, 95 % interval")
-    ax.legend(fontsize=9, frameon=False, loc="lower right")
+    figure.legend(fontsize=9, frameon=False, loc="outside upper center", ncols=2)
     return figure
 
 

@@ -1,13 +1,17 @@
 """Fixtures and settings that every test shares."""
 
 import contextlib
+import gc
 import os
 import re
 import shutil
 import subprocess
+import warnings
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import imageio.v3 as iio
 import pytest
 from hypothesis import settings
 
@@ -71,3 +75,18 @@ def draw_page(tmp_path: Path) -> Callable[[Path], tuple[int, int, list[str]]]:
         )
 
     return draw
+
+
+@pytest.fixture(scope="session")
+def read_video() -> Callable[[Path], tuple[Any, float]]:
+    """Return a function that reads an mp4 file back: pictures (n, height, width, 3) and frames per second."""
+
+    def read(path: Path) -> tuple[Any, float]:
+        # imageio forgets to close a pipe of its own reader; the warning is let go here, where it arises.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ResourceWarning)
+            frames, fps = iio.imread(path), iio.immeta(path)["fps"]
+            gc.collect()
+        return frames, fps
+
+    return read

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from mecanum_env.model import Model, read_model, write_model
 from sysid.gap.own_error import with_own_error
 from sysid.gap.subset import liveliest
-from sysid.logs import BenchCommand, Run
+from sysid.logs import BenchCommand, Run, Split
 from sysid.model_error import (
     DECAY_S,
     ChannelError,
@@ -22,11 +24,11 @@ from sysid.model_error import (
 from tests.gap.conftest import MakeLogs
 
 
-def _run(levels: list[float], hold_s: float = 1.0, name: str = "a", split: str = "fit") -> Run:
+def _run(levels: list[float], hold_s: float = 1.0, name: str = "a", split: Split = "fit") -> Run:
     time = np.arange(0.0, hold_s * len(levels), 0.01)
     command = np.repeat(np.array(levels), time.size // len(levels))
     time = time[: command.size]
-    return Run(f"{name}.csv", name, split, time, BenchCommand(command), {"speed_rpm": command})  # type: ignore[arg-type]
+    return Run(f"{name}.csv", name, split, time, BenchCommand(command), {"speed_rpm": command})
 
 
 def test_activity_is_the_change_dying_away() -> None:
@@ -57,7 +59,7 @@ def test_an_error_is_never_stated_smaller_than_the_logs_could_tell() -> None:
     assert estimate_model_error([noise]).channels["speed_rpm"].settled > 0.1
 
 
-def test_the_model_file_keeps_the_error(base: Model, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_the_model_file_keeps_the_error(base: Model, tmp_path: Path) -> None:
     error = ModelError({"speed_rpm": ChannelError(0.1, 0.01, 0.05)}, "abc")
     write_model(with_model_error(base, error), tmp_path / "model.json")
     assert model_error_of(read_model(tmp_path / "model.json")) == error

@@ -10,7 +10,7 @@ import pytest
 
 from mecanum_env.model import Model
 from sysid.gap.analyse import analyse
-from sysid.gap.coordinates import effect_set
+from sysid.gap.coordinates import EffectSet, effect_set
 from sysid.gap.fitted import Fitted, unchanged
 from sysid.gap.noise import measure_noise
 from sysid.gap.observations import observe
@@ -45,11 +45,11 @@ def test_a_wrong_gain_raises_it_and_a_right_one_does_not(bench_logs: MakeLogs, b
     chosen = effect_set(base, ["speed_gain"])
     one = chosen.coordinates[0]
 
-    def at(gain: float) -> Fitted[object]:  # type: ignore[type-var]
+    def at(gain: float) -> Fitted[EffectSet]:
         place = np.array([one.unit(gain)])
         residual = problem.residual(chosen.model(base, place))
         assert residual is not None
-        return Fitted(chosen, place, problem.marginal(residual), np.zeros((problem.size, 1)))  # type: ignore[arg-type]
+        return Fitted(chosen, place, problem.marginal(residual), np.zeros((problem.size, 1)))
 
     assert rises(problem, before, at(1.1))
     assert not rises(problem, before, at(0.9))

@@ -1,10 +1,7 @@
 """What tests that draw share: a short drive, and a skip where there is no software renderer."""
 
-import gc
 import os
-import warnings
 
-import imageio.v3 as iio
 import pytest
 
 from mecanum_env.model import paper_model
@@ -37,18 +34,3 @@ def forward():
     from mecanum_env.simulator import BodyCommands, drive
 
     return drive(paper_model(), BodyCommands.constant(v_rpm=80), 1.0)
-
-
-@pytest.fixture(scope="session")
-def read_video():
-    """Return a function that reads an mp4 file back: pictures (n, height, width, 3) and frames per second."""
-
-    def read(path):
-        # imageio forgets to close a pipe of its own reader; the warning is let go here, where it arises.
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ResourceWarning)
-            frames, fps = iio.imread(path), iio.immeta(path)["fps"]
-            gc.collect()
-        return frames, fps
-
-    return read

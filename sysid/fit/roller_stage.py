@@ -54,6 +54,11 @@ class LawAndRobot:
         """None of them jumps."""
         return (False,) * self.parameter_count
 
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """None of them belongs to an effect."""
+        return ("",) * self.parameter_count
+
     def start(self) -> FloatArray:
         """Return the place of the model as it is."""
         return np.concatenate([self.law.start(), np.full(len(self.robot), 0.5)])

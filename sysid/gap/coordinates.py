@@ -95,6 +95,11 @@ class EffectSet:
         """Which free parameters have a response that jumps, shape (p,)."""
         return tuple(coordinate.stepwise for coordinate in self.coordinates)
 
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """The effect that each free parameter belongs to, "" for none, shape (p,)."""
+        return tuple(coordinate.effect for coordinate in self.coordinates)
+
     def start(self) -> FloatArray:
         """Return the place nearest to neutral, shape (p,)."""
         return np.array([c.unit(c.neutral) if math.isfinite(c.neutral) else 1.0 for c in self.coordinates])

@@ -164,7 +164,11 @@ def reach(function: Function, minimum: Minimum, index: int, rise: float) -> tupl
 
 
 def differences(
-    function: Function, place: FloatArray, residual: FloatArray, step: FloatArray | float = STEP
+    function: Function,
+    place: FloatArray,
+    residual: FloatArray,
+    step: FloatArray | float = STEP,
+    along: Mask | None = None,
 ) -> FloatArray:
     """Return the Jacobian (N, p) by one difference each, into the side with more room.
 
@@ -173,10 +177,11 @@ def differences(
         place: where, (p,).
         residual: there, (N,).
         step: of each coordinate, (p,) or one for all.
+        along: which coordinates (p,); the others' columns are 0.
     """
     columns = np.zeros((residual.size, place.size))
     steps = np.broadcast_to(np.asarray(step, float), place.shape)
-    for i in range(place.size):
+    for i in range(place.size) if along is None else np.flatnonzero(along):
         sign = 1.0 if place[i] + steps[i] <= 1.0 else -1.0
         moved = np.array(place)
         moved[i] += sign * steps[i]

@@ -10,7 +10,7 @@ import numpy as np
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.gap.descent import Function, Minimum, descend, differences, explored, flat_or, refined
-from sysid.gap.problem import Problem
+from sysid.gap.problem import ROUGH_STEP, SMOOTH_STEP, Problem
 
 PRIOR: Final = 0.5
 """Spread of a parameter, on the scale 0 .. 1 between its bounds, before any log is looked at."""
@@ -32,6 +32,11 @@ class Candidate(Protocol):
     @property
     def stepwise(self) -> tuple[bool, ...]:
         """Which free parameters have a response that jumps, (p,)."""
+        ...
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """The effect that each free parameter belongs to, "" for none, (p,)."""
         ...
 
     def model(self, base: Model, unit: FloatArray) -> Model:
@@ -92,8 +97,8 @@ def unchanged(problem: Problem, empty: C) -> Fitted[C]:
 def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) -> Fitted[C] | None:
     """Fit a candidate by full simulation, from a place; None where it cannot be simulated.
 
-    Where a quicker simulation tells what the candidate changes, that is minimised instead, corrected at the
-    place reached by full simulation, until nothing is gained.
+    On the robot `function_near` is minimised instead, corrected at the place reached by full simulation,
+    until nothing is gained.
 
     Args:
         problem: the model and the logs.
@@ -101,17 +106,17 @@ def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) ->
         place: the start (p,).
         most: simulations beyond those of the derivatives.
     """
-    full, step = marginal_function(problem, candidate), problem.least_step(candidate.names)
+    full = marginal_function(problem, candidate)
     place = np.asarray(place, float)
     residual = full(place)
     if residual is None:
         return None
-    if not problem.is_quick(candidate.names):
-        minimum = _minimum(full, candidate, place, residual, step, most)
+    if not problem.has_quick:
+        minimum = _minimum(full, candidate, place, residual, most)
         return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian)
+    near = function_near(problem, candidate, place, residual)
     for _ in range(_CORRECTIONS):
-        near = function_near(problem, candidate, place, residual)
-        promised = _minimum(near, candidate, place, residual, step, most)
+        promised = _minimum(near, candidate, place, residual, most)
         cost = float(residual @ residual)
         if promised.cost > cost - _PROMISE:
             break
@@ -119,9 +124,9 @@ def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) ->
         if better is None:
             break
         place, residual = better
-    near = function_near(problem, candidate, place, residual)
+        near = function_near(problem, candidate, place, residual)
     here = Minimum(place, residual, differences(near, place, residual), 0)
-    return Fitted(candidate, place, residual, refined(near, here, step).jacobian)
+    return Fitted(candidate, place, residual, refined(near, here, SMOOTH_STEP).jacobian)
 
 
 def _first_better(
@@ -137,19 +142,19 @@ def _first_better(
 
 
 def _minimum(
-    function: Function, candidate: Candidate, place: FloatArray, residual: FloatArray, step: float, most: int
+    function: Function, candidate: Candidate, place: FloatArray, residual: FloatArray, most: int
 ) -> Minimum:
     found = descend(function, place, residual=residual, most=most)
     if found is None:
         raise AssertionError("a descent from a known residual has an end")
-    minimum = refined(function, found, step)
+    minimum = refined(function, found, SMOOTH_STEP)
     looked = explored(function, minimum, flat_or(minimum, candidate.stepwise))
     # The refined derivatives, or a look about, may show a way that Broyden's did not.
     again = descend(
         function, looked.place, residual=looked.residual, jacobian=looked.jacobian, most=max(2, most // 3)
     )
     if again is not None and again.cost < minimum.cost - _WORTH:
-        return refined(function, again, step)
+        return refined(function, again, SMOOTH_STEP)
     return minimum
 
 
@@ -169,26 +174,38 @@ def marginal_function(problem: Problem, candidate: Candidate) -> Function:
 
 
 def function_near(
-    problem: Problem, candidate: Candidate, place: FloatArray, residual: FloatArray
+    problem: Problem,
+    candidate: Candidate,
+    place: FloatArray,
+    residual: FloatArray,
+    jacobian: FloatArray | None = None,
 ) -> Function:
     """Return a candidate's marginal residual as a function of its place (p,), exact at one place.
 
-    Elsewhere the quicker simulation tells the difference, if there is one (an additive correction: Alexandrov
-    et al., Journal of Aircraft 38:1093, 2001).
+    Elsewhere the quicker simulation, if there is one, tells the difference (an additive correction:
+    Alexandrov et al., Journal of Aircraft 38:1093, 2001), and slopes tell what the rollers alone show.
 
     Args:
         problem: the model and the logs.
         candidate: what is fitted.
         place: where it is exact (p,).
         residual: marginal, there (N,).
+        jacobian: there (N, p), where it is known.
     """
-    there = problem.quick_residual(candidate.model(problem.base, place))
-    if there is None or not problem.is_quick(candidate.names):
-        return marginal_function(problem, candidate)
+    full = marginal_function(problem, candidate)
+    there = problem.quick_residual(candidate.model(problem.base, place)) if problem.has_quick else None
+    if there is None:
+        return full
     correction = residual - problem.marginal(there)
+    slow = ~problem.quick_ones(candidate.owners)
+    if jacobian is None:
+        jacobian = differences(full, place, residual, ROUGH_STEP, along=slow)
 
     def near(at: FloatArray) -> FloatArray | None:
-        quick = problem.quick_residual(candidate.model(problem.base, at))
-        return None if quick is None else problem.marginal(quick) + correction
+        quick = problem.quick_residual(candidate.model(problem.base, np.where(slow, place, at)))
+        if quick is None:
+            return None
+        moved = np.where(slow, at - place, 0.0)
+        return problem.marginal(quick) + correction + jacobian @ moved
 
     return near

@@ -10,7 +10,7 @@ from scipy.stats import chi2, norm, t
 from mecanum_env.units import FloatArray
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.descent import Minimum, flat_or, reach
-from sysid.gap.fitted import Fitted, function_near
+from sysid.gap.fitted import Fitted, function_near, marginal_function
 from sysid.gap.problem import Problem
 from sysid.gap.scores import group_masks
 
@@ -55,9 +55,11 @@ def interval_ends(
         half = np.maximum(half, t.ppf(tail, len(masks) - 1) * spread)
     low, high = fitted.place - half, fitted.place + half
     minimum = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
-    function = function_near(problem, fitted.candidate, fitted.place, fitted.residual)
+    near = function_near(problem, fitted.candidate, fitted.place, fitted.residual, fitted.jacobian)
+    full = marginal_function(problem, fitted.candidate)
+    quick = problem.quick_ones(fitted.candidate.owners)
     for i in np.flatnonzero(flat_or(minimum, fitted.candidate.stepwise)):
-        down, up = reach(function, minimum, int(i), chi2.ppf(LEVEL, 1) * inflation)
+        down, up = reach(near if quick[i] else full, minimum, int(i), chi2.ppf(LEVEL, 1) * inflation)
         low[i], high[i] = fitted.place[i] - down, fitted.place[i] + up
     return low, high
 
@@ -73,6 +75,6 @@ def doubtful(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> t
     low, high = interval_ends(problem, fitted, inflation)
     neutral = fitted.candidate.start()
     clear = (neutral < low) | (neutral > high)
-    effects = [c.effect for c in fitted.candidate.coordinates]
-    sure = {effect for effect, is_clear in zip(effects, clear, strict=True) if is_clear}
+    owners = fitted.candidate.owners
+    sure = {effect for effect, is_clear in zip(owners, clear, strict=True) if is_clear}
     return tuple(name for name in fitted.names if name not in sure)

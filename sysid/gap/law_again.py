@@ -35,6 +35,11 @@ class LawAgain:
         """None of them jumps."""
         return (False,) * self.parameter_count
 
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """None of them belongs to an effect."""
+        return ("",) * self.parameter_count
+
     def start(self) -> FloatArray:
         """Return the place of the law as it is, shape (5,)."""
         return np.full(len(_REACH), 0.5)

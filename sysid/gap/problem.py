@@ -19,6 +19,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
+from sysid.gap.descent import Mask
 from sysid.gap.nuisance import plausible_models, shape_columns
 from sysid.gap.scale import speed_scale
 from sysid.gap.simulator import Simulator
@@ -27,8 +28,9 @@ from sysid.gap.whitening import Whitener
 UNUSABLE: Final = (MecanumError, ValueError)
 """What a model raises that cannot be simulated; MuJoCo refuses a latency too long by ValueError."""
 SMOOTH_STEP: Final = 1e-3
+"""Of a difference quotient on the scale 0 .. 1 of a parameter."""
 ROUGH_STEP: Final = 0.02
-"""Rollers meet the floor a little earlier or later: what a smaller step changes is mostly that."""
+"""The same on rollers, which meet the floor a little earlier or later: a smaller step shows mostly that."""
 SMOOTH_LOOK: Final = 0.03
 ROUGH_LOOK: Final = 0.15
 _HARDLY: Final = (1e-3, -1e-3, 2e-3)
@@ -77,6 +79,11 @@ class Problem:
         """Values compared."""
         return self.whitener.size
 
+    @property
+    def has_quick(self) -> bool:
+        """Whether there is a quicker simulation than that of `residual`."""
+        return self._planar is not None
+
     def residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model, None where it cannot be simulated."""
         return self._residual(self.simulator, model)
@@ -92,9 +99,13 @@ class Problem:
         """Return whether `quick_residual` is less work than `residual`, and tells what `effects` change."""
         return self._planar is not None and not OF_THE_ROLLERS.intersection(effects)
 
-    def least_step(self, effects: Sequence[str]) -> float:
-        """Return the least step of a difference quotient in `effects`, on the scale 0 .. 1 of a parameter."""
-        return SMOOTH_STEP if self._planar is None or self.is_quick(effects) else ROUGH_STEP
+    def quick_ones(self, owners: Sequence[str]) -> Mask:
+        """Return of which parameters `quick_residual` tells what they change, (p,).
+
+        Args:
+            owners: the effect that each belongs to.
+        """
+        return np.array([self.is_quick([owner]) for owner in owners], bool)
 
     def look_step(self, effects: Sequence[str]) -> float:
         """Return the step to a first response of `effects` where that has a gradient, on the same scale."""

@@ -18,7 +18,7 @@ from sysid.gap.descent import Minimum, explored
 from sysid.gap.fitted import Fitted, fit, marginal_function, unchanged
 from sysid.gap.growth import Growth, Key, growths
 from sysid.gap.library import Response
-from sysid.gap.problem import SMOOTH_STEP, Problem
+from sysid.gap.problem import Problem
 
 EMPTY: Final = EffectSet((), ())
 _ROUNDING: Final = 1e-6  # of a square sum
@@ -92,12 +92,12 @@ class Search:
 
     def polish(self, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
         """Return a fitted set after a look about, where the simulation is rough and slopes mislead."""
-        smooth = self.problem.least_step(fitted.names) == SMOOTH_STEP
-        if smooth or not fitted.place.size:
+        rough = ~self.problem.quick_ones(fitted.candidate.owners)
+        if not self.problem.has_quick or not np.any(rough):
             return fitted
         function = marginal_function(self.problem, fitted.candidate)
         here = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
-        looked = explored(function, here, np.ones(here.place.size, bool))
+        looked = explored(function, here, rough)
         if looked.cost < fitted.cost:
             again = fit(self.problem, fitted.candidate, looked.place, most=4)
             if again is not None and again.cost < fitted.cost:

@@ -11,7 +11,7 @@ from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
 from training.controllers.lqr_design import Weights, tracking_gain
-from training.controllers.seen_motion import Delays, SeenMotion
+from training.controllers.prediction.seen_motion import Delays, SeenMotion
 
 PLACE: Weights = Weights(place=0.03, command=0.3)
 """Along each axis of the floor [m], [m/s]."""

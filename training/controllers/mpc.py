@@ -13,12 +13,12 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Opponent, Rules, read_observation
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
-from training.controllers.hit_margin import Seen, miss_margin
 from training.controllers.interface import Command, twist_command
-from training.controllers.own_motion import integrated_path
+from training.controllers.prediction.hit_margin import Seen, miss_margin
+from training.controllers.prediction.own_motion import integrated_path
+from training.controllers.prediction.seen_motion import Delays, SeenMotion
+from training.controllers.prediction.strike_phase import StrikeEstimate, StrikePhase, StrikePriors
 from training.controllers.proportional import Proportional
-from training.controllers.seen_motion import Delays, SeenMotion
-from training.controllers.strike_phase import StrikeEstimate, StrikePhase, StrikePriors
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ class Mpc:
     """Takes, ten times a second, the first command of the plan that is missed most surely.
 
     A plan is one velocity for some commands, then another one until the strike has landed. Its path is that
-    of the identified law with the drives' torque limit (`training.controllers.motion_model`), from the state
-    in which the commands under way leave the robot. It is scored by
+    of the identified law with the drives' torque limit (`training.controllers.prediction.motion_model`), from
+    the state in which the commands under way leave the robot. It is scored by
 
         sum over hypotheses of P(hypothesis) Phi(margin / spread) - weight |distance at the hit - maai|
 
-    with the margin by which the strike misses (`training.controllers.hit_margin`) for strikes as
+    with the margin by which the strike misses (`training.controllers.prediction.hit_margin`) for strikes as
     `StrikePhase` holds them possible. Between strikes it keeps its distance.
 
     Args:

@@ -11,7 +11,7 @@ from typing import Final
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
 from mecanum_env.tankendo.arena import Arena
-from training.controllers.compensated import Compensated
+from training.controllers.compensation.compensated import Compensated
 from training.controllers.interface import Controller
 from training.controllers.lqr import Lqr
 from training.controllers.mpc import Mpc

@@ -8,8 +8,8 @@ import numpy.typing as npt
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Rules, read_observation
 from training.controllers.interface import Command
+from training.controllers.prediction.seen_motion import Delays, SeenMotion
 from training.controllers.proportional import Proportional
-from training.controllers.seen_motion import Delays, SeenMotion
 
 
 class Smith:

@@ -10,10 +10,10 @@ from mecanum_env.model import paper_model
 from mecanum_env.simulator.session import RobotSession
 from mecanum_env.tankendo import command_to_action
 from mecanum_env.tankendo.vector import TankendoVectorEnv
-from training.controllers.compensated import COMPENSATED, Compensated
-from training.controllers.drive_inverse import INVERTED, DriveInverse
+from training.controllers.compensation.compensated import COMPENSATED, Compensated
+from training.controllers.compensation.drive_inverse import INVERTED, DriveInverse
+from training.controllers.compensation.sense_inverse import CORRECTED
 from training.controllers.named import SUFFIX, make_controller
-from training.controllers.sense_inverse import CORRECTED
 
 COMMANDS = ((12, 0, 0), (40, 0, 0), (40, 90, 0), (30, -120, 10), (75, 180, 0), (0, 0, 25))
 DRIVES = {

@@ -10,8 +10,8 @@ from mecanum_env.tankendo.constants import DIFFICULTIES, TECHNIQUES
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers import Proportional
-from training.controllers.hit_margin import Seen, miss_margin
-from training.controllers.strike_phase import StrikeEstimate, StrikePhase
+from training.controllers.prediction.hit_margin import Seen, miss_margin
+from training.controllers.prediction.strike_phase import StrikeEstimate, StrikePhase
 
 FIRST_SEED, EPISODES, STEPS = 100_000, 24, 60
 

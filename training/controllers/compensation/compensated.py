@@ -10,9 +10,9 @@ import numpy.typing as npt
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Sensors
-from training.controllers.drive_inverse import INVERTED, DriveInverse
+from training.controllers.compensation.drive_inverse import INVERTED, DriveInverse
+from training.controllers.compensation.sense_inverse import CORRECTED, SenseInverse
 from training.controllers.interface import Command, Controller
-from training.controllers.sense_inverse import CORRECTED, SenseInverse
 
 COMPENSATED: Final = ("command_latency", *INVERTED, *CORRECTED)
 """Effects that it compensates; all others of a model it leaves alone (`Compensated.left_alone`)."""
@@ -22,9 +22,9 @@ class Compensated:
     """Lets a controller that knows only the nominal robot drive one whose effects are known.
 
     The gap workflow names effects in the model; their inverse is put around the controller. It sees
-    observations without the known sensor errors and without the latency of commands
-    (`training.controllers.sense_inverse`), and what it commands is changed so that the robot moves as the
-    nominal one would (`training.controllers.drive_inverse`). Neutral effects change nothing, bit for bit.
+    observations without the known sensor errors and without the latency of commands (`SenseInverse`), and
+    what it commands is changed so that the robot moves as the nominal one would (`DriveInverse`). Neutral
+    effects change nothing, bit for bit.
 
     Args:
         controller: what is wrapped; make it for the model without effects.

@@ -11,7 +11,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Sensors
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
-from training.controllers.own_motion import OwnMotion
+from training.controllers.prediction.own_motion import OwnMotion
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ import numpy as np
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
-from training.controllers.motion_model import MotionModel, MotionState
+from training.controllers.prediction.motion_model import MotionModel, MotionState
 
 _KEPT_S = 1.5  # longer than any sensor's and command's delay together
 

@@ -1,0 +1,1 @@
+"""Undoing named effects around any controller: what drives do to commands, sensors to observations."""

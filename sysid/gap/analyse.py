@@ -14,7 +14,8 @@ import numpy as np
 import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.codec import model_to_dict
-from sysid.gap.decide import Decision, Floor, decide
+from sysid.gap.adequacy import Floor, rough
+from sysid.gap.decide import Decision, decide
 from sysid.gap.detectable import smallest_detectable, untestable
 from sysid.gap.empirical import KEY, empirical_term, fit_correction
 from sysid.gap.evidence import evidence, found_effects
@@ -189,7 +190,8 @@ def _report(
     after = before if improved is model else predicted(improved, runs, options.plant)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
-    threshold = chance(search.base, search.library, np.random.default_rng(options.seed)).threshold()
+    rng = np.random.default_rng(options.seed)
+    threshold = chance(search.base, search.library, rng, rough(problem, search.base)).threshold()
     detectable = smallest_detectable(search.library, threshold)
     unseen = untestable(considered, search.library, detectable, dataset.level)
     asked = Design(None, "")
@@ -206,7 +208,7 @@ def _report(
         untestable=unseen,
         smallest_detectable=detectable,
         next_experiment=asked.experiment,
-        evidence=evidence(dataset, problem, decision, study.floor.freedom),
+        evidence=evidence(dataset, problem, decision, study.floor),
         p_value=decision.p_value,
         model=improved,
         base=model,

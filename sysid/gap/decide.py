@@ -24,6 +24,7 @@ from typing import Any, Final
 import numpy as np
 
 from mecanum_env.units import FloatArray
+from sysid.gap.adequacy import Floor, complete, enough, expected, misfit, rough
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.fitted import Fitted, fit
 from sysid.gap.intervals import FORMULA_ERROR, doubtful
@@ -33,12 +34,8 @@ from sysid.gap.raw_error import rises
 from sysid.gap.records import Verdict
 from sysid.gap.scores import Mask, group_masks, group_scores, total
 from sysid.gap.search import Search
-from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance, largest_misfit, misfit_p_value
+from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance
 
-ENOUGH: Final = 0.2
-"""Of what a set explains (root mean square) so much may be left beyond chance, and its name still stands.
-
-Of a set of k effects, which can bend more, 1 / sqrt(k) of it."""
 VISIBLE: Final = 1.5
 """Square sum over expectation above which one more effect that leaves nothing counts in any case."""
 MATTERS: Final = 0.1
@@ -49,18 +46,6 @@ _SPARE: Final = (
     4.0  # a parameter within two standard deviations of neutral, and no worse without it, is left out
 )
 _RESAMPLES: Final = 500
-
-
-@dataclass(frozen=True)
-class Floor:
-    """What is known of the noise."""
-
-    freedom: float
-    """Degrees of freedom of the noise."""
-    trusted: bool
-    """Whether what a right model leaves is known: else no set can be called inadequate."""
-    repeatable: bool = True
-    """Whether repeats are alike but for noise: where chance acts on the wheel, no effect is all of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,15 +98,15 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
         rng: of the simulated thresholds and the bootstrap.
     """
     masks = group_masks(problem)
-    by_chance = chance(search.base, search.library, rng)
     base = search.base
+    by_chance = chance(base, search.library, rng, rough(problem, base))
     hope = max((base.cost - growth.expected for growth in search.growths(base)), default=0.0)
     if hope > 0.5 * by_chance.threshold():
         search.grow(1)
     best = min(search.fitted.values(), key=lambda f: f.cost)
     inflation = _inflation(problem, best)
     p_gain = by_chance.p_value((base.cost - best.cost) / inflation)
-    p_misfit = _misfit_p_value(problem, base, floor)
+    p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
     if p_value > FALSE_ALARM:
         judged = _judge(problem, search, masks, inflation)
@@ -138,57 +123,57 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
         size -= 1
         chosen = _best(problem, search, size, masks, inflation)
     # Where nothing is left, no law can do better.
-    complete = _complete(problem, chosen.fitted, floor)
-    law = None if complete else _law(problem, masks, inflation)
+    done = complete(problem, chosen.fitted, floor)
+    law = None if done else _law(problem, masks, inflation)
     judged = _judge(problem, search, masks, inflation)
     harmless = [j for j in judged if len(j.names) == size and not rises(problem, base, j.fitted)]
     tied = _tied(search, chosen, harmless, inflation)
     frequency = _frequency(chosen, [j for j in judged if j.names], rng)
     notes: list[str] = []
-    enough = _enough(problem, base, chosen.fitted, floor)
+    adequate = enough(problem, base, chosen.fitted, floor)
     removed = _removed(problem, base, chosen.fitted)
     apart = float(np.mean(problem.unmarginal(base.residual) ** 2)) > FAR
-    if enough and removed < MATTERS and apart and not floor.trusted:
+    if adequate and removed < MATTERS and apart and not floor.trusted:
         notes.append("model and measurement are far apart, and no set of effects removes a tenth of that")
-        enough = False
-    if enough and removed < MATTERS:
+        adequate = False
+    if adequate and removed < MATTERS:
         notes.append(
             f"{' + '.join(chosen.names)} would be significant (p = {p_value:.2g}), but removes only "
             f"{max(removed, 0.0):.0%} of the difference above the noise: not told from the model's own error"
         )
         return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
-    if enough and rises(problem, base, chosen.fitted):
+    if adequate and rises(problem, base, chosen.fitted):
         notes.append(
             f"{' + '.join(chosen.names)} would be significant (p = {p_value:.2g}), but raises the plain "
             "difference on the validation runs"
         )
-        enough = False
-    if enough and not floor.repeatable:
+        adequate = False
+    if adequate and not floor.repeatable:
         notes.append(
             "repeats of one command differ far more than neighbouring samples: chance acts, not effects"
         )
-        enough = False
+        adequate = False
     if law is not None and law.score < chosen.score - NEVER**2:
         notes.append(
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it anew (python -m sysid.fit) before looking for effects"
         )
-        enough = False
-    unsure = doubtful(problem, chosen.fitted, inflation) if enough else ()
+        adequate = False
+    unsure = doubtful(problem, chosen.fitted, inflation) if adequate else ()
     if unsure:
         notes.append(f"{' + '.join(unsure)}: the runs disagree about the size, which may as well be none")
-        enough = False
+        adequate = False
         if floor.trusted and p_misfit > FALSE_ALARM:
             return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
-    if not enough:
+    if not adequate:
         return Decision("unexplained", None, (), judged, law, p_value, inflation, {}, tuple(notes))
     verdict: Verdict = "ambiguous" if len(tied) > 1 else "named"
     return Decision(verdict, tied[0], tied, judged, law, p_value, inflation, frequency, tuple(notes))
 
 
 def _inflation(problem: Problem, best: Fitted[Any]) -> float:
-    expected = max(1, problem.size - int(best.candidate.parameter_count))
-    return max(1.0, best.cost / expected)
+    freedom = max(1, problem.size - int(best.candidate.parameter_count))
+    return max(1.0, best.cost / freedom)
 
 
 def _grow(
@@ -203,13 +188,13 @@ def _grow(
     size = 1
     while size < most:
         parent = _best(problem, search, size, masks, 1.0).fitted
-        if not _complete(problem, parent, floor):
+        if not complete(problem, parent, floor):
             parent = search.polish(parent)
         nearest = search.of_size(size)[: search.effort.beam]
-        expected = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
-        inflation = max(1.0, expected / problem.size)
-        needed = chance(parent, search.library, rng).threshold()
-        if parent.cost - expected < needed * inflation:
+        promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
+        inflation = max(1.0, promised / problem.size)
+        needed = chance(parent, search.library, rng, rough(problem, parent)).threshold()
+        if parent.cost - promised < needed * inflation:
             return size
         search.grow(size + 1)
         if not search.of_size(size + 1):
@@ -218,8 +203,8 @@ def _grow(
         larger = _best(problem, search, size + 1, masks, inflation)
         smaller = _best(problem, search, size, masks, inflation)
         gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-        visible = smaller.fitted.cost > VISIBLE * problem.expected
-        if not (visible and _complete(problem, larger.fitted, floor)):
+        visible = smaller.fitted.cost > VISIBLE * expected(problem, smaller.fitted)
+        if not (visible and complete(problem, larger.fitted, floor)):
             # What a formula that is right to so much leaves may look like one more effect.
             needed += FORMULA_ERROR**2 * (search.base.cost - smaller.fitted.cost) / inflation
         if gain < needed or larger.score > smaller.score - NEVER**2:
@@ -318,26 +303,6 @@ def _repeats(search: Search, one: Judged, other: Judged, inflation: float) -> bo
     more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
     apart = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
     return more and apart < _tolerance(search, other, one, inflation)
-
-
-def _misfit_p_value(problem: Problem, base: Fitted[Any], floor: Floor) -> float:
-    """Return how likely a right model leaves as much as the model under study does; 1 where none can tell."""
-    share = problem.size / problem.expected
-    return misfit_p_value(base.cost * share, problem.size, floor.freedom) if floor.trusted else 1.0
-
-
-def _complete(problem: Problem, chosen: Fitted[Any], floor: Floor) -> bool:
-    """Return whether a set leaves no more than chance allows."""
-    return floor.trusted and chosen.cost <= problem.expected * largest_misfit(problem.size, floor.freedom)
-
-
-def _enough(problem: Problem, base: Fitted[Any], chosen: Fitted[Any], floor: Floor) -> bool:
-    """Return whether what a set leaves is what chance allows, or little beside what it explains."""
-    if not floor.trusted or _complete(problem, chosen, floor):
-        return True
-    allowed = problem.expected * largest_misfit(problem.size, floor.freedom)
-    explained = float(np.sum((base.residual - chosen.residual) ** 2))
-    return chosen.cost <= allowed + ENOUGH**2 / len(chosen.names) * explained
 
 
 def _removed(problem: Problem, base: Fitted[Any], chosen: Fitted[Any]) -> float:

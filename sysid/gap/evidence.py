@@ -10,15 +10,15 @@ import numpy as np
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
+from sysid.gap.adequacy import Floor, enough, expected
 from sysid.gap.coordinates import EffectSet
-from sysid.gap.decide import ENOUGH, Decision, Judged
+from sysid.gap.decide import Decision, Judged
 from sysid.gap.intervals import interval_ends
 from sysid.gap.observations import observe
 from sysid.gap.problem import Problem
 from sysid.gap.raw_error import fitted_rms, raw_rms
 from sysid.gap.records import Evidence, FoundEffect, Interval
 from sysid.gap.simulator import Simulator
-from sysid.gap.thresholds import largest_misfit
 from sysid.logs import Dataset
 
 MOST: Final = 12
@@ -48,16 +48,14 @@ def found_effects(problem: Problem, decision: Decision) -> tuple[FoundEffect, ..
     )
 
 
-def evidence(
-    dataset: Dataset, problem: Problem, decision: Decision, trusted_freedom: float
-) -> tuple[Evidence, ...]:
+def evidence(dataset: Dataset, problem: Problem, decision: Decision, floor: Floor) -> tuple[Evidence, ...]:
     """Return the sets that matter, best score first.
 
     Args:
         dataset: its test runs are simulated for the first time here.
         problem: the model and the runs that decided.
         decision: the verdict and what it rests on.
-        trusted_freedom: degrees of freedom of the noise; infinite if it is known.
+        floor: what is known of the noise.
     """
     listed = [j for j in decision.judged if j.names][:MOST]
     listed += [j for j in decision.judged if not j.names]
@@ -66,12 +64,11 @@ def evidence(
     tests = dataset.split("test")
     test = Simulator(observe(replace(dataset, runs=tests)), plant=problem.plant) if tests else None
     base = next(j for j in decision.judged if not j.names)
-    limit = largest_misfit(problem.size, trusted_freedom)
+    right = expected(problem, *(j.fitted for j in (base, decision.chosen) if j is not None))
 
     def row(judged: Judged) -> Evidence:
         fitted = judged.fitted
         model = fitted.candidate.model(problem.base, fitted.place)
-        explained = float(np.sum((base.fitted.residual - fitted.residual) ** 2))
         p = fitted.candidate.parameter_count
         return Evidence(
             effects=judged.names,
@@ -79,8 +76,7 @@ def evidence(
             parameter_count=p,
             score=judged.score - base.score,
             misfit=fitted.cost / problem.size,
-            adequate=fitted.cost
-            <= limit * problem.expected + ENOUGH**2 / max(1, len(judged.names)) * explained,
+            adequate=enough(problem, base.fitted, fitted, floor, right),
             validation_rms=fitted_rms(problem, fitted, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
             bic=fitted.cost / decision.inflation + p * math.log(problem.size),

@@ -22,7 +22,7 @@ from mecanum_env.units import FloatArray
 from sysid.gap.descent import Mask
 from sysid.gap.nuisance import plausible_models, shape_columns
 from sysid.gap.scale import speed_scale
-from sysid.gap.simulator import Simulator
+from sysid.gap.simulator import Simulator, model_key
 from sysid.gap.whitening import Whitener
 
 UNUSABLE: Final = (MecanumError, ValueError)
@@ -71,8 +71,7 @@ class Problem:
         """X, shape (N, q)."""
         left, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
         self._left, self._grow = left, np.sqrt(1.0 + size**2)
-        self.expected = self.size + self._roughness()
-        """Square sum that a right model leaves: noise, and the simulation's own roughness."""
+        self._rough: dict[str, FloatArray] = {}
 
     @property
     def size(self) -> int:
@@ -166,23 +165,33 @@ class Problem:
         """Return the residual of a model that must be simulated, errors raised."""
         return self.measured - self.whitener.whiten(self.simulator.predictions(model))
 
-    def _roughness(self) -> float:
-        """Return the square sum by which two right simulations differ, rollers meeting the floor otherwise.
+    def rough(self, model: Model) -> FloatArray:
+        """Return what rollers that meet the floor otherwise would change, (N, k), each by one sigma.
 
-        What hardly visible changes of the model do on the rollers, less what they do without rollers.
+        What hardly visible changes of the model do on the rollers, less what they do without rollers; no
+        columns where there are no rollers.
+
+        Args:
+            model: where; it is measured once.
         """
-        base = self.quick_residual(self.base)
-        if self._planar is None or base is None:
-            return 0.0
-        squares = []
-        own = self.base.effects.get("speed_gain", {}).get("gain", 1.0)
-        for change in _HARDLY:
-            moved = self.base.with_effect("speed_gain", gain=own * (1.0 + change))
-            full, quick = self.residual(moved), self.quick_residual(moved)
-            if full is not None and quick is not None:
-                rough = self.marginal((full - self.base_residual) - (quick - base))
-                squares.append(float(rough @ rough))
-        return float(np.mean(squares)) if squares else 0.0
+        if not self.has_quick:
+            return np.zeros((self.size, 0))
+        key = model_key(model)
+        if key not in self._rough:
+            here, columns = self._by_rollers(model), []
+            gain = model.effects.get("speed_gain", {}).get("gain", 1.0)
+            for change in _HARDLY:
+                there = self._by_rollers(model.with_effect("speed_gain", gain=gain * (1.0 + change)))
+                if here is not None and there is not None:
+                    columns.append(self.marginal(there - here))
+            found = np.stack(columns, axis=1) / np.sqrt(len(columns)) if columns else np.zeros((self.size, 0))
+            self._rough[key] = found
+        return self._rough[key]
+
+    def _by_rollers(self, model: Model) -> FloatArray | None:
+        """Return how the rollers' residual of a model differs from that without rollers, (N,)."""
+        full, quick = self.residual(model), self.quick_residual(model)
+        return None if full is None or quick is None else full - quick
 
     def _nuisance(self) -> FloatArray:
         quick = self.quick_residual(self.base)

@@ -78,7 +78,7 @@ class Simulator:
         ]
 
     def _motion(self, model: Model) -> Sequence[Motion]:
-        key = _key(model)
+        key = model_key(model)
         with self._lock:
             if key in self._motions:
                 self._motions.move_to_end(key)
@@ -103,6 +103,11 @@ class Simulator:
         return motions
 
 
-def _key(model: Model) -> str:
+def model_key(model: Model) -> str:
+    """Return what tells apart two models that may move otherwise.
+
+    Args:
+        model: its wheel, robot and effects count.
+    """
     physics = replace(model, uncertainty={}, provenance={}, extra={})
     return json.dumps(model_to_dict(physics), sort_keys=True)

@@ -1,9 +1,10 @@
 """What chance alone does: thresholds by simulation from the model itself.
 
-Were a fitted set the whole truth, its marginal residual would be white. Drawing such residuals and growing
-the set by every effect of the library, as the search does, gives the distribution of the best growth that
-chance makes, whatever the effects' number and likeness. Only the responses' inner products are needed: the
-scores U = C' r of unit columns C are normal with covariance C' C.
+Were a fitted set the whole truth, its marginal residual would be white, but for the rollers' roughness.
+Drawing such residuals and growing the set by every effect of the library, as the search does, gives the
+distribution of the best growth that chance makes, whatever the effects' number and likeness. Only the
+responses' inner products are needed: the scores U = C' r of unit columns C are normal with covariance
+C' (I + R R') C, R the columns of `Problem.rough`.
 """
 
 from __future__ import annotations
@@ -47,7 +48,11 @@ class Chance:
 
 
 def chance(
-    fitted: Fitted[Any], library: Sequence[Response], rng: np.random.Generator, draws: int = DRAWS
+    fitted: Fitted[Any],
+    library: Sequence[Response],
+    rng: np.random.Generator,
+    rough: FloatArray,
+    draws: int = DRAWS,
 ) -> Chance:
     """Simulate the best growth of a set by one effect, were the set the truth.
 
@@ -55,6 +60,7 @@ def chance(
         fitted: the set.
         library: responses of the effects that were considered.
         rng: of the draws.
+        rough: what rollers that meet the floor otherwise would change (N, k), each by one sigma.
         draws: how many.
     """
     orthogonal = np.linalg.qr(fitted.jacobian)[0]
@@ -69,6 +75,7 @@ def chance(
         return Chance(np.zeros(draws))
     columns = np.stack(units, axis=1)
     scores = rng.standard_normal((draws, len(units))) @ _root(columns.T @ columns).T
+    scores += rng.standard_normal((draws, rough.shape[1])) @ (rough.T @ columns)
     gains = np.zeros(draws)
     for name in dict.fromkeys(owner.chosen.names[0] for owner in owners):
         joint = [i for i, o in enumerate(owners) if o.chosen.names[0] == name and o.linear]

@@ -22,23 +22,17 @@ from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.simulator import Plant
 from mecanum_env.simulator.robot import at_rest
-from mecanum_env.tankendo import DIFFICULTIES, action_to_command, command_to_action
-from mecanum_env.tankendo.build import build
+from mecanum_env.tankendo import DIFFICULTIES, action_to_command
 from mecanum_env.tankendo.env import TankendoEnv
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.vector import TankendoVectorEnv
-from training.controllers import Oracle, RandomMotion, Retreat, Still
+from training.evaluate import Job, Setup, share
 
 PLANTS = get_args(Plant)
 ROWS = {"planar": 256, "rollers": 32}
 STEPS = {"planar": 8192, "rollers": 512}
 TARGETS = {"planar": 20_000.0, "rollers": 650.0}
-CONTROLLERS: dict[str, Callable[[Any, int], Any]] = {
-    "random": lambda _, row: RandomMotion(row),
-    "still": lambda *_: Still(),
-    "retreat": lambda *_: Retreat(),
-    "oracle": Oracle,
-}
+CONTROLLERS = ("random", "still", "retreat", "oracle")
 
 
 @dataclass(frozen=True)
@@ -154,68 +148,20 @@ def scores(model: Model, plant: Plant, episodes: int) -> list[dict[str, Any]]:
     rows = []
     jobs = [(name, level) for name in CONTROLLERS for level in DIFFICULTIES]
     for name, level in tqdm(jobs, desc=f"scores, {plant}", disable=None):
-        success = play(model, plant, level, CONTROLLERS[name], episodes)
-        low, high = wilson(int(success.sum()), episodes)
+        played = Job(name, name, Setup(model, physics=plant, difficulty=level), episodes).play()
+        success = share(sum(episode.success for episode in played.episodes), episodes)
         rows.append(
             {
                 "controller": name,
                 "plant": plant,
                 "difficulty": level,
                 "episodes": episodes,
-                "success": float(success.mean()),
-                "low": low,
-                "high": high,
+                "success": success.value,
+                "low": success.low,
+                "high": success.high,
             }
         )
     return rows
-
-
-def play(
-    model: Model, plant: Plant, level: str, maker: Callable[[Any, int], Any], episodes: int
-) -> np.ndarray[Any, np.dtype[np.bool_]]:
-    """Return which of the episodes, seeded 0, 1, ..., are a success."""
-    built = build(
-        episodes,
-        task="dodge",
-        model=model,
-        plant=plant,
-        difficulty=level,
-        action_mode="command",
-        observation_delay=None,
-        opponent=None,
-        randomize="none",
-        reward_weights=None,
-        rules=None,
-        sensors=None,
-        timestep_s=None,
-        threads=0,
-    )
-    arena = built.arena
-    for row in range(episodes):
-        built.restart(row, np.random.default_rng(row))
-    players = [maker(arena, row) for row in range(episodes)]
-    observation = arena.observe()
-    over, success = np.zeros(episodes, bool), np.zeros(episodes, bool)
-    while not over.all():
-        commands = [
-            (0, 0, 0) if done else player.act(seen)
-            for player, seen, done in zip(players, observation, over, strict=True)
-        ]
-        step = arena.step(command_to_action(commands))
-        observation = step.observation
-        ends = (step.terminated | step.truncated) & ~over
-        success[ends] = step.info["is_success"][ends]
-        over |= ends
-        arena.step_count[over] = 0  # what goes on there does not count
-    return success
-
-
-def wilson(successes: int, trials: int, z: float = 1.96) -> tuple[float, float]:
-    """Return Wilson's interval of a share, 95 % by default."""
-    share, z2 = successes / trials, z * z
-    middle = (share + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = z * np.sqrt(share * (1 - share) / trials + z2 / (4 * trials**2)) / (1 + z2 / trials)
-    return float(max(0.0, middle - half)), float(min(1.0, middle + half))
 
 
 def main(model: Path | None = None, out: Path | None = None, repeats: int = 7, episodes: int = 200) -> None:

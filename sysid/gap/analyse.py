@@ -226,6 +226,7 @@ def _report(
             ).hexdigest(),
             "version": mecanum_env.__version__,
         },
+        trusted=study.floor.trusted,
     )
 
 

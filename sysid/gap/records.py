@@ -206,3 +206,5 @@ class GapReport:
     """The runs that were worst before."""
     empirical: EmpiricalTerm | None
     provenance: Mapping[str, Any]
+    trusted: bool = True
+    """Whether what a right model would leave is known: else a difference may be noise or not."""

@@ -41,6 +41,11 @@ def verdict_sentence(report: GapReport) -> str:
             f"No gap worth a name: model and measurement differ by {differ}; what the effects could take off "
             f"is sure (p = {report.p_value:.2g}) but too little to matter."
         )
+    if report.verdict == "no_gap" and not report.trusted:
+        return (
+            f"No effect of the catalogue is seen: model and measurement differ by {differ}, and how much of "
+            f"that is noise is not known (p = {report.p_value:.2g})."
+        )
     if report.verdict == "no_gap":
         return (
             f"No gap: model and measurement differ by {differ}, which noise and the model's own uncertainty "

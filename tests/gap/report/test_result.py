@@ -90,6 +90,12 @@ def test_the_sentences_name_what_was_found(every_report: dict[str, GapReport]):
     assert "There is a gap" in said["unexplained"]
 
 
+def test_what_may_be_noise_or_not_is_not_called_noise(no_gap: GapReport):
+    sentence = verdict_sentence(replace(no_gap, trusted=False))
+    assert "is noise is not known" in sentence
+    assert "No gap" not in sentence
+
+
 def test_a_law_that_fits_better_than_any_effect_is_told(unexplained: GapReport):
     assert "the wheel law fitted again explains better" in verdict_sentence(unexplained)
     assert "python -m sysid.fit" in gap_table(unexplained)

@@ -49,6 +49,8 @@ def start_of(run: Run) -> Start:
     moving = any(abs(first.get(name, 0.0)) > rest for name, rest in REST.items())
     if run.level == "bench":
         return Start(initial_rpm=first.get("speed_rpm", 0.0) if moving else 0.0)
+    # A sensor may be biased; what drives a robot is its command.
+    moving = moving and bool(np.any(run.command.wheels_rpm[0] != 0.0))
     return Start(0.0, moving, *(first.get(name, 0.0) for name in POSE))
 
 

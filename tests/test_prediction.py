@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -39,6 +40,14 @@ def test_a_bench_run_that_turns_already_starts_turning() -> None:
     run = _bench(40.0)
     assert start_of(run).initial_rpm == pytest.approx(40.0)
     assert predict(MODEL, run)["speed_rpm"][0] == pytest.approx(40.0, abs=0.1)
+
+
+def test_a_robot_that_was_told_to_stand_starts_at_rest_whatever_a_biased_sensor_shows() -> None:
+    run = _robot()
+    biased = replace(run, channels={**run.channels, "vx_m_s": np.full(TIME.size, -0.03)})
+    assert not start_of(biased).moving
+    driven = replace(biased, command=BodyCommand(np.full(TIME.size, -5.0), *np.zeros((2, TIME.size))))
+    assert start_of(driven).moving
 
 
 def test_a_robot_prediction_is_the_drive_with_the_log_s_channels() -> None:

@@ -23,7 +23,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from mecanum_env.units import FloatArray
 from sysid.gap.adequacy import Floor, complete, enough, expected, misfit, rough
 from sysid.gap.coordinates import EffectSet
 from sysid.gap.fitted import Fitted, fit
@@ -32,9 +31,10 @@ from sysid.gap.law_again import LawAgain
 from sysid.gap.problem import Problem
 from sysid.gap.raw_error import rises
 from sysid.gap.records import Verdict
-from sysid.gap.scores import Mask, group_masks, group_scores, total
+from sysid.gap.scores import Judged, Mask, group_masks, group_scores
 from sysid.gap.search import Search
 from sysid.gap.thresholds import FALSE_ALARM, NEVER, chance
+from sysid.gap.ties import tied
 
 VISIBLE: Final = 1.5
 """Square sum over expectation above which one more effect that leaves nothing counts in any case."""
@@ -46,25 +46,6 @@ _SPARE: Final = (
     4.0  # a parameter within two standard deviations of neutral, and no worse without it, is left out
 )
 _RESAMPLES: Final = 500
-
-
-@dataclass(frozen=True, eq=False)
-class Judged:
-    """A fitted set with its scores."""
-
-    fitted: Fitted[Any]
-    scores: FloatArray
-    """One a group."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """Names of the effects."""
-        return self.fitted.names
-
-    @property
-    def score(self) -> float:
-        """Sum over the groups."""
-        return total(self.scores)
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +108,7 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     law = None if done else _law(problem, masks, inflation)
     judged = _judge(problem, search, masks, inflation)
     harmless = [j for j in judged if len(j.names) == size and not rises(problem, base, j.fitted)]
-    tied = _tied(search, chosen, harmless, inflation)
+    alike = tied(search, chosen, harmless, inflation)
     frequency = _frequency(chosen, [j for j in judged if j.names], rng)
     notes: list[str] = []
     adequate = enough(problem, base, chosen.fitted, floor)
@@ -167,8 +148,8 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
             return Decision("no_gap", None, (), judged, law, p_value, inflation, {}, tuple(notes))
     if not adequate:
         return Decision("unexplained", None, (), judged, law, p_value, inflation, {}, tuple(notes))
-    verdict: Verdict = "ambiguous" if len(tied) > 1 else "named"
-    return Decision(verdict, tied[0], tied, judged, law, p_value, inflation, frequency, tuple(notes))
+    verdict: Verdict = "ambiguous" if len(alike) > 1 else "named"
+    return Decision(verdict, alike[0], alike, judged, law, p_value, inflation, frequency, tuple(notes))
 
 
 def _inflation(problem: Problem, best: Fitted[Any]) -> float:
@@ -268,41 +249,6 @@ def _law(problem: Problem, masks: Mapping[str, Mask], inflation: float) -> Judge
     rival = LawAgain(problem.base)
     found = fit(problem, rival, rival.start(), most=20)
     return None if found is None else _with_scores(problem, found, masks, inflation)
-
-
-def _tied(
-    search: Search, chosen: Judged, same_size: Sequence[Judged], inflation: float
-) -> tuple[Judged, ...]:
-    """Return the chosen set and those as good, without those that say the same with more parameters."""
-    near = [j for j in same_size if j.score <= chosen.score + _tolerance(search, chosen, j, inflation)]
-    near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
-    kept: list[Judged] = []
-    for one in near:
-        if not any(_repeats(search, one, other, inflation) for other in kept):
-            kept.append(one)
-    kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
-    return tuple(kept)
-
-
-def _tolerance(search: Search, chosen: Judged, rival: Judged, inflation: float) -> float:
-    """Return how much worse a rival's score may be.
-
-    A formula that is right to `FORMULA_ERROR` leaves its square of what it explains beyond the effects that
-    both sets have.
-    """
-    common = tuple(name for name in chosen.names if name in rival.names)
-    rest = search.fitted.get((common, False)) or search.fitted.get((common, True)) or search.base
-    explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
-    return NEVER**2 + FORMULA_ERROR**2 * explained
-
-
-def _repeats(search: Search, one: Judged, other: Judged, inflation: float) -> bool:
-    """Return whether a set says what another says, as far as formulas go, with more parameters."""
-    if one.names == other.names:
-        return True
-    more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
-    apart = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
-    return more and apart < _tolerance(search, other, one, inflation)
 
 
 def _removed(problem: Problem, base: Fitted[Any], chosen: Fitted[Any]) -> float:

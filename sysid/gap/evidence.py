@@ -12,12 +12,13 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from sysid.gap.adequacy import Floor, enough, expected
 from sysid.gap.coordinates import EffectSet
-from sysid.gap.decide import Decision, Judged
+from sysid.gap.decide import Decision
 from sysid.gap.intervals import interval_ends
 from sysid.gap.observations import observe
 from sysid.gap.problem import Problem
 from sysid.gap.raw_error import fitted_rms, raw_rms
 from sysid.gap.records import Evidence, FoundEffect, Interval
+from sysid.gap.scores import Judged
 from sysid.gap.simulator import Simulator
 from sysid.logs import Dataset
 

@@ -16,6 +16,7 @@ Statistics and Computing 27:1413, 2017). A needless parameter costs, a needed on
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -26,6 +27,25 @@ from sysid.gap.fitted import PRIOR, Fitted
 from sysid.gap.problem import Problem
 
 Mask = npt.NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """A fitted set with its scores."""
+
+    fitted: Fitted[Any]
+    scores: FloatArray
+    """One a group."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return self.fitted.names
+
+    @property
+    def score(self) -> float:
+        """Sum over the groups."""
+        return total(self.scores)
 
 
 def group_masks(problem: Problem) -> dict[str, Mask]:

@@ -10,12 +10,13 @@ from typing import Any, Final
 import numpy as np
 
 from mecanum_env.model import Model
-from sysid.gap.decide import Decision, Judged
+from sysid.gap.decide import Decision
 from sysid.gap.experiment import Design, Rival, design, level_of
 from sysid.gap.fitted import Fitted
 from sysid.gap.observations import Observations
 from sysid.gap.problem import Problem
 from sysid.gap.records import Untestable
+from sysid.gap.scores import Judged
 from sysid.gap.sequences import Limits
 from sysid.gap.trial import CommandKind, Setting
 from sysid.gap.untestable_experiment import design_for_untestable

@@ -26,25 +26,28 @@ def _limit_speed(
     previous: FloatArray,
     values: Values,
     seconds: float,
-) -> FloatArray:
+) -> tuple[FloatArray, FloatArray]:
     limited = body.copy()
     speed = math.hypot(body[0], body[1])
     if speed > values["v_rpm"]:
         limited[:2] *= values["v_rpm"] / speed
     limited[2] = min(max(body[2], -values["vc_rpm"]), values["vc_rpm"])
-    return limited
+    return limited, limited
 
 
-def _limit_acceleration(body: FloatArray, previous: FloatArray, values: Values, seconds: float) -> FloatArray:
-    limited = body.copy()
+def _limit_acceleration(
+    body: FloatArray, previous: FloatArray, values: Values, seconds: float
+) -> tuple[FloatArray, FloatArray]:
     change = body - previous
-    length, most = math.hypot(change[0], change[1]), values["v_rpm_s"] * seconds
-    if length > most:
-        limited[:2] = previous[:2] + change[:2] * (most / length)
-    most = values["vc_rpm_s"] * seconds
-    if abs(change[2]) > most:
-        limited[2] = previous[2] + math.copysign(most, change[2])
-    return limited
+    end, mean = body.copy(), body.copy()
+    for part, rate in ((slice(0, 2), values["v_rpm_s"]), (slice(2, 3), values["vc_rpm_s"])):
+        length, most = math.hypot(*change[part]), rate * seconds
+        if length > 0.0:
+            share = min(1.0, most / length)
+            # A straight ramp until the end is reached, as far as the limit goes.
+            end[part] = previous[part] + share * change[part] if share < 1.0 else body[part]
+            mean[part] = end[part] - 0.5 * share * min(1.0, length / most) * change[part]
+    return end, mean
 
 
 _LIMIT: Final = (1e-6, math.inf)

@@ -83,8 +83,9 @@ ChangeSpec = Callable[["mujoco.MjSpec", Values, "Model", Plant], None]
 """Write into the generated MuJoCo model; the `Model` is the one that it was generated from."""
 ChangeDrive = Callable[["DriveParameters", Values, str | None], "DriveParameters"]
 """Return a wheel's drive with other numbers; the wheel is fl .. rr, or None for the common one."""
-LimitBody = Callable[[FloatArray, FloatArray, Values, float], FloatArray]
-"""Return the body command (forward, left, turn) [rpm] that follows the previous one after some time [s]."""
+LimitBody = Callable[[FloatArray, FloatArray, Values, float], tuple[FloatArray, FloatArray]]
+"""Return the body command (forward, left, turn) [rpm] that follows the previous one after some time [s], and
+its mean over that time."""
 ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
 """Return channels as measured, given the uniform clock [s] they lie on and what they truly are."""
 

@@ -1,7 +1,7 @@
 """Limits on the robot's command as a whole, between its latch and the wheels' drives.
 
-A wheel's drive cannot apply a limit on V, theta and VC together. It acts at every tick of the wheel law,
-after latch, rounding and latency, and the drives take what it lets through at each tick.
+A wheel's drive cannot apply a limit on V, theta and VC together. It acts continuously, after latch, rounding
+and latency, and the drives take the mean of what it lets through over each tick of the wheel law.
 """
 
 from __future__ import annotations
@@ -73,7 +73,8 @@ class BodyLimits:
     def _tick(self, asked_rpm: FloatArray) -> None:
         body = wheels_to_body(asked_rpm)
         inner = asked_rpm - body_to_wheels(body)
+        mean = body
         for limit, values in self._limits:
-            body = limit(body, self._body, values, self._drive.law.sample_period_s)
+            body, mean = limit(body, self._body, values, self._drive.law.sample_period_s)
         self._body = body
-        self._wheels = body_to_wheels(body) + inner
+        self._wheels = body_to_wheels(mean) + inner

@@ -56,6 +56,26 @@ def test_the_acceleration_limit_ramps_the_vector(base):
     assert rise == pytest.approx(0.3, abs=tick + 1e-9)
 
 
+def test_the_drives_get_the_mean_of_a_ramp_over_a_tick(base):
+    tick = base.wheel.law.sample_period_s
+    _, body = limited(
+        base.with_effect("body_acceleration_limit", v_rpm_s=200.0), BodyCommands.constant(10), 0.2
+    )
+    clock = (np.arange(6000) + 0.5) / 6000 * tick
+    for number, ticked in enumerate(body[::4, 0]):
+        ramp = np.minimum(200.0 * (number * tick + clock), 10.0)
+        assert ticked == pytest.approx(ramp.mean(), abs=1e-4)
+
+
+def test_a_ramp_that_is_steep_enough_is_none(base):
+    commands = BodyCommands.from_rows([(0.0, 60, 0, 20), (0.1, 30, 90, -20)])
+    _, free = limited(base, commands, 0.3)
+    _, steep = limited(
+        base.with_effect("body_acceleration_limit", v_rpm_s=1e12, vc_rpm_s=1e12), commands, 0.3
+    )
+    np.testing.assert_allclose(steep, free, atol=1e-4)
+
+
 def test_the_limits_come_after_the_latency(base):
     model = base.with_effect("body_acceleration_limit", v_rpm_s=200.0)
     late = model.with_effect("command_latency", delay_s=0.1)

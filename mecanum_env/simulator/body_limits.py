@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.kinematics import WHEELS, body_to_wheels, wheels_to_body
@@ -70,6 +71,25 @@ class BodyLimits:
         self._substeps += 1
         return self._wheels
 
+    def path(self, wheels_rpm: FloatArray) -> FloatArray:
+        """Return what `step` would, from the start, for all physics steps at once, shape (n, 4) [rpm].
+
+        Args:
+            wheels_rpm: what the robot is sent, shape (n, 4).
+        """
+        now = np.arange(len(wheels_rpm), dtype=float) * self._timestep_s
+        period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
+        latched_at, ticked_at = (_due(now, each) for each in (period, tau))
+        before = np.zeros((len(WHEELS), RING))
+        latched = np.concatenate([before, wheels_rpm[latched_at].T], axis=1)
+        latches = np.searchsorted(latched_at, ticked_at, side="right")
+        asked = law_inputs(self._drive, np.arange(ticked_at.size), latched, latches, -RING).T.copy()
+        let_through = np.zeros((ticked_at.size, len(WHEELS)))
+        for tick in range(ticked_at.size):
+            self._tick(asked[tick])
+            let_through[tick] = self._wheels
+        return let_through[np.searchsorted(ticked_at, np.arange(len(wheels_rpm)), side="right") - 1]
+
     def _tick(self, asked_rpm: FloatArray) -> None:
         body = wheels_to_body(asked_rpm)
         inner = asked_rpm - body_to_wheels(body)
@@ -78,3 +98,10 @@ class BodyLimits:
             body, mean = limit(body, self._body, values, self._drive.law.sample_period_s)
         self._body = body
         self._wheels = body_to_wheels(mean) + inner
+
+
+def _due(now_s: FloatArray, every_s: float) -> npt.NDArray[np.intp]:
+    """Return the physics steps, at times (n,), in which what happens every so often happens, first at 0."""
+    times = np.arange(np.ceil(now_s[-1] / every_s + 1.0)) if now_s.size else np.zeros(0)
+    steps = np.searchsorted(now_s, times * every_s - EPS * every_s)
+    return steps[steps < now_s.size]

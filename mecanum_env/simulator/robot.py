@@ -73,8 +73,7 @@ def drive(
     time_s = np.arange(n + 1) * step
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
     if limits_body(model):
-        limits = BodyLimits(model, step)
-        ctrl = np.array([limits.step(row) for row in ctrl])
+        ctrl = BodyLimits(model, step).path(ctrl)
     qpos, qvel = step_through(compiled, data, ctrl)
     return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s), model)
 

@@ -68,7 +68,8 @@ def _trials(
         places = scanned(parameter, one, scale)
         linear = not places
         if linear:
-            places = [neutral + step if neutral + step <= 1.0 else neutral - step]
+            # Into the side with more room: a servo can be far weaker than the model's, and hardly stiffer.
+            places = [neutral + step if neutral <= 0.5 + 1e-9 else neutral - step]
         for place in places:
             if abs(place - neutral) < 1e-9:
                 continue

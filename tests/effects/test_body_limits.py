@@ -76,6 +76,19 @@ def test_a_ramp_that_is_steep_enough_is_none(base):
     np.testing.assert_allclose(steep, free, atol=1e-4)
 
 
+@pytest.mark.parametrize("delay_s", [0.0, 0.03, 0.137, 0.25])
+@pytest.mark.parametrize("rate", [120, 240, 480, 960])
+def test_all_steps_at_once_are_the_steps_one_by_one(base, delay_s, rate):
+    model = base.with_effect("body_acceleration_limit", v_rpm_s=150.0, vc_rpm_s=80.0)
+    if delay_s:
+        model = model.with_effect("command_latency", delay_s=delay_s)
+    rng = np.random.default_rng(rate)
+    wheels = np.repeat(rng.uniform(-100, 100, (11, 4)), rate // 10, axis=0)[: rate - 3]
+    one_by_one = BodyLimits(model, 1 / rate)
+    expected = np.array([one_by_one.step(row) for row in wheels])
+    np.testing.assert_array_equal(BodyLimits(model, 1 / rate).path(wheels), expected)
+
+
 def test_the_limits_come_after_the_latency(base):
     model = base.with_effect("body_acceleration_limit", v_rpm_s=200.0)
     late = model.with_effect("command_latency", delay_s=0.1)

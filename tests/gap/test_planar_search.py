@@ -13,10 +13,15 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.gap.adequacy import Floor, complete, expected
 from sysid.gap.coordinates import EffectSet, effect_set
-from sysid.gap.fitted import fit, function_near, marginal_function
+from sysid.gap.fitted import fit, function_near, marginal_function, unchanged
+from sysid.gap.library import responses
 from sysid.gap.noise import measure_noise
 from sysid.gap.observations import observe
 from sysid.gap.problem import OF_THE_ROLLERS, Problem
+from sysid.gap.scores import Judged, group_masks, group_scores
+from sysid.gap.search import EMPTY, Effort, Search
+from sysid.gap.thresholds import chance
+from sysid.gap.ties import tied
 from sysid.gap.whitening import Whitener
 from sysid.logs import BodyCommand, Dataset, Run
 from sysid.prediction import predict
@@ -115,3 +120,25 @@ def test_rollers_that_meet_the_floor_otherwise_are_expected_to_differ(problem: P
     right = expected(problem, best)
     assert problem.size < right < 2.0 * problem.size
     assert complete(problem, best, Floor(math.inf, trusted=True))
+
+
+def test_what_rollers_do_by_chance_raises_what_chance_gains(problem: Problem) -> None:
+    library = responses(problem, ["wheel_gain_mismatch", "mount_yaw"])
+    base = unchanged(problem, EMPTY)
+    smooth = chance(base, library, np.random.default_rng(0), np.zeros((problem.size, 0)))
+    rough = chance(base, library, np.random.default_rng(0), problem.rough(problem.base))
+    assert rough.threshold() > smooth.threshold()
+
+
+def test_twins_stay_tied_though_rollers_are_rough() -> None:
+    base = paper_model()
+    dataset = logs(base.with_effect("sensor_latency", delay_s=5 / 120))
+    observations = observe(dataset)
+    problem = Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    twins = ("command_latency", "sensor_latency")
+    search = Search(problem, responses(problem, [*twins, "mount_yaw"]), Effort(3, 1, 1, 1, 1))
+    search.grow(1)
+    masks = group_masks(problem)
+    judged = [Judged(fitted, group_scores(problem, fitted, masks)) for fitted in search.of_size(1)]
+    best = min(judged, key=lambda j: j.score)
+    assert {j.names for j in tied(search, best, judged, 1.0)} == {(name,) for name in twins}

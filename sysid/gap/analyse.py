@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -149,7 +148,7 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
     freedom = sum(block.freedom for block in observations.blocks)
     # A robot's wheels slip a little otherwise in each repeat; a wheel on the bench has no such excuse.
     restless = noise.restless(RESTLESS) if dataset.level == "bench" else ()
-    floor = Floor(float(freedom) if noise.from_repeats else math.inf, trusted, not restless)
+    floor = Floor(float(freedom) if noise.from_repeats else noise.scatter_freedom, trusted, not restless)
     return _Study(observations, noise, error, floor, tuple(notes))
 
 

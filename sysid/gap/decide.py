@@ -92,6 +92,12 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     if p_value > FALSE_ALARM:
         judged = _judge(problem, search, masks, inflation)
         return Decision("no_gap", None, (), judged, None, p_value, inflation, {}, ())
+    if not search.of_size(1):
+        # What effects could gain is little, but the whole is more than chance allows.
+        search.grow(1)
+    if not search.of_size(1):
+        judged = _judge(problem, search, masks, inflation)
+        return Decision("unexplained", None, (), judged, None, p_value, inflation, {}, ())
     size = _grow(problem, search, masks, floor, most, rng)
     best = min(search.fitted.values(), key=lambda f: f.cost)
     inflation = _inflation(problem, best)

@@ -21,6 +21,10 @@ SETTLED_S: Final = 0.5
 _LEAST_SAMPLES: Final = 20
 _LEAST: Final = 1e-9
 _CLEAR: Final = 4.0  # standard deviations above chance
+_EFFICIENCY: Final = 0.37 / 1.94
+"""Degrees of freedom of a variance by the median of squared second differences, per difference: the median of
+a squared normal tells 0.37 as much as its mean, and neighbouring differences share samples (correlations -2/3
+and 1/6, whose squares make 1.94 of them tell as much as one)."""
 
 Source = Literal["repeats", "scatter"]
 
@@ -50,6 +54,9 @@ class Noise:
     scatter: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation by neighbouring samples of held commands alone."""
 
+    scatter_freedom: float = math.inf
+    """Degrees of freedom with which `scatter` is known, all channels together."""
+
     def restless(self, factor: float) -> tuple[str, ...]:
         """Return the channels whose repeats differ `factor` times as much as neighbouring samples."""
         return tuple(n for n, s in self.sigma.items() if s > factor * self.scatter.get(n, s))
@@ -71,10 +78,12 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     source: dict[str, Source] = {}
     lasting: dict[str, Lasting] = {}
     scatter: dict[str, float] = {}
+    differences = 0
     repeats = noise_from_repeats(dataset.runs) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
-        scatter[name] = max(_scatter(observations, blocks), _LEAST)
+        by_neighbours, count = _scatter(observations, blocks)
+        scatter[name], differences = max(by_neighbours, _LEAST), differences + count
         freedom = sum(block.freedom for block in blocks)
         if freedom >= _LEAST_SAMPLES:
             sigma[name], source[name] = math.sqrt(sum(block.spread for block in blocks) / freedom), "repeats"
@@ -86,7 +95,7 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
         found = _lasting(blocks)
         if found is not None:
             lasting[name] = found
-    return Noise(sigma, source, lasting, scatter)
+    return Noise(sigma, source, lasting, scatter, max(1.0, _EFFICIENCY * differences))
 
 
 def _lasting(blocks: list[Block]) -> Lasting | None:
@@ -107,8 +116,8 @@ def _lasting(blocks: list[Block]) -> Lasting | None:
     return Lasting(share, lag * interval)
 
 
-def _scatter(observations: Observations, blocks: list[Block]) -> float:
-    """Return the noise from second differences, which a settled motion does not have."""
+def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, int]:
+    """Return the noise from second differences, which a settled motion does not have, and their number."""
     squares: list[FloatArray] = []
     for block in blocks:
         run = observations.situations[block.situation].runs[0]
@@ -124,4 +133,4 @@ def _scatter(observations: Observations, blocks: list[Block]) -> float:
             [np.diff(block.value, 2) ** 2 * block.weight[1:-1] / 6.0 for block in blocks] or [np.zeros(1)]
         )
     # A median, since a few second differences are motion: that of a squared normal is 0.4549 of its mean.
-    return math.sqrt(float(np.median(together)) / 0.4549) if together.size else 0.0
+    return (math.sqrt(float(np.median(together)) / 0.4549) if together.size else 0.0), together.size

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
 from sysid.gap.analyse import analyse
+from sysid.gap.noise import measure_noise
+from sysid.gap.observations import observe
 from sysid.gap.records import GapOptions
 from sysid.gap.result import gap_json
 from tests.gap.conftest import MakeLogs
@@ -96,3 +100,19 @@ def test_the_package_is_the_door_and_takes_the_runs_alone(bench_logs: MakeLogs, 
     dataset = bench_logs(base, seed=1)
     report = sysid.gap.analyse(dataset.runs, base, QUIET)
     assert report.verdict == analyse(dataset, base, QUIET).verdict == "no_gap"
+
+
+def test_a_gap_that_effects_hardly_touch_is_unexplained_too(bench_logs: MakeLogs, base: Model) -> None:
+    dataset = bench_logs(base)
+    for run in dataset.runs:
+        # Faster than any wheel could follow.
+        run.channels["speed_rpm"][:] += 3.0 * (-1.0) ** (np.arange(run.time_s.size) // 2)
+    options = replace(QUIET, only=("battery_sag",))
+    assert analyse(dataset, base, options).verdict == "unexplained"
+
+
+def test_noise_without_repeats_is_known_less_well(bench_logs: MakeLogs, base: Model) -> None:
+    dataset = bench_logs(base)
+    noise = measure_noise(dataset, observe(dataset))
+    samples = sum(run.time_s.size for run in dataset.runs)
+    assert 10.0 < noise.scatter_freedom < 0.2 * samples

@@ -143,12 +143,14 @@ def motion_of(model: Model, run: Run, start: Start, mj_model: mujoco.MjModel) ->
         mj_model: `compile_for` of the model.
     """
     if run.level == "bench":
+        since = run.held_since(model.wheel.command_period_s)
         clock, speed = bench_motion(
-            mj_model, run.time_s, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm
+            mj_model, since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm
         )
         return Motion(clock, {"speed_rpm": speed})
     lead = LEAD_S if start.moving else 0.0
-    path = drive(model, commands_of(run, lead), run.duration_s + lead, mj_model=mj_model)
+    commands = commands_of(run, model.wheel.command_period_s, lead)
+    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model)
     columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 
@@ -176,11 +178,12 @@ def shown(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, Flo
     return {name: at[name] for name in CHANNELS if name in run.channels}
 
 
-def commands_of(run: Run, lead_s: float = 0.0) -> Commands:
+def commands_of(run: Run, command_period_s: float, lead_s: float = 0.0) -> Commands:
     """Return a robot log's commands in the simulator's form, rows that repeat left out.
 
     Args:
         run: a robot log.
+        command_period_s: of the robot's clock, see `Run.held_since`.
         lead_s: how long the first command has held when the run starts [s].
     """
     command = run.command
@@ -189,7 +192,7 @@ def commands_of(run: Run, lead_s: float = 0.0) -> Commands:
     else:
         rows = command.wheels_rpm
     keep = np.concatenate([[True], np.any(rows[1:] != rows[:-1], axis=1)])
-    time, rows = run.time_s[keep] + lead_s, rows[keep]
+    time, rows = run.held_since(command_period_s)[keep] + lead_s, rows[keep]
     time[0] = 0.0
     return BodyCommands(time, *rows.T) if isinstance(command, BodyCommand) else WheelCommands(time, rows)
 

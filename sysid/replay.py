@@ -46,7 +46,11 @@ def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
     ticks = simulate(data, found.law, found.delay_s, found.saturation_rpm)
     law = np.interp(data.sample_tick, np.arange(len(ticks)), ticks)
     wheel = replay_bench(
-        model, log.time_s, log.command.wheels_rpm[:, 0], sample_times_s=samples, initial_rpm=data.initial_rpm
+        model,
+        log.held_since(model.wheel.command_period_s),
+        log.command.wheels_rpm[:, 0],
+        sample_times_s=samples,
+        initial_rpm=data.initial_rpm,
     )
     return BenchReplay(
         name=data.name,

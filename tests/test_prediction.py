@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from mecanum_env.model import paper_model
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
@@ -34,6 +36,18 @@ def test_a_bench_prediction_is_the_replay() -> None:
     assert predict(MODEL, run)["speed_rpm"] == pytest.approx(
         replay_bench(MODEL, TIME, run.command.wheels_rpm[:, 0]), abs=1e-12
     )
+
+
+@given(seed=st.integers(0, 2**32 - 1), rate_hz=st.sampled_from([47.0, 64.0, 100.0, 120.0, 200.0]))
+def test_uneven_stamps_and_other_rates_delay_no_command(seed: int, rate_hz: float) -> None:
+    rng = np.random.default_rng(seed)
+    stamps = np.arange(0.0, 0.9, 1.0 / rate_hz)
+    stamps[1:] += rng.uniform(-0.3, 0.3, stamps.size - 1) / rate_hz
+    # The robot finds a new command at 0.2 and 0.5 s; each row shows what it holds by then.
+    command = np.where(stamps < 0.2, 0.0, np.where(stamps < 0.5, 60.0, -20.0))
+    run = Run("b.csv", "b", "fit", stamps, BenchCommand(command), {"speed_rpm": np.zeros(stamps.size)})
+    true = replay_bench(MODEL, np.array([0.0, 0.2, 0.5]), np.array([0.0, 60.0, -20.0]), sample_times_s=stamps)
+    assert predict(MODEL, run)["speed_rpm"] == pytest.approx(true, abs=1e-9)
 
 
 def test_a_bench_run_that_turns_already_starts_turning() -> None:

@@ -126,9 +126,14 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
             "command_period_s is taken from the log"
         )
         return min(fast), False
+    # A change is shown by the first row after it, however late that comes.
+    held = [
+        run.held_since(COMMAND_PERIOD_S)[np.searchsorted(run.time_s, t)]
+        for run, t in zip(dataset.runs, changes, strict=True)
+    ]
     if all(
         _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
-        for t, row in zip(changes, rows, strict=True)
+        for t, row in zip(held, rows, strict=True)
     ):
         return COMMAND_PERIOD_S, True
     said = f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run"

@@ -63,7 +63,13 @@ class PlantData:
         compiled = spec(model, wheel_quantum=False, visuals=False).compile()
         parts = []
         for run in self.runs:
-            path = drive(model, commands_of(run), run.duration_s, plant=plant, mj_model=compiled)
+            path = drive(
+                model,
+                commands_of(run, model.wheel.command_period_s),
+                run.duration_s,
+                plant=plant,
+                mj_model=compiled,
+            )
             channels = path.channels_at(run.time_s)
             parts += [
                 channels[name][run.finite(name)] / self.sigma[name]

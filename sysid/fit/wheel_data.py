@@ -73,12 +73,13 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
     n_ticks = max(1, math.ceil(float(ticks[-1]) - 1e-6))
     command = wheel_commands(run, path)[wheel]
     drive = _drive(path)
+    since = run.held_since(drive.command_period_s)
 
     initial = _initial_speed(ticks, speed[finite], sigma_rpm)
 
     def source(delay_s: float, saturation_rpm: float) -> FloatArray:
         limited = replace(drive, delay_s=delay_s, saturation_rpm=min(saturation_rpm, path.saturation_rpm))
-        return latched_commands(limited, run.time_s, command, n_ticks, initial)
+        return latched_commands(limited, since, command, n_ticks, initial)
 
     return WheelRun(
         command_rpm=source(0.0, math.inf),

@@ -16,6 +16,7 @@ from mecanum_env.units import FloatArray
 Split: TypeAlias = Literal["fit", "validation", "test"]
 Level: TypeAlias = Literal["bench", "robot"]
 SPLITS: Final[tuple[Split, ...]] = get_args(Split)
+_ROUNDING: Final = 1e-6  # of a command period: of stamps that a program has converted
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,6 +140,20 @@ class Run:
         changed = np.any(wheels[1:] != wheels[:-1], axis=1)
         rows = np.concatenate([[0], np.flatnonzero(changed) + 1])
         return self.time_s[rows], wheels[rows]
+
+    def held_since(self, command_period_s: float) -> FloatArray:
+        """Return from when the robot may have held each row's command [s], shape (n,), increasing.
+
+        A log shows a command in the first row after it was given, and stamps are never quite even. A row that
+        comes a little after the robot looked for a command, the first to do so, may show what the robot found
+        then: it is taken to. Without this a command 20 us late in the log would be 0.1 s late in a replay.
+
+        Args:
+            command_period_s: the robot looks for a command this often, from the run's start on.
+        """
+        looked = np.floor(self.time_s / command_period_s + _ROUNDING) * command_period_s
+        before = np.concatenate([[-np.inf], self.time_s[:-1]])
+        return np.where(looked > before + _ROUNDING * command_period_s, looked, self.time_s)
 
 
 @dataclass(frozen=True)

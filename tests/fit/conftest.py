@@ -85,7 +85,9 @@ def robot_logs() -> Callable[..., Dataset]:
             levels[0] = 0.0
             rows = np.rint(levels)[np.minimum((time / 0.4 + 1e-9).astype(int), 7)]
             run = Run(f"run_{i}.csv", f"run_{i}", SPLITS[i % 5], time, BodyCommand(*rows.T), {})
-            true = drive(model, commands_of(run), seconds, plant=plant).channels_at(time)
+            true = drive(
+                model, commands_of(run, model.wheel.command_period_s), seconds, plant=plant
+            ).channels_at(time)
             channels = {
                 name: values + noise_rpm * rng.standard_normal(values.size)
                 for name, values in true.items()

@@ -7,8 +7,12 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.model import paper_model
 from sysid.fit.command_path import infer_command_path
+from sysid.fit.wheel_data import wheel_run
 from sysid.logs import BenchCommand, Dataset
+
+LAW = paper_model().wheel.law
 
 
 def test_the_robots_own_path_is_the_default(bench: Callable[..., Dataset]) -> None:
@@ -17,6 +21,34 @@ def test_the_robots_own_path_is_the_default(bench: Callable[..., Dataset]) -> No
     assert path.sample_period_s == pytest.approx(1 / 120)
     assert path.latched
     assert not path.notes
+
+
+@pytest.mark.parametrize("rate_hz", [64.0, 100.0, 120.0])
+def test_uneven_stamps_leave_the_clock_and_the_law(bench: Callable[..., Dataset], rate_hz: float) -> None:
+    rng = np.random.default_rng(1)
+    data = bench(rate_hz=1200.0)
+    runs = []
+    for run in data.runs:
+        # Rows of a fine log that come at uneven times: each shows the command and the speed of its moment.
+        wanted = np.arange(1.0, run.duration_s * rate_hz) + rng.uniform(
+            -0.3, 0.3, int(run.duration_s * rate_hz - 1e-9)
+        )
+        rows = np.concatenate([[0], np.unique(np.rint(1200.0 / rate_hz * wanted).astype(int))])
+        rows = rows[rows < run.time_s.size]
+        command = BenchCommand(run.command.wheels_rpm[rows, 0])
+        channels = {"speed_rpm": run.channels["speed_rpm"][rows]}
+        runs.append(replace(run, time_s=run.time_s[rows], command=command, channels=channels))
+    uneven = replace(data, runs=tuple(runs))
+    path = infer_command_path(uneven)
+    assert path.latched
+    assert path.command_period_s == 0.1
+    for run in uneven.runs:
+        got = wheel_run(run, "wheel", path, 0.3)
+        assert got is not None
+        residual = got.speed_rpm - np.interp(
+            got.sample_tick, np.arange(len(got.command_rpm) + 1), LAW.simulate(got.command_rpm)
+        )
+        assert np.std(residual) < 0.4
 
 
 def test_fractional_commands_are_not_rounded(bench: Callable[..., Dataset]) -> None:

@@ -26,6 +26,9 @@ LEAD_S: Final = 1.5
 """A robot that a log finds moving is taken to have had its first command for this long."""
 FIRST_S: Final = 0.05
 """What the channels show in the first so many seconds (at least three samples) is the start."""
+_CLEAR: Final = 4.0
+"""Standard deviations of the first samples' mean from which a start in motion is told from noise."""
+_TOO_FEW: Final = 20
 POSE: Final = ("x_m", "y_m", "yaw_rad")
 
 
@@ -46,7 +49,11 @@ class Start:
 def start_of(run: Run) -> Start:
     """Return how a run begins: at rest unless its first samples clearly say otherwise."""
     first = {name: _first_mean(run, name) for name in run.channels}
-    moving = any(abs(first.get(name, 0.0)) > rest for name, rest in REST.items())
+    moving = any(
+        abs(first[name]) > max(rest, _CLEAR * _noise(run, name))
+        for name, rest in REST.items()
+        if name in first
+    )
     if run.level == "bench":
         return Start(initial_rpm=first.get("speed_rpm", 0.0) if moving else 0.0)
     # A sensor may be biased; what drives a robot is its command.
@@ -198,9 +205,20 @@ def commands_of(run: Run, command_period_s: float, lead_s: float = 0.0) -> Comma
 
 
 def _first_mean(run: Run, name: str) -> float:
+    few = _first(run, name)
+    return float(np.mean(few)) if few.size else 0.0
+
+
+def _first(run: Run, name: str) -> FloatArray:
     finite = run.finite(name)
     time, values = run.time_s[finite], run.channels[name][finite]
-    if values.size == 0:
+    return values[: max(3, int(np.sum(time <= FIRST_S)))]
+
+
+def _noise(run: Run, name: str) -> float:
+    """Return the standard deviation of the first samples' mean, by second differences of the channel."""
+    values = run.channels[name][run.finite(name)]
+    if values.size < _TOO_FEW:
         return 0.0
-    few = values[: max(3, int(np.sum(time <= FIRST_S)))]
-    return float(np.mean(few))
+    # A median, which what moves does not reach: that of |normal| is 0.6745; 1 + 4 + 1 is the variance.
+    return float(np.median(np.abs(np.diff(values, 2)))) / (0.6745 * math.sqrt(6.0 * _first(run, name).size))

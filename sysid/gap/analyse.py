@@ -40,6 +40,8 @@ from sysid.model_error import ModelError, estimate_model_error, model_error_of
 
 SECONDS: Final = {"bench": 240.0, "robot": 60.0}
 """Of log that is simulated again and again in the search."""
+UNLIKE: Final = 2.0
+"""Repeats on the bench that differ so many times as much as neighbouring samples are worth a look."""
 RESTLESS: Final = 5.0
 """Repeats on the bench that differ so many times as much as neighbouring samples are none."""
 EFFORT: Final = {"bench": Effort(15, 16, 8, 20, 5), "robot": Effort(8, 8, 4, 4, 3)}
@@ -145,10 +147,14 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
     trusted = not same and (noise.from_repeats or error is not None)
     if not same and not trusted:
         notes.append("no repeats, and the model states no error of its own: what is left may be noise or not")
-    freedom = sum(block.freedom for block in observations.blocks)
     # A robot's wheels slip a little otherwise in each repeat; a wheel on the bench has no such excuse.
     restless = noise.restless(RESTLESS) if dataset.level == "bench" else ()
-    floor = Floor(float(freedom) if noise.from_repeats else noise.scatter_freedom, trusted, not restless)
+    if dataset.level == "bench" and noise.restless(UNLIKE):
+        notes.append(
+            f"repeats of one command differ more than {UNLIKE:g} times as much as neighbouring samples: "
+            "something that is not in the commands changes from run to run; look at the repeats"
+        )
+    floor = Floor(noise.freedom, trusted, not restless)
     return _Study(observations, noise, error, floor, tuple(notes))
 
 

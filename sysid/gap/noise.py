@@ -25,6 +25,8 @@ _EFFICIENCY: Final = 0.37 / 1.94
 """Degrees of freedom of a variance by the median of squared second differences, per difference: the median of
 a squared normal tells 0.37 as much as its mean, and neighbouring differences share samples (correlations -2/3
 and 1/6, whose squares make 1.94 of them tell as much as one)."""
+_BLURRED: Final = 0.5
+"""Noise over a sensor's step from which rounding differs from sample to sample and from repeat to repeat."""
 
 Source = Literal["repeats", "scatter"]
 
@@ -54,8 +56,11 @@ class Noise:
     scatter: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation by neighbouring samples of held commands alone."""
 
-    scatter_freedom: float = math.inf
-    """Degrees of freedom with which `scatter` is known, all channels together."""
+    freedom: float = math.inf
+    """Degrees of freedom with which `sigma` is known, all channels together."""
+
+    shared: Mapping[str, float] = field(default_factory=dict)
+    """Channel -> standard deviation of rounding that all repeats share; none where noise blurs the steps."""
 
     def restless(self, factor: float) -> tuple[str, ...]:
         """Return the channels whose repeats differ `factor` times as much as neighbouring samples."""
@@ -78,24 +83,46 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     source: dict[str, Source] = {}
     lasting: dict[str, Lasting] = {}
     scatter: dict[str, float] = {}
-    differences = 0
+    shared: dict[str, float] = {}
+    from_repeats, differences = 0, 0
     repeats = noise_from_repeats(dataset.runs) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
         by_neighbours, count = _scatter(observations, blocks)
-        scatter[name], differences = max(by_neighbours, _LEAST), differences + count
+        # A speed in counts stands still where the motion is smooth; that is no silence.
+        step = _resolution(observations, blocks)
+        least = max(_LEAST, step / math.sqrt(12.0))
+        scatter[name], differences = max(by_neighbours, least), differences + count
         freedom = sum(block.freedom for block in blocks)
         if freedom >= _LEAST_SAMPLES:
             sigma[name], source[name] = math.sqrt(sum(block.spread for block in blocks) / freedom), "repeats"
+            from_repeats += freedom
         elif name in repeats and name not in POSE and repeats[name].degrees_of_freedom >= _LEAST_SAMPLES:
+            # Stamps differ from repeat to repeat.
             sigma[name], source[name] = repeats[name].std, "repeats"
+            from_repeats += repeats[name].degrees_of_freedom
         else:
             sigma[name], source[name] = scatter[name], "scatter"
-        sigma[name] = max(sigma[name], _LEAST)
+        if sigma[name] < _BLURRED * step:
+            shared[name] = step / math.sqrt(12.0)
+        sigma[name] = max(sigma[name], least)
         found = _lasting(blocks)
         if found is not None:
             lasting[name] = found
-    return Noise(sigma, source, lasting, scatter, max(1.0, _EFFICIENCY * differences))
+    known = from_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
+    return Noise(sigma, source, lasting, scatter, max(1.0, known), shared)
+
+
+def _resolution(observations: Observations, blocks: list[Block]) -> float:
+    """Return the smallest step between a channel's values, in its unit; 0 for a way, which is computed."""
+    if blocks[0].channel in POSE:
+        return 0.0
+    runs = [run for block in blocks for run in observations.situations[block.situation].runs]
+    values = np.concatenate(
+        [run.channels[blocks[0].channel] for run in runs if blocks[0].channel in run.channels]
+    )
+    apart = np.diff(np.unique(values[np.isfinite(values)]))
+    return float(np.min(apart[apart > _LEAST], initial=math.inf)) if np.any(apart > _LEAST) else 0.0
 
 
 def _lasting(blocks: list[Block]) -> Lasting | None:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import json
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
+from collections.abc import Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from threading import Lock
 from typing import Final
 
 import mujoco
+import numpy as np
 
 from mecanum_env.effects.apply import without_sensors
 from mecanum_env.model import Model
@@ -18,7 +19,7 @@ from mecanum_env.model.codec import model_to_dict
 from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
 from sysid.gap.empirical import correction_of
-from sysid.gap.observations import Observations
+from sysid.gap.observations import Observations, Situation
 from sysid.prediction import Motion, compile_for, in_run_frame, motion_of, shown
 
 REMEMBERED: Final = 8
@@ -95,12 +96,25 @@ class Simulator:
         how = situations[0].runs[0].level, self.timestep_s, self.plant
         # Only a floor that slopes makes the compiled model depend on where a run starts.
         common = None if "floor_slope" in model.effects else compile_for(model, *how)
-        motions = []
-        for situation in situations:
-            local = in_run_frame(model, situation.start)
+        alike: dict[Hashable, list[int]] = {}
+        for index, situation in enumerate(situations):
+            alike.setdefault(_moves(situation, model.wheel.command_period_s), []).append(index)
+        motions: dict[int, Motion] = {}
+        for members in alike.values():
+            longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
+            local = in_run_frame(model, longest.start)
             compiled = common or compile_for(local, *how)
-            motions.append(motion_of(local, situation.runs[0], situation.start, compiled))
-        return motions
+            motions |= dict.fromkeys(members, motion_of(local, longest.runs[0], longest.start, compiled))
+        return [motions[index] for index in range(len(situations))]
+
+
+def _moves(situation: Situation, command_period_s: float) -> Hashable:
+    """Return what a motion depends on: repeats move alike, whatever the stamps of their samples."""
+    run = situation.runs[0]
+    rows = np.concatenate([[0], np.flatnonzero(np.any(np.diff(run.command.wheels_rpm, axis=0), axis=1)) + 1])
+    since = run.held_since(command_period_s)[rows]
+    commands = [values[rows].tobytes() for values in run.command.columns().values()]
+    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start)
 
 
 def model_key(model: Model) -> str:

@@ -5,9 +5,10 @@ The covariance of a block's residual is that of the noise plus that of the model
     C(i, j) = delta(i, j) sigma^2 / weight(i) + SHARE^2 e(i) e(j) exp(-|t(i) - t(j)| / T),
 
 with e(t) and T as `sysid.model_error` has them. Where repeats differ for longer than a sample, that share of
-sigma^2 falls with a time of its own instead. With C = L L', the residual L^-1 (measured - predicted) of a
-right model is white with unit variance. The part of the model's error that is the same after every change of
-command is not in C: it is a column of `sysid.gap.nuisance`.
+sigma^2 falls with a time of its own instead; where a sensor's steps are coarse beside its noise, the rounding
+that all repeats share is added twice, once independent and once for as long as a speed lasts. With C = L L',
+the residual L^-1 (measured - predicted) of a right model is white with unit variance. The part of the model's
+error that is the same after every change of command is not in C: it is a column of `sysid.gap.nuisance`.
 """
 
 from __future__ import annotations
@@ -27,6 +28,8 @@ from sysid.prediction import POSE
 
 SHARE: Final = 0.5
 """Part of the model's error that differs from one change of command to the next."""
+ROUNDED_S: Final = 0.3
+"""How long a speed is rounded to the same side, about."""
 _LEAST_WHITE: Final = 1e-3  # of lasting noise, so that the covariance can be factored
 VELOCITY_OF: Final = {"x_m": "vx_m_s", "y_m": "vy_m_s", "yaw_rad": "yaw_rate_rad_s"}
 """A pose's error is that of the velocity that made it."""
@@ -77,7 +80,8 @@ class Whitener:
         lasting = self.noise.lasting.get(block.channel)
         error = error_of(self.error, block.channel)
         exact = error is None or (error.settled == 0.0 and error.transient == 0.0)
-        if exact and lasting is None:
+        shared = self.noise.shared.get(block.channel, 0.0)
+        if exact and lasting is None and not shared:
             return np.sqrt(variance)
         apart = np.abs(block.time_s[:, None] - block.time_s[None, :])
         covariance = np.zeros(apart.shape)
@@ -85,6 +89,9 @@ class Whitener:
             common = lasting.share * self.noise.sigma[block.channel] ** 2 / block.repeats
             covariance += common * np.exp(-apart / lasting.time_s)
             variance = (1.0 - lasting.share) * variance + _LEAST_WHITE * common
+        if shared:
+            variance = variance + shared**2
+            covariance += shared**2 * np.exp(-apart / ROUNDED_S)
         if error is not None and not exact:
             size = SHARE * error_size(error, self.observations, block)
             covariance += np.outer(size, size) * np.exp(-apart / error.correlation_s)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
 from sysid.logs.records import Run
-from sysid.logs.splits import first_change_s
 
 BRIDGED_INTERVALS = 3.0
 """Across a longer gap than this many median intervals nothing is interpolated."""
@@ -35,8 +35,9 @@ class ChannelNoise:
 def noise_from_repeats(runs: Sequence[Run]) -> dict[str, ChannelNoise] | None:
     """Return the noise of each channel, pooled over the groups that have repeats; None where none has.
 
-    Repeats are compared at equal times after their first change of command. Where stamps differ, values are
-    interpolated; a mean of two neighbours with weights 1-f and f has (1-f)^2 + f^2 of the variance, which
+    Repeats are compared at equal times after their first change of command, counted from when the robot's
+    clock says that it had it, since uneven stamps show it late by up to a row. Where stamps differ, values
+    are interpolated; a mean of two neighbours with weights 1-f and f has (1-f)^2 + f^2 of the variance, which
     is accounted for, so the estimate is unbiased for noise that is independent from sample to sample. What
     the runs do differently (a latch at another phase, a warmer motor) counts as noise: no model can know it.
     """
@@ -58,7 +59,7 @@ def noise_from_repeats(runs: Sequence[Run]) -> dict[str, ChannelNoise] | None:
 
 def _spread(runs: Sequence[Run], name: str) -> tuple[float, float, int]:
     """Return the sum of squares about the repeats' mean, what it is per unit variance, and its freedom."""
-    times = runs[0].time_s - first_change_s(runs[0])
+    times = runs[0].time_s - _begins_s(runs[0])
     parts = [_at(run, name, times) for run in runs]
     values, variances = (np.array([part[i] for part in parts]) for i in range(2))
     there = np.isfinite(values)
@@ -73,13 +74,21 @@ def _spread(runs: Sequence[Run], name: str) -> tuple[float, float, int]:
     return squares, weight, int((count - 1).sum())
 
 
+def _begins_s(run: Run) -> float:
+    """Return from when the robot had the first new command [s]; 0 where there is none."""
+    times, _ = run.command_changes()
+    if len(times) < 2:
+        return 0.0
+    return float(run.held_since(Wheel.command_period_s)[np.searchsorted(run.time_s, times[1])])
+
+
 def _at(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return a channel at times after the first change, and the variance of each value per unit noise.
 
     NaN where the run has no sample near.
     """
     there = run.finite(name)
-    t, x = run.time_s[there] - first_change_s(run), run.channel(name)[there]
+    t, x = run.time_s[there] - _begins_s(run), run.channel(name)[there]
     nothing = np.full(times.shape, np.nan)
     if t.size < 2:
         return nothing, nothing

@@ -44,12 +44,6 @@ def command_sequence(run: Run) -> CommandSequence:
     return CommandSequence(after, wheels, max(TIME_TOLERANCE_S, 2.0 * run.median_interval_s))
 
 
-def first_change_s(run: Run) -> float:
-    """Return the time [s] of the first change of command; 0 where there is none."""
-    times, _ = run.command_changes()
-    return float(times[1]) if len(times) > 1 else 0.0
-
-
 def are_repeats(one: CommandSequence, other: CommandSequence) -> bool:
     """Return whether two runs were given the same commands at the same times."""
     if one.wheels_rpm.shape != other.wheels_rpm.shape:

@@ -30,9 +30,19 @@ def commands(rng: np.random.Generator, count: int = 5) -> list[FloatArray]:
 
 @pytest.fixture(scope="session")
 def bench_logs() -> MakeLogs:
-    """Return a maker of bench logs: what the model does, with noise, three repeats, from a seed."""
+    """Return a maker of bench logs: what the model does, with noise, three repeats, from a seed.
 
-    def make(model: Model, seed: int = 0, repeats: int = 3, noise_rpm: float = NOISE_RPM) -> Dataset:
+    On request stamps are uneven (each sample late by up to `late_s`) and speeds in whole steps (`step_rpm`).
+    """
+
+    def make(
+        model: Model,
+        seed: int = 0,
+        repeats: int = 3,
+        noise_rpm: float = NOISE_RPM,
+        late_s: float = 0.0,
+        step_rpm: float = 0.0,
+    ) -> Dataset:
         rng = np.random.default_rng(seed)
         runs = []
         for i, (levels, split) in enumerate(zip(commands(rng), SPLITS, strict=True)):
@@ -40,10 +50,16 @@ def bench_logs() -> MakeLogs:
             command = np.append(np.repeat(levels, 10), levels[-1])
             speed = replay_bench(model, time, command)
             for k in range(repeats):
+                stamps = time
+                if late_s:
+                    stamps = time + np.append(0.0, rng.uniform(0.0, late_s, time.size - 1))
+                    speed = replay_bench(model, time, command, sample_times_s=stamps)
                 measured = speed + noise_rpm * rng.standard_normal(time.size)
+                if step_rpm:
+                    measured = np.rint(measured / step_rpm) * step_rpm
                 channels = {"speed_rpm": measured}
                 name = f"run{i}_{k}.csv"
-                runs.append(Run(name, f"run{i}", split, time, BenchCommand(command), channels))
+                runs.append(Run(name, f"run{i}", split, stamps, BenchCommand(command), channels))
         return Dataset("test bench", tuple(runs), (), f"seed {seed}")
 
     return make

@@ -108,8 +108,25 @@ def build(
         weights=reward_weights,
         action_mode=action_mode,
     )
+    sampler = sampler_for(randomize, model)
     compiled = compile_model(model, plant, timestep_s)
-    return Built(Arena(setting, compiled, n, threads), sampler_for(randomize, model), plant, timestep_s)
+    if sampler is not None:
+        compiled = _typical(sampler, plant, timestep_s)
+    return Built(Arena(setting, compiled, n, threads), sampler, plant, timestep_s)
+
+
+def _typical(sampler: Sampler, plant: Plant, timestep_s: float | None) -> Compiled:
+    """Return a drawn robot: one whose effects have left neutral may have more parts than the model's own.
+
+    Raises:
+        InputError: robots that are drawn cannot be simulated.
+    """
+    try:
+        for edge in sampler.edges():
+            compile_model(edge, plant, timestep_s)
+    except InputError as error:
+        raise InputError(f"randomize: {error}") from error
+    return compile_model(sampler.draw(np.random.default_rng(0)), plant, timestep_s)
 
 
 def row_info(info: Mapping[str, np.ndarray[Any, Any]], row: int) -> dict[str, Any]:

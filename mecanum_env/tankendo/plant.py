@@ -97,11 +97,15 @@ class Robots:
         """
         new = self._common if compiled is None else compiled
         if new is not self._of[row]:
-            self._of[row] = new
+            of = [*self._of[:row], new, *self._of[row + 1 :]]
             try:
-                self._batch.set_models([one.mj_model for one in self._of])
-            except ValueError as error:
-                raise InputError(f"robots side by side must have the same effects: {error}") from error
+                self._batch.set_models([one.mj_model for one in of])
+            except (ValueError, mujoco.FatalError) as error:
+                raise InputError(
+                    f"robot {row} is built otherwise than the common one; give all robots the same effects, "
+                    f"none of them neutral: {error}"
+                ) from error
+            self._of = of
         self._batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._batch.state[row] = new.rest
         self._place(row, place)

@@ -60,6 +60,17 @@ class Sampler:
             model = _with_number(model, name, low + (high - low) * rng.random())
         return model
 
+    def edges(self) -> tuple[Model, Model]:
+        """Return the models with every range at its lower end, and at its upper end; nothing else is drawn.
+
+        Raises:
+            InputError: a number that a model cannot have.
+        """
+        lowest = highest = self.model
+        for name, (low, high) in self.ranges.items():
+            lowest, highest = _with_number(lowest, name, low), _with_number(highest, name, high)
+        return lowest, highest
+
     def _draw_laws(self, spread: FloatArray, rng: np.random.Generator) -> Model:
         model = self.model
         for _ in range(_TRIES):
@@ -128,6 +139,11 @@ def _range(name: str, ends: Any) -> Range:
         raise InputError(f"randomize: {name} = {ends!r}, must be two numbers: low, high") from error
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
         raise InputError(f"randomize: {name} = {ends!r}, must be two finite numbers, the lower one first")
+    section, *rest = name.split(".")
+    if section == "effects":
+        least, most = next(one for one in CATALOGUE[rest[0]].parameters if one.name == rest[1]).valid
+        if low < least or high > most:
+            raise InputError(f"randomize: {name} = {ends!r}, must lie within {least:g} .. {most:g}")
     return low, high
 
 
@@ -150,6 +166,4 @@ def _with_number(model: Model, name: str, value: float) -> Model:
     if section == "wheel":
         return replace(model, wheel=replace(model.wheel, **{rest[0]: value}))  # type: ignore[arg-type]
     effect, parameter = rest
-    known = next(one for one in CATALOGUE[effect].parameters if one.name == parameter)
-    value = min(max(value, known.valid[0]), known.valid[1])
     return model.with_effect(effect, **{**model.effects.get(effect, {}), parameter: value})

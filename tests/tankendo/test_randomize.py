@@ -7,7 +7,9 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.tankendo.plant import Robots, compile_model
 from mecanum_env.tankendo.randomize import sampler_for
+from mecanum_env.tankendo.vector import TankendoVectorEnv
 
 
 def known(paper, spread=0.01, **more):
@@ -96,9 +98,56 @@ def test_a_drawn_robot_moves_otherwise(make):
     assert ends[0] == pytest.approx(0.5 * ends[1], rel=0.1)
 
 
+@pytest.mark.parametrize("plant", ["planar", "rollers"])
+@pytest.mark.parametrize(
+    "ranges",
+    [
+        {"effects.payload.mass_kg": (0, 10)},
+        {"effects.com_offset.x_m": (-0.1, 0.1), "effects.com_offset.y_m": (-0.1, 0.1)},
+        {"effects.com_offset.y_m": (0, 0)},
+    ],
+)
+def test_effects_that_change_how_a_robot_is_built_can_be_drawn(make, plant, ranges):
+    vector, single = TankendoVectorEnv(2, plant=plant, randomize=ranges), make(plant=plant, randomize=ranges)
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (5, 2, 3)).astype(np.float32)
+    vector.reset(seed=0)
+    single.reset(seed=1)
+    for action in actions:
+        np.testing.assert_array_equal(vector.step(action)[0][1], single.step(action[1])[0])
+
+
+def test_robots_that_do_not_go_together_are_refused_and_the_others_kept(paper):
+    """A payload is a body more, which one without does not have."""
+    common, loaded = (
+        compile_model(one, "planar") for one in (paper, paper.with_effect("payload", mass_kg=3))
+    )
+    robots = Robots(common, 2)
+    with pytest.raises(InputError, match="built otherwise"):
+        robots.restart(1, (0, 0, 0), loaded)
+    assert robots.model_of(1) is paper
+    robots.restart(1, (0, 0, 0))
+    robots.step(np.zeros((2, 3)))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"randomize": {"robot.mass_kg": (-5, 20)}}, "randomize: robot.mass_kg = -5.0, must be"),
+        ({"randomize": {"wheel.saturation_rpm": (0, 20)}}, "randomize: wheel.saturation_rpm = 0.0"),
+        ({"randomize": {"effects.battery_sag.per_volt": (0, 1)}}, "per_volt: not simulated yet"),
+        ({"randomize": {"effects.roller_friction.torque_n_m": (0, 0.1)}}, "planar plant cannot"),
+    ],
+)
+def test_what_the_ends_of_a_range_cannot_be_is_said_at_once(make, arguments, message):
+    with pytest.raises(InputError, match=message):
+        make(**arguments)
+
+
 @pytest.mark.parametrize(
     ("ranges", "message"),
     [
+        ({"effects.command_latency.delay_s": (-1, -0.1)}, "must lie within 0 .. inf"),
+        ({"effects.floor_slope.slope_deg": (0, 60)}, "must lie within 0 .. 45"),
         ({"robot.mas_kg": (1, 2)}, 'did you mean "robot.mass_kg"'),
         ({"effects.speed_gain.gian": (1, 2)}, "did you mean"),
         ({"robot.mass_kg": 20}, "must be two numbers"),

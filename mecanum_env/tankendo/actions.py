@@ -36,6 +36,25 @@ def check_mode(mode: str) -> None:
         )
 
 
+def checked_action(action: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
+    """Return an action, or those of many robots, as an array of that shape.
+
+    Raises:
+        InputError: another shape, or a value that is not a finite number.
+    """
+    try:
+        array = np.asarray(action, float)
+    except (TypeError, ValueError) as error:
+        raise InputError(f"action must be numbers, an array of shape {shape}: {error}") from error
+    if array.shape != shape:
+        raise InputError(f"action has shape {array.shape}, must be {shape}")
+    if not np.isfinite(array).all():
+        at = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+        index = ", ".join(map(str, at))
+        raise InputError(f"action[{index}] = {array[at]}, must be a finite number, -1 .. 1")
+    return array
+
+
 def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: float = 1.0) -> FloatArray:
     """Return commands (V rpm, theta deg, VC rpm), shape (..., 3), of actions, shape (..., 3).
 

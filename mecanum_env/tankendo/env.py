@@ -12,7 +12,7 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError
 from mecanum_env.rendering.caption import Frame
 from mecanum_env.simulator import Plant
-from mecanum_env.tankendo.actions import ActionMode
+from mecanum_env.tankendo.actions import ActionMode, checked_action
 from mecanum_env.tankendo.arena import TaskName
 from mecanum_env.tankendo.build import ModelLike, build, row_info
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
@@ -211,8 +211,11 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
         Args:
             action: shape (3,), see the class.
+
+        Raises:
+            InputError: an action of another shape, or not finite; nothing has moved.
         """
-        step = self.arena.step(np.asarray(action)[None])
+        step = self.arena.step(checked_action(action, (3,))[None])
         if self.render_mode == "human":
             self.render()
         return (

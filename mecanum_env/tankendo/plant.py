@@ -128,7 +128,7 @@ class Robots:
             self._ctrl[:] = wheels
             self._batch.step(nstep=self._substeps)
         if self._batch.warning.any():
-            row = int(np.argmax(self._batch.warning.any(axis=1)))
+            row = int(np.argmax(self._batch.warning.any(axis=(1, 2))))
             raise SimulationDivergedError(
                 f"robot {row} diverged; use a shorter timestep or a less stiff servo"
             )

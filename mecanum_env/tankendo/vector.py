@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from mecanum_env.errors import InputError
 from mecanum_env.simulator import Plant
-from mecanum_env.tankendo.actions import ActionMode
+from mecanum_env.tankendo.actions import ActionMode, checked_action
 from mecanum_env.tankendo.arena import TaskName
 from mecanum_env.tankendo.build import ModelLike, build, row_info
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
@@ -110,8 +110,11 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
 
         Args:
             actions: shape (num_envs, 3), see `TankendoEnv`.
+
+        Raises:
+            InputError: actions of another shape, or not finite; nothing has moved.
         """
-        step = self.arena.step(np.asarray(actions))
+        step = self.arena.step(checked_action(actions, (self.num_envs, 3)))
         info = _with_masks(step.info)
         observation = step.observation
         done = step.terminated | step.truncated

@@ -145,3 +145,24 @@ def test_the_delay_of_the_observation(make):
     shown = [(prompt.step(action)[0], late.step(action)[0]) for _ in range(8)]
     for (before, _), (_, after) in pairwise(shown):
         np.testing.assert_allclose(np.delete(after, [13, 14, 15]), np.delete(before, [13, 14, 15]), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("action", "message"),
+    [
+        ([0.1, np.nan, 0.0], r"action\[1\] = nan, must be a finite number"),
+        ([np.inf, 0.0, 0.0], r"action\[0\] = inf, must be a finite number"),
+        ([0.0] * 4, r"action has shape \(4,\), must be \(3,\)"),
+        ([[0.0] * 3], r"action has shape \(1, 3\), must be \(3,\)"),
+        (0.0, r"action has shape \(\), must be \(3,\)"),
+        (["a", "b", "c"], "action must be numbers"),
+    ],
+)
+def test_an_action_that_is_none_is_refused_and_nothing_lost(make, action, message):
+    env, undisturbed = make(), make()
+    for each in (env, undisturbed):
+        each.reset(seed=0)
+    with pytest.raises(InputError, match=message):
+        env.step(action)
+    sound = np.array([0.3, 0.1, 0.1], np.float32)
+    np.testing.assert_array_equal(env.step(sound)[0], undisturbed.step(sound)[0])

@@ -126,3 +126,18 @@ def test_with_slow_sensors_too(paper):
     """Episodes that end beside it are no further samples for a filter."""
     actions = np.random.default_rng(0).uniform(-0.15, 0.15, (60, 5, 3)).astype(np.float32)
     assert together(5, 60, actions, model=paper.with_effect("sensor_lowpass", time_constant_s=0.1)) >= 3
+
+
+@pytest.mark.parametrize(
+    ("actions", "message"),
+    [
+        (np.diag([0.0, 0.0, np.nan]), r"action\[2, 2\] = nan, must be a finite number"),
+        (np.zeros((2, 3)), r"action has shape \(2, 3\), must be \(3, 3\)"),
+        (np.zeros(3), r"action has shape \(3,\), must be \(3, 3\)"),
+    ],
+)
+def test_actions_that_are_none_are_refused(actions, message):
+    env = TankendoVectorEnv(3)
+    env.reset(seed=0)
+    with pytest.raises(InputError, match=message):
+        env.step(actions)

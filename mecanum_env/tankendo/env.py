@@ -188,6 +188,10 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self._painter: Painter | None = None
         self._window: Window | None = None
 
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle holds: all but pictures, which it opens anew when it draws."""
+        return {**vars(self), "_painter": None, "_window": None}
+
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Observation, dict[str, Any]]:

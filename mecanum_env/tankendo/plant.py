@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 import numpy as np
@@ -23,6 +23,7 @@ from mecanum_env.units import FloatArray
 DEFAULT_TIMESTEP_S: Final[dict[Plant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
 """Upper bound of the physics step [s]. The planar plant takes one step a tick of the paper's law."""
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_OF_BATCH: Final = ("_batch", "_qpos", "_qvel", "_ctrl")
 
 
 @dataclass(frozen=True)
@@ -69,15 +70,31 @@ class Robots:
     """
 
     def __init__(self, common: Compiled, n: int, threads: int = 1) -> None:
-        self.n, self._common = n, common
+        self.n, self._common, self._threads = n, common, threads
         self._of = [common] * n
-        self._batch = Batch(common.mj_model, n, threads)
-        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
-        self._ctrl = self._batch.bind("ctrl")
+        self._open_batch()
         self._timestep_s = float(common.mj_model.opt.timestep)
         self._substeps = round(common.model.wheel.command_period_s / self._timestep_s)
         self._limits: list[BodyLimits | None] = [None] * n
         self._is_free = common.mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE
+
+    def _open_batch(self) -> None:
+        self._batch = Batch(self._common.mj_model, self.n, self._threads)
+        self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
+        self._ctrl = self._batch.bind("ctrl")
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle holds: MuJoCo's batch is neither, so its rows stand for it."""
+        kept = {name: value for name, value in vars(self).items() if name not in _OF_BATCH}
+        return {**kept, "rows": self._batch.state.copy()}
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        """Open a batch of its own, with the rows that `kept` holds."""
+        rows = kept.pop("rows")
+        vars(self).update(kept)
+        self._open_batch()
+        self._batch.set_models([one.mj_model for one in self._of])
+        self._batch.state[:] = rows
 
     @property
     def substeps(self) -> int:

@@ -92,6 +92,8 @@ class Arena:
         """The last commands: V [rpm], theta [deg], VC [rpm]."""
         self.senses = Senses(setting.sensors, self.step_s, self.judge.extra_observations)
         self._all = np.arange(n)
+        self.begun = np.zeros(n, bool)
+        """Whether an episode has ever begun in each row."""
         self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
         """Whether the last step brought a hit, a success, the end."""
 
@@ -113,6 +115,7 @@ class Arena:
         self.fighter.restart(row)
         self.judge.restart(row)
         self.senses.restart(row, self.robots.model_of(row))
+        self.begun[row] = True
         self.step_count[row] = 0
         self._held[:, row] = 0.0
         self.commands[row] = 0.0

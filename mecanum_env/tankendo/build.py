@@ -14,10 +14,11 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode
-from mecanum_env.tankendo.arena import Arena, Setting, TaskName
+from mecanum_env.tankendo.arena import Arena, Setting, Step, TaskName
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors, opponent_for
 from mecanum_env.tankendo.plant import Compiled, compile_model
 from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
+from mecanum_env.units import FloatArray
 
 ModelLike = Model | str | os.PathLike[str]
 
@@ -35,6 +36,16 @@ class Built:
     def restart(self, row: int, rng: np.random.Generator) -> None:
         """Begin an episode in one row, with chance from rng."""
         self.arena.restart(row, rng, self._robot(rng))
+
+    def step(self, actions: FloatArray) -> Step:
+        """Play one command period in all rows with actions (n, 3).
+
+        Raises:
+            gymnasium.error.ResetNeeded: a row in which no episode has begun.
+        """
+        if not self.arena.begun.all():
+            raise gymnasium.error.ResetNeeded("step() before an episode has begun; call reset() first")
+        return self.arena.step(actions)
 
     def _robot(self, rng: np.random.Generator) -> Compiled | None:
         if self.sampler is None:

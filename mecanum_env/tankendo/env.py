@@ -218,8 +218,9 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
         Raises:
             InputError: an action of another shape, or not finite; nothing has moved.
+            gymnasium.error.ResetNeeded: no episode has begun.
         """
-        step = self.arena.step(checked_action(action, (3,))[None])
+        step = self._built.step(checked_action(action, (3,))[None])
         if self.render_mode == "human":
             self.render()
         return (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -32,6 +33,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
 
     Args:
         num_envs: how many.
+        render_mode: None; many together are not drawn.
         threads: that step the physics; 0: as many as there are processors.
 
     All others: as for `TankendoEnv`.
@@ -52,10 +54,16 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         rules: Rules | None = None,
         sensors: Sensors | None = None,
         timestep_s: float | None = None,
+        render_mode: str | None = None,
         threads: int = 1,
     ) -> None:
         if num_envs < 1:
             raise InputError(f"num_envs = {num_envs}, must be at least 1")
+        if render_mode is not None:
+            raise InputError(
+                f"render_mode = {render_mode!r}: robots in one batch are not drawn; use gymnasium.make, or "
+                'make_vec with vectorization_mode="sync"'
+            )
         self._built = build(
             num_envs,
             task=task,
@@ -82,28 +90,47 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+        self,
+        *,
+        seed: int | Sequence[int | None] | Array | None = None,
+        options: dict[str, Any] | None = None,
     ) -> tuple[Array, dict[str, Any]]:
         """Begin an episode in every environment; return the first observations and info.
 
         Args:
             seed: s: environment i gets s + i; a sequence: each its own; None goes on with the generators.
             options: `{"reset_mask": array of bool}` begins only some anew.
+
+        Raises:
+            InputError: seeds or a mask that do not fit; nothing has begun.
         """
-        seeds: Sequence[int | None]
-        if seed is None or isinstance(seed, int | np.integer):
-            seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
-        else:
-            seeds = seed
-        if len(seeds) != self.num_envs:
-            raise InputError(f"seed: {len(seeds)} seeds, must be {self.num_envs}, one for each environment")
-        mask = (options or {}).get("reset_mask", np.ones(self.num_envs, bool))
+        seeds = self._seeds(seed)
+        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
+        if mask.shape != (self.num_envs,) or mask.dtype != bool:
+            raise InputError(
+                f"reset_mask: {mask.dtype} of shape {mask.shape}, must be bool of shape ({self.num_envs},)"
+            )
         for row in np.flatnonzero(mask).tolist():
             own = seeds[row]
             if own is not None:
                 self._rngs[row], _ = gymnasium.utils.seeding.np_random(own)
             self._built.restart(row, self._rngs[row])
         return self.arena.observe(), _with_masks(self.arena.state_info())
+
+    def _seeds(self, seed: int | Sequence[int | None] | Array | None) -> list[int | None]:
+        if seed is None:
+            return [None] * self.num_envs
+        if isinstance(seed, int | np.integer):
+            return [int(seed) + i for i in range(self.num_envs)]
+        try:
+            seeds = [None if one is None else operator.index(one) for one in seed]
+        except TypeError as error:
+            raise InputError(
+                f"seed = {seed!r}, must be a whole number, or one for each environment"
+            ) from error
+        if len(seeds) != self.num_envs:
+            raise InputError(f"seed: {len(seeds)} seeds, must be {self.num_envs}, one for each environment")
+        return seeds
 
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Send a command to each robot; return observations, rewards, terminated, truncated, info.
@@ -113,8 +140,9 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
 
         Raises:
             InputError: actions of another shape, or not finite; nothing has moved.
+            gymnasium.error.ResetNeeded: no episode has begun.
         """
-        step = self.arena.step(checked_action(actions, (self.num_envs, 3)))
+        step = self._built.step(checked_action(actions, (self.num_envs, 3)))
         info = _with_masks(step.info)
         observation = step.observation
         done = step.terminated | step.truncated

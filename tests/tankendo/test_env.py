@@ -147,6 +147,11 @@ def test_the_delay_of_the_observation(make):
         np.testing.assert_allclose(np.delete(after, [13, 14, 15]), np.delete(before, [13, 14, 15]), atol=1e-5)
 
 
+def test_a_step_needs_an_episode(make):
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        make().step(np.zeros(3))
+
+
 @pytest.mark.parametrize(
     ("action", "message"),
     [

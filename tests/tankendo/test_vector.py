@@ -98,6 +98,53 @@ def test_the_wrong_number_of_seeds_is_refused():
         TankendoVectorEnv(0)
 
 
+def test_many_are_drawn_one_by_one_only():
+    with pytest.raises(InputError, match='vectorization_mode="sync"'):
+        gymnasium.make_vec("MecanumTankendo-v0", num_envs=2, render_mode="rgb_array")
+    arguments = {"num_envs": 2, "render_mode": "rgb_array"}
+    envs = gymnasium.make_vec("MecanumTankendo-v0", vectorization_mode="sync", **arguments)
+    envs.reset(seed=0)
+    assert [frame.shape for frame in envs.render()] == [(480, 640, 3)] * 2
+    envs.close()
+
+
+def test_seeds_may_be_an_array():
+    one, other = TankendoVectorEnv(3), TankendoVectorEnv(3)
+    np.testing.assert_array_equal(one.reset(seed=np.array([4, 5, 6]))[0], other.reset(seed=4)[0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"seed": [1.5, 2, 3]}, "must be a whole number, or one for each environment"),
+        ({"seed": "abc"}, "must be a whole number, or one for each environment"),
+        (
+            {"options": {"reset_mask": [True, False]}},
+            r"reset_mask: bool of shape \(2,\), must be bool of shape",
+        ),
+        ({"options": {"reset_mask": [0, 2, 1]}}, r"reset_mask: int64 of shape \(3,\), must be bool of shape"),
+    ],
+)
+def test_a_reset_that_is_none_is_refused_and_nothing_begins(arguments, message):
+    env, undisturbed = TankendoVectorEnv(3), TankendoVectorEnv(3)
+    for each in (env, undisturbed):
+        each.reset(seed=0)
+    with pytest.raises(InputError, match=message):
+        env.reset(**arguments)
+    np.testing.assert_array_equal(env.step(np.zeros((3, 3)))[0], undisturbed.step(np.zeros((3, 3)))[0])
+
+
+def test_every_episode_must_have_begun_before_a_step():
+    env = TankendoVectorEnv(3)
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(np.zeros((3, 3)))
+    env.reset(options={"reset_mask": np.array([False, True, True])})
+    with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
+        env.step(np.zeros((3, 3)))
+    env.reset(options={"reset_mask": np.array([True, False, False])})
+    env.step(np.zeros((3, 3)))
+
+
 def test_stable_baselines_steps_it():
     pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import VecMonitor

@@ -31,5 +31,6 @@ class BackendError(MecanumError, RuntimeError):
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """Return ``' (did you mean "x"?)'`` for the nearest known name, or ``''`` when none is near."""
-    near = difflib.get_close_matches(name, list(known), n=1, cutoff=0.6)
+    # An argument of the wrong type gets the caller's sentence too.
+    near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.6)
     return f' (did you mean "{near[0]}"?)' if near else ""

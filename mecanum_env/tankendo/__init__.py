@@ -1,6 +1,7 @@
 """Tankendo as Gymnasium environments: keep the distance, offer an opening, be gone when the strike lands.
 
     constants    every number of the sport, the opponent, the sensors and the rewards
+    checks       of the numbers that a user may put there
     actions      an action of the policy <-> the integers V, theta, VC that the robot takes
     chance       what is drawn at the start of an episode; all that follows is determined
     senses       how an observation is made: late, noisy, with the model's sensor effects

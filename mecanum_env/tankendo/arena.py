@@ -71,6 +71,9 @@ class Arena:
         compiled: the robot's model, ready to run.
         n: how many.
         threads: that step the physics.
+
+    Raises:
+        InputError: a time limit of less than one step.
     """
 
     def __init__(self, setting: Setting, compiled: Compiled, n: int, threads: int = 1) -> None:
@@ -80,6 +83,11 @@ class Arena:
         judge = _JUDGES[setting.task]
         self.time_limit_s = judge.time_limit_s(setting.rules)
         self._steps = round(self.time_limit_s / self.step_s)
+        if self._steps < 1:
+            raise InputError(
+                f"rules: {setting.task}_time_s = {self.time_limit_s:g}, must be at least one command period, "
+                f"{self.step_s:g} s"
+            )
         self.robots = Robots(compiled, n, threads)
         self.chance = Chance(n, self._steps, NOISY, setting.opponent, setting.rules)
         oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)

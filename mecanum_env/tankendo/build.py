@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from numbers import Real
 from typing import Any
 
 import gymnasium
@@ -15,6 +16,7 @@ from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode
 from mecanum_env.tankendo.arena import Arena, Setting, Step, TaskName
+from mecanum_env.tankendo.checks import require_number
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors, opponent_for
 from mecanum_env.tankendo.plant import Compiled, compile_model
 from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
@@ -100,30 +102,44 @@ def build(
     Raises:
         InputError: an argument that is not usable; the message says what would be.
     """
-    if model is None:
-        model = paper_model()
-    elif not isinstance(model, Model):
-        model = read_model(model)
+    given = (("opponent", opponent, Opponent), ("rules", rules, Rules), ("sensors", sensors, Sensors))
+    for name, value, kind in given:
+        if value is not None and not isinstance(value, kind):
+            raise InputError(f"{name} = {value!r}, must be a mecanum_env.tankendo.{kind.__name__}")
+    if timestep_s is not None:
+        require_number("timestep_s", timestep_s, 0.0, strict=True)
     sensors = Sensors() if sensors is None else sensors
-    if observation_delay is not None:
-        sensors = replace(sensors, delay_s=float(observation_delay))
-    if not 0.0 <= sensors.delay_s <= 1.0:
-        raise InputError(f"observation_delay = {sensors.delay_s}, must be seconds from 0 to 1")
+    delay_s: Any = sensors.delay_s if observation_delay is None else observation_delay
+    if not (isinstance(delay_s, Real) and 0.0 <= float(delay_s) <= 1.0):
+        raise InputError(f"observation_delay = {delay_s!r}, must be seconds from 0 to 1")
     if not isinstance(reward_weights, RewardWeights):
+        if not isinstance(reward_weights, Mapping | None):
+            raise InputError(f'reward_weights = {reward_weights!r}, must be terms by name, {{"hit": 2.0}}')
         reward_weights = RewardWeights().replaced(reward_weights or {})
     setting = Setting(
         task=task,
         opponent=opponent_for(difficulty) if opponent is None else opponent,
         rules=Rules() if rules is None else rules,
-        sensors=sensors,
+        sensors=replace(sensors, delay_s=float(delay_s)),
         weights=reward_weights,
         action_mode=action_mode,
     )
+    model = _model(model)
     sampler = sampler_for(randomize, model)
     compiled = compile_model(model, plant, timestep_s)
     if sampler is not None:
         compiled = _typical(sampler, plant, timestep_s)
     return Built(Arena(setting, compiled, n, threads), sampler, plant, timestep_s)
+
+
+def _model(model: ModelLike | None) -> Model:
+    if model is None:
+        return paper_model()
+    if isinstance(model, Model):
+        return model
+    if not isinstance(model, str | os.PathLike):
+        raise InputError(f"model = {model!r}, must be a model file's path or a mecanum_env.model.Model")
+    return read_model(model)
 
 
 def _typical(sampler: Sampler, plant: Plant, timestep_s: float | None) -> Compiled:

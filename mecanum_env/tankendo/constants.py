@@ -13,6 +13,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Final, Literal, get_args
 
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.tankendo.checks import require_number, require_numbers
 
 Difficulty = Literal["easy", "normal", "hard"]
 DIFFICULTIES: Final[tuple[Difficulty, ...]] = get_args(Difficulty)
@@ -46,6 +47,9 @@ class Technique:
     """From the opponent's centre to its tip when the sword is drawn back [m]."""
     raised_height_m: float
     """Height of the tip when the sword is drawn back [m]."""
+
+    def __post_init__(self) -> None:
+        require_numbers(self, signed=("target_m",))
 
 
 TECHNIQUES: Final = (
@@ -96,6 +100,11 @@ class Opponent:
     """Root mean square speed of its walk in the tracking task, along and across [m/s]."""
     techniques: tuple[Technique, ...] = TECHNIQUES
     """What it strikes with, each equally often."""
+
+    def __post_init__(self) -> None:
+        require_numbers(self, signed=("lead", "extra_reach_m", "extra_size_m"), shares=("feint_probability",))
+        if not self.techniques or not all(isinstance(one, Technique) for one in self.techniques):
+            raise InputError(f"Opponent.techniques = {self.techniques!r}, must be at least one Technique")
 
 
 _LEVELS: Final[Mapping[str, Opponent]] = {
@@ -180,6 +189,11 @@ class Rules:
     own_strike_s: float = 0.2
     """From the start of the robot's strike to its hit [s]."""
 
+    def __post_init__(self) -> None:
+        times = ("dodge_time_s", "track_time_s", "duel_time_s")
+        positive = ("maai_m", "band_m", "facing_rad", "field_m", "duel_points", *times)
+        require_numbers(self, positive=positive, shares=("track_share",))
+
 
 @dataclass(frozen=True)
 class Sensors:
@@ -202,6 +216,9 @@ class Sensors:
     heading_rad: float = 0.01
     """Of the own heading [rad]."""
 
+    def __post_init__(self) -> None:
+        require_numbers(self)
+
 
 @dataclass(frozen=True)
 class RewardWeights:
@@ -223,16 +240,20 @@ class RewardWeights:
     out: float = 1.0
     """Leaving the field or clashing."""
 
+    def __post_init__(self) -> None:
+        require_numbers(self, signed=[field.name for field in fields(self)])
+
     def replaced(self, values: Mapping[str, float]) -> RewardWeights:
         """Return a copy with some values replaced by name.
 
         Raises:
-            InputError: a name that is no term.
+            InputError: a name that is no term, or a value that is no number.
         """
         known = [field.name for field in fields(self)]
-        for name in values:
+        for name, value in values.items():
             if name not in known:
                 raise InputError(
                     f"reward_weights: no term {name!r}{did_you_mean(name, known)}; known: {', '.join(known)}"
                 )
+            require_number(f"reward_weights: {name}", value)
         return replace(self, **{name: float(value) for name, value in values.items()})

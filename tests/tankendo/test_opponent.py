@@ -42,15 +42,15 @@ def test_it_strikes_at_a_robot_that_is_open(begin):
 
 
 @pytest.mark.parametrize(
-    ("what", "command", "rules"),
+    ("what", "command", "opponent", "rules"),
     [
-        ("turned away", STAND, replace(STRAIGHT, facing_rad=-1.0)),
-        ("out of the band", STAND, replace(STRAIGHT, band_m=-1.0)),
-        ("too fast", (60, 180, 0), replace(STRAIGHT, field_m=99.0)),
+        ("turned away", STAND, EAGER, replace(STRAIGHT, start_yaw_rad=0.3, facing_rad=1e-3)),
+        ("out of the band", STAND, replace(EAGER, walk_m_s=0.0), STRAIGHT),
+        ("too fast", (60, 180, 0), EAGER, replace(STRAIGHT, field_m=99.0)),
     ],
 )
-def test_it_does_not_strike_at_one_that_is_not(begin, what, command, rules):
-    assert not strikes(begin(opponent=EAGER, rules=rules), command), what
+def test_it_does_not_strike_at_one_that_is_not(begin, what, command, opponent, rules):
+    assert not strikes(begin(opponent=opponent, rules=rules), command), what
 
 
 def test_it_waits_for_its_patience(begin):

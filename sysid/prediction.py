@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -140,7 +140,9 @@ def predict(
     return shown(model, run, start, motion_of(local, run, start, compiled))
 
 
-def motion_of(model: Model, run: Run, start: Start, mj_model: mujoco.MjModel) -> Motion:
+def motion_of(
+    model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()
+) -> Motion:
     """Return what truly happens in a run.
 
     Args:
@@ -148,6 +150,7 @@ def motion_of(model: Model, run: Run, start: Start, mj_model: mujoco.MjModel) ->
         run: whose commands are replayed.
         start: how it begins.
         mj_model: `compile_for` of the model.
+        turned_rad: of a robot on rollers, the angles at which its wheels start.
     """
     if run.level == "bench":
         since = run.held_since(model.wheel.command_period_s)
@@ -157,7 +160,7 @@ def motion_of(model: Model, run: Run, start: Start, mj_model: mujoco.MjModel) ->
         return Motion(clock, {"speed_rpm": speed})
     lead = LEAD_S if start.moving else 0.0
     commands = commands_of(run, model.wheel.command_period_s, lead)
-    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model)
+    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, turned_rad=turned_rad)
     columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 

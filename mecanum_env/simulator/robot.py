@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import mujoco
@@ -11,6 +12,7 @@ import numpy as np
 
 from mecanum_env.effects.apply import check_effects
 from mecanum_env.errors import InputError
+from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
 from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
@@ -48,6 +50,7 @@ def drive(
     plant: Plant = "rollers",
     timestep_s: float | None = None,
     mj_model: mujoco.MjModel | None = None,
+    turned_rad: Sequence[float] = (),
 ) -> Trajectory:
     """Drive the robot from rest at the origin through commands and return every physics step.
 
@@ -58,6 +61,7 @@ def drive(
         plant: "rollers" or "planar".
         timestep_s: upper bound of the physics step [s].
         mj_model: the result of an earlier `compile_plant` with the same arguments, to save compiling.
+        turned_rad: angles at which the four wheels start, so which rollers are on the floor; 0 by default.
 
     Raises:
         InputError: the model asks for an effect that this simulator does not have, or the duration is not a
@@ -67,7 +71,7 @@ def drive(
     if not (math.isfinite(duration_s) and duration_s > 0.0):
         raise InputError(f"duration_s = {duration_s}, must be a number of seconds above 0")
     compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
-    data = at_rest(compiled)
+    data = at_rest(compiled, turned_rad)
     step = compiled.opt.timestep
     n = math.ceil(duration_s / step - 1e-9)
     time_s = np.arange(n + 1) * step
@@ -78,14 +82,21 @@ def drive(
     return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s), model)
 
 
-def at_rest(mj_model: mujoco.MjModel) -> mujoco.MjData:
-    """Return data in which the robot stands still on the floor, drives at rest, at time 0."""
+def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoco.MjData:
+    """Return data in which the robot stands still on the floor, drives at rest, at time 0.
+
+    Args:
+        mj_model: the robot, or anything else.
+        turned_rad: angles of the four wheels; 0 by default. The planar plant has none.
+    """
     data = mujoco.MjData(mj_model)
+    for wheel, angle in zip(WHEELS, turned_rad, strict=False):
+        data.qpos[mj_model.joint(f"wheel_{wheel}").qposadr] = angle
     if np.any(mj_model.opt.gravity[:2] != 0.0):
         # It would creep down the slope while it settles: settle on the level.
         level = copy.copy(mj_model)
         level.opt.gravity[:] = 0.0, 0.0, -np.linalg.norm(mj_model.opt.gravity)
-        data.qpos[:] = at_rest(level).qpos
+        data.qpos[:] = at_rest(level, turned_rad).qpos
     elif mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
         mujoco.mj_step(mj_model, data, math.ceil(_SETTLING_S / mj_model.opt.timestep))
         standing = data.qpos.copy()

@@ -18,7 +18,7 @@ All square sums are over `inflation`, what the best fit leaves over what is expe
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -69,7 +69,7 @@ class Decision:
 
 
 def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.random.Generator) -> Decision:
-    """Search and decide.
+    """Search and decide; again, where it turns out that the logs' wheels started at other angles.
 
     Args:
         problem: the model and the runs that may be looked at.
@@ -78,6 +78,21 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
         most: largest set.
         rng: of the simulated thresholds and the bootstrap.
     """
+    found = _decide(problem, search, floor, most, rng)
+    best = min(search.fitted.values(), key=lambda f: f.cost)
+    if complete(problem, best, floor) or not problem.has_quick:
+        return found
+    model = best.candidate.model(problem.base, best.place)
+    if not problem.notice_turned(model, best.residual):
+        return found
+    again = _decide(problem, search, floor, most, rng)
+    said = (
+        "the wheels started at other angles than the simulated ones: what rollers do by chance is allowed for"
+    )
+    return replace(again, notes=(*again.notes, said))
+
+
+def _decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.random.Generator) -> Decision:
     masks = group_masks(problem)
     base = search.base
     by_chance = chance(base, search.library, rng, rough(problem, base))

@@ -7,6 +7,7 @@ square sum that remains when the model's own error has explained what it can.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -33,6 +34,12 @@ ROUGH_STEP: Final = 0.02
 """The same on rollers, which meet the floor a little earlier or later: a smaller step shows mostly that."""
 SMOOTH_LOOK: Final = 0.03
 ROUGH_LOOK: Final = 0.15
+_TURNS: Final = 4
+"""Draws of the angles at which wheels start."""
+_TURNED: Final = 0.1
+"""From so much on the angles count as unknown."""
+_COHERENT: Final = 1.5
+"""What unknown angles leave differs from draw to draw by a third of it or so: few wheels, few runs."""
 _HARDLY: Final = (1e-3, -1e-3, 2e-3)
 """Changes of the wheels' speed that no log shows."""
 OF_THE_ROLLERS: Final = frozenset(
@@ -65,6 +72,11 @@ class Problem:
         self.bench = runs[0].level == "bench"
         rollers = not self.bench and plant == "rollers"
         self._planar = Simulator(self.observations, plant="planar") if rollers else None
+        self._turned = (
+            [Simulator(self.observations, turned=k) for k in range(1, _TURNS + 1)] if rollers else []
+        )
+        self.turned = 0.0
+        """How far the wheels' angles at the start are unknown: 0 as in the simulation .. 1 anyhow."""
         self.measured = whitener.whiten(whitener.measured())
         self.base_residual = self._required(base)
         self.nuisance = self._nuisance()
@@ -176,7 +188,7 @@ class Problem:
         """
         if not self.has_quick:
             return np.zeros((self.size, 0))
-        key = model_key(model)
+        key = f"{self.turned} {model_key(model)}"
         if key not in self._rough:
             here, columns = self._by_rollers(model), []
             gain = model.effects.get("speed_gain", {}).get("gain", 1.0)
@@ -185,8 +197,51 @@ class Problem:
                 if here is not None and there is not None:
                     columns.append(self.marginal(there - here))
             found = np.stack(columns, axis=1) / np.sqrt(len(columns)) if columns else np.zeros((self.size, 0))
+            if self.turned:
+                found = np.concatenate([found, self._by_turning(model)], axis=1)
             self._rough[key] = found
         return self._rough[key]
+
+    def notice_turned(self, model: Model, residual: FloatArray) -> bool:
+        """Find out whether the logs' wheels started at other angles than the simulated ones, and keep it.
+
+        Which roller meets the floor when shows as a ripple. Of the change d by other angles the residual of a
+        right model has nothing where the angles are those of the logs, and -d / 2 on average where not.
+
+        Args:
+            model: the best that was found.
+            residual: its marginal residual (N,).
+
+        Returns:
+            Whether more is unknown of the angles than was thought; `rough` is larger then.
+        """
+        ripple, left = self._steps(self._turning(model)), self._steps(residual[:, None])
+        square = float(np.sum(ripple**2))
+        unknown = min(1.0, -2.0 * float(np.sum(ripple * left)) / square) if square > 0.0 else 0.0
+        if unknown < max(_TURNED, self.turned + _TURNED):
+            return False
+        self.turned = unknown
+        return True
+
+    def _by_turning(self, model: Model) -> FloatArray:
+        """Return what unknown angles of the wheels leave of a right model, (N, k), each by one sigma."""
+        blocks = self.observations.blocks
+        repeats = np.concatenate([np.full(block.value.size, float(block.repeats)) for block in blocks])
+        # Two draws differ by twice the variance of one; the repeats' mean is of several, the prediction one.
+        share = self.turned * 0.5 * (1.0 + 1.0 / repeats) * _COHERENT
+        turning = self._turning(model)
+        return np.asarray(turning * np.sqrt(share)[:, None] / math.sqrt(max(1, turning.shape[1])))
+
+    def _turning(self, model: Model) -> FloatArray:
+        """Return how the marginal residual differs where the wheels start at other angles, (N, k)."""
+        here = self.residual(model)
+        there = self.map(lambda simulator: self._residual(simulator, model), self._turned)
+        found = [self.marginal(one - here) for one in there if one is not None and here is not None]
+        return np.stack(found, axis=1) if found else np.zeros((self.size, 0))
+
+    def _steps(self, columns: FloatArray) -> FloatArray:
+        """Return the second differences of columns (N, p) within each block: what ripples, not what lasts."""
+        return np.concatenate([np.diff(columns[place], 2, axis=0) for place in self.whitener.slices])
 
     def _by_rollers(self, model: Model) -> FloatArray | None:
         """Return how the rollers' residual of a model differs from that without rollers, (N,)."""

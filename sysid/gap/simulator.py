@@ -46,12 +46,17 @@ class Simulator:
         observations: with the commands.
         timestep_s: upper bound of the physics step [s]; the generator's choice when None.
         plant: of the robot.
+        turned: seed of the angles at which the robot's wheels start; 0: all as they are drawn.
     """
 
     def __init__(
-        self, observations: Observations, timestep_s: float | None = None, plant: Plant = "rollers"
+        self,
+        observations: Observations,
+        timestep_s: float | None = None,
+        plant: Plant = "rollers",
+        turned: int = 0,
     ) -> None:
-        self.observations, self.timestep_s, self.plant = observations, timestep_s, plant
+        self.observations, self.timestep_s, self.plant, self.turned = observations, timestep_s, plant, turned
         self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
         self._lock = Lock()
 
@@ -102,9 +107,13 @@ class Simulator:
         motions: dict[int, Motion] = {}
         for members in alike.values():
             longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
+            angles = np.random.default_rng((self.turned, members[0])).uniform(0.0, 2.0 * np.pi, 4)
+            turned = angles.tolist() if self.turned else []
             local = in_run_frame(model, longest.start)
             compiled = common or compile_for(local, *how)
-            motions |= dict.fromkeys(members, motion_of(local, longest.runs[0], longest.start, compiled))
+            motions |= dict.fromkeys(
+                members, motion_of(local, longest.runs[0], longest.start, compiled, turned)
+            )
         return [motions[index] for index in range(len(situations))]
 
 

@@ -194,6 +194,54 @@ BAD_VALUES = [
     ("wheels.fl", {"sample_period_s": 0.1}, "wheels.fl.sample_period_s: unknown name"),
     ("wheels.front", dict.fromkeys("ABCDEF", 0.1), "wheels.front: no such wheel; known: fl, fr, rl, rr"),
     ("uncertainty", 1, "uncertainty must be a JSON object, not int"),
+    ("uncertainty.wheel", 5, "uncertainty.wheel must be a JSON object, not int"),
+    (
+        "uncertainty.wheel",
+        {"names": 5},
+        'uncertainty.wheel.names = 5, must be ["A", "B", "C", "D", "E", "F"]',
+    ),
+    (
+        "uncertainty.wheel",
+        {"covariance": [[1, 2], [3, 4]]},
+        "uncertainty.wheel.covariance must be 6 rows of 6 numbers, for A, B, C, D, E, F; make one with",
+    ),
+    ("uncertainty.wheel", {"covariance": 1}, "uncertainty.wheel.covariance must be 6 rows of 6 numbers"),
+    (
+        "uncertainty.wheel",
+        {"covariance": [[1] * 6] * 5 + [[1] * 5 + ["a"]]},
+        'uncertainty.wheel.covariance[5][5] = "a", must be a number',
+    ),
+    ("uncertainty.robot", {"bogus": 1}, "uncertainty.robot.bogus: unknown name; known: wheel_radius_m"),
+    ("uncertainty.robot", {"mass_kg": None}, "uncertainty.robot.mass_kg = null, must be a number"),
+    ("uncertainty.robot", {"mass_kg": -1}, "uncertainty.robot.mass_kg = -1, must not be negative"),
+    (
+        "uncertainty.effects",
+        {"backlsh": {}},
+        'uncertainty.effects.backlsh: unknown name (did you mean "backl',
+    ),
+    ("uncertainty.effects", {"backlash": {"gap": {}}}, "uncertainty.effects.backlash.gap: unknown name"),
+    (
+        "uncertainty.effects",
+        {"backlash": {"gap_deg": {"low": "a", "high": 2}}},
+        'uncertainty.effects.backlash.gap_deg.low = "a", must be a number',
+    ),
+    (
+        "uncertainty.effects",
+        {"backlash": {"gap_deg": {"low": 1}}},
+        "uncertainty.effects.backlash.gap_deg.high = null, must be a number",
+    ),
+    (
+        "uncertainty.effects",
+        {"backlash": {"gap_deg": {"low": 2, "high": 1}}},
+        "uncertainty.effects.backlash.gap_deg.low = 2, must be at most high = 1",
+    ),
+    ("uncertainty.model_error", 1, "uncertainty.model_error must be a JSON object, not int"),
+    ("uncertainty.model_error", {}, "uncertainty.model_error.channels must be a JSON object, not NoneType"),
+    (
+        "uncertainty.model_error",
+        {"channels": {"speed_rpm": {"settled": 1, "transient": math.inf, "correlation_s": 0.1}}},
+        "uncertainty.model_error.channels.speed_rpm.transient = inf, must be a finite number",
+    ),
     ("provenance", "me", "provenance must be a JSON object, not str"),
 ]
 
@@ -211,6 +259,16 @@ def test_a_bad_value_is_refused_by_name(written, where, bad, message):
     with pytest.raises(InputError) as raised:
         model_from_dict(written)
     assert message in str(raised.value)
+
+
+def test_fields_of_other_programs_within_the_uncertainty_are_kept(written):
+    written["uncertainty"] = {
+        "wheel": {"covariance": None, "degrees_of_freedom": 4.0, "#note": 1},
+        "effects": {"backlash": {"gap_deg": {"value": 1.5, "low": 1, "high": 2, "#note": None}}},
+        "model_error": {"channels": {}, "#note": []},
+        "#note": "mine",
+    }
+    assert model_from_dict(written).uncertainty == written["uncertainty"]
 
 
 @pytest.mark.parametrize("where", ["wheel", "wheels.rr"])

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import fields, replace
@@ -11,7 +10,9 @@ from typing import Any, Final
 from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.model.json_values import mapping, numbers
 from mecanum_env.model.records import Model, Robot, Wheel
+from mecanum_env.model.uncertainty import uncertainty_from_dict
 
 FORMAT: Final = "mecanum-model/1"
 
@@ -51,7 +52,7 @@ def model_from_dict(value: Any) -> Model:
         InputError: a missing, misspelt, non-finite or impossible value.
         UnstableLawError: a wheel law is unstable.
     """
-    top = _mapping("the file", value)
+    top = mapping("the file", value)
     if top.get("format") != FORMAT:
         raise InputError(f'"format" is {top.get("format")!r}, must be "{FORMAT}"')
     if "wheel" not in top:
@@ -59,27 +60,27 @@ def model_from_dict(value: Any) -> Model:
     wheel_section, wheel_extra = _split("wheel", top["wheel"], (*_LAW_FIELDS, *_WHEEL_FIELDS))
     robot_section, robot_extra = _split("robot", top.get("robot", {}), _ROBOT_FIELDS)
     extra = {name: item for name, item in top.items() if name not in _SECTIONS}
-    numbers = _numbers("wheel", wheel_section, (*_LAW_FIELDS, *_WHEEL_FIELDS), null=("saturation_rpm",))
-    law = _law("wheel", {name: numbers.pop(name) for name in _LAW_FIELDS if name in numbers})
+    values = numbers("wheel", wheel_section, (*_LAW_FIELDS, *_WHEEL_FIELDS), null=("saturation_rpm",))
+    law = _law("wheel", {name: values.pop(name) for name in _LAW_FIELDS if name in values})
     return Model(
-        wheel=Wheel(law, **numbers),
+        wheel=Wheel(law, **values),
         robot=robot_from_dict(robot_section),
         effects={
             name: _effect(name, parameters)
-            for name, parameters in _mapping("effects", top.get("effects", {})).items()
+            for name, parameters in mapping("effects", top.get("effects", {})).items()
         },
-        uncertainty=dict(_mapping("uncertainty", top.get("uncertainty", {}))),
-        provenance=dict(_mapping("provenance", top.get("provenance", {}))),
+        uncertainty=dict(uncertainty_from_dict(top.get("uncertainty", {}))),
+        provenance=dict(mapping("provenance", top.get("provenance", {}))),
         extra=extra | {k: v for k, v in (("wheel", wheel_extra), ("robot", robot_extra)) if v},
         wheels={
             name: _law(
                 f"wheels.{name}",
                 {
-                    **_numbers(f"wheels.{name}", coefficients, COEFFICIENTS),
+                    **numbers(f"wheels.{name}", coefficients, COEFFICIENTS),
                     "sample_period_s": law.sample_period_s,
                 },
             )
-            for name, coefficients in _mapping("wheels", top.get("wheels", {})).items()
+            for name, coefficients in mapping("wheels", top.get("wheels", {})).items()
         },
     )
 
@@ -94,14 +95,14 @@ def robot_from_dict(value: Any) -> Robot:
     Raises:
         InputError: an unknown name, or a value out of range.
     """
-    numbers: dict[str, Any] = dict(_numbers("robot", value, _ROBOT_FIELDS))
-    if numbers.get("rollers_per_wheel", math.nan).is_integer():
-        numbers["rollers_per_wheel"] = int(numbers["rollers_per_wheel"])
-    robot = Robot(**numbers)
-    if "torque_limit_n_m" not in numbers and all(name in numbers for name in _FORCE):
+    given: dict[str, Any] = dict(numbers("robot", value, _ROBOT_FIELDS))
+    if given.get("rollers_per_wheel", math.nan).is_integer():
+        given["rollers_per_wheel"] = int(given["rollers_per_wheel"])
+    robot = Robot(**given)
+    if "torque_limit_n_m" not in given and all(name in given for name in _FORCE):
         larger = robot.mass_kg * robot.wheel_radius_m / (Robot.mass_kg * Robot.wheel_radius_m)
         robot = replace(robot, torque_limit_n_m=max(1.0, larger) * Robot.torque_limit_n_m)
-    if "yaw_inertia_kg_m2" not in numbers and all(name in numbers for name in _PLATE):
+    if "yaw_inertia_kg_m2" not in given and all(name in given for name in _PLATE):
         robot = replace(robot, yaw_inertia_kg_m2=robot.plate_yaw_inertia_kg_m2)
     return robot
 
@@ -133,41 +134,15 @@ def _effect(name: str, parameters: Any) -> Mapping[str, float]:
     known = EFFECT_PARAMETERS.get(name)
     where = f"effects.{name}"
     return (
-        dict(_mapping(where, parameters)) if known is None else _numbers(where, parameters, known, null=known)
+        dict(mapping(where, parameters)) if known is None else numbers(where, parameters, known, null=known)
     )
-
-
-def _mapping(where: str, value: Any) -> Mapping[str, Any]:
-    if not isinstance(value, dict):
-        raise InputError(f"{where} must be a JSON object, not {type(value).__name__}")
-    return value
 
 
 def _split(where: str, value: Any, known: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
     """Split a section into our names (misspelt ones too, to be refused) and those of other programs."""
-    section = _mapping(where, value)
+    section = mapping(where, value)
     ours = {name: item for name, item in section.items() if name in known or did_you_mean(name, known)}
     return ours, {name: item for name, item in section.items() if name not in ours}
-
-
-def _numbers(where: str, value: Any, known: tuple[str, ...], null: tuple[str, ...] = ()) -> dict[str, float]:
-    """Read numbers; JSON has no infinity, so null is one, for the names in `null`."""
-    numbers: dict[str, float] = {}
-    for name, number in _mapping(where, value).items():
-        if name not in known:
-            raise InputError(
-                f"{where}.{name}: unknown name{did_you_mean(name, known)}; known: {', '.join(known)}"
-            )
-        if number is None and name in null:
-            numbers[name] = math.inf
-        elif isinstance(number, bool) or not isinstance(number, int | float):
-            raise InputError(f"{where}.{name} = {json.dumps(number)}, must be a number")
-        else:
-            try:
-                numbers[name] = float(number)
-            except OverflowError as error:
-                raise InputError(f"{where}.{name} is beyond double precision, must be a number") from error
-    return numbers
 
 
 def _infinite_as_null(value: float) -> float | None:

@@ -44,6 +44,28 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+def require_writable(*targets: str | os.PathLike[str]) -> None:
+    """Refuse files that could not be written, before the work whose results they are to hold; leave no trace.
+
+    Args:
+        targets: the files; their folders need not exist yet.
+
+    Raises:
+        InputError: a folder cannot be created or written, or a target is a folder.
+    """
+    for target in map(Path, targets):
+        if target.is_dir():
+            raise InputError(f"{target}: is a folder, must be a file; choose another name")
+        folder = next(one for one in target.absolute().parents if os.path.lexists(one))
+        try:
+            with tempfile.TemporaryFile(dir=folder):
+                pass
+        except OSError as error:
+            raise InputError(
+                f"{target}: cannot be written ({error.strerror}); choose another folder"
+            ) from error
+
+
 def write_text(target: str | os.PathLike[str], text: str) -> None:
     """Write text to the target in UTF-8, whole or not at all."""
     with atomic_path(target) as path:

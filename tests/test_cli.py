@@ -1,7 +1,11 @@
 """Command line programs: exit codes, and one sentence on stderr."""
 
+import importlib
+from pathlib import Path
+
 import pytest
 
+from mecanum_env.asset_files import asset_path
 from mecanum_env.cli import run
 from mecanum_env.errors import BackendError, InputError, MecanumError, UnstableLawError, did_you_mean
 
@@ -85,3 +89,32 @@ def test_every_error_is_of_the_family(error):
 def test_did_you_mean_names_only_what_is_near():
     assert did_you_mean("friktion", ["friction", "mass_kg"]) == ' (did you mean "friction"?)'
     assert did_you_mean("colour", ["friction", "mass_kg"]) == ""
+
+
+LOGS = str(Path(__file__).parents[1] / "examples" / "logs")
+
+
+@pytest.mark.parametrize(
+    ("program", "main", "work", "arguments"),
+    [
+        ("sysid.fit", "fit", "fit_dataset", [LOGS]),
+        ("sysid.gap", "gap", "analyse", [LOGS, "--model", str(asset_path("models/paper.json"))]),
+        ("sysid.blind", "main", "run_cases", ["--quick"]),
+        ("sysid.paper_gap", "main", "paper_gap", []),
+        ("sysid.reproduce", "main", "reproduce", ["--quick"]),
+        ("sysid.online", "main", "replay", [LOGS]),
+        ("training.certify", "main", "certify", ["still"]),
+        ("training.compare", "main", "compare", ["still"]),
+    ],
+)
+def test_results_that_could_not_be_written_are_refused_before_the_work(
+    program, main, work, arguments, tmp_path, capsys, monkeypatch
+):
+    module = importlib.import_module(f"{program}.__main__")
+    monkeypatch.setattr(module, work, lambda *_, **__: pytest.fail("worked before it looked"))
+    (tmp_path / "file").touch()
+    out = tmp_path / "file" / "result.json"
+    assert run(getattr(module, main), [*arguments, "--out", str(out)]) == 2
+    assert "file/result.json" in (said := capsys.readouterr().err)
+    assert "cannot be written (Not a directory); choose another folder" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]

@@ -6,7 +6,7 @@ import os
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.files import atomic_path, write_json, write_text
+from mecanum_env.files import atomic_path, require_writable, write_json, write_text
 
 
 def test_text_is_written_into_new_folders(tmp_path):
@@ -71,3 +71,21 @@ def test_a_target_that_is_a_folder_is_named(tmp_path):
     with pytest.raises(InputError, match="out: cannot be written"):
         write_text(tmp_path / "out", "")
     assert os.listdir(tmp_path) == ["out"]
+
+
+def test_files_that_can_be_written_are_told_from_those_that_cannot(tmp_path):
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    require_writable(tmp_path / "file", tmp_path / "new" / "folder" / "a.txt")
+    with pytest.raises(InputError, match=r"file/new/a\.txt: cannot be written \(Not a directory\); choose"):
+        require_writable(tmp_path / "b.txt", tmp_path / "file" / "new" / "a.txt")
+    with pytest.raises(InputError, match="folder: is a folder, must be a file"):
+        require_writable(tmp_path / "folder")
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+
+
+def test_whether_a_file_can_be_written_leaves_it_as_it_is(tmp_path):
+    (tmp_path / "a.txt").write_text("old")
+    require_writable(tmp_path / "a.txt")
+    assert (tmp_path / "a.txt").read_text() == "old"
+    assert os.listdir(tmp_path) == ["a.txt"]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
-from mecanum_env.files import write_json, write_text
+from mecanum_env.files import require_writable, write_json, write_text
 from sysid.blind.case import Case
 from sysid.blind.checkout import blind_tests, fingerprint
 from sysid.blind.outcome import to_json
@@ -66,6 +66,7 @@ def main(
     if check:
         _check(chosen, seed, out / fingerprint())
         return
+    require_writable(out / "blind.json", out / "blind.txt", *([markdown] if markdown else []))
     outcomes = run_cases(chosen, seed, out / fingerprint(), jobs)
     write_json(
         out / "blind.json",

@@ -10,7 +10,7 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.files import write_json
+from mecanum_env.files import require_writable, write_json
 from mecanum_env.model import Robot, read_robot, write_model
 from sysid.estimators import DEFAULT_METHOD, METHODS
 from sysid.fit.pipeline import FitOptions, fit_dataset
@@ -21,6 +21,7 @@ from sysid.measure import stage_bar
 from sysid.report import write_fit_plots, write_fit_report
 
 _STAGES: Final = 6
+_FILES: Final = ("model.json", "fit.json", "fit.png", "report.html")
 
 
 def fit(
@@ -73,6 +74,7 @@ def fit(
         robot_given=tuple(json.loads(robot.read_text(encoding="utf-8"))) if robot else (),
     )
     dataset = read_dataset(logs)
+    require_writable(*(out / name for name in _FILES))
     with stage_bar(_STAGES + len(options.methods) - 1 + 4 * per_wheel) as progress:
         found = fit_dataset(dataset, options, progress)
         progress("report")

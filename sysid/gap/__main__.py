@@ -9,10 +9,11 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.files import require_writable
 from mecanum_env.model import read_model
 from sysid.gap.analyse import analyse
 from sysid.gap.options import require_valid
-from sysid.gap.output import write_study
+from sysid.gap.output import FILES, write_study
 from sysid.gap.records import GapOptions
 from sysid.gap.table import gap_table
 from sysid.logs import read_dataset
@@ -70,6 +71,7 @@ def gap(
     base = read_model(model)
     dataset = read_dataset(logs)
     require_valid(options, dataset.level)
+    require_writable(*(out / name for name in FILES))
     with stage_bar(_STAGES) as progress:
         report = analyse(dataset, base, options, progress)
         progress("report")

@@ -13,7 +13,7 @@ import tyro
 from tqdm import tqdm
 
 from mecanum_env.cli import run
-from mecanum_env.files import write_json
+from mecanum_env.files import require_writable, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import read_model
 from sysid.fit.command_path import CommandPath
@@ -55,6 +55,7 @@ def main(
     """
     options = OnlineOptions(memory_samples=memory_samples, noise_rpm=noise_rpm, quantum_rpm=quantum_rpm)
     dataset = read_dataset(log)
+    require_writable(out / "online.json")
     wheel = None if model is None else read_model(model).wheel
     period = sample_period_s if sample_period_s or wheel is None else wheel.law.sample_period_s
     path = replay_path(dataset, period, None if wheel is None else wheel.saturation_rpm)

@@ -6,7 +6,7 @@ import sys
 from pathlib import Path
 
 from mecanum_env.cli import run
-from mecanum_env.files import write_json, write_text
+from mecanum_env.files import require_writable, write_json, write_text
 from sysid.measure import stage_bar
 from sysid.paper_gap.study import STAGES, paper_gap, paper_gap_json
 from sysid.paper_gap.tables import conclusion, paper_gap_markdown
@@ -23,9 +23,10 @@ def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
         out: Folder to write.
         markdown: Also write the tables to this file.
     """
+    written = [out / "paper_gap.json", out / "paper_gap.md", *([markdown] if markdown else [])]
+    require_writable(*written)
     with stage_bar(STAGES) as progress:
         found = paper_gap(progress)
-    written = [out / "paper_gap.json", out / "paper_gap.md", *([markdown] if markdown else [])]
     write_json(written[0], paper_gap_json(found))
     for path in written[1:]:
         write_text(path, paper_gap_markdown(found))

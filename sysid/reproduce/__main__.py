@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Final
 
 from mecanum_env.cli import run
-from mecanum_env.files import write_json, write_text
+from mecanum_env.files import require_writable, write_json, write_text
 from sysid.measure import stage_bar
 from sysid.report.reproduce_page import write_reproduction_page
 from sysid.report.reproduce_plots import write_reproduction_plots
@@ -15,6 +16,9 @@ from sysid.reproduce.experiment import STAGES, reproduce
 from sysid.reproduce.markdown import reproduction_markdown
 from sysid.reproduce.record import reproduction_json
 from sysid.reproduce.tables import verdict
+
+_RESULT: Final = "reproduce.json"
+_PAGE: Final = "report.html"
 
 
 def main(
@@ -30,20 +34,20 @@ def main(
         seed: Of the recordings and of the random starts.
         markdown: Also write all tables to this file, with the pictures in a folder beside it.
     """
+    pages = [] if markdown is None else [markdown, markdown.parent / markdown.stem / _RESULT]
+    require_writable(out / _RESULT, out / _PAGE, *pages)
     with stage_bar(len(STAGES) + 1) as progress:
         found = reproduce(seed, QUICK if quick else Effort(), progress)
         progress("page and pictures")
-        write_json(out / "reproduce.json", reproduction_json(found))
+        write_json(out / _RESULT, reproduction_json(found))
         write_reproduction_plots(found, out)
-        page = write_reproduction_page(found, out / "report.html")
+        page = write_reproduction_page(found, out / _PAGE)
         if markdown is not None:
             write_reproduction_plots(found, markdown.parent / markdown.stem)
             write_text(markdown, reproduction_markdown(found, markdown.stem))
     print(verdict(found))
-    print(f"\nwrote {out / 'reproduce.json'}, pictures", end="")
-    print(
-        f" and {out / 'report.html'}" if page else "; for report.html: pip install 'mecanum-tankendo[report]'"
-    )
+    print(f"\nwrote {out / _RESULT}, pictures", end="")
+    print(f" and {out / _PAGE}" if page else "; for report.html: pip install 'mecanum-tankendo[report]'")
 
 
 if __name__ == "__main__":

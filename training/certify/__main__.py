@@ -10,6 +10,7 @@ import tyro
 from tqdm import tqdm
 
 from mecanum_env.cli import run
+from mecanum_env.files import require_writable
 from mecanum_env.model import paper_model, read_model
 from training.certify.codec import write_certificate
 from training.certify.page import write_certificate_page
@@ -62,6 +63,8 @@ def main(
         thresholds=thresholds,
     )
     require_usable(options)
+    result, page = out / "certificate.json", out / "certificate.html"
+    require_writable(result, page)
     robot = paper_model() if model is None else read_model(model)
     with tqdm(total=episodes_of(options, robot), unit="episode", disable=None) as bar:
 
@@ -70,11 +73,11 @@ def main(
             bar.update(count)
 
         certificate = certify(controller, robot, options, progress)
-    write_certificate(certificate, out / "certificate.json")
-    written = [out / "certificate.json"]
+    write_certificate(certificate, result)
+    written = [result]
     hint = "; for certificate.html: pip install 'mecanum-tankendo[report]'"
-    if write_certificate_page(certificate, out / "certificate.html"):
-        written.append(out / "certificate.html")
+    if write_certificate_page(certificate, page):
+        written.append(page)
         hint = ""
     print(certificate_table(certificate))
     print(f"\nwrote {', '.join(map(str, written))}{hint}")

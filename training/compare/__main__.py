@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
-from mecanum_env.files import write_json, write_text
+from mecanum_env.files import require_writable, write_json, write_text
 from mecanum_env.model import paper_model, read_model
 from training.compare.run import compare
 from training.compare.table import comparison_markdown, comparison_table
@@ -43,8 +43,10 @@ def main(
         markdown: Also write a page here (.md).
     """
     for path, suffix in ((out, ".json"), (markdown, ".md")):
-        if path is not None and path.suffix != suffix:
-            raise InputError(f"{path}: its name must end in {suffix}")
+        if path is not None:
+            if path.suffix != suffix:
+                raise InputError(f"{path}: its name must end in {suffix}")
+            require_writable(path)
     robot = paper_model() if model is None else read_model(model)
     with tqdm(unit="episode", disable=None) as bar:
 

@@ -34,3 +34,8 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     # An argument of the wrong type gets the caller's sentence too.
     near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.6)
     return f' (did you mean "{near[0]}"?)' if near else ""
+
+
+def install_command(extra: str) -> str:
+    """Return the command that installs what an `extra` of the package needs; no package index has it."""
+    return f'`pip install -c constraints.txt ".[{extra}]"` in the checkout'

@@ -17,7 +17,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, install_command
 from mecanum_env.units import FloatArray
 
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
@@ -191,7 +191,7 @@ def _read_parquet(path: Path) -> Table:
     except ImportError as error:
         raise InputError(
             f"{path}: reading Parquet needs pyarrow; convert the log to CSV, or install it with "
-            '`pip install "mecanum-tankendo[parquet]"`'
+            f"{install_command('parquet')}"
         ) from error
     try:
         table = pq.read_table(path)

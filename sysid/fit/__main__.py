@@ -10,6 +10,7 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable, write_json
 from mecanum_env.model import Robot, read_robot, write_model
 from sysid.estimators import DEFAULT_METHOD, METHODS
@@ -85,9 +86,7 @@ def fit(
         page = write_fit_report(found, model, out / "report.html")
     print(fit_table(found))
     print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")
-    print(
-        f" and {out / 'report.html'}" if page else "; for report.html: pip install 'mecanum-tankendo[report]'"
-    )
+    print(f" and {out / 'report.html'}" if page else f"; for report.html: {install_command('report')}")
 
 
 if __name__ == "__main__":

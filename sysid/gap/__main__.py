@@ -9,6 +9,7 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable
 from mecanum_env.model import read_model
 from sysid.gap.analyse import analyse
@@ -77,9 +78,7 @@ def gap(
         progress("report")
         written = write_study(report, out)
     print(gap_table(report))
-    page = (
-        "" if out / "report.html" in written else "; for report.html: pip install 'mecanum-tankendo[report]'"
-    )
+    page = "" if out / "report.html" in written else f"; for report.html: {install_command('report')}"
     print(f"\nwrote {', '.join(map(str, written))}{page}")
 
 

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 from tqdm import tqdm
 
-from mecanum_env.errors import InputError, MecanumError
+from mecanum_env.errors import InputError, MecanumError, install_command
 from mecanum_env.kinematics import Geometry
 from mecanum_env.units import FloatArray
 from sysid.logs.bag_messages import CONVERSIONS, Columns, Context, Unit
@@ -93,7 +93,7 @@ def _read_messages(
         from rosbags.typesys import Stores, get_typestore
     except ImportError as error:
         raise InputError(
-            f'{bag}: importing bags needs rosbags; install it with `pip install "mecanum-tankendo[bag]"`'
+            f"{bag}: importing bags needs rosbags; install it with {install_command('bag')}"
         ) from error
     if bag.is_file() and bag.suffix in (".mcap", ".db3"):
         bag = bag.parent

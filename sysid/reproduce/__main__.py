@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mecanum_env.cli import run
+from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable, write_json, write_text
 from sysid.measure import stage_bar
 from sysid.report.reproduce_page import write_reproduction_page
@@ -47,7 +48,7 @@ def main(
             write_text(markdown, reproduction_markdown(found, markdown.stem))
     print(verdict(found))
     print(f"\nwrote {out / _RESULT}, pictures", end="")
-    print(f" and {out / _PAGE}" if page else "; for report.html: pip install 'mecanum-tankendo[report]'")
+    print(f" and {out / _PAGE}" if page else f"; for report.html: {install_command('report')}")
 
 
 if __name__ == "__main__":

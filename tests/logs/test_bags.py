@@ -331,7 +331,7 @@ def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
 
 def test_without_rosbags_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "rosbags.highlevel", None)
-    with pytest.raises(InputError, match=r"needs rosbags; .*mecanum-tankendo\[bag\]"):
+    with pytest.raises(InputError, match=r"needs rosbags; .*pip install .*\[bag\]"):
         import_bag(tmp_path / "a.bag", Robot())
 
 

@@ -188,7 +188,7 @@ def test_a_broken_parquet_file_is_refused(folder: Folder) -> None:
 
 def test_parquet_without_pyarrow_names_the_extra(folder: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
-    with pytest.raises(InputError, match=r"needs pyarrow; .*mecanum-tankendo\[parquet\]"):
+    with pytest.raises(InputError, match=r"needs pyarrow; .*pip install .*\[parquet\]"):
         read_dataset(folder({"run.parquet": b""}))
 
 

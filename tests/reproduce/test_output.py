@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from mecanum_env.cli import run
+from mecanum_env.errors import install_command
 from mecanum_env.files import write_json
 from mecanum_env.report import report_available
 from sysid.report.reproduce_page import write_reproduction_page
@@ -106,9 +107,7 @@ def test_every_picture_is_written(quick, tmp_path):
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 
 
-@pytest.mark.skipif(
-    not report_available(), reason="needs jinja2 and plotly: pip install 'mecanum-tankendo[report]'"
-)
+@pytest.mark.skipif(not report_available(), reason=f"needs jinja2 and plotly: {install_command('report')}")
 def test_the_page_stands_alone_and_shows_everything(quick, tmp_path):
     path = tmp_path / "report.html"
     assert write_reproduction_page(quick, path)

@@ -10,6 +10,7 @@ import tyro
 from tqdm import tqdm
 
 from mecanum_env.cli import run
+from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable
 from mecanum_env.model import paper_model, read_model
 from training.certify.codec import write_certificate
@@ -75,7 +76,7 @@ def main(
         certificate = certify(controller, robot, options, progress)
     write_certificate(certificate, result)
     written = [result]
-    hint = "; for certificate.html: pip install 'mecanum-tankendo[report]'"
+    hint = f"; for certificate.html: {install_command('report')}"
     if write_certificate_page(certificate, page):
         written.append(page)
         hint = ""

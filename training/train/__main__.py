@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from mecanum_env.cli import run
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, install_command
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode
 from training.train.settings import Algorithm, Ppo, Robots, Sac, Settings
@@ -59,7 +59,7 @@ def main(
         sac: Numbers of SAC.
     """
     if importlib.util.find_spec("stable_baselines3") is None:
-        raise InputError("training needs Stable-Baselines3: pip install 'mecanum-tankendo[train]'")
+        raise InputError(f"training needs Stable-Baselines3: {install_command('train')}")
     from training.train import run as training
 
     given = Settings(

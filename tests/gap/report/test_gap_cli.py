@@ -101,7 +101,7 @@ def test_without_the_report_extra_all_but_the_page_is_written(
     monkeypatch.setattr(output, "report_available", lambda: False)
     assert study(model_file, tmp_path / "out") == 0
     assert not (tmp_path / "out" / "report.html").exists()
-    assert "pip install" in capsys.readouterr().out
+    assert '`pip install -c constraints.txt ".[report]"` in the checkout' in capsys.readouterr().out
     assert len(asked) == 1
 
 

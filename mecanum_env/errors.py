@@ -36,6 +36,21 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f' (did you mean "{near[0]}"?)' if near else ""
 
 
+def require_at_least(least: int, **values: int) -> None:
+    """Refuse numbers that are too small.
+
+    Args:
+        least: the smallest that is right.
+        **values: the numbers by the name that the user knows.
+
+    Raises:
+        InputError: one of them is below `least`.
+    """
+    for name, value in values.items():
+        if value < least:
+            raise InputError(f"{name} = {value}, must be at least {least}")
+
+
 def install_command(extra: str) -> str:
     """Return the command that installs what an `extra` of the package needs; no package index has it."""
     return f'`pip install -c constraints.txt ".[{extra}]"` in the checkout'

@@ -91,6 +91,23 @@ def test_did_you_mean_names_only_what_is_near():
     assert did_you_mean("colour", ["friction", "mass_kg"]) == ""
 
 
+@pytest.mark.parametrize(
+    ("program", "arguments", "message"),
+    [
+        ("sysid.reproduce", ["--seed", "-1"], "seed = -1, must be at least 0"),
+        ("sysid.blind", ["--seed", "-1"], "seed = -1, must be at least 0"),
+        ("sysid.blind", ["--jobs", "0"], "jobs = 0, must be at least 1"),
+    ],
+)
+def test_a_number_that_is_too_small_is_refused_before_the_work(
+    program, arguments, message, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    assert run(importlib.import_module(f"{program}.__main__").main, arguments) == 2
+    assert capsys.readouterr().err == f"error: {message}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
 LOGS = str(Path(__file__).parents[1] / "examples" / "logs")
 
 

@@ -8,6 +8,8 @@ from typing import Literal, get_args
 from mecanum_env.errors import InputError
 
 Quality = Literal["light", "full"]
+LARGEST_PX = 8192
+"""Longest side of a picture [pixels]; what OpenGL must be able to draw begins not far above."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +36,9 @@ class View:
     def __post_init__(self) -> None:
         for name in ("width", "height"):
             value = getattr(self, name)
-            if value != int(value) or not 16 <= value <= 8192:
-                raise InputError(f"{name} = {value}, must be a whole number of pixels from 16 to 8192")
+            if value != int(value) or not 16 <= value <= LARGEST_PX:
+                raise InputError(
+                    f"{name} = {value}, must be a whole number of pixels from 16 to {LARGEST_PX}"
+                )
         if self.quality not in get_args(Quality):
             raise InputError(f"quality = {self.quality!r}, must be {' or '.join(get_args(Quality))}")

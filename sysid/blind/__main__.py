@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from mecanum_env.cli import run
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.files import require_writable, write_json, write_text
 from sysid.blind.case import Case
 from sysid.blind.checkout import blind_tests, fingerprint
@@ -50,6 +50,8 @@ def main(
         markdown: Also write the tables to this file.
         check: Only replay each case with its truth and print what that leaves; analyse nothing.
     """
+    require_at_least(0, seed=seed)
+    require_at_least(1, jobs=jobs)
     tests = blind_tests()
     most = {
         "bench": bench if bench is not None else _QUICK_BENCH if quick else None,

@@ -9,7 +9,7 @@ from typing import Literal
 
 import numpy as np
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
 from sysid.estimators.runs import WheelRun
@@ -50,10 +50,8 @@ class Options:
     """Evaluations allowed to one start."""
 
     def __post_init__(self) -> None:
-        if self.starts < 1:
-            raise InputError(f"starts = {self.starts}, must be at least 1")
-        if self.max_iterations < 1:
-            raise InputError(f"max_iterations = {self.max_iterations}, must be at least 1")
+        require_at_least(1, starts=self.starts, max_iterations=self.max_iterations)
+        require_at_least(0, seed=self.seed)
         if not (self.max_delay_s >= 0.0 and math.isfinite(self.max_delay_s)):
             raise InputError(f"max_delay_s = {self.max_delay_s}, must be a finite number of at least 0")
         for row in self.initial:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Final
 
 from mecanum_env.cli import run
-from mecanum_env.errors import install_command
+from mecanum_env.errors import install_command, require_at_least
 from mecanum_env.files import require_writable, write_json, write_text
 from sysid.measure import stage_bar
 from sysid.report.reproduce_page import write_reproduction_page
@@ -36,6 +36,7 @@ def main(
         markdown: Also write all tables to this file, with the pictures in a folder beside it.
     """
     pages = [] if markdown is None else [markdown, markdown.parent / markdown.stem / _RESULT]
+    require_at_least(0, seed=seed)
     require_writable(out / _RESULT, out / _PAGE, *pages)
     with stage_bar(len(STAGES) + 1) as progress:
         found = reproduce(seed, QUICK if quick else Effort(), progress)

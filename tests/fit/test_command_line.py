@@ -75,6 +75,7 @@ def test_each_wheel_gets_its_law_on_request(
     [
         (["--method", "magic"], "method 'magic': unknown"),
         (["--starts", "0"], "must be at least 1"),
+        (["--seed", "-1"], "seed = -1, must be at least 0"),
         (["--delay", "9.0"], "delay_s = 9"),
         (["--command-period", "-1"], "must be above 0"),
         (["--robot", "no.json"], "cannot be read"),

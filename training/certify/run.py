@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 
 import mecanum_env
-from mecanum_env.errors import InputError
+from mecanum_env.errors import require_at_least
 from mecanum_env.model import Model
 from mecanum_env.model.codec import model_to_dict
 from mecanum_env.simulator import Plant
@@ -22,6 +22,7 @@ from training.certify.plants import NamedPlant, knows_uncertainty, plants, selec
 from training.certify.records import Certificate, Thresholds
 from training.certify.warning import RANGE_S, warning_curve
 from training.evaluate import Job, Setup, play_jobs
+from training.evaluate.jobs import require_jobs
 
 TRACK_SHARE = 4
 """One episode in this many of the dodge is played of tracking, which lasts five times as long."""
@@ -103,10 +104,8 @@ def require_usable(options: Options) -> None:
     Raises:
         InputError: fewer than one episode, a negative number of jobs, no such difficulty or threshold.
     """
-    if options.episodes < 1:
-        raise InputError(f"episodes = {options.episodes}, must be at least 1")
-    if options.jobs < 0:
-        raise InputError(f"jobs = {options.jobs}, must be at least 0 (0: as many as there are processors)")
+    require_at_least(1, episodes=options.episodes)
+    require_jobs(options.jobs)
     opponent_for(options.difficulty)
     require_valid(options.thresholds)
 

@@ -9,7 +9,7 @@ from typing import Final
 import mujoco
 
 import mecanum_env
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.model import Model
 from mecanum_env.tankendo import DIFFICULTIES, opponent_for
 from training.certify.figures import success_of, timing_of, track_figures
@@ -18,7 +18,7 @@ from training.certify.records import Timing, TrackFigures
 from training.certify.run import TRACK_SHARE, WARNING_FACTOR
 from training.certify.warning import RANGE_S, WarningCurve, warning_curve
 from training.evaluate import Evaluation, Job, Setup, Share, evaluate, named_maker, play_jobs
-from training.evaluate.jobs import Progress
+from training.evaluate.jobs import Progress, require_jobs
 
 ROLLERS: Final = "rollers"
 """Name of the setting in which every roller is on the floor, level normal."""
@@ -70,12 +70,12 @@ def compare(
         progress: called after each job, with its name and number of episodes.
 
     Raises:
-        InputError: no such controller, none at all, one twice, or no episode.
+        InputError: no such controller, none at all, one twice, no episode, or a negative number of jobs.
     """
     if not controllers or len(set(controllers)) != len(controllers):
         raise InputError(f"controllers = {', '.join(controllers) or 'none'}: must be some, each once")
-    if episodes < 1:
-        raise InputError(f"episodes = {episodes}, must be at least 1")
+    require_at_least(1, episodes=episodes)
+    require_jobs(jobs)
     for name in controllers:
         # A misspelt last name would else be found out after an hour.
         evaluate(named_maker(name, model), Setup(model), [0])

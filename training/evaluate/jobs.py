@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any
 
+from mecanum_env.errors import InputError
 from training.evaluate.play import Evaluation, Setup, evaluate, named_maker
 
 Progress = Callable[[str, int], Any]
@@ -47,8 +48,9 @@ def play_jobs(
         progress: called after each.
 
     Raises:
-        InputError: as `evaluate`, for the first job that fails.
+        InputError: a negative number of processes, or as `evaluate`, for the first job that fails.
     """
+    require_jobs(at_a_time)
     at_a_time = min(at_a_time or os.cpu_count() or 1, len(jobs))
     played: dict[str, Evaluation] = {}
 
@@ -70,6 +72,16 @@ def play_jobs(
         for future in as_completed(waiting):
             done(waiting[future], future.result())
     return played
+
+
+def require_jobs(jobs: int) -> None:
+    """Refuse a number of jobs at a time that is none.
+
+    Raises:
+        InputError: it is negative.
+    """
+    if jobs < 0:
+        raise InputError(f"jobs = {jobs}, must be at least 0 (0: as many as there are processors)")
 
 
 @contextmanager

@@ -5,19 +5,22 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Final, Literal
 
 import tyro
 from tqdm import tqdm
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.files import require_writable
 from mecanum_env.model import paper_model, read_model
 from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.rendering.backend import use_backend
 
 if TYPE_CHECKING:
     from mecanum_env.rendering.caption import Frame
+
+_STILL_S: Final = 1.0
 
 
 def main(
@@ -34,7 +37,7 @@ def main(
     height: int = 480,
     fps: float = 30.0,
     still: Path | None = None,
-    still_time: float = 1.0,
+    still_time: float | None = None,
 ) -> None:
     """Film one episode: the fight, the score, and the commanded against the actual speed.
 
@@ -56,7 +59,8 @@ def main(
         height: Of the video, plots included [pixels].
         fps: Frames per second.
         still: Also write one frame here (.png, .jpg).
-        still_time: Which one: this long after the start [s].
+        still_time: Which one: this long after the start [s], the last one where the episode ends sooner;
+            default 1.
     """
     backend = use_backend()
     # Only now: mujoco picks its graphics library on import.
@@ -64,13 +68,16 @@ def main(
     from mecanum_env.tankendo.env import TankendoEnv
     from training.certify.plants import plants, select
     from training.controllers.named import make_controller
-    from training.record.rollout import Rollout, outcome
+    from training.record.rollout import AFTER_S, Rollout, outcome
 
     if env not in ENVIRONMENTS:
         raise InputError(f"env = {env!r}{did_you_mean(env, ENVIRONMENTS)}, must be {', '.join(ENVIRONMENTS)}")
     video.check_suffix(out, (".mp4",))
     if still is not None:
         video.check_suffix(still, video.STILL_SUFFIXES)
+    elif still_time is not None:
+        raise InputError(f"still_time = {still_time:g}: no still is asked for; add --still PICTURE.png")
+    require_writable(*(path for path in (out, still) if path is not None))
     known = paper_model() if model is None else read_model(model)
     plant = next(one for one in select(plants(known, physics), [on]) if on in (one.name, one.group))
     world = TankendoEnv(
@@ -81,6 +88,10 @@ def main(
         action_mode="command",
         randomize=plant.randomize,
     )
+    longest_s = world.arena.time_limit_s + AFTER_S
+    still_s = _STILL_S if still_time is None else still_time
+    if not 0.0 <= still_s <= longest_s:
+        raise InputError(f"still_time = {still_s:g}, must be within the film, 0 to {longest_s:g} s")
     player = make_controller(controller, known, arena=world.arena, seed=seed)
     title = f"{controller}, {plant.name}, seed {seed}"
     rollout = Rollout(world, player, known, seed=seed, width=width, height=height, fps=fps, title=title)
@@ -89,7 +100,7 @@ def main(
     def watched() -> Iterator[Frame]:
         frames = tqdm(rollout.frames(plant.physics), desc="drawing", unit="frame", disable=None)
         for i, frame in enumerate(frames):
-            if i <= still_time * fps:
+            if i <= still_s * fps:
                 kept[:] = [frame]
             yield frame
 

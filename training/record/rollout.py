@@ -7,10 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.kinematics import command_to_twist
 from mecanum_env.model import Model
 from mecanum_env.rendering.caption import Frame
+from mecanum_env.rendering.view import LARGEST_PX
 from mecanum_env.tankendo import command_to_action
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.tankendo.drawing import Painter
@@ -40,7 +41,8 @@ class Rollout:
         title: over the plots, such as the controller's name.
 
     Raises:
-        InputError: a size that is odd or too small to read, or no frame a second.
+        InputError: a size that is odd, too small to read or too large to draw, a negative seed, or no frame a
+            second.
     """
 
     def __init__(
@@ -55,9 +57,12 @@ class Rollout:
         fps: float = 30.0,
         title: str = "",
     ) -> None:
-        if width < _SMALLEST[0] or height < _SMALLEST[1] or width % 2 or height % 2:
-            smallest = " x ".join(map(str, _SMALLEST))
-            raise InputError(f"{width} x {height} pixels, must be even numbers, at least {smallest}")
+        for name, pixels, least in (("width", width, _SMALLEST[0]), ("height", height, _SMALLEST[1])):
+            if pixels % 2 or not least <= pixels <= LARGEST_PX:
+                raise InputError(
+                    f"{name} = {pixels} pixels, must be an even number from {least} to {LARGEST_PX}"
+                )
+        require_at_least(0, seed=seed)
         if not 1.0 <= fps <= 240.0:
             raise InputError(f"fps = {fps}, must be 1 to 240")
         self._env, self._controller, self._known, self._seed = env, controller, known, seed

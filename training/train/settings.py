@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import shlex
+import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from typing import Any, Final, Literal, cast, get_args
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, did_you_mean, require_at_least
 from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode, check_mode
@@ -19,6 +21,41 @@ Robots = Literal["none", "posterior", "levels"]
 ROBOTS: Final[tuple[Robots, ...]] = get_args(Robots)
 """On which robots: the model; for each episode one drawn from what its identification left open; the plants
 of `training.train.levels` side by side."""
+
+_COUNTS: Final = ("steps", "envs", "stack", "checkpoint_every")
+_LARGEST_SEED: Final = 2**32 - 1  # numpy's own generator, which Stable-Baselines3 seeds, takes no more
+_Range = tuple[float, float, str]
+_MOST: Final = sys.float_info.max
+_ANY: Final = (-_MOST, _MOST, "a finite number")
+_NOT_NEGATIVE: Final = (0.0, _MOST, "a finite number of at least 0")
+_SHARE: Final = (0.0, 1.0, "a number from 0 to 1")
+_SOME: Final = (1.0, _MOST, "at least 1")
+_BOTH: Final[Mapping[str, _Range]] = {
+    "learning_rate": _NOT_NEGATIVE,
+    "last_learning_rate": _NOT_NEGATIVE,
+    "gamma": _SHARE,
+    "layers": _SOME,
+}
+_PPO: Final[Mapping[str, _Range]] = {
+    **_BOTH,
+    "rollout_steps": _SOME,
+    "batch_size": (2.0, _MOST, "at least 2"),  # advantages are normalised over a minibatch
+    "epochs": _SOME,
+    "gae_lambda": _SHARE,
+    "clip_range": _NOT_NEGATIVE,
+    "entropy_weight": _ANY,
+    "log_std": _ANY,
+    "renewed_at": _NOT_NEGATIVE,
+    "renewed_log_std": _ANY,
+}
+_SAC: Final[Mapping[str, _Range]] = {
+    **_BOTH,
+    "batch_size": _SOME,
+    "updates_a_step": _SOME,
+    "buffer_size": _SOME,
+    "learning_starts": _NOT_NEGATIVE,
+}
+"""Name of a number -> the least and the most that it may be, and that in words; of layers, each one."""
 
 
 @dataclass(frozen=True)
@@ -113,11 +150,16 @@ class Settings:
         _one_of("env", self.env, ENVIRONMENTS)
         _one_of("randomize", self.randomize, ROBOTS)
         check_mode(self.action_mode)
-        for name in ("steps", "envs", "stack", "checkpoint_every"):
-            if getattr(self, name) < 1:
-                raise InputError(f"{name} = {getattr(self, name)}, must be at least 1")
-        if self.seed < 0:
-            raise InputError(f"seed = {self.seed}, must not be negative")
+        require_at_least(1, **{name: getattr(self, name) for name in _COUNTS})
+        if not 0 <= self.seed <= _LARGEST_SEED:
+            raise InputError(f"seed = {self.seed}, must be from 0 to {_LARGEST_SEED}")
+        for name, weight in self.reward_weights.items():
+            if not math.isfinite(weight):
+                raise InputError(f"reward_weights: {name} = {weight}, must be a finite number")
+        _require_within("ppo", self.ppo, _PPO)
+        _require_within("sac", self.sac, _SAC)
+        if self.ppo.rollout_steps * self.envs < 2:
+            raise InputError("ppo.rollout_steps = 1 of envs = 1, must be at least 2 steps together")
 
     @property
     def task(self) -> TaskName:
@@ -179,3 +221,11 @@ def _words(value: Any) -> list[str]:
 def _one_of(name: str, value: str, known: Any) -> None:
     if value not in known:
         raise InputError(f"{name} = {value!r}{did_you_mean(value, known)}, must be {', '.join(known)}")
+
+
+def _require_within(section: str, given: Ppo | Sac, ranges: Mapping[str, _Range]) -> None:
+    for name, (least, most, right) in ranges.items():
+        value = getattr(given, name)
+        for one in value if isinstance(value, tuple) else (value,):
+            if not least <= one <= most:
+                raise InputError(f"{section}.{name} = {one}, must be {right}")

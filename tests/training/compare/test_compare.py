@@ -82,6 +82,7 @@ def test_the_program_writes_figures_and_page(tmp_path, capsys):
         (["retreat", "stil"], 'did you mean "still"'),
         (["still", "--out", "c.txt"], "must end in .json"),
         (["still", "--episodes", "0"], "episodes = 0"),
+        (["still", "--jobs", "-1"], "jobs = -1, must be at least 0"),
     ],
 )
 def test_bad_input_is_one_sentence_and_writes_nothing(arguments, message, tmp_path, capsys, monkeypatch):

@@ -45,10 +45,21 @@ def test_pictures_between_two_steps_are_between_them(paper):
 
 
 def test_bad_arguments_are_one_sentence(tmp_path, capsys):
+    picture = str(tmp_path / "a.png")
     for arguments, message in (
         (("still", "--env", "MecanumTankendo-v1"), "did you mean"),
         (("still", "--out", "a.gif"), "must end in .mp4"),
-        (("still", "--width", "321"), "even numbers"),
+        (("still", "--width", "321"), "width = 321 pixels, must be an even number from 320 to 8192"),
+        (("still", "--height", "100000"), "height = 100000 pixels, must be an even number from 240 to 8192"),
+        (("still", "--seed", "-1"), "seed = -1, must be at least 0"),
+        (("still", "--still-time", "1"), "no still is asked for; add --still"),
+        (
+            ("still", "--still", picture, "--still-time", "-1"),
+            "still_time = -1, must be within the film, 0 to",
+        ),
+        (("still", "--still", picture, "--still-time", "nan"), "still_time = nan, must be within the film"),
+        (("still", "--still", picture, "--still-time", "13.1"), "must be within the film, 0 to 13 s"),
+        (("still", "--still", "/dev/null/a.png"), "a.png: cannot be written"),
         (("still", "--on", "moon"), "no plant 'moon'"),
         (("stil",), 'did you mean "still"'),
     ):

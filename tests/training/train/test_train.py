@@ -144,6 +144,34 @@ def test_bad_settings_are_refused(capsys):
     assert "the run's own settings count" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--ppo.learning-rate", "-1"), "ppo.learning_rate = -1.0, must be a finite number of at least 0"),
+        (("--ppo.last-learning-rate", "inf"), "ppo.last_learning_rate = inf, must be a finite number"),
+        (("--ppo.batch-size", "0"), "ppo.batch_size = 0, must be at least 2"),
+        (("--ppo.rollout-steps", "0"), "ppo.rollout_steps = 0, must be at least 1"),
+        (("--ppo.rollout-steps", "1", "--envs", "1"), "must be at least 2 steps together"),
+        (("--ppo.layers", "8", "-3"), "ppo.layers = -3, must be at least 1"),
+        (("--ppo.epochs", "-1"), "ppo.epochs = -1, must be at least 1"),
+        (("--ppo.gamma", "2"), "ppo.gamma = 2.0, must be a number from 0 to 1"),
+        (("--ppo.clip-range", "-1"), "ppo.clip_range = -1.0, must be a finite number of at least 0"),
+        (("--ppo.log-std", "nan"), "ppo.log_std = nan, must be a finite number"),
+        (("--sac.learning-rate", "nan"), "sac.learning_rate = nan, must be a finite number"),
+        (("--sac.updates-a-step", "0"), "sac.updates_a_step = 0, must be at least 1"),
+        (("--sac.buffer-size", "-1"), "sac.buffer_size = -1, must be at least 1"),
+        (("--sac.layers", "0"), "sac.layers = 0, must be at least 1"),
+        (("--reward-weights", "hit", "nan"), "reward_weights: hit = nan, must be a finite number"),
+        (("--seed", "-1"), "seed = -1, must be from 0 to 4294967295"),
+        (("--seed", str(2**32)), "seed = 4294967296, must be from 0 to 4294967295"),
+    ],
+)
+def test_a_number_that_cannot_be_trained_with_begins_no_run(arguments, message, tmp_path, capsys):
+    assert run(main, ["--out", str(tmp_path / "run"), *arguments]) == 2
+    assert message in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_levels_are_robots_side_by_side():
     settings = Settings(randomize="levels", envs=9, stack=2)
     env = training_env(settings)

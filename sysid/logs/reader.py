@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -18,6 +19,12 @@ from sysid.logs.findings import dataset_findings, run_findings
 from sysid.logs.records import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, WheelCommand
 from sysid.logs.settings import FILE_NAME, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
+
+LONGEST_JUMP_S: Final = 3600.0
+"""Between two rows [s]. A run is simulated from its first stamp to its last, whatever lies between, so one
+wrong stamp takes all the memory there is; nobody waits for an hour between two samples."""
+LONGEST_RUN_S: Final = 86400.0
+"""From the first row to the last [s]: ten million ticks of the law, which still fit into memory."""
 
 
 def read_dataset(path: str | os.PathLike[str]) -> Dataset:
@@ -200,6 +207,20 @@ def _check_stamps(table: Table, time: FloatArray) -> None:
         raise InputError(
             f"{table.where(row)}: time_s = {time[row]!s} after {time[row - 1]!s}, must be larger than the "
             "stamp before; cut the file where the clock jumps, and remove rows that are there twice"
+        )
+    far = np.flatnonzero(np.diff(time) > LONGEST_JUMP_S)
+    if far.size:
+        row = int(far[0]) + 1
+        raise InputError(
+            f"{table.where(row)}: time_s jumps from {time[row - 1]!s} to {time[row]!s} s, by more than "
+            f"{LONGEST_JUMP_S:g} s; split the run there, or correct the stamp"
+        )
+    late = np.flatnonzero(time - time[0] > LONGEST_RUN_S)
+    if late.size:
+        row = int(late[0])
+        raise InputError(
+            f"{table.where(row)}: time_s = {time[row]!s} is {time[row] - time[0]:g} s after the first stamp, "
+            f"must be at most {LONGEST_RUN_S:g} s; split the run, or correct stamps that are not in seconds"
         )
 
 

@@ -42,6 +42,14 @@ BAD_RUNS = {
     "overflow": (HEADER + "0,0,0\n1,0,-1e999\n", "line 3: speed_rpm = -inf, must be a finite number"),
     "stamp back": (HEADER + "0,0,0\n0.2,0,0\n0.1,0,0\n", "line 4: time_s = 0.1 after 0.2, must be larger"),
     "stamp twice": (HEADER + "0,0,0\n\n0.5,0,0\n0.5,0,0\n", "line 5: time_s = 0.5 after 0.5, must be larger"),
+    "stamp far away": (
+        HEADER + "0,0,0\n4.99,0,0\n1e9,40,40\n",
+        "line 4: time_s jumps from 4.99 to 1000000000.0 s, by more than 3600 s; split the run there",
+    ),
+    "stamps of days": (
+        HEADER + "".join(f"{3000 * i},0,0\n" for i in range(40)),
+        "line 31: time_s = 87000.0 is 87000 s after the first stamp, must be at most 86400 s; split",
+    ),
     "stamp missing": (HEADER + "0,0,0\n,0,0\n1,0,0\n", "line 3: time_s is missing; every row needs a stamp"),
     "semicolons": (
         "time_s;command_rpm;speed_rpm\n0;1;2\n",

@@ -14,6 +14,7 @@ import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.codec import model_to_dict
 from sysid.gap.adequacy import Floor, rough
+from sysid.gap.data_check import require_movement
 from sysid.gap.decide import Decision, decide
 from sysid.gap.detectable import smallest_detectable, untestable
 from sysid.gap.empirical import KEY, empirical_term, fit_correction
@@ -75,11 +76,13 @@ def analyse(
         progress: called with a message before each long step.
 
     Raises:
-        InputError: options that make no sense for the logs, or a model that cannot be simulated.
+        InputError: options that make no sense for the logs, logs in which nothing moves, or a model that
+            cannot be simulated.
     """
     dataset = runs if isinstance(runs, Dataset) else Dataset("logs", tuple(runs), ())
     options = options or GapOptions()
     require_valid(options, dataset.level)
+    require_movement(dataset)
     with without_engine_warnings():
         return _analyse(dataset, model, options, progress)
 

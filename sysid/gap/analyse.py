@@ -256,11 +256,6 @@ def _improved(model: Model, decision: Decision, effects: Sequence[FoundEffect]) 
     fitted = decision.chosen.fitted
     candidate = fitted.candidate
     improved: Model = candidate.model(model, fitted.place)
-    stated = {
-        found.name: {
-            name: {"value": i.value, "low": i.low, "high": i.high} for name, i in found.parameters.items()
-        }
-        for found in effects
-    }
+    stated = {found.name: found.intervals for found in effects}
     known = model.uncertainty.get("effects") or {}
     return replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})

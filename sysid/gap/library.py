@@ -36,19 +36,21 @@ class Response:
     """Along the first coordinate, how far from neutral (0 .. 1)."""
 
 
-def responses(problem: Problem, effects: Sequence[str]) -> list[Response]:
+def responses(problem: Problem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
     """Return the responses of effects, in the order of the catalogue; what cannot be simulated is left out.
 
     Args:
         problem: the model and the logs.
         effects: names in the catalogue.
+        at: the model that has none of them yet; the base model when None.
     """
     found = []
+    start = problem.base if at is None else at
     for name in [name for name in CATALOGUE if name in effects]:
         trials = _trials(problem.base, CATALOGUE[name], problem.look_step([name]), problem.scale)
-        models = [chosen.model(problem.base, place) for chosen, place, _, _ in trials]
+        models = [chosen.model(start, place) for chosen, place, _, _ in trials]
         for (chosen, place, linear, size), change in zip(
-            trials, problem.changes(models, quick=problem.is_quick([name])), strict=True
+            trials, problem.changes(models, quick=problem.is_quick([name]), at=start), strict=True
         ):
             if change is not None:
                 found.append(Response(chosen, place, change, linear, size))

@@ -134,15 +134,16 @@ class Problem:
         left = {n: v for n, v in model.effects.items() if "planar" not in CATALOGUE[n].refused_by}
         return self._residual(self._planar, replace(model, effects=left))
 
-    def changes(self, models: Sequence[Model], *, quick: bool) -> list[FloatArray | None]:
-        """Return how each model's marginal residual differs from the base model's, (N,).
+    def changes(self, models: Sequence[Model], *, quick: bool, at: Model) -> list[FloatArray | None]:
+        """Return how each model's marginal residual differs from that of another, (N,).
 
         Args:
             models: `jobs` of them at a time; None where one cannot be simulated.
             quick: by `quick_residual`.
+            at: the other.
         """
         of = self.quick_residual if quick else self.residual
-        reference = of(self.base) if models else None
+        reference = of(at) if models else None
 
         def change(model: Model) -> FloatArray | None:
             moved = of(model)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -58,6 +59,12 @@ class FoundEffect:
     """By the names of the model file."""
     selection_frequency: float
     """Share of bootstrap resamples of the runs in which the set that was chosen has this effect."""
+
+    @property
+    def intervals(self) -> dict[str, dict[str, float]]:
+        """What a model file keeps of the parameters: value, low, high; not of one that may be infinite."""
+        kept = {name: {"value": i.value, "low": i.low, "high": i.high} for name, i in self.parameters.items()}
+        return {name: ends for name, ends in kept.items() if all(map(math.isfinite, ends.values()))}
 
 
 @dataclass(frozen=True)

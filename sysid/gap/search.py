@@ -17,12 +17,15 @@ from sysid.gap.coordinates import BENCH_RIDGES, EffectSet
 from sysid.gap.descent import Minimum, explored
 from sysid.gap.fitted import Fitted, fit, marginal_function, unchanged
 from sysid.gap.growth import Growth, Key, growths
-from sysid.gap.library import Response
+from sysid.gap.library import Response, responses
 from sysid.gap.problem import Problem
 
 EMPTY: Final = EffectSet((), ())
 _ROUNDING: Final = 1e-6  # of a square sum
 _HOPE: Final = 0.5
+_SHIFTS: Final = frozenset(("command_latency", "sensor_latency", "sensor_lowpass"))
+"""What moves everything in time."""
+_FAR: Final = 4.0  # of what chance leaves: much is missing
 _NEAR: Final = 0.2  # of what an effect explains: another may miss so much in the screen
 
 
@@ -56,6 +59,7 @@ class Search:
         self.problem, self.library, self.effort = problem, tuple(library), effort
         self.base = unchanged(problem, EMPTY)
         self.fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
+        self._behind: dict[Key, list[Response]] = {}
 
     def of_size(self, size: int) -> list[Fitted[EffectSet]]:
         """Return the fitted sets of a size, the best fit first."""
@@ -72,7 +76,7 @@ class Search:
 
         Not by one that does what an effect of the set does already, whatever the command.
         """
-        found = growths(self.problem.base, parent, self.library, self.problem.scale)
+        found = growths(self.problem.base, parent, self._library_at(parent), self.problem.scale)
         ridges = BENCH_RIDGES if self.problem.bench else ()
         return [g for g in found if not any(ridge <= set(g.candidate.names) for ridge in ridges)]
 
@@ -80,14 +84,17 @@ class Search:
         """Fit the sets that differ from a `chosen` one in one effect and may explain as much.
 
         The linear screen is rough where an effect is large, so what may explain most of what the chosen
-        effect explains is tried.
+        effect explains is tried, and what the screen takes for as good as the chosen effect.
         """
         near: list[Growth] = []
         for name in chosen.names:
             parent = self._rest(chosen, name)
             if parent is not None:
-                limit = chosen.cost + _NEAR * max(0.0, parent.cost - chosen.cost)
-                near += [g for g in self.growths(parent) if g.expected <= limit]
+                grown = self.growths(parent)
+                screened = min((g.expected for g in grown if name in g.candidate.names), default=chosen.cost)
+                best = max(chosen.cost, screened)
+                limit = best + _NEAR * max(0.0, parent.cost - best)
+                near += [g for g in grown if g.expected <= limit]
         self.fit_best(near, self.effort.swaps)
 
     def polish(self, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
@@ -128,6 +135,20 @@ class Search:
         if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
             raise AssertionError(f"{growth.key[0]} fits worse than {growth.parent.names}, which it contains")
         return found
+
+    def _library_at(self, parent: Fitted[EffectSet]) -> Sequence[Response]:
+        """Return the responses to grow a set by: measured where it stands, where that is behind a delay.
+
+        What an effect does before a delay is another response, and tells nothing of what the set leaves.
+        """
+        if parent.cost < _FAR * self.problem.size or not _SHIFTS.intersection(parent.names):
+            return self.library
+        key = parent.names, parent.candidate.integral
+        if key not in self._behind:
+            names = {response.chosen.names[0] for response in self.library} - set(parent.names)
+            at = parent.candidate.model(self.problem.base, parent.place)
+            self._behind[key] = responses(self.problem, tuple(names), at)
+        return self._behind[key]
 
     def _rest(self, chosen: Fitted[EffectSet], name: str) -> Fitted[EffectSet] | None:
         """Return the fit of a set without one of its effects, made now if there is none."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 import pytest
@@ -10,10 +11,15 @@ import pytest
 import sysid.gap
 from mecanum_env.model import Model
 from sysid.gap.analyse import analyse
+from sysid.gap.growth import growths
+from sysid.gap.library import responses
 from sysid.gap.noise import measure_noise
 from sysid.gap.observations import observe
-from sysid.gap.records import GapOptions
+from sysid.gap.problem import Problem
+from sysid.gap.records import FoundEffect, GapOptions, Interval
 from sysid.gap.result import gap_json
+from sysid.gap.search import Effort, Search
+from sysid.gap.whitening import Whitener
 from tests.gap.conftest import MakeLogs
 
 QUIET = GapOptions(next_experiment=False)
@@ -112,7 +118,29 @@ def test_a_gap_that_effects_hardly_touch_is_unexplained_too(bench_logs: MakeLogs
 
 
 def test_noise_without_repeats_is_known_less_well(bench_logs: MakeLogs, base: Model) -> None:
-    dataset = bench_logs(base)
+    dataset = bench_logs(base, repeats=1)
     noise = measure_noise(dataset, observe(dataset))
     samples = sum(run.time_s.size for run in dataset.runs)
-    assert 10.0 < noise.scatter_freedom < 0.2 * samples
+    assert 10.0 < noise.freedom < 0.2 * samples
+
+
+def test_an_interval_without_end_stays_out_of_the_model() -> None:
+    found = FoundEffect(
+        "body_speed_limit", {"v_rpm": Interval(40, 39, 41), "vc_rpm": Interval(90, 80, inf)}, 1
+    )
+    assert found.intervals == {"v_rpm": {"value": 40, "low": 39, "high": 41}}
+
+
+def test_what_lies_behind_a_delay_is_looked_for_where_the_delay_is(bench_logs: MakeLogs, base: Model) -> None:
+    late = base.with_effect("command_latency", delay_s=0.15)
+    dataset = bench_logs(late.with_effect("direction_asymmetry", reverse_ratio=0.8))
+    observations = observe(dataset)
+    problem = Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    library = responses(problem, ("command_latency", "direction_asymmetry"))
+    search = Search(problem, library, Effort())
+    search.grow(1)
+    parent = search.fitted[("command_latency",), False]
+    assert parent.cost > 10.0 * problem.size
+    promised = search.growths(parent)[0].expected
+    assert promised < 0.3 * growths(base, parent, library)[0].expected
+    assert promised < 0.3 * parent.cost

@@ -9,7 +9,7 @@ from typing import Any
 
 import tyro
 
-from mecanum_env.errors import MecanumError
+from mecanum_env.errors import InputError, MecanumError
 
 
 def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: str | None = None) -> int:
@@ -23,6 +23,7 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
         arguments make tyro print what is known and raise ``SystemExit(2)``.
     """
     try:
+        _require_no_empty(sys.argv[1:] if args is None else args)
         result = tyro.cli(command, args=args, prog=prog)
     except MecanumError as error:
         print(f"error: {error}", file=sys.stderr)
@@ -35,3 +36,13 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
         print("interrupted; nothing half-written was left behind", file=sys.stderr)
         return 130
     return result if isinstance(result, int) else 0
+
+
+def _require_no_empty(args: Sequence[str]) -> None:
+    """Refuse an empty argument, such as an unset variable's: as a path it would be the current folder."""
+    for before, word in zip(("", *args), args, strict=False):
+        option = before if before.startswith("--") else "an argument"
+        if word.startswith("--") and word.endswith("=") and word.count("=") == 1:
+            option, word = word[:-1], ""
+        if not word:
+            raise InputError(f"{option} is empty; give a value, or leave it out")

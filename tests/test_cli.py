@@ -55,6 +55,19 @@ def test_an_interrupt_exits_with_130(capsys):
     assert "interrupted" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("args", "said"),
+    [
+        (["--name", ""], "--name is empty"),
+        (["--name=", "--times", "2"], "--name is empty"),
+        ([""], "an argument is empty"),
+    ],
+)
+def test_an_empty_argument_is_refused(args, said, capsys):
+    assert run(greet, args) == 2
+    assert capsys.readouterr() == ("", f"error: {said}; give a value, or leave it out\n")
+
+
 @pytest.mark.parametrize("args", [["--name", "a", "--tmes", "2"], [], ["--name", "a", "--times", "x"]])
 def test_wrong_arguments_exit_with_2(args, capsys):
     with pytest.raises(SystemExit) as exit_info:

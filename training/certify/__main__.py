@@ -4,20 +4,23 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal
 
 import tyro
 from tqdm import tqdm
 
 from mecanum_env.cli import run
-from mecanum_env.errors import install_command
+from mecanum_env.errors import InputError, install_command
 from mecanum_env.files import require_writable
 from mecanum_env.model import paper_model, read_model
 from training.certify.codec import write_certificate
 from training.certify.page import write_certificate_page
+from training.certify.plants import GROUPS
 from training.certify.records import Thresholds
 from training.certify.run import Options, certify, episodes_of, require_usable
 from training.certify.table import certificate_table
+
+_ALL: Final = "all"
 
 
 def main(
@@ -25,7 +28,7 @@ def main(
     /,
     model: Path | None = None,
     episodes: int = 200,
-    plants: tuple[str, ...] = (),
+    plants: tuple[str, ...] = (_ALL,),
     out: Path = Path("certificate"),
     physics: Literal["planar", "rollers"] = "planar",
     difficulty: str = "normal",
@@ -44,8 +47,8 @@ def main(
             policy.
         model: Model file of the robot; by default the packaged one.
         episodes: Of each plant, seeded 0, 1, ...
-        plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if); by
-            default all.
+        plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if), or
+            all of them.
         out: Folder to write.
         physics: planar is fast; rollers puts every plant on its rollers.
         difficulty: Of the opponent: easy, normal or hard.
@@ -55,9 +58,11 @@ def main(
     Returns:
         The exit code.
     """
+    if not plants:
+        raise InputError(f"--plants: none is given; name plants or groups ({', '.join(GROUPS)}), or {_ALL}")
     options = Options(
         episodes=episodes,
-        plants=plants,
+        plants=() if _ALL in plants else plants,
         physics=physics,
         difficulty=difficulty,
         jobs=jobs,

@@ -99,13 +99,15 @@ def make_controller(
     if name.endswith(SUFFIX):
         # It drives the robot that compensation makes of this one.
         base = name.removesuffix(SUFFIX)
+        if not base or base.endswith(SUFFIX):
+            raise InputError(f"controller {name!r}: must be one name or path with {SUFFIX} behind it, once")
         left = {key: value for key, value in model.effects.items() if key in _LEFT.get(base, ())}
         ideal = replace(model, effects=left)
         inner = make_controller(base, ideal, arena=arena, row=row, seed=seed)
         controller = Compensated(inner, model, foresees=base in _LEFT)
     elif name in CONTROLLERS:
         controller = CONTROLLERS[name](Given(model, arena, row, seed))
-    elif Path(name).suffix == ".npz" or Path(name).is_dir():
+    elif name and (Path(name).suffix == ".npz" or Path(name).is_dir()):
         controller = _load(Path(name))
     else:
         raise InputError(

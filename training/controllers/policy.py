@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import json
 import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -31,6 +32,9 @@ FORMAT: Final = "mecanum-policy/1"
 DEFAULT: Final = "robust"
 """Name of the bundled policy that is meant where none is named."""
 _FOLDER: Final = Path(__file__).parent.parent / "policies"
+_UNREADABLE: Final = (OSError, EOFError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
+"""What numpy raises for a file that is none of its archives, or part of one."""
+_GIVE: Final = "give policy.npz of a folder that `python -m training.train` wrote"
 
 
 def _relu(x: FloatArray) -> FloatArray:
@@ -159,24 +163,28 @@ def load_policy(path: Path) -> Policy:
     if path.is_dir():
         path = path / "policy.npz"
     try:
-        with np.load(path, allow_pickle=False) as stored:
+        # Opened here, since numpy leaves a file open that it cannot read.
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
     except FileNotFoundError as error:
         raise InputError(
             f"{path}: no such policy; `python -m training.train --out RUN` writes one"
         ) from error
-    except (OSError, ValueError, zipfile.BadZipFile) as error:
-        raise InputError(f"{path}: no policy file ({error}); give policy.npz of a training folder") from error
+    except PermissionError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    except _UNREADABLE as error:
+        raise InputError(f"{path}: no policy file, or a torn one; {_GIVE}") from error
     try:
         about = json.loads(str(arrays["about"]))
         if about["format"] != FORMAT:
-            raise InputError(f'{path}: format = {about["format"]!r}, must be "{FORMAT}"; export it again')
-        network = _network(arrays, about)
-    except (KeyError, TypeError, ValueError) as error:
-        if isinstance(error, InputError):
-            raise
-        raise InputError(f"{path}: no policy file ({error!r}); give a policy.npz of training") from error
-    return Policy(network, about)
+            raise InputError(f'format = {about["format"]!r}, must be "{FORMAT}"; export it again')
+        return Policy(_network(arrays, about), about)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    except (KeyError, TypeError, json.JSONDecodeError) as error:
+        raise InputError(f"{path}: no policy file, though it holds arrays; {_GIVE}") from error
+    except ValueError as error:
+        raise InputError(f"{path}: no policy that can act ({error}); {_GIVE}") from error
 
 
 def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:

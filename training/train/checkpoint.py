@@ -122,12 +122,17 @@ def read_run(folder: Path) -> tuple[Settings, dict[str, Any]]:
     try:
         stored = json.loads(path.read_text(encoding="utf-8"))
         settings = settings_from_json(stored.pop("settings"))
+        list(stored["commands"])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
     except OSError as error:
         raise InputError(
             f"{path}: {error.strerror}; give the folder of `python -m training.train`"
         ) from error
-    except (AttributeError, KeyError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: not written by `python -m training.train` ({error!r})") from error
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
+        raise InputError(
+            f"{path}: not what `python -m training.train` writes, or changed since; give another folder"
+        ) from error
     return settings, stored
 
 

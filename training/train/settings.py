@@ -195,7 +195,7 @@ def settings_from_json(stored: Mapping[str, Any]) -> Settings:
             values[name] = kind(**own)
         return Settings(**values)
     except (KeyError, TypeError) as error:
-        raise InputError(f"settings: not those of a training run ({error})") from error
+        raise InputError(f"settings: not those of a training run, {error} is missing or wrong") from error
 
 
 def command_line(settings: Settings, folder: str) -> str:

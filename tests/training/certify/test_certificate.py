@@ -118,6 +118,12 @@ def test_exit_codes_and_files(tmp_path, capsys):
     [
         (["stil"], 'did you mean "still"'),
         (["still", "--plants", "moon"], "no plant 'moon'"),
+        (
+            ["still", "--plants"],
+            "--plants: none is given; name plants or groups (nominal, effects",
+        ),
+        (["still", "--model", ""], "--model is empty; give a value, or leave it out"),
+        (["still+compensated+compensated"], "must be one name or path with +compensated behind it, once"),
         (["still", "--episodes", "0"], "episodes = 0, must be at least 1"),
         (["still", "--jobs", "-1"], "jobs = -1"),
         (["still", "--difficulty", "hrd"], 'did you mean "hard"'),

@@ -66,6 +66,17 @@ def test_an_unknown_name_is_refused_behind_the_suffix_too():
         make_controller("nothing" + SUFFIX, paper_model())
 
 
+@pytest.mark.parametrize("name", [SUFFIX, "still" + 2 * SUFFIX])
+def test_the_suffix_is_behind_one_name_once(name):
+    with pytest.raises(InputError, match=r"must be one name or path with .compensated behind it, once"):
+        make_controller(name, paper_model())
+
+
+def test_no_name_at_all_is_not_the_current_folder():
+    with pytest.raises(InputError, match="controller '': no such name"):
+        make_controller("", paper_model())
+
+
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-10, 10))
 def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
     """No wheel is asked for more than its ceiling, and what is asked is the wanted twist times a factor."""

@@ -88,14 +88,40 @@ def test_an_observation_of_another_task_is_refused(network):
 def test_what_is_no_policy_is_refused(tmp_path):
     with pytest.raises(InputError, match="no such policy"):
         load_policy(tmp_path / "none.npz")
-    (tmp_path / "text.npz").write_text("text")
-    with pytest.raises(InputError, match="no policy file"):
-        load_policy(tmp_path / "text.npz")
-    np.savez(tmp_path / "other.npz", x=np.zeros(3))
-    with pytest.raises(InputError, match="no policy file"):
-        load_policy(tmp_path / "other.npz")
     with pytest.raises(InputError, match=r'bundled policy .nominl. \(did you mean "nominal"'):
         bundled("nominl")
+
+
+def _torn(file):
+    whole = bytearray(bundled().read_bytes())
+    whole[400] ^= 255
+    file.write(whole)
+
+
+@pytest.mark.parametrize(
+    "write",
+    [
+        lambda file: file.write(b"text"),
+        lambda file: file.write(b""),
+        lambda file: file.write(bundled().read_bytes()[:2000]),
+        _torn,
+        lambda file: np.save(file, np.zeros(3)),
+        lambda file: np.savez(file, x=np.zeros(3)),
+        lambda file: np.savez(file, about=np.array({"a": 1}, dtype=object)),
+        lambda file: np.savez(file, about=np.array("{")),
+        lambda file: np.savez(file, about=np.array("[1]")),
+        lambda file: np.savez(file, about=np.array('{"format": "mecanum-policy/1"}')),
+    ],
+)
+def test_a_foreign_or_torn_file_is_refused_in_our_words(write, tmp_path):
+    with (tmp_path / "other.npz").open("wb") as file:
+        write(file)
+    with pytest.raises(InputError) as refusal:
+        load_policy(tmp_path / "other.npz")
+    said = str(refusal.value)
+    assert said.startswith(f"{tmp_path / 'other.npz'}: no policy file, ")
+    assert said.endswith("; give policy.npz of a folder that `python -m training.train` wrote")
+    assert not any(word in said for word in ("pickle", "Error", "'about'"))
 
 
 def test_layers_that_do_not_fit_are_refused(network, tmp_path):

@@ -131,6 +131,17 @@ def test_what_is_over_or_begun_is_refused(trained, tmp_path):
         resume(tmp_path, quiet=True)
 
 
+@pytest.mark.parametrize("text", ["{", "[]", "{}", '{"settings": 5}', "\xff", '{"settings": {"ppo": {}}}'])
+def test_a_folder_of_another_program_is_refused_in_our_words(text, tmp_path):
+    (tmp_path / "run.json").write_text(text, encoding="latin-1")
+    with pytest.raises(InputError) as refusal:
+        read_run(tmp_path)
+    said = str(refusal.value)
+    assert said.startswith(f"{tmp_path / 'run.json'}: ")
+    assert "Error" not in said
+    assert "not " in said
+
+
 def test_bad_settings_are_refused(capsys):
     with pytest.raises(InputError, match=r'env = .*did you mean "MecanumTankendoDuel-v0"'):
         Settings(env="MecanumTankendoDual-v0")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 import mujoco
@@ -79,7 +80,8 @@ def changed_model(model: Model, plant: Plant) -> Model:
             )
         if effect.change_model is not None and effect.acts_in(plant):
             left = {name: kept for name, kept in changed.effects.items() if name != effect.name}
-            changed = replace(effect.change_model(changed, values), effects=left)
+            with _named(effect):
+                changed = replace(effect.change_model(changed, values), effects=left)
     return changed
 
 
@@ -102,12 +104,16 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
     Args:
         model: wheel and effects.
         wheel_name: fl, fr, rl or rr; None for the common one.
+
+    Raises:
+        InputError: an effect asks for what a drive cannot do; the message names the effect.
     """
     law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
     drive = DriveParameters.from_wheel(replace(model.wheel, law=law))
     for effect, values in active_effects(model):
         if effect.change_drive is not None:
-            drive = effect.change_drive(drive, values, wheel_name)
+            with _named(effect):
+                drive = effect.change_drive(drive, values, wheel_name)
     return drive
 
 
@@ -130,3 +136,12 @@ def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, 
         if effect.change_channels is not None:
             shown = effect.change_channels(time_s, shown, values)
     return shown
+
+
+@contextmanager
+def _named(effect: Effect) -> Iterator[None]:
+    """Say in an error within the block which effect it is about."""
+    try:
+        yield
+    except InputError as error:
+        raise type(error)(f"effects.{effect.name}: {error}") from error

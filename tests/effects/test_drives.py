@@ -194,3 +194,8 @@ def test_the_law_alone_has_the_drives_effects(base):
     clock = np.arange(int(TIME[-1] / step)) * step
     law = np.interp(TIME[:-2], clock, law_of_bench(model, TIME, command, clock))
     assert np.max(np.abs(law - replay_bench(model, TIME, command)[:-2])) < 1.0
+
+
+def test_a_drive_that_cannot_be_names_the_effect_that_asks_for_it(base):
+    with pytest.raises(InputError, match=r"^effects\.command_latency: delay_s = 200\.0, must be 0 to 2\.9"):
+        steady_speed(base.with_effect("command_latency", delay_s=200.0), 60)

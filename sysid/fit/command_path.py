@@ -127,10 +127,7 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
         )
         return min(fast), False
     # A change is shown by the first row after it, however late that comes.
-    held = [
-        run.held_since(COMMAND_PERIOD_S)[np.searchsorted(run.time_s, t)]
-        for run, t in zip(dataset.runs, changes, strict=True)
-    ]
+    held = [run.held_since(COMMAND_PERIOD_S)[run.command_rows()] for run in dataset.runs]
     if all(
         _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
         for t, row in zip(held, rows, strict=True)

@@ -120,7 +120,7 @@ class Simulator:
 def _moves(situation: Situation, command_period_s: float) -> Hashable:
     """Return what a motion depends on: repeats move alike, whatever the stamps of their samples."""
     run = situation.runs[0]
-    rows = np.concatenate([[0], np.flatnonzero(np.any(np.diff(run.command.wheels_rpm, axis=0), axis=1)) + 1])
+    rows = run.command_rows()
     since = run.held_since(command_period_s)[rows]
     commands = [values[rows].tobytes() for values in run.command.columns().values()]
     return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start)

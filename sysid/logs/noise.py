@@ -76,10 +76,8 @@ def _spread(runs: Sequence[Run], name: str) -> tuple[float, float, int]:
 
 def _begins_s(run: Run) -> float:
     """Return from when the robot had the first new command [s]; 0 where there is none."""
-    times, _ = run.command_changes()
-    if len(times) < 2:
-        return 0.0
-    return float(run.held_since(Wheel.command_period_s)[np.searchsorted(run.time_s, times[1])])
+    rows = run.command_rows()
+    return float(run.held_since(Wheel.command_period_s)[rows[1]]) if rows.size > 1 else 0.0
 
 
 def _at(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -131,15 +131,19 @@ class Run:
         """
         return np.isfinite(self.channel(name))
 
+    def command_rows(self) -> npt.NDArray[np.intp]:
+        """Return the rows, shape (m,), whose wheel command differs from the row before; the first always."""
+        wheels = self.command.wheels_rpm
+        changed = np.any(wheels[1:] != wheels[:-1], axis=1)
+        return np.concatenate([[0], np.flatnonzero(changed) + 1])
+
     def command_changes(self) -> tuple[FloatArray, FloatArray]:
         """Return the times [s], shape (m,), and wheel commands [rpm], shape (m, 1 or 4), where they change.
 
         The first row is always among them, so m >= 1.
         """
-        wheels = self.command.wheels_rpm
-        changed = np.any(wheels[1:] != wheels[:-1], axis=1)
-        rows = np.concatenate([[0], np.flatnonzero(changed) + 1])
-        return self.time_s[rows], wheels[rows]
+        rows = self.command_rows()
+        return self.time_s[rows], self.command.wheels_rpm[rows]
 
     def held_since(self, command_period_s: float) -> FloatArray:
         """Return from when the robot may have held each row's command [s], shape (n,), increasing.

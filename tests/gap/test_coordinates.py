@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
-from sysid.gap.coordinates import coordinate, effect_set, joined
+from sysid.gap.coordinates import Coordinate, coordinate, effect_set, joined
 from sysid.gap.law_again import LawAgain
 
 MODEL = paper_model()
@@ -25,7 +25,7 @@ COORDINATES = [
 
 @pytest.mark.parametrize("one", COORDINATES, ids=lambda c: f"{c.effect}.{c.parameter}")
 @given(unit=st.floats(0.001, 0.999))
-def test_a_place_gives_a_value_and_the_value_the_place(one, unit: float) -> None:  # type: ignore[no-untyped-def]
+def test_a_place_gives_a_value_and_the_value_the_place(one: Coordinate, unit: float) -> None:
     value = one.value(unit)
     assert one.low <= value <= one.high
     assert one.unit(value) == pytest.approx(unit, abs=1e-9)

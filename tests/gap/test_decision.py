@@ -11,7 +11,9 @@ import pytest
 import sysid.gap
 from mecanum_env.model import Model
 from sysid.gap.analyse import analyse
-from sysid.gap.growth import growths
+from sysid.gap.coordinates import EffectSet
+from sysid.gap.fitted import Fitted
+from sysid.gap.growth import Growth, growths
 from sysid.gap.library import responses
 from sysid.gap.noise import measure_noise
 from sysid.gap.observations import observe
@@ -129,6 +131,26 @@ def test_an_interval_without_end_stays_out_of_the_model() -> None:
         "body_speed_limit", {"v_rpm": Interval(40, 39, 41), "vc_rpm": Interval(90, 80, inf)}, 1
     )
     assert found.intervals == {"v_rpm": {"value": 40, "low": 39, "high": 41}}
+
+
+def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
+    bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = bench_logs(base.with_effect("command_latency", delay_s=0.05))
+    observations = observe(dataset)
+    problem = Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    search = Search(problem, responses(problem, ("command_latency", "sensor_latency")), Effort())
+    search.grow(1)
+    chosen = search.fitted[("command_latency",), False]
+    del search.fitted[("sensor_latency",), False]
+    seen = search.growths
+
+    def rough(parent: Fitted[EffectSet]) -> list[Growth]:
+        return [replace(growth, expected=0.9 * parent.cost) for growth in seen(parent)]
+
+    monkeypatch.setattr(search, "growths", rough)
+    search.swap(chosen)
+    assert (("sensor_latency",), False) in search.fitted
 
 
 def test_what_lies_behind_a_delay_is_looked_for_where_the_delay_is(bench_logs: MakeLogs, base: Model) -> None:

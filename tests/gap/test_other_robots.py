@@ -19,7 +19,7 @@ from sysid.gap.problem import Problem
 from sysid.gap.scale import speed_scale
 from sysid.gap.search import EMPTY, Effort, Search
 from sysid.gap.whitening import Whitener
-from sysid.logs import BenchCommand, Dataset, Run
+from sysid.logs import BenchCommand, Dataset, Run, Split
 
 from .conftest import MakeLogs
 
@@ -36,12 +36,13 @@ def fast_logs(model: Model, top_rpm: float) -> Dataset:
     rng = np.random.default_rng(3)
     time = np.arange(0.0, 4.0, 0.02)
     runs = []
-    for i, split in enumerate(("fit", "fit", "validation", "test")):
+    splits: tuple[Split, ...] = ("fit", "fit", "validation", "test")
+    for i, split in enumerate(splits):
         levels = top_rpm * rng.uniform(-1.0, 1.0, 10)
         levels[:3] = top_rpm * np.array([1.0, -0.9, 0.8])
         command = np.rint(np.repeat(levels, time.size // 10))
         speed = replay_bench(model, time, command) + 0.5 * rng.standard_normal(time.size)
-        runs.append(Run(f"{i}.csv", f"{i}", split, time, BenchCommand(command), {"speed_rpm": speed}))  # type: ignore[arg-type]
+        runs.append(Run(f"{i}.csv", f"{i}", split, time, BenchCommand(command), {"speed_rpm": speed}))
     return Dataset("fast bench", tuple(runs), ())
 
 

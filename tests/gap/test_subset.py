@@ -52,7 +52,8 @@ def test_a_robots_commands_are_cut_with_it() -> None:
     run = Run("r.csv", "r", "fit", time, BodyCommand(v, 0.0 * v, -v), {"yaw_rate_rad_s": v})
     cut = list(pieces(run, PERIOD_S))
     assert len(cut) == 2
-    np.testing.assert_array_equal(np.concatenate([p.command.vc_rpm for p in cut]), -v)  # type: ignore[union-attr]
+    rotations = [p.command.columns()["command_vc_rpm"] for p in cut]
+    np.testing.assert_array_equal(np.concatenate(rotations), -v)
 
 
 def test_runs_that_fit_are_all_taken_whole() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from sysid.gap.noise import measure_noise
 from sysid.gap.observations import observe
 from sysid.gap.records import GapOptions
 from sysid.gap.simulator import Simulator
+from sysid.prediction import Motion
 from tests.gap.conftest import NOISE_RPM, MakeLogs
 
 FEW = GapOptions(only=("direction_asymmetry", "acceleration_limit"), next_experiment=False)
@@ -66,9 +68,9 @@ def test_repeats_are_simulated_once(
 ) -> None:
     calls = []
 
-    def counted(*arguments: object) -> object:
+    def counted(*arguments: Any) -> Motion:
         calls.append(arguments)
-        return motion_of(*arguments)  # type: ignore[arg-type]
+        return motion_of(*arguments)
 
     motion_of = simulator.motion_of
     monkeypatch.setattr(simulator, "motion_of", counted)

@@ -10,13 +10,14 @@ from sysid.gap.noise import measure_noise
 from sysid.gap.observations import observe
 from sysid.gap.problem import Problem
 from sysid.gap.whitening import Whitener
+from sysid.logs import Dataset
 from sysid.model_error import ChannelError, ModelError
 from tests.gap.conftest import MakeLogs
 
 ERROR = ModelError({"speed_rpm": ChannelError(settled=0.3, transient=0.02, correlation_s=0.05)})
 
 
-def _problem(dataset, base: Model, error: ModelError | None = None) -> Problem:  # type: ignore[no-untyped-def]
+def _problem(dataset: Dataset, base: Model, error: ModelError | None = None) -> Problem:
     observations = observe(dataset)
     return Problem(base, Whitener(observations, measure_noise(dataset, observations), error))
 

@@ -43,7 +43,7 @@ bench-train: $(VENV)/train
 
 # Hours; an interrupted run goes on where it was.
 blind: $(VENV)/installed
-	$(BIN)/python -m sysid.blind --out out/blind --markdown docs/results/blind.md
+	$(BIN)/python -m sysid.studies.blind --out out/blind --markdown docs/results/blind.md
 
 # System packages: the offline renderer, and a compiler for the plugin.
 system:

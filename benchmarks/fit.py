@@ -20,9 +20,9 @@ from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import paper_model
-from sysid.estimators import Estimate, Options, estimate
-from sysid.statistics import residual_tests, uncertainty
-from sysid.synthetic import step_runs
+from sysid.fit.estimators import Estimate, Options, estimate
+from sysid.fit.statistics import residual_tests, uncertainty
+from sysid.studies.synthetic import step_runs
 
 NOISES_RPM = (0.5, 2.0)
 

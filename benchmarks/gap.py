@@ -24,15 +24,15 @@ from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.compare.prediction import Start, predict
 from sysid.fit import fit_dataset, fitted_model
-from sysid.gap.analyse import analyse
-from sysid.gap.figures import predicted
-from sysid.gap.records import GapOptions, GapReport
-from sysid.gap.result import gap_json
-from sysid.gap.verdict import verdict_sentence
+from sysid.gap.report.held_out import predicted
+from sysid.gap.report.output import gap_json
+from sysid.gap.report.wording import verdict_sentence
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.study import analyse
 from sysid.logs import BodyCommand, Dataset, Run, Split, read_dataset
-from sysid.measure import seconds_of
-from sysid.prediction import Start, predict
+from sysid.progress import seconds_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 WANTED_S = {"bench": 60.0, "robot": 240.0}

@@ -22,7 +22,7 @@ from mecanum_env.files import write_json
 from mecanum_env.law import LawState, WheelLaw
 from mecanum_env.model import paper_model
 from sysid.online import OnlineEstimator, OnlineOptions, first_order_law
-from sysid.online.synthetic import Samples, free_run_error_rpm, random_samples, random_stable_law
+from sysid.studies.synthetic import Samples, free_run_error_rpm, random_samples, random_stable_law
 
 NOISE_RPM = float(np.hypot(0.5, 1.0 / np.sqrt(12.0)))
 AFTER_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)

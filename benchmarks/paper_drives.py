@@ -1,9 +1,9 @@
 """The paper's robot drives: straight at 10, 40, 80 and 130 rpm, and turning in place at 1.484 rad/s.
 
-Each starts from rest, holds for three seconds and stops (`sysid.reproduce.robot`). The paper (section 4.5)
-prints what its robot lost against its model; the simulated robot loses what rollers, grip and motors without
-friction lose, so the difference is what the paper's robot has and a free wheel's law does not: friction,
-load, battery, sensors.
+Each starts from rest, holds for three seconds and stops (`sysid.studies.reproduce.robot`). The paper
+(section 4.5) prints what its robot lost against its model; the simulated robot loses what rollers, grip and
+motors without friction lose, so the difference is what the paper's robot has and a free wheel's law does not:
+friction, load, battery, sensors.
 
 Example: python benchmarks/paper_drives.py --out out/paper_drives.json
 """
@@ -17,8 +17,8 @@ from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.model import paper_model, read_model
 from mecanum_env.simulator import Plant
-from sysid.reproduce.published import MODEL_RISE_S, ROBOT_RISE_S
-from sysid.reproduce.robot import RobotDrive, robot_drives
+from sysid.studies.reproduce.published import MODEL_RISE_S, ROBOT_RISE_S
+from sysid.studies.reproduce.robot import RobotDrive, robot_drives
 
 FIGURES = tuple(f.name for f in fields(RobotDrive) if f.name not in ("time_s", "body", "law"))
 

@@ -21,7 +21,8 @@ from mecanum_env.files import write_json
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S, planar_spec, robot_spec
 from mecanum_env.mjcf.geometry import sideways_ratio
-from mecanum_env.mjcf.measure import (
+from mecanum_env.model import Model, paper_model, read_model
+from sysid.studies.motion import (
     coast_energy,
     follow,
     heading_drift_rad,
@@ -33,7 +34,6 @@ from mecanum_env.mjcf.measure import (
     steady_drive,
     warnings_of,
 )
-from mecanum_env.model import Model, paper_model, read_model
 
 FORWARD, LEFT, DIAGONAL, TURN, MIXED = (80, 0, 0), (80, 90, 0), (80, 45, 0), (0, 0, 80), (60, 30, 30)
 NAMES = {FORWARD: "forward", LEFT: "left", DIAGONAL: "diagonal", TURN: "turn", MIXED: "60 rpm, 30 deg, VC 30"}

@@ -29,12 +29,10 @@ from mecanum_env.cli import run
 from mecanum_env.errors import MecanumError
 from mecanum_env.files import write_json, write_text
 from mecanum_env.model import Model, read_robot
+from sysid.compare.subset import deciding, quiet
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.pipeline import Fit
-from sysid.gap.analyse import analyse
-from sysid.gap.records import GapOptions, GapReport
-from sysid.gap.subset import deciding, quiet
-from sysid.gap.verdict import (
+from sysid.gap.report.wording import (
     amount,
     concentrations,
     interval_text,
@@ -44,6 +42,8 @@ from sysid.gap.verdict import (
     unit_of,
     verdict_sentence,
 )
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.study import analyse
 from sysid.logs import Dataset, read_dataset
 
 BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"

@@ -20,7 +20,7 @@ from mecanum_env.files import write_json
 from sysid.fit import FitOptions, fit_dataset, fit_json
 from sysid.fit.pipeline import Fit
 from sysid.logs import read_dataset
-from sysid.measure import seconds_of
+from sysid.progress import seconds_of
 
 BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/left", "husky/right", "husky/body", "micromouse/closed_loop_left",

@@ -25,7 +25,7 @@ from tqdm import tqdm
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.rendering.backend import library_loads
-from mecanum_env.rendering.caption import Frame
+from mecanum_env.rendering.view import Frame
 
 BACKENDS = ("osmesa", "egl")
 QUALITIES = ("light", "full")
@@ -67,7 +67,8 @@ def one(quality: str, frames: int, repeats: int) -> dict[str, Any]:
     from mecanum_env.model import paper_model
     from mecanum_env.rendering.video import frame_rows, render_frames, write_video
     from mecanum_env.rendering.view import View
-    from mecanum_env.simulator import drive, scripted
+    from mecanum_env.simulator import drive
+    from mecanum_env.simulator.commands import scripted
 
     trajectory = drive(paper_model(), scripted("tour")[0], frames / 30.0)
     rows = frame_rows(trajectory.time_s)[:frames]

@@ -19,8 +19,8 @@ from training.controllers.policy import Policy, load_policy
 from training.evaluate import Setup, evaluate, mean, named_maker
 from training.train import run as training
 from training.train.checkpoint import newest_checkpoint, read_run, read_state
-from training.train.environment import model_of
-from training.train.provenance import commit, versions
+from training.train.environments import model_of
+from training.train.export import commit, versions
 from training.train.settings import Algorithm, Settings
 from training.train.watch import DEVELOPMENT_SEEDS
 

@@ -39,8 +39,8 @@ if TYPE_CHECKING:
     from mecanum_env.model import Model
     from mecanum_env.simulator import Plant
     from sysid.fit import Fit
-    from sysid.gap.records import GapReport
-    from training.certify.records import Certificate
+    from sysid.gap.result import GapReport
+    from training.certify.certificate import Certificate
     from training.evaluate import Share
 
 EXCLUDED: Final = ("sensor_latency",)
@@ -169,9 +169,9 @@ def fit_bench(out: Path) -> Fit:
     from mecanum_env.files import write_json
     from mecanum_env.model import write_model
     from sysid.fit import fit_dataset, fit_json, fitted_model
+    from sysid.fit.page import write_fit_report
     from sysid.logs import read_dataset
-    from sysid.measure import stage_bar
-    from sysid.report import write_fit_report
+    from sysid.progress import stage_bar
 
     with stage_bar(6) as progress:
         fitted = fit_dataset(read_dataset(out / "bench"), progress=progress)
@@ -190,11 +190,11 @@ def study(out: Path, model: Model, scale: Scale) -> GapReport:
         model: the fit.
         scale: of the story.
     """
-    from sysid.gap import analyse
-    from sysid.gap.output import write_study
-    from sysid.gap.records import GapOptions
+    from sysid.gap import study as analyse
+    from sysid.gap.report.output import write_study
+    from sysid.gap.result import GapOptions
     from sysid.logs import read_dataset
-    from sysid.measure import stage_bar
+    from sysid.progress import stage_bar
 
     only = QUICK_ONLY if scale.quick else ()
     exclude = () if scale.quick else EXCLUDED
@@ -222,8 +222,8 @@ def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Cert
         scale: of the story.
         folder: to write.
     """
-    from training.certify.codec import write_certificate
-    from training.certify.page import write_certificate_page
+    from training.certify.certificate import write_certificate
+    from training.certify.report import write_certificate_page
     from training.certify.run import Options, certify, episodes_of
 
     options = Options(episodes=scale.episodes, plants=("nominal",), physics=scale.fights, jobs=scale.jobs)
@@ -274,7 +274,7 @@ def played(jobs: Mapping[str, Any], scale: Scale) -> dict[str, Share]:
         jobs: name -> `training.evaluate.Job`.
         scale: of the story.
     """
-    from training.certify.figures import success_of
+    from training.certify.run import success_of
     from training.evaluate import play_jobs
 
     with bar(sum(job.episodes for job in jobs.values())) as progress:

@@ -18,11 +18,11 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.files import atomic_path
 from mecanum_env.model import read_model
-from sysid.gap.analyse import analyse
-from sysid.gap.records import Difference, GapReport, Overlay, Region
-from sysid.gap.verdict import verdict_sentence
+from sysid.gap.report.wording import verdict_sentence
+from sysid.gap.result import Difference, GapReport, Overlay, Region
+from sysid.gap.study import analyse
 from sysid.logs import read_dataset
-from sysid.measure import stage_bar
+from sysid.progress import stage_bar
 
 LOGS = Path(__file__).parent / "gap_logs"
 MEASURED, BEFORE, AFTER, COMMAND = "#8a8a8a", "#c8102e", "#0b7a75", "#1f4e79"

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from sysid.fit import Fit
-    from sysid.gap.records import GapReport
-    from training.certify.records import Certificate
+    from sysid.gap.result import GapReport
+    from training.certify.certificate import Certificate
     from training.evaluate import Share
 
 RED, GREEN, BLUE = "#c8102e", "#0b7a75", "#1f4e79"
@@ -87,7 +87,7 @@ def fit_text(fitted: Fit) -> str:
 def warning_line(certificate: Certificate) -> str:
     """Return the warning that a certified controller needs, and whether it passed."""
     from training.certify.judge import warning_text
-    from training.certify.table import verdict
+    from training.certify.report import verdict
 
     said = verdict(certificate).replace(certificate.controller, label(certificate.controller))
     return f"warning for 90 %: {warning_text(certificate.warning)}\n   {said}"
@@ -95,7 +95,7 @@ def warning_line(certificate: Certificate) -> str:
 
 def gap_lines(report: GapReport) -> str:
     """Return what a study found: verdict, sizes, twins."""
-    from sysid.gap.verdict import interval_text, set_name, unit_of, verdict_sentence
+    from sysid.gap.report.wording import interval_text, set_name, unit_of, verdict_sentence
 
     lines = [f"{report.verdict}: {verdict_sentence(report)}"]
     for found in report.effects:
@@ -110,7 +110,7 @@ def gap_lines(report: GapReport) -> str:
 
 def truth_text(truth: Mapping[str, Mapping[str, float]]) -> str:
     """Return effects with their sizes in words."""
-    from sysid.gap.verdict import sizes
+    from sysid.gap.report.wording import sizes
 
     return "; ".join(f"{name} {sizes(name, values)}" for name, values in truth.items())
 

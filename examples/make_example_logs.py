@@ -16,7 +16,7 @@ import numpy as np
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, Dataset, Run, Split
 from sysid.logs.writer import write_dataset
-from sysid.target_system import simulate_target
+from sysid.studies.target_system import simulate_target
 
 SEED = 20240
 REPEATS = 3

@@ -2,8 +2,8 @@
 
     python examples/make_gap_logs.py
 
-The motor, the gear and the PID are those of `examples/logs` (`sysid.target_system`). Before a command reaches
-the PID, two things now happen to it, as in many motor drivers:
+The motor, the gear and the PID are those of `examples/logs` (`sysid.studies.target_system`). Before a command
+reaches the PID, two things now happen to it, as in many motor drivers:
 
 - commands nearer to zero than `DEAD_BAND_RPM` are taken for a stick that is not quite in its middle: rest;
 - the rest is followed along a ramp, no faster than `RAMP_RPM_S`, to spare the gear.
@@ -23,7 +23,7 @@ import numpy.typing as npt
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, Dataset, Run, Split
 from sysid.logs.writer import write_dataset
-from sysid.target_system import TargetSystem, simulate_target
+from sysid.studies.target_system import TargetSystem, simulate_target
 
 DEAD_BAND_RPM = 12.5
 """Hidden: smaller commands do nothing. Between two whole numbers, since commands are whole rpm."""

@@ -1,4 +1,7 @@
-"""Writing files whole or not at all: a temporary file beside the target, then a rename."""
+"""Writing files whole or not at all: a temporary file beside the target, then a rename.
+
+Where the packaged files are: `assets/` in a checkout, `mecanum_env/assets` in an installed wheel.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +13,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import BackendError, InputError
 
 
 @contextmanager
@@ -91,3 +94,17 @@ def _umask() -> int:
     mask = os.umask(0)
     os.umask(mask)
     return mask
+
+
+def asset_path(name: str = "") -> Path:
+    """Return the path of a packaged file or folder such as ``"models/paper.json"`` or ``"robot.xml"``.
+
+    Raises:
+        BackendError: this installation has no such file.
+    """
+    package = Path(__file__).parent
+    # An editable install runs from the checkout, where the files lie beside the package, not inside.
+    for root in (package / "assets", package.parent / "assets"):
+        if (root / name).exists():
+            return root / name
+    raise BackendError(f"packaged file {name!r} not found; reinstall with `pip install .`")

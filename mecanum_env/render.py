@@ -96,7 +96,8 @@ def _read(model: str) -> Model:
 
 def _commands(name: str) -> tuple[Commands, float]:
     """Return the commands of a named drive or a file, and how long to drive [s]."""
-    from mecanum_env.simulator import SCRIPTS, read_commands, scripted
+    from mecanum_env.simulator import SCRIPTS, read_commands
+    from mecanum_env.simulator.commands import scripted
 
     # A name that is no file, and could not be one, is a misspelt drive.
     if name in SCRIPTS or ("." not in name and "/" not in name):

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from mecanum_env.asset_files import asset_path
 from mecanum_env.cli import run
 from mecanum_env.errors import BackendError, InputError, MecanumError, UnstableLawError, did_you_mean
+from mecanum_env.files import asset_path
 
 
 def greet(name: str, times: int = 1) -> None:
@@ -107,9 +107,9 @@ def test_did_you_mean_names_only_what_is_near():
 @pytest.mark.parametrize(
     ("program", "arguments", "message"),
     [
-        ("sysid.reproduce", ["--seed", "-1"], "seed = -1, must be at least 0"),
-        ("sysid.blind", ["--seed", "-1"], "seed = -1, must be at least 0"),
-        ("sysid.blind", ["--jobs", "0"], "jobs = 0, must be at least 1"),
+        ("sysid.studies.reproduce", ["--seed", "-1"], "seed = -1, must be at least 0"),
+        ("sysid.studies.blind", ["--seed", "-1"], "seed = -1, must be at least 0"),
+        ("sysid.studies.blind", ["--jobs", "0"], "jobs = 0, must be at least 1"),
     ],
 )
 def test_a_number_that_is_too_small_is_refused_before_the_work(
@@ -129,9 +129,9 @@ LOGS = str(Path(__file__).parents[1] / "examples" / "logs")
     [
         ("sysid.fit", "fit", "fit_dataset", [LOGS]),
         ("sysid.gap", "gap", "analyse", [LOGS, "--model", str(asset_path("models/paper.json"))]),
-        ("sysid.blind", "main", "run_cases", ["--quick"]),
-        ("sysid.paper_gap", "main", "paper_gap", []),
-        ("sysid.reproduce", "main", "reproduce", ["--quick"]),
+        ("sysid.studies.blind", "main", "run_cases", ["--quick"]),
+        ("sysid.studies.paper_gap", "main", "paper_gap", []),
+        ("sysid.studies.reproduce", "main", "reproduce", ["--quick"]),
         ("sysid.online", "main", "replay", [LOGS]),
         ("training.certify", "main", "certify", ["still"]),
         ("training.compare", "main", "compare", ["still"]),

@@ -10,7 +10,7 @@ from types import SimpleNamespace
 import pytest
 
 from mecanum_env.model import paper_model, read_model
-from training.certify.codec import read_certificate
+from training.certify.certificate import read_certificate
 from training.evaluate import share
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.asset_files import asset_path
 from mecanum_env.errors import InputError, UnstableLawError
+from mecanum_env.files import asset_path
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf.masses import robot_masses

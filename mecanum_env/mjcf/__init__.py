@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from mecanum_env.mjcf.bench import bench_spec
 from mecanum_env.mjcf.drive import Drive
 from mecanum_env.mjcf.physics import SIMULATION_TIMESTEP_S, TRAINING_TIMESTEP_S, fitting_timestep
-from mecanum_env.mjcf.planar import planar_spec
-from mecanum_env.mjcf.robot import robot_spec
+from mecanum_env.mjcf.plants import bench_spec, planar_spec, robot_spec
 
 __all__ = [
     "SIMULATION_TIMESTEP_S",

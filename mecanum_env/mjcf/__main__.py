@@ -8,8 +8,8 @@ from typing import Annotated
 
 import tyro
 
-from mecanum_env.asset_files import asset_path
 from mecanum_env.cli import run
+from mecanum_env.files import asset_path
 from mecanum_env.mjcf.write import left_out, write_models
 from mecanum_env.model import read_model
 

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 
 from mecanum_env.mjcf import shapes
-from mecanum_env.mjcf.materials import add_materials
+from mecanum_env.mjcf.shapes import add_materials
 from mecanum_env.model import Robot
 
 FIELD_M = 9.0

@@ -1,6 +1,8 @@
-"""Geoms that are only seen: no mass (the bodies have theirs outright), no contact.
+"""Colours: one name for each, used by every visible geom.
 
-Everywhere: `body` is the body they belong to, `material` a name of `mecanum_env.mjcf.materials`, positions
+Geoms that are only seen: no mass (the bodies have theirs outright), no contact.
+
+Everywhere: `body` is the body they belong to, `material` a name of `mecanum_env.mjcf.shapes`, positions
 are of centres in the body's frame, and lengths in metres.
 """
 
@@ -10,6 +12,51 @@ import math
 from collections.abc import Sequence
 
 import mujoco
+
+# name: rgb, specular, shininess, reflectance, emission
+_MATERIALS: dict[str, tuple[tuple[float, float, float], float, float, float, float]] = {
+    "mat": ((1.0, 1.0, 1.0), 0.2, 0.2, 0.06, 0.0),
+    "ground": ((0.50, 0.54, 0.60), 0.0, 0.0, 0.0, 0.0),
+    "line": ((0.95, 0.95, 0.93), 0.1, 0.1, 0.0, 0.1),
+    "frame": ((0.20, 0.22, 0.25), 0.4, 0.4, 0.0, 0.0),
+    "shell": ((0.90, 0.91, 0.92), 0.6, 0.7, 0.05, 0.0),
+    "accent": ((0.80, 0.16, 0.13), 0.6, 0.7, 0.05, 0.0),
+    "metal": ((0.72, 0.74, 0.77), 0.9, 0.8, 0.1, 0.0),
+    "dark_metal": ((0.34, 0.35, 0.38), 0.8, 0.7, 0.05, 0.0),
+    "roller": ((0.24, 0.24, 0.26), 0.3, 0.3, 0.0, 0.0),
+    "roller_marked": ((0.96, 0.55, 0.10), 0.3, 0.3, 0.0, 0.0),
+    "lens": ((0.10, 0.25, 0.40), 1.0, 0.9, 0.2, 0.0),
+    "lamp": ((1.00, 0.97, 0.85), 0.5, 0.5, 0.0, 0.8),
+    "bamboo": ((0.86, 0.72, 0.42), 0.4, 0.4, 0.0, 0.0),
+    "leather": ((0.93, 0.91, 0.85), 0.1, 0.1, 0.0, 0.0),
+}
+
+
+def add_materials(spec: mujoco.MjSpec) -> None:
+    """Add every material to the spec, and the pattern of the mat, squares of a metre."""
+    spec.add_texture(
+        name="squares",
+        type=mujoco.mjtTexture.mjTEXTURE_2D,
+        builtin=mujoco.mjtBuiltin.mjBUILTIN_CHECKER,
+        rgb1=[0.80, 0.67, 0.49],
+        rgb2=[0.76, 0.63, 0.45],
+        width=256,
+        height=256,
+    )
+    for name, (rgb, specular, shininess, reflectance, emission) in _MATERIALS.items():
+        spec.add_material(
+            name=name,
+            rgba=[*rgb, 1.0],
+            specular=specular,
+            shininess=shininess,
+            reflectance=reflectance,
+            emission=emission,
+        )
+    mat = spec.material("mat")
+    mat.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "squares"
+    mat.texuniform = True
+    mat.texrepeat = [1.0, 1.0]
+
 
 VISUAL_GROUP = 2
 _LIE_ALONG_Y = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)

@@ -1,12 +1,19 @@
-"""One roller wheel as MuJoCo bodies: a hub on a hinge, and its rollers on passive hinges."""
+"""One roller wheel as MuJoCo bodies: a hub on a hinge, and its rollers on passive hinges.
+
+What wheels and the bench look like.
+"""
 
 from __future__ import annotations
 
+import math
+
 import mujoco
 
-from mecanum_env.mjcf import wheel_look
-from mecanum_env.mjcf.geometry import ROLLER_SIDE, WheelGeometry, roller_angle, roller_pose
+from mecanum_env.kinematics import WHEELS
+from mecanum_env.mjcf import shapes
+from mecanum_env.mjcf.geometry import ROLLER_SIDE, WheelGeometry, roller_angle, roller_pose, wheel_position
 from mecanum_env.mjcf.masses import Inertia, Masses
+from mecanum_env.model import Robot
 
 ROLLER_DAMPING = 1e-5
 """Of a roller's bearing [N m s/rad]; enough that a roller in the air comes to rest."""
@@ -34,7 +41,7 @@ def add_wheel(
     set_inertia(hub, masses.hub)
     hub.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     if visuals:
-        wheel_look.add_hub(hub, geometry)
+        add_hub(hub, geometry)
     b, c = geometry.roller_radius, geometry.roller_half_length
     rollers = []
     for i in range(geometry.rollers):
@@ -54,7 +61,7 @@ def add_wheel(
             group=ROLLER_GROUP,
         )
         if visuals:
-            geom.material = wheel_look.roller_material(i)
+            geom.material = roller_material(i)
         rollers.append(roller_name)
     return rollers
 
@@ -73,3 +80,65 @@ def set_inertia(
     body.mass = inertia.mass
     body.ipos = position
     body.inertia = inertia.moments
+
+
+BOLTS = 5
+
+
+def add_hub(
+    body: mujoco.MjsBody, geometry: WheelGeometry, centre: tuple[float, float, float] = (0, 0, 0)
+) -> None:
+    """Add core, side plates and bolts, which show the wheel turning, about a centre in the body's frame."""
+    x, y, z = centre
+    plate = 0.82 * geometry.half_width
+    shapes.disc_y(body, "dark_metal", geometry.roller_circle - geometry.roller_radius, plate, centre)
+    for side in (-1, 1):
+        face = y + side * plate
+        shapes.disc_y(body, "metal", 0.98 * geometry.roller_circle, 0.03 * geometry.radius, (x, face, z))
+        shapes.disc_y(body, "dark_metal", 0.30 * geometry.radius, 0.06 * geometry.radius, (x, face, z))
+        for i in range(BOLTS):
+            angle = 2 * math.pi * i / BOLTS
+            place = (
+                x + 0.55 * geometry.radius * math.sin(angle),
+                face,
+                z + 0.55 * geometry.radius * math.cos(angle),
+            )
+            material = "accent" if i == 0 else "dark_metal"
+            shapes.disc_y(body, material, 0.075 * geometry.radius, 0.05 * geometry.radius, place)
+
+
+def roller_material(index: int) -> str:
+    """Return the material of roller `index`: one of each wheel is marked, so that turning can be seen."""
+    return "roller_marked" if index == 0 else "roller"
+
+
+def add_still_wheel(
+    body: mujoco.MjsBody, wheel: str, geometry: WheelGeometry, centre: tuple[float, float, float]
+) -> None:
+    """Add a whole wheel fl .. rr that is part of `body`, about a centre in its frame [m]."""
+    add_hub(body, geometry, centre)
+    b, c = geometry.roller_radius, geometry.roller_half_length
+    for i in range(geometry.rollers):
+        position, quaternion = roller_pose(geometry, ROLLER_SIDE[wheel], roller_angle(geometry, wheel, i))
+        place = [p + q for p, q in zip(position, centre, strict=True)]
+        shapes.add_visual(
+            body, mujoco.mjtGeom.mjGEOM_ELLIPSOID, roller_material(i), [b, b, c], place, quaternion
+        )
+
+
+def add_still_wheels(base: mujoco.MjsBody, robot: Robot, geometry: WheelGeometry) -> None:
+    """Add four wheels that are part of the base, for the planar plant."""
+    for wheel in WHEELS:
+        x, y = wheel_position(robot, wheel)
+        add_still_wheel(base, wheel, geometry, (x, y, 0.0))
+
+
+def dress_bench(world: mujoco.MjsBody, wheel: mujoco.MjsBody, geometry: WheelGeometry) -> None:
+    """Add the rollers to the bench's wheel, and the stand with motor and axle that holds it."""
+    add_still_wheel(wheel, "fl", geometry, (0.0, 0.0, 0.0))
+    r, height, side = geometry.radius, 2 * geometry.radius, 1.9 * geometry.radius
+    shapes.box(world, "shell", (1.5 * r, 1.6 * r, 0.06 * r), (0.0, 1.0 * r, 0.06 * r))
+    shapes.box(world, "frame", (0.45 * r, 0.12 * r, 1.15 * r), (0.0, 1.2 * r, 1.2 * r))
+    shapes.disc_y(world, "metal", 0.09 * r, 0.7 * r, (0.0, 0.7 * r, height))
+    shapes.disc_y(world, "dark_metal", 0.34 * r, 0.55 * r, (0.0, side, height))
+    shapes.disc_y(world, "accent", 0.35 * r, 0.08 * r, (0.0, side + 0.5 * r, height))

@@ -9,9 +9,7 @@ import mujoco
 
 from mecanum_env.errors import EffectRefusedError
 from mecanum_env.files import write_text
-from mecanum_env.mjcf.bench import bench_spec
-from mecanum_env.mjcf.planar import planar_spec
-from mecanum_env.mjcf.robot import robot_spec
+from mecanum_env.mjcf.plants import bench_spec, planar_spec, robot_spec
 from mecanum_env.model import Model
 
 SPECS = {"robot.xml": robot_spec, "planar.xml": planar_spec, "bench.xml": bench_spec}

@@ -1,9 +1,17 @@
 """`model.json`: the contract between fit, simulator, environment and gap workflow."""
 
 from mecanum_env.effects import EFFECT_PARAMETERS
-from mecanum_env.model.codec import FORMAT, model_from_dict, model_to_dict, robot_from_dict
-from mecanum_env.model.file import paper_model, read_model, read_robot, write_model
-from mecanum_env.model.records import Model, Robot, Wheel
+from mecanum_env.model.file import (
+    FORMAT,
+    model_from_dict,
+    model_to_dict,
+    paper_model,
+    read_model,
+    read_robot,
+    robot_from_dict,
+    write_model,
+)
+from mecanum_env.model.model import Model, Robot, Wheel
 
 __all__ = [
     "EFFECT_PARAMETERS",

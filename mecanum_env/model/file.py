@@ -1,17 +1,159 @@
-"""Reading and writing model files, whole or not at all."""
+"""The JSON object of a model: section 2 of FORMATS.md, format "mecanum-model/1".
+
+Reading and writing model files, whole or not at all.
+"""
 
 from __future__ import annotations
 
 import json
+import math
 import os
+from collections.abc import Mapping
+from dataclasses import fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from mecanum_env.asset_files import asset_path
-from mecanum_env.errors import InputError
-from mecanum_env.files import write_json
-from mecanum_env.model.codec import model_from_dict, model_to_dict, robot_from_dict
-from mecanum_env.model.records import Model, Robot
+from mecanum_env.effects import EFFECT_PARAMETERS
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.files import asset_path, write_json
+from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.model.json_fields import mapping, numbers
+from mecanum_env.model.model import Model, Robot, Wheel
+from mecanum_env.model.uncertainty import uncertainty_from_dict
+
+FORMAT: Final = "mecanum-model/1"
+
+
+def model_to_dict(model: Model) -> dict[str, Any]:
+    """Return the JSON object of a model."""
+    wheel = model.wheel
+    value: dict[str, Any] = {
+        "format": FORMAT,
+        "wheel": {
+            **_coefficients(wheel.law),
+            "sample_period_s": wheel.law.sample_period_s,
+            **{name: _infinite_as_null(getattr(wheel, name)) for name in _WHEEL_FIELDS},
+            **model.extra.get("wheel", {}),
+        },
+        "robot": {
+            **{name: getattr(model.robot, name) for name in _ROBOT_FIELDS},
+            **model.extra.get("robot", {}),
+        },
+        "effects": {
+            name: {key: _infinite_as_null(number) for key, number in parameters.items()}
+            for name, parameters in model.effects.items()
+        },
+        "uncertainty": dict(model.uncertainty),
+        "provenance": dict(model.provenance),
+        **{name: item for name, item in model.extra.items() if name not in _SECTIONS},
+    }
+    if model.wheels:
+        value["wheels"] = {name: _coefficients(law) for name, law in model.wheels.items()}
+    return value
+
+
+def model_from_dict(value: Any) -> Model:
+    """Build a model from a JSON object `value`; the messages name the field.
+
+    Raises:
+        InputError: a missing, misspelt, non-finite or impossible value.
+        UnstableLawError: a wheel law is unstable.
+    """
+    top = mapping("the file", value)
+    if top.get("format") != FORMAT:
+        raise InputError(f'"format" is {top.get("format")!r}, must be "{FORMAT}"')
+    if "wheel" not in top:
+        raise InputError('"wheel" is missing; it holds A..F and sample_period_s')
+    wheel_section, wheel_extra = _split("wheel", top["wheel"], (*_LAW_FIELDS, *_WHEEL_FIELDS))
+    robot_section, robot_extra = _split("robot", top.get("robot", {}), _ROBOT_FIELDS)
+    extra = {name: item for name, item in top.items() if name not in _SECTIONS}
+    values = numbers("wheel", wheel_section, (*_LAW_FIELDS, *_WHEEL_FIELDS), null=("saturation_rpm",))
+    law = _law("wheel", {name: values.pop(name) for name in _LAW_FIELDS if name in values})
+    return Model(
+        wheel=Wheel(law, **values),
+        robot=robot_from_dict(robot_section),
+        effects={
+            name: _effect(name, parameters)
+            for name, parameters in mapping("effects", top.get("effects", {})).items()
+        },
+        uncertainty=dict(uncertainty_from_dict(top.get("uncertainty", {}))),
+        provenance=dict(mapping("provenance", top.get("provenance", {}))),
+        extra=extra | {k: v for k, v in (("wheel", wheel_extra), ("robot", robot_extra)) if v},
+        wheels={
+            name: _law(
+                f"wheels.{name}",
+                {
+                    **numbers(f"wheels.{name}", coefficients, COEFFICIENTS),
+                    "sample_period_s": law.sample_period_s,
+                },
+            )
+            for name, coefficients in mapping("wheels", top.get("wheels", {})).items()
+        },
+    )
+
+
+def robot_from_dict(value: Any) -> Robot:
+    """Build the robot from a partial JSON object `value`; packaged values fill in what is absent.
+
+    What is packaged is the packaged robot's. Of another whose mass, wheelbase and track are all given, the
+    yaw inertia of a solid plate stands until it is measured or fitted; and where mass and wheel radius are,
+    the torque limit is no less than accelerates it as hard as the packaged robot's does that.
+
+    Raises:
+        InputError: an unknown name, or a value out of range.
+    """
+    given: dict[str, Any] = dict(numbers("robot", value, _ROBOT_FIELDS))
+    if given.get("rollers_per_wheel", math.nan).is_integer():
+        given["rollers_per_wheel"] = int(given["rollers_per_wheel"])
+    robot = Robot(**given)
+    if "torque_limit_n_m" not in given and all(name in given for name in _FORCE):
+        larger = robot.mass_kg * robot.wheel_radius_m / (Robot.mass_kg * Robot.wheel_radius_m)
+        robot = replace(robot, torque_limit_n_m=max(1.0, larger) * Robot.torque_limit_n_m)
+    if "yaw_inertia_kg_m2" not in given and all(name in given for name in _PLATE):
+        robot = replace(robot, yaw_inertia_kg_m2=robot.plate_yaw_inertia_kg_m2)
+    return robot
+
+
+_LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
+_WHEEL_FIELDS: Final = ("command_period_s", "command_quantum_rpm", "saturation_rpm")
+_ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
+_PLATE: Final = ("mass_kg", "half_wheelbase_m", "half_track_m")
+_FORCE: Final = ("mass_kg", "wheel_radius_m")
+_SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
+
+
+def _coefficients(law: WheelLaw) -> dict[str, float]:
+    return {name: getattr(law, name) for name in COEFFICIENTS}
+
+
+def _law(where: str, numbers: Mapping[str, float]) -> WheelLaw:
+    missing = [name for name in _LAW_FIELDS if name not in numbers]
+    if missing:
+        raise InputError(f'"{where}" lacks {", ".join(missing)}')
+    try:
+        return WheelLaw(**numbers).require_stable()
+    except InputError as error:
+        raise type(error)(f'"{where}": {error}') from error
+
+
+def _effect(name: str, parameters: Any) -> Mapping[str, float]:
+    """Read an effect's parameters; a name that is not known is left for `Model` to refuse."""
+    known = EFFECT_PARAMETERS.get(name)
+    where = f"effects.{name}"
+    return (
+        dict(mapping(where, parameters)) if known is None else numbers(where, parameters, known, null=known)
+    )
+
+
+def _split(where: str, value: Any, known: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split a section into our names (misspelt ones too, to be refused) and those of other programs."""
+    section = mapping(where, value)
+    ours = {name: item for name, item in section.items() if name in known or did_you_mean(name, known)}
+    return ours, {name: item for name, item in section.items() if name not in ours}
+
+
+def _infinite_as_null(value: float) -> float | None:
+    return None if math.isinf(value) else value
 
 
 def read_model(path: str | os.PathLike[str]) -> Model:

@@ -11,8 +11,8 @@ from typing import Any, Final
 from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.model.json_values import mapping, number, require_known
-from mecanum_env.model.records import Robot
+from mecanum_env.model.json_fields import mapping, number, require_known
+from mecanum_env.model.model import Robot
 
 _ERRORS: Final = ("settled", "transient", "correlation_s")
 _SIZE: Final = len(COEFFICIENTS)
@@ -24,7 +24,8 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
     - `wheel.covariance`: of A-F, 6 rows of 6 numbers, or null; `wheel.names`: a list;
     - `robot.NAME`: the standard error of a number of the robot;
     - `effects.EFFECT.PARAMETER`: `low` and `high`;
-    - `model_error.channels.CHANNEL`: `settled`, `transient`, `correlation_s` (`sysid.model_error`), or null.
+    - `model_error.channels.CHANNEL`: `settled`, `transient`, `correlation_s`, or null (see
+      `sysid.compare.model_error`).
 
     Raises:
         InputError: one of these is something else; the message names the field.

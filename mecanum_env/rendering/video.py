@@ -22,8 +22,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import atomic_path
-from mecanum_env.rendering.caption import Frame, draw_caption
-from mecanum_env.rendering.view import View
+from mecanum_env.rendering.view import Frame, View, draw_caption
 from mecanum_env.simulator.trajectory import Trajectory
 
 FPS = 30.0

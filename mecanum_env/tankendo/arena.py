@@ -14,13 +14,11 @@ from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, ac
 from mecanum_env.tankendo.chance import Chance
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.judge import TERMS, Dodge, Judge
-from mecanum_env.tankendo.judge_duel import Duel
-from mecanum_env.tankendo.judge_track import Track
-from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY
+from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Senses
 from mecanum_env.tankendo.opponent import BoolArray, Fighter
 from mecanum_env.tankendo.plant import Compiled, Robots
 from mecanum_env.tankendo.scene import Scenes, wrapped
-from mecanum_env.tankendo.senses import Senses
+from mecanum_env.tankendo.tasks import Duel, Track
 from mecanum_env.units import FloatArray
 
 TaskName = Literal["dodge", "track", "duel"]

@@ -16,8 +16,14 @@ from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode
 from mecanum_env.tankendo.arena import Arena, Setting, Step, TaskName
-from mecanum_env.tankendo.checks import require_number
-from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors, opponent_for
+from mecanum_env.tankendo.constants import (
+    Opponent,
+    RewardWeights,
+    Rules,
+    Sensors,
+    opponent_for,
+    require_number,
+)
 from mecanum_env.tankendo.plant import Compiled, compile_model
 from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
 from mecanum_env.units import FloatArray

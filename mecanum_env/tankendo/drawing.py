@@ -15,8 +15,8 @@ import numpy as np
 from mecanum_env.errors import BackendError
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.rendering.backend import use_backend
-from mecanum_env.rendering.caption import Frame, draw_caption
 from mecanum_env.rendering.video import lighten
+from mecanum_env.rendering.view import Frame, draw_caption
 from mecanum_env.simulator import Plant
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.tankendo.arena import Arena

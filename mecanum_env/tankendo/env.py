@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError
-from mecanum_env.rendering.caption import Frame
+from mecanum_env.rendering.view import Frame
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo.actions import ActionMode, checked_action
 from mecanum_env.tankendo.arena import TaskName

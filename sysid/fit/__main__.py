@@ -13,13 +13,14 @@ from mecanum_env.cli import run
 from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable, write_json
 from mecanum_env.model import Robot, read_robot, write_model
-from sysid.estimators import DEFAULT_METHOD, METHODS
+from sysid.fit.estimators import DEFAULT_METHOD, METHODS
+from sysid.fit.page import write_fit_report
 from sysid.fit.pipeline import FitOptions, fit_dataset
+from sysid.fit.plots import write_fit_plots
 from sysid.fit.result import fit_json, fitted_model
 from sysid.fit.table import fit_table
 from sysid.logs import read_dataset
-from sysid.measure import stage_bar
-from sysid.report import write_fit_plots, write_fit_report
+from sysid.progress import stage_bar
 
 _STAGES: Final = 6
 _FILES: Final = ("model.json", "fit.json", "fit.png", "report.html")

@@ -15,13 +15,13 @@ from typing import Final
 
 import numpy as np
 
-from sysid.estimators import Estimate, Options, WheelRun, estimate
 from sysid.fit.command_path import COMMAND_PERIOD_S, CommandPath
+from sysid.fit.estimators import Estimate, Options, WheelRun, estimate
 from sysid.fit.figures import Runs, residual, rms
+from sysid.fit.statistics import uncertainty
 from sysid.fit.wheel_data import driven, longest_delay_s, wheel_runs
 from sysid.logs import Dataset
-from sysid.logs.records import SPLITS
-from sysid.statistics import uncertainty
+from sysid.logs.runs import SPLITS
 
 LONGEST_DELAY_S: Final = 0.25
 _EVIDENCE: Final = 10.0

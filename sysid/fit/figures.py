@@ -13,8 +13,8 @@ from scipy.signal import lfilter
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.metrics import StepMetrics, law_step_metrics
 from mecanum_env.units import FloatArray
-from sysid.estimators import Estimate, WheelRun
-from sysid.logs.records import SPLITS, Split
+from sysid.fit.estimators import Estimate, WheelRun
+from sysid.logs.runs import SPLITS, Split
 
 Runs = Mapping[Split, Mapping[str, Sequence[WheelRun]]]
 

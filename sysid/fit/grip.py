@@ -1,4 +1,6 @@
-"""Grip from robot logs: coarsely first, then from the profile of the cost.
+"""One number of the robot, and from when on logs count as showing it.
+
+Grip from robot logs: coarsely first, then from the profile of the cost.
 
 A wheel that begins to slip a hair earlier or later rolls on differently, so the cost over grip is rough: the
 smallest change of any parameter moves it, and its slope at a point says next to nothing of how sure the grip
@@ -19,7 +21,24 @@ from scipy.stats import t as student
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData, liveliest_runs
-from sysid.fit.robot_parameter import EVIDENCE, SHOWN, RobotParameter
+
+SHOWN: Final = 0.25
+"""Relative standard error up to which a parameter counts as shown by the logs."""
+EVIDENCE: Final = 10.0
+"""Difference of BIC from which another parameter is worth having."""
+
+
+@dataclass(frozen=True)
+class RobotParameter:
+    """One of the robot's numbers and what the logs say about it."""
+
+    name: str
+    value: float
+    standard_error: float
+    """Infinite where the logs say nothing; nan where they were not asked, or give no honest interval."""
+    fitted: bool
+    reason: str
+
 
 ROLLER_SECONDS: Final = 10.0
 _PROFILE_SECONDS: Final = 30.0

@@ -12,7 +12,6 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from mecanum_env.model import Model, Robot, Wheel
-from sysid.estimators import DEFAULT_METHOD, Estimate
 from sysid.fit.command_path import CommandPath, infer_command_path
 from sysid.fit.drive_choice import (
     Search,
@@ -22,15 +21,16 @@ from sysid.fit.drive_choice import (
     pooled,
     runs_by_split,
 )
+from sysid.fit.estimators import DEFAULT_METHOD, Estimate
 from sysid.fit.figures import MethodFigures, Runs, method_figures
 from sysid.fit.notes import drive_notes, gain_notes
 from sysid.fit.robot_parameters import RobotFit
-from sysid.fit.robot_stage import robot_of
+from sysid.fit.robot_stages import robot_of
+from sysid.fit.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
 from sysid.fit.wheel_data import wheel_columns
 from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
-from sysid.measure import Progress, peak_memory_mib, silent, with_peak_memory
-from sysid.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
+from sysid.progress import Progress, peak_memory_mib, silent, with_peak_memory
 
 _LEAST_SIGMA: Final = 1e-6  # rpm; noiseless repeats still need a finite weight
 

@@ -11,8 +11,8 @@ from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
 from mecanum_env.simulator import Plant, drive
 from mecanum_env.units import FloatArray
+from sysid.compare.prediction import commands_of
 from sysid.logs import Run
-from sysid.prediction import commands_of
 
 BODY_VELOCITY = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
 

@@ -13,11 +13,11 @@ import mecanum_env
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
+from sysid.compare.own_error import with_own_error
 from sysid.fit.figures import finite_or_none
 from sysid.fit.pipeline import Fit, latency, wheel_model
-from sysid.fit.roller_stage import on_rollers
-from sysid.gap.own_error import with_own_error
-from sysid.statistics import Quantity
+from sysid.fit.robot_stages import on_rollers
+from sysid.fit.statistics import Quantity
 
 FORMAT: Final = "mecanum-fit/1"
 
@@ -31,7 +31,7 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
 
     Returns:
         A model whose "uncertainty" holds the covariance of the coefficients and how far the model is off from
-        its own logs (`sysid.model_error`), and whose "command_latency" is
+        its own logs (`sysid.compare.model_error`), and whose "command_latency" is
         the fitted delay where there is one.
     """
     found, path = fit.estimate, fit.path

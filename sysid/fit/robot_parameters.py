@@ -22,14 +22,13 @@ import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
 
 from mecanum_env.law import WheelLaw
+from mecanum_env.law.stability import free_coordinates, stabilised_abc, stable_abc
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import Model, Robot
 from mecanum_env.simulator import Plant
 from mecanum_env.units import FloatArray
-from sysid.estimators.stability import free_coordinates, stabilised_abc, stable_abc
-from sysid.fit.grip import ROLLER_SECONDS, profile_grip, scan_grip
+from sysid.fit.grip import EVIDENCE, ROLLER_SECONDS, SHOWN, RobotParameter, profile_grip, scan_grip
 from sysid.fit.plant_prediction import PlantData, liveliest_runs
-from sysid.fit.robot_parameter import EVIDENCE, SHOWN, RobotParameter
 
 SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
 _RANGE: Final = math.log(30.0)

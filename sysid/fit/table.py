@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from sysid.fit.figures import MethodFigures
 from sysid.fit.pipeline import Fit
-from sysid.statistics import Quantity
+from sysid.fit.statistics import Quantity
 
 
 def fit_table(fit: Fit) -> str:

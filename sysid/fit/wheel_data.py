@@ -15,8 +15,8 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.law.drive import RING, DriveParameters, latched_commands
 from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
-from sysid.estimators import WheelRun
 from sysid.fit.command_path import CommandPath
+from sysid.fit.estimators import WheelRun
 from sysid.logs import BenchCommand, BodyCommand, Run
 
 _AT_REST_SIGMAS: Final = 4.0

@@ -3,7 +3,7 @@
 `analyse` is the door; `python -m sysid.gap` the command line.
 """
 
-from sysid.gap.analyse import analyse
-from sysid.gap.records import GapOptions, GapReport
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.study import analyse
 
 __all__ = ["GapOptions", "GapReport", "analyse"]

@@ -12,13 +12,13 @@ from mecanum_env.cli import run
 from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable
 from mecanum_env.model import read_model
-from sysid.gap.analyse import analyse
-from sysid.gap.options import require_valid
-from sysid.gap.output import FILES, write_study
-from sysid.gap.records import GapOptions
-from sysid.gap.table import gap_table
+from sysid.gap.checks import require_valid
+from sysid.gap.report.output import FILES, write_study
+from sysid.gap.report.table import gap_table
+from sysid.gap.result import GapOptions
+from sysid.gap.study import analyse
 from sysid.logs import read_dataset
-from sysid.measure import stage_bar
+from sysid.progress import stage_bar
 
 _STAGES: Final = 8
 

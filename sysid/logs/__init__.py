@@ -4,7 +4,7 @@
 """
 
 from sysid.logs.reader import read_dataset
-from sysid.logs.records import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, Split, WheelCommand
+from sysid.logs.runs import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, Split, WheelCommand
 
 __all__ = [
     "BenchCommand",

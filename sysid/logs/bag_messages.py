@@ -13,7 +13,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, Geometry, twist_to_command
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.bag_topics import match_joints
-from sysid.logs.columns import BODY_COMMAND, WHEEL_COMMAND, WHEEL_SPEEDS
+from sysid.logs.runs import BODY_COMMAND, WHEEL_COMMAND, WHEEL_SPEEDS
 
 Unit: TypeAlias = Literal["rpm", "rad_s"]
 Columns: TypeAlias = dict[str, FloatArray]

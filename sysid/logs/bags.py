@@ -19,7 +19,7 @@ from mecanum_env.kinematics import Geometry
 from mecanum_env.units import FloatArray
 from sysid.logs.bag_messages import CONVERSIONS, Columns, Context, Unit
 from sysid.logs.bag_topics import Choice, choose_topics
-from sysid.logs.columns import KNOWN, TIME
+from sysid.logs.runs import KNOWN, TIME
 
 Clock: TypeAlias = Literal["auto", "header", "receive"]
 CLOCKS_AGREE_S = 1.0

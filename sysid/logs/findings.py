@@ -13,8 +13,7 @@ import numpy.typing as npt
 
 from mecanum_env.model import Wheel
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-from sysid.logs.columns import REST, WHEEL_SPEEDS
-from sysid.logs.records import BodyCommand, Finding, Run
+from sysid.logs.runs import REST, WHEEL_SPEEDS, BodyCommand, Finding, Run
 
 KINDS: Final = {
     "uneven_stamps": "the time between samples varies",

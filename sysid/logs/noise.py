@@ -9,7 +9,7 @@ import numpy as np
 
 from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
-from sysid.logs.records import Run
+from sysid.logs.runs import Run
 
 BRIDGED_INTERVALS = 3.0
 """Across a longer gap than this many median intervals nothing is interpolated."""

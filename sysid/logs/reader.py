@@ -14,9 +14,9 @@ import numpy as np
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.tables import Table, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
-from sysid.logs import columns
+from sysid.logs import runs as columns
 from sysid.logs.findings import dataset_findings, run_findings
-from sysid.logs.records import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, WheelCommand
+from sysid.logs.runs import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, WheelCommand
 from sysid.logs.settings import FILE_NAME, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
 

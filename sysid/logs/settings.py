@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from mecanum_env.errors import InputError, did_you_mean
-from sysid.logs.columns import KNOWN
-from sysid.logs.records import SPLITS, Split
+from sysid.logs.runs import KNOWN, SPLITS, Split
 
 FILE_NAME: Final = "dataset.toml"
 

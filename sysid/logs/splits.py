@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mecanum_env.units import FloatArray
-from sysid.logs.records import Finding, Run, Split
+from sysid.logs.runs import Finding, Run, Split
 
 VALUE_TOLERANCE_RPM = 1e-6
 TIME_TOLERANCE_S = 0.02

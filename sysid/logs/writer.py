@@ -16,8 +16,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path, write_text
 from mecanum_env.tables import has_table_suffix
 from mecanum_env.units import FloatArray
-from sysid.logs.columns import TIME
-from sysid.logs.records import Dataset, Run
+from sysid.logs.runs import TIME, Dataset, Run
 from sysid.logs.settings import FILE_NAME
 
 

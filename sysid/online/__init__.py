@@ -6,7 +6,7 @@ replays a log through it.
 
 from sysid.online.estimator import OnlineEstimate, OnlineEstimator, first_order_law
 from sysid.online.history import Functionals, History, functionals, mean_lag_s, track
-from sysid.online.options import OnlineOptions
+from sysid.online.projection import OnlineOptions
 
 __all__ = [
     "Functionals",

@@ -19,8 +19,8 @@ from mecanum_env.model import read_model
 from sysid.fit.command_path import CommandPath
 from sysid.logs import read_dataset
 from sysid.online.history import Functionals, functionals
-from sysid.online.options import OnlineOptions
 from sysid.online.plot import save_plot
+from sysid.online.projection import OnlineOptions
 from sysid.online.replay import WheelHistory, replay, replay_path
 
 FORMAT: Final = "mecanum-online-history/1"

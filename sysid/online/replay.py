@@ -13,13 +13,13 @@ from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.conversion import convert_law
 from mecanum_env.units import FloatArray
-from sysid.estimators import WheelRun
 from sysid.fit.command_path import CommandPath, infer_command_path
+from sysid.fit.estimators import WheelRun
 from sysid.fit.wheel_data import wheel_columns, wheel_run
 from sysid.logs import Dataset
 from sysid.online.estimator import OnlineEstimator, first_order_law
 from sysid.online.history import History, track
-from sysid.online.options import OnlineOptions
+from sysid.online.projection import OnlineOptions
 
 _SPARSE: Final = 1.5
 """A log with more ticks than this between samples gets a slower law: between samples it would be a guess."""

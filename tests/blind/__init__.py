@@ -1,6 +1,6 @@
 """Blind tests: two simulators that share no code with the catalogue of effects, and what they hide.
 
-What this package offers is `sysid.blind.case.BlindTests`.
+What this package offers is `sysid.studies.blind.cases.BlindTests`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from sysid.blind.case import Case
+from sysid.studies.blind.cases import Case
 
 from . import bench_cases, bench_logs
 from .drive import DRIVES, Hidden

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sysid.blind.case import Case
+from sysid.studies.blind.cases import Case
 
 Fields = dict[str, float]
 Truth = Mapping[str, Mapping[str, float]]

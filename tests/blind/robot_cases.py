@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sysid.blind.case import Case, Kind, Size
+from sysid.studies.blind.cases import Case, Kind, Size
 
 from .recipes import Fields, Recipe, Truth, drawn, factor
 

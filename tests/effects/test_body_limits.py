@@ -8,7 +8,7 @@ from mecanum_env.kinematics import command_to_wheels, wheels_to_body
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.simulator import BodyCommands, WheelCommands, drive, replay_bench
 from mecanum_env.simulator.body_limits import BodyLimits
-from mecanum_env.simulator.session import RobotSession
+from mecanum_env.simulator.robot import RobotSession
 
 
 def limited(model, commands, seconds):

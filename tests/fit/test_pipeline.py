@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from sysid.estimators import METHODS
 from sysid.fit import FitOptions, fit_dataset, fit_json, fitted_model
+from sysid.fit.estimators import METHODS
 from sysid.logs import BenchCommand, Dataset, Finding, Run
 
 QUICK = FitOptions(starts=2)

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 
 from mecanum_env.model import paper_model
-from sysid.blind.case import Case
-from sysid.blind.outcome import outcome_of
+from sysid.studies.blind.cases import Case
+from sysid.studies.blind.outcome import outcome_of
 
 
 def said(effect: str, parameter: str, true: float, seen: float | None, *, untestable: bool = False) -> bool:

@@ -11,13 +11,10 @@ import pytest
 
 import sysid
 from mecanum_env.errors import InputError
-from sysid.blind.case import Case
-from sysid.blind.check import check_case
-from sysid.blind.checkout import blind_tests
-from sysid.blind.nominal import nominal_model
-from sysid.blind.outcome import Outcome, from_json, to_json
-from sysid.blind.score import figures, wilson
-from sysid.blind.work import run_case, saved
+from sysid.studies.blind.cases import Case, blind_tests, check_case
+from sysid.studies.blind.outcome import Outcome, from_json, to_json
+from sysid.studies.blind.score import figures, wilson
+from sysid.studies.blind.work import nominal_model, run_case, saved
 
 TESTS = blind_tests()
 MODULES = sorted(Path(TESTS.__file__).parent.glob("*.py"))
@@ -25,7 +22,7 @@ CASES = {case.name: case for case in TESTS.cases(0)}
 SHARED = {
     "mecanum_env.mjcf",
     "mecanum_env.model",
-    "sysid.blind.case",
+    "sysid.studies.blind.cases",
     "sysid.logs",
     "sysid.logs.writer",
 }

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
-from sysid.gap.coordinates import Coordinate, coordinate, effect_set, joined
-from sysid.gap.law_again import LawAgain
+from sysid.compare.fitted import LawAgain
+from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, joined
 
 MODEL = paper_model()
 COORDINATES = [

@@ -10,18 +10,17 @@ import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
-from sysid.gap.analyse import analyse
-from sysid.gap.coordinates import EffectSet
-from sysid.gap.fitted import Fitted
-from sysid.gap.growth import Growth, growths
-from sysid.gap.library import responses
-from sysid.gap.noise import measure_noise
-from sysid.gap.observations import observe
-from sysid.gap.problem import Problem
-from sysid.gap.records import FoundEffect, GapOptions, Interval
-from sysid.gap.result import gap_json
-from sysid.gap.search import Effort, Search
-from sysid.gap.whitening import Whitener
+from sysid.compare.fitted import Fitted
+from sysid.compare.noise import measure_noise
+from sysid.compare.observations import observe
+from sysid.compare.problem import Problem
+from sysid.compare.whitening import Whitener
+from sysid.gap.report.output import gap_json
+from sysid.gap.result import FoundEffect, GapOptions, Interval
+from sysid.gap.search.coordinates import EffectSet
+from sysid.gap.search.responses import Growth, growths, responses
+from sysid.gap.search.sets import Effort, Search
+from sysid.gap.study import analyse
 from tests.gap.conftest import MakeLogs
 
 QUIET = GapOptions(next_experiment=False)
@@ -106,7 +105,7 @@ def test_an_effect_that_no_command_excites_is_untestable(bench_logs: MakeLogs, b
 
 def test_the_package_is_the_door_and_takes_the_runs_alone(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base, seed=1)
-    report = sysid.gap.analyse(dataset.runs, base, QUIET)
+    report = sysid.gap.study(dataset.runs, base, QUIET)
     assert report.verdict == analyse(dataset, base, QUIET).verdict == "no_gap"
 
 

@@ -10,8 +10,15 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_wheels, wheels_to_twist
 from mecanum_env.model import Robot, paper_model, read_model, write_model
-from sysid.gap.empirical import KEY, Correction, Term, correction_of, empirical_term, fit_correction, formula
-from sysid.gap.samples import HeldCommand, Samples
+from sysid.compare.correction import (
+    KEY,
+    Correction,
+    Term,
+    correction_of,
+    formula,
+)
+from sysid.compare.samples import HeldCommand, Samples
+from sysid.gap.search.regression import empirical_term, fit_correction
 from sysid.logs import BenchCommand, Run
 
 TIME = np.arange(0.0, 4.0, 0.01)

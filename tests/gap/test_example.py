@@ -8,10 +8,10 @@ import pytest
 
 from mecanum_env.model import Model, read_model
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.gap.analyse import analyse
-from sysid.gap.output import write_study
-from sysid.gap.records import GapOptions, GapReport
-from sysid.gap.table import gap_table
+from sysid.gap.report.output import write_study
+from sysid.gap.report.table import gap_table
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.study import analyse
 from sysid.logs import Dataset, read_dataset
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

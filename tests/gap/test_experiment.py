@@ -10,17 +10,16 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import Model, Robot
 from mecanum_env.simulator.bench import replay_bench
-from sysid.gap.analyse import analyse
-from sysid.gap.direct_checks import DIRECT, what_to_measure
-from sysid.gap.experiment import Rival, design, power, separation
-from sysid.gap.intervals import FORMULA_ERROR
-from sysid.gap.noise import Noise
-from sysid.gap.records import GapOptions
-from sysid.gap.sequence_search import EFFORT, Effort
-from sysid.gap.sequences import FIELD_M, Limits, changed, library, path_m
-from sysid.gap.thresholds import NEVER
-from sysid.gap.trial import Setting, Trial, command_of
-from sysid.gap.untestable_experiment import design_for_untestable
+from sysid.compare.noise import Noise
+from sysid.gap.design.direct_checks import DIRECT, what_to_measure
+from sysid.gap.design.experiment import Rival, design, power, separation
+from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
+from sysid.gap.design.trial import EFFORT, Effort, Setting, Trial, command_of
+from sysid.gap.design.what_next import design_for_untestable
+from sysid.gap.result import GapOptions
+from sysid.gap.search.chance import NEVER
+from sysid.gap.search.scores import FORMULA_ERROR
+from sysid.gap.study import analyse
 from sysid.logs import BenchCommand, Dataset, Run
 
 BENCH = Limits(135.0)
@@ -159,7 +158,7 @@ def test_a_robot_experiment_stays_in_the_field_and_spins_no_wheel(
     paper: Model, monkeypatch: pytest.MonkeyPatch
 ):
     some = library(ROBOT, np.random.default_rng(0))[4::7]
-    monkeypatch.setattr("sysid.gap.sequence_search.library", lambda *_: some)
+    monkeypatch.setattr("sysid.gap.design.trial.library", lambda *_: some)
     monkeypatch.setitem(EFFORT, "robot", Effort(2, 1, 1))
     channels = ("speed_fl_rpm", "vx_m_s", "vy_m_s")
     noise = Noise(dict(zip(channels, (0.5, 0.01, 0.01), strict=True)), dict.fromkeys(channels, "repeats"))

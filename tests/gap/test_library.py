@@ -4,7 +4,7 @@ import pytest
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
-from sysid.gap.library import _trials
+from sysid.gap.search.responses import _trials
 
 MODEL = paper_model()
 

@@ -11,14 +11,14 @@ import pytest
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
-from sysid.gap.coordinates import Coordinate, coordinate, effect_set, scanned
-from sysid.gap.library import responses
-from sysid.gap.noise import measure_noise
-from sysid.gap.observations import observe
-from sysid.gap.problem import Problem
-from sysid.gap.scale import speed_scale
-from sysid.gap.search import EMPTY, Effort, Search
-from sysid.gap.whitening import Whitener
+from sysid.compare.noise import measure_noise
+from sysid.compare.observations import observe
+from sysid.compare.problem import Problem
+from sysid.compare.study import speed_scale
+from sysid.compare.whitening import Whitener
+from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, scanned
+from sysid.gap.search.responses import responses
+from sysid.gap.search.sets import EMPTY, Effort, Search
 from sysid.logs import BenchCommand, Dataset, Run, Split
 
 from .conftest import MakeLogs

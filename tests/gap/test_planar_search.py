@@ -11,20 +11,20 @@ import pytest
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
-from sysid.gap.adequacy import Floor, complete, expected
-from sysid.gap.coordinates import EffectSet, effect_set
-from sysid.gap.fitted import fit, function_near, marginal_function, unchanged
-from sysid.gap.library import responses
-from sysid.gap.noise import measure_noise
-from sysid.gap.observations import observe
-from sysid.gap.problem import OF_THE_ROLLERS, Problem
-from sysid.gap.scores import Judged, group_masks, group_scores
-from sysid.gap.search import EMPTY, Effort, Search
-from sysid.gap.thresholds import chance
-from sysid.gap.ties import tied
-from sysid.gap.whitening import Whitener
+from sysid.compare.fitted import fit, function_near, marginal_function, unchanged
+from sysid.compare.noise import measure_noise
+from sysid.compare.observations import observe
+from sysid.compare.prediction import predict
+from sysid.compare.problem import OF_THE_ROLLERS, Problem
+from sysid.compare.whitening import Whitener
+from sysid.gap.search.adequacy import Floor, complete, expected
+from sysid.gap.search.chance import chance
+from sysid.gap.search.coordinates import EffectSet, effect_set
+from sysid.gap.search.responses import responses
+from sysid.gap.search.scores import Judged, group_masks, group_scores
+from sysid.gap.search.sets import EMPTY, Effort, Search
+from sysid.gap.search.ties import tied
 from sysid.logs import BodyCommand, Dataset, Run
-from sysid.prediction import predict
 
 TIME = np.arange(0.0, 2.0, 0.02)
 LEVELS = (

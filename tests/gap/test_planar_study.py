@@ -10,12 +10,12 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
-from sysid.gap.analyse import analyse
-from sysid.gap.observations import observe
-from sysid.gap.options import known_effects
-from sysid.gap.records import GapOptions
+from sysid.compare.observations import observe
+from sysid.compare.prediction import predict
+from sysid.gap.checks import known_effects
+from sysid.gap.result import GapOptions
+from sysid.gap.study import analyse
 from sysid.logs import BodyCommand, Dataset, Finding, Run, Split
-from sysid.prediction import predict
 
 from .conftest import MakeLogs
 

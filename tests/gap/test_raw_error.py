@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from sysid.gap.analyse import analyse
-from sysid.gap.coordinates import EffectSet, effect_set
-from sysid.gap.fitted import Fitted, unchanged
-from sysid.gap.noise import measure_noise
-from sysid.gap.observations import observe
-from sysid.gap.problem import Problem
-from sysid.gap.raw_error import fitted_rms, rises
-from sysid.gap.records import GapOptions
-from sysid.gap.search import EMPTY
-from sysid.gap.whitening import Whitener
+from sysid.compare.fitted import Fitted, unchanged
+from sysid.compare.model_error import ChannelError, ModelError, with_model_error
+from sysid.compare.noise import measure_noise
+from sysid.compare.observations import observe
+from sysid.compare.problem import Problem
+from sysid.compare.whitening import Whitener
+from sysid.gap.result import GapOptions
+from sysid.gap.search.coordinates import EffectSet, effect_set
+from sysid.gap.search.scores import fitted_rms, rises
+from sysid.gap.search.sets import EMPTY
+from sysid.gap.study import analyse
 from sysid.logs import Dataset
-from sysid.model_error import ChannelError, ModelError, with_model_error
 
 from .conftest import NOISE_RPM, MakeLogs
 

@@ -6,10 +6,10 @@ import pytest
 
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import read_robot
+from sysid.compare.subset import quiet
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.gap.analyse import analyse
-from sysid.gap.records import GapOptions
-from sysid.gap.subset import quiet
+from sysid.gap.result import GapOptions
+from sysid.gap.study import analyse
 from sysid.logs import read_dataset
 
 ROW_S = 0.05

@@ -9,13 +9,13 @@ from mecanum_env.mjcf import robot_spec
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
 from mecanum_env.simulator.robot import at_rest
-from sysid.gap.adequacy import Floor, complete, expected
-from sysid.gap.fitted import unchanged
-from sysid.gap.noise import measure_noise
-from sysid.gap.observations import observe
-from sysid.gap.problem import Problem
-from sysid.gap.search import EMPTY
-from sysid.gap.whitening import Whitener
+from sysid.compare.fitted import unchanged
+from sysid.compare.noise import measure_noise
+from sysid.compare.observations import observe
+from sysid.compare.problem import Problem
+from sysid.compare.whitening import Whitener
+from sysid.gap.search.adequacy import Floor, complete, expected
+from sysid.gap.search.sets import EMPTY
 from sysid.logs import BodyCommand, Dataset, Run
 
 BASE = paper_model()

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import sysid.gap.simulator as simulator
+import sysid.compare.simulator as simulator
 from mecanum_env.model import Model
-from sysid.gap.analyse import analyse
-from sysid.gap.noise import measure_noise
-from sysid.gap.observations import observe
-from sysid.gap.records import GapOptions
-from sysid.gap.simulator import Simulator
-from sysid.prediction import Motion
+from sysid.compare.noise import measure_noise
+from sysid.compare.observations import observe
+from sysid.compare.prediction import Motion
+from sysid.compare.simulator import Simulator
+from sysid.gap.result import GapOptions
+from sysid.gap.study import analyse
 from tests.gap.conftest import NOISE_RPM, MakeLogs
 
 FEW = GapOptions(only=("direction_asymmetry", "acceleration_limit"), next_experiment=False)

@@ -7,9 +7,9 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_wheels
-from sysid.gap.records import Region
-from sysid.gap.samples import HeldCommand, Samples
-from sysid.gap.where import phases, regions
+from sysid.compare.samples import HeldCommand, Samples
+from sysid.gap.report.where import phases, regions
+from sysid.gap.result import Region
 
 TIME = np.arange(0.0, 6.0, 0.01)
 CHANGES = np.array([0.5, 1.5, 2.5, 3.5, 4.5])

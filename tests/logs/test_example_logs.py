@@ -7,7 +7,7 @@ import pytest
 
 from sysid.logs import read_dataset
 from sysid.logs.noise import noise_from_repeats
-from sysid.logs.records import SPLITS
+from sysid.logs.runs import SPLITS
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 FOLDERS = {"logs": "make_example_logs", "gap_logs": "make_gap_logs"}

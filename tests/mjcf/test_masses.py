@@ -10,7 +10,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.mjcf.masses import robot_masses
-from mecanum_env.mjcf.planar import wheel_armature
+from mecanum_env.mjcf.plants import wheel_armature
 from mecanum_env.model import Robot, paper_model
 
 

@@ -10,9 +10,9 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, command_to_wheels
 from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf import bench_spec, fitting_timestep, planar_spec, robot_spec
-from mecanum_env.mjcf.measure import start
 from mecanum_env.model import paper_model
 from mecanum_env.units import RAD_S_PER_RPM
+from sysid.studies.motion import start
 
 SPECS = [robot_spec, planar_spec, bench_spec]
 

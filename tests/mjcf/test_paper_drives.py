@@ -3,7 +3,7 @@
 import pytest
 
 from mecanum_env.law.metrics import law_step_metrics
-from sysid.reproduce.robot import robot_drives
+from sysid.studies.reproduce.robot import robot_drives
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,8 @@ from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.law.drive import DriveParameters, simulate_drive
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S, robot_spec
 from mecanum_env.mjcf.geometry import sideways_ratio
-from mecanum_env.mjcf.measure import (
+from mecanum_env.units import RAD_S_PER_RPM
+from sysid.studies.motion import (
     coast_energy,
     follow,
     heading_drift_rad,
@@ -23,7 +24,6 @@ from mecanum_env.mjcf.measure import (
     steady_drive,
     warnings_of,
 )
-from mecanum_env.units import RAD_S_PER_RPM
 
 FORWARD, BACKWARD, LEFT, TURN = (80, 0, 0), (80, 180, 0), (80, 90, 0), (0, 0, 80)
 DIAGONALS = [(80, 45, 0), (80, 135, 0), (80, -45, 0), (80, -135, 0)]

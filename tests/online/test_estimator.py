@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
-from sysid.estimators import WheelRun, estimate
+from sysid.fit.estimators import WheelRun, estimate
 from sysid.online import OnlineEstimator, OnlineOptions, first_order_law, mean_lag_s, track
-from sysid.online.synthetic import free_run_error_rpm, random_samples, random_stable_law
+from sysid.studies.synthetic import free_run_error_rpm, random_samples, random_stable_law
 
 PERIOD = 1.0 / 120.0
 FLOOR_RPM = np.hypot(0.5, 1.0 / np.sqrt(12.0))  # noise and rounding of the synthetic samples

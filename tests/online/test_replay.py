@@ -10,12 +10,12 @@ from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.metrics import law_step_metrics
 from mecanum_env.model import write_model
-from sysid.estimators import WheelRun
+from sysid.fit.estimators import WheelRun
 from sysid.logs import read_dataset
 from sysid.online import OnlineEstimator, OnlineOptions, first_order_law, functionals, mean_lag_s, track
 from sysid.online.__main__ import main
 from sysid.online.replay import replay, replay_path, tick_speeds
-from sysid.online.synthetic import random_samples, random_stable_law
+from sysid.studies.synthetic import random_samples, random_stable_law
 
 PERIOD = 1.0 / 120.0
 

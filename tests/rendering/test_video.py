@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.rendering.caption import draw_caption
 from mecanum_env.rendering.video import (
     caption_lines,
     frame_rows,
@@ -16,7 +15,7 @@ from mecanum_env.rendering.video import (
     write_still,
     write_video,
 )
-from mecanum_env.rendering.view import View
+from mecanum_env.rendering.view import View, draw_caption
 
 SMALL = View(width=160, height=120, caption=False)
 

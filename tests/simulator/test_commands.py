@@ -3,8 +3,8 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_wheels
-from mecanum_env.simulator import SCRIPTS, BodyCommands, WheelCommands, read_commands, scripted
-from mecanum_env.simulator.commands import hold
+from mecanum_env.simulator import SCRIPTS, BodyCommands, WheelCommands, read_commands
+from mecanum_env.simulator.commands import hold, scripted
 
 BODY = "time_s,command_v_rpm,command_theta_deg,command_vc_rpm\n"
 

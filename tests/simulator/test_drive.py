@@ -5,7 +5,8 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_twist, command_to_wheels
-from mecanum_env.simulator import BodyCommands, WheelCommands, compile_plant, drive, scripted
+from mecanum_env.simulator import BodyCommands, WheelCommands, compile_plant, drive
+from mecanum_env.simulator.commands import scripted
 from mecanum_env.simulator.trajectory import CHANNELS
 
 PLANTS = ("rollers", "planar")

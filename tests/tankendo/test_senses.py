@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.tankendo import Observed, Sensors, read_observation
-from mecanum_env.tankendo.observation import NOISY, SIZE
-from mecanum_env.tankendo.senses import noise_sizes
+from mecanum_env.tankendo.observation import NOISY, SIZE, noise_sizes
 
 SILENT = Sensors(0.0, *(0.0,) * 7)
 

@@ -149,7 +149,7 @@ def test_stable_baselines_steps_it():
     pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import VecMonitor
 
-    from training.vec_env import TankendoVecEnv
+    from training.train.environments import TankendoVecEnv
 
     env = VecMonitor(TankendoVecEnv(TankendoVectorEnv(4)))
     env.seed(3)

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Robot, paper_model
-from mecanum_env.simulator.session import RobotSession
+from mecanum_env.simulator.robot import RobotSession
 from training.controllers import PoseController
 
 ZERO = np.zeros(3)

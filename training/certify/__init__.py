@@ -11,12 +11,10 @@ table    a certificate as text
 page     a certificate as one HTML page
 """
 
-from training.certify.codec import read_certificate, write_certificate
-from training.certify.page import write_certificate_page
+from training.certify.certificate import Certificate, Thresholds, read_certificate, write_certificate
 from training.certify.plants import NamedPlant, plants, select
-from training.certify.records import Certificate, Thresholds
+from training.certify.report import certificate_table, write_certificate_page
 from training.certify.run import Options, certify
-from training.certify.table import certificate_table
 
 __all__ = [
     "Certificate",

@@ -13,12 +13,10 @@ from mecanum_env.cli import run
 from mecanum_env.errors import InputError, install_command
 from mecanum_env.files import require_writable
 from mecanum_env.model import paper_model, read_model
-from training.certify.codec import write_certificate
-from training.certify.page import write_certificate_page
+from training.certify.certificate import Thresholds, write_certificate
 from training.certify.plants import GROUPS
-from training.certify.records import Thresholds
+from training.certify.report import certificate_table, write_certificate_page
 from training.certify.run import Options, certify, episodes_of, require_usable
-from training.certify.table import certificate_table
 
 _ALL: Final = "all"
 

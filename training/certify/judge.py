@@ -6,7 +6,7 @@ import math
 from dataclasses import fields
 
 from mecanum_env.errors import InputError
-from training.certify.records import Check, PlantFigures, Thresholds, Timing, TrackFigures
+from training.certify.certificate import Check, PlantFigures, Thresholds, Timing, TrackFigures
 from training.certify.warning import WarningCurve
 from training.evaluate import Mean, Share
 

@@ -1,28 +1,99 @@
-"""Making a certificate: which episodes are played where, and what comes of them."""
+"""From episodes to a certificate's figures.
+
+Making a certificate: which episodes are played where, and what comes of them.
+"""
 
 from __future__ import annotations
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import mujoco
+import numpy as np
 
 import mecanum_env
 from mecanum_env.errors import require_at_least
 from mecanum_env.model import Model
-from mecanum_env.model.codec import model_to_dict
+from mecanum_env.model.file import model_to_dict
 from mecanum_env.simulator import Plant
 from mecanum_env.tankendo import opponent_for
-from training.certify.figures import plant_figures, timing_of, track_figures
+from training.certify.certificate import Certificate, PlantFigures, Thresholds, Timing, TrackFigures
 from training.certify.judge import checks, require_valid, timing_check
 from training.certify.plants import NamedPlant, knows_uncertainty, plants, select
-from training.certify.records import Certificate, Thresholds
 from training.certify.warning import RANGE_S, warning_curve
-from training.evaluate import Job, Setup, play_jobs
+from training.evaluate import Episode, Evaluation, Job, Mean, Setup, Share, mean, play_jobs, share
 from training.evaluate.jobs import require_jobs
+
+
+def plant_figures(
+    plant: NamedPlant, episodes: Sequence[Episode], nominal: Sequence[Episode] | None
+) -> PlantFigures:
+    """Return the figures of the dodge on one plant.
+
+    Args:
+        plant: what was played on.
+        episodes: in the order of their seeds.
+        nominal: those of the nominal plant with the same seeds; None: this is it.
+    """
+    techniques = sorted({episode.technique for episode in episodes})
+    change = None
+    if nominal is not None:
+        change = mean([float(a.success) - float(b.success) for a, b in zip(episodes, nominal, strict=True)])
+    return PlantFigures(
+        name=plant.name,
+        group=plant.group,
+        summary=plant.summary,
+        physics=plant.physics,
+        success=success_of(episodes),
+        by_technique={
+            name: success_of([episode for episode in episodes if episode.technique == name])
+            for name in techniques
+        },
+        failures=dict(Counter(episode.reason for episode in episodes if episode.reason).most_common()),
+        change=change,
+        settling_s=_known([episode.settling_s for episode in episodes]),
+        overshoot=_known([episode.overshoot for episode in episodes]),
+        saturated_share=_all([episode.saturated_share for episode in episodes]),
+        speed_error_m_s=_all([episode.speed_error_m_s for episode in episodes]),
+        duration_s=_all([episode.duration_s for episode in episodes]),
+        total_reward=_all([episode.total_reward for episode in episodes]),
+    )
+
+
+def track_figures(episodes: Sequence[Episode]) -> TrackFigures:
+    """Return the figures of the tracking task from its episodes."""
+    return TrackFigures(
+        success_of(episodes),
+        _known([episode.distance_error_m for episode in episodes]),
+        _known([episode.bearing_error_rad for episode in episodes]),
+    )
+
+
+def timing_of(evaluation: Evaluation) -> Timing:
+    """Return how long the commands of an evaluation took."""
+    times = evaluation.command_times_s
+    p50, p99 = (float(value) for value in np.percentile(times, [50, 99]))
+    return Timing(p50, p99, float(times.max()), int(times.size))
+
+
+def success_of(episodes: Sequence[Episode]) -> Share:
+    """Return the share of episodes that are a success."""
+    return share(sum(episode.success for episode in episodes), len(episodes))
+
+
+def _known(values: Sequence[float | None]) -> Mean | None:
+    return mean([value for value in values if value is not None])
+
+
+def _all(values: Sequence[float]) -> Mean:
+    found = mean(values)
+    assert found is not None  # there is at least one episode
+    return found
+
 
 TRACK_SHARE = 4
 """One episode in this many of the dodge is played of tracking, which lasts five times as long."""

@@ -4,6 +4,6 @@ run    what is played, and the figures of each controller
 table  the same as text and Markdown
 """
 
-from training.compare.run import Comparison, Row, compare
+from training.compare.comparison import Comparison, Row, compare
 
 __all__ = ["Comparison", "Row", "compare"]

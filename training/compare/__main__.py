@@ -14,8 +14,7 @@ from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import require_writable, write_json, write_text
 from mecanum_env.model import paper_model, read_model
-from training.compare.run import compare
-from training.compare.table import comparison_markdown, comparison_table
+from training.compare.comparison import compare, comparison_markdown, comparison_table
 from training.controllers.named import CONTROLLERS
 
 

@@ -18,13 +18,8 @@ from training.controllers.interface import Command, Controller, twist_command
 from training.controllers.lqr import Lqr
 from training.controllers.mpc import Mpc
 from training.controllers.oracle import Oracle
-from training.controllers.pose import PoseController
-from training.controllers.proportional import Proportional
-from training.controllers.random_motion import RandomMotion
-from training.controllers.retreat import Retreat
-from training.controllers.sidestep import SideStep
-from training.controllers.smith import Smith
-from training.controllers.still import Still
+from training.controllers.scripted import RandomMotion, Retreat, SideStep, Still
+from training.controllers.tracking import PoseController, Proportional, Smith
 
 __all__ = [
     "Command",

@@ -1,17 +1,105 @@
-"""LQR for tracking: optimal feedback on the predicted state, about motion along with the opponent."""
+"""The gain of an optimal tracking controller, computed from the identified wheel law.
+
+One axis of the robot (ahead, left, turn): its velocity follows the law, whose input is held for a command
+period; its place is the integral. With a target that moves evenly at c, all in deviations from moving with it
+(the law has unit DC gain, so velocity and command are then c), the state each period is
+
+    z = (w(k), w(k-1), w(k-2), r(k-1), r(k-2), p)        z' = F z + G u
+
+and the command u = -K z minimises the sum of (p / p_max)^2 + (u / u_max)^2 (Bryson's rule): K comes from the
+discrete algebraic Riccati equation. A command that acts n periods late adds its last n commands to the state;
+the gain is then K times the state predicted over these periods, so a controller may predict instead.
+
+LQR for tracking: optimal feedback on the predicted state, about motion along with the opponent.
+"""
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
+from scipy.linalg import solve_discrete_are
 
+from mecanum_env.errors import InputError
 from mecanum_env.kinematics import wheels_to_twist
+from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.lqr_design import Weights, tracking_gain
-from training.controllers.prediction.seen_motion import Delays, SeenMotion
+from training.controllers.prediction.observed_motion import Delays, SeenMotion
+
+MEMORY = 5
+"""Numbers that the law remembers: w(k), w(k-1), w(k-2), r(k-1), r(k-2)."""
+
+
+@dataclass(frozen=True)
+class Weights:
+    """Deviations that cost the same (Bryson's rule)."""
+
+    place: float
+    """p_max: of the place [m or rad]."""
+    command: float
+    """u_max: of the command [m/s or rad/s]."""
+
+    def __post_init__(self) -> None:
+        for name in ("place", "command"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value > 0.0):
+                raise InputError(f"LQR weight {name} = {value}, must be a finite number above 0")
+
+
+def axis_dynamics(law: WheelLaw, period_s: float, delay_periods: int = 0) -> tuple[FloatArray, FloatArray]:
+    """Return F, (m, m), and G, (m, 1), of one axis over one command period; m = 6 + delay_periods.
+
+    Args:
+        law: of the wheels; speeds may be in any unit, the place in that unit times seconds.
+        period_s: for which a command is held; rounded to whole ticks of the law.
+        delay_periods: whole periods by which a command acts late; the commands under way, newest first,
+            are the last states.
+    """
+    size = MEMORY + 1
+    tick, push = np.zeros((size, size)), np.zeros((size, 1))
+    tick[0, :MEMORY] = law.A, law.B, law.C, law.E, law.F
+    push[0] = law.D
+    tick[1, 0] = tick[2, 1] = tick[4, 3] = 1.0
+    push[3] = 1.0
+    # The velocity is linear within a tick: the trapezoid is exact.
+    tick[5] = 0.5 * law.sample_period_s * tick[0]
+    tick[5, 0] += 0.5 * law.sample_period_s
+    tick[5, 5] = 1.0
+    push[5] = 0.5 * law.sample_period_s * push[0]
+    f, g = np.eye(size), np.zeros((size, 1))
+    for _ in range(max(1, round(period_s / law.sample_period_s))):
+        f, g = tick @ f, tick @ g + push
+    if delay_periods == 0:
+        return f, g
+    late_f, late_g = np.zeros((size + delay_periods,) * 2), np.zeros((size + delay_periods, 1))
+    late_f[:size, :size], late_f[:size, -1:] = f, g
+    late_f[size + 1 :, size:-1] = np.eye(delay_periods - 1)
+    late_g[size] = 1.0
+    return late_f, late_g
+
+
+def tracking_gain(law: WheelLaw, period_s: float, weights: Weights, delay_periods: int = 0) -> FloatArray:
+    """Return K, shape (6 + delay_periods,), of u = -K z.
+
+    Args:
+        law: of the wheels.
+        period_s: for which a command is held [s].
+        weights: what a deviation costs.
+        delay_periods: whole periods by which a command acts late.
+    """
+    f, g = axis_dynamics(law, period_s, delay_periods)
+    q = np.zeros(f.shape)
+    q[MEMORY, MEMORY] = 1.0 / weights.place**2
+    r = np.array([[1.0 / weights.command**2]])
+    p = solve_discrete_are(f, g, q, r)
+    gain: FloatArray = np.linalg.solve(r + g.T @ p @ g, g.T @ p @ f)[0]
+    return gain
+
 
 PLACE: Weights = Weights(place=0.03, command=0.3)
 """Along each axis of the floor [m], [m/s]."""
@@ -23,7 +111,7 @@ class Lqr:
     """Twist asked for = c - K (state of the wheel law - c, place error) on each axis; c the opponent's speed.
 
     The state is that at which the command acts: the law's memory is known from the commands sent, the place
-    is predicted as in `Smith`. The gains K are those of `training.controllers.lqr_design`.
+    is predicted as in `Smith`. The gains K are those of `training.controllers.lqr`.
 
     Args:
         model: wheel laws, robot and its `command_latency`.

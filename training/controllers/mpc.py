@@ -15,10 +15,9 @@ from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
 from training.controllers.prediction.hit_margin import Seen, miss_margin
-from training.controllers.prediction.own_motion import integrated_path
-from training.controllers.prediction.seen_motion import Delays, SeenMotion
+from training.controllers.prediction.observed_motion import Delays, SeenMotion, integrated_path
 from training.controllers.prediction.strike_phase import StrikeEstimate, StrikePhase, StrikePriors
-from training.controllers.proportional import Proportional
+from training.controllers.tracking import Proportional
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,8 @@ from training.controllers.interface import Controller
 from training.controllers.lqr import Lqr
 from training.controllers.mpc import Mpc
 from training.controllers.oracle import Oracle
-from training.controllers.proportional import Proportional
-from training.controllers.random_motion import RandomMotion
-from training.controllers.retreat import Retreat
-from training.controllers.sidestep import SideStep
-from training.controllers.smith import Smith
-from training.controllers.still import Still
+from training.controllers.scripted import RandomMotion, Retreat, SideStep, Still
+from training.controllers.tracking import Proportional, Smith
 
 SUFFIX: Final = "+compensated"
 """Behind a name: the controller within `Compensated`."""

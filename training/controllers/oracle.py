@@ -8,7 +8,7 @@ import numpy.typing as npt
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.proportional import Proportional
+from training.controllers.tracking import Proportional
 
 _SPEED_M_S, _ACCELERATION_M_S2 = 1.05, 3.5  # of the packaged robot, with a little in hand
 _TICK_S = 0.02

@@ -18,7 +18,7 @@ from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.rendering.backend import use_backend
 
 if TYPE_CHECKING:
-    from mecanum_env.rendering.caption import Frame
+    from mecanum_env.rendering.view import Frame
 
 _STILL_S: Final = 1.0
 

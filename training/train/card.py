@@ -21,7 +21,7 @@ from mecanum_env.tankendo import DIFFICULTIES
 from mecanum_env.tankendo.arena import TaskName
 from training.controllers.policy import Policy, load_policy
 from training.evaluate import Maker, Setup, Share, evaluate, named_maker, share
-from training.train.levels import level_models
+from training.train.environments import level_models
 
 _BESIDE: Final = "retreat"
 _SIMPLE: Final = "scripted retreat"
@@ -32,7 +32,7 @@ class Row:
     """One line of a card's table."""
 
     robot: str
-    """Name of the robot, as in `training.train.levels`."""
+    """Name of the robot, as in `training.train.environments`."""
     physics: Plant
     difficulty: str
     policy: Share
@@ -41,7 +41,7 @@ class Row:
 
 
 def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, progress: Any) -> list[Row]:
-    """Return what a policy reaches on every level, and on every robot of `training.train.levels`.
+    """Return what a policy reaches on every level, and on every robot of `training.train.environments`.
 
     Args:
         policy: to play; it is the same for every episode, begun anew.

@@ -26,9 +26,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
 from training.controllers.policy import save_policy
-from training.train.agent import read_agent
-from training.train.environment import model_of
-from training.train.exploration import SeenSpreadPolicy
+from training.train.agent import SeenSpreadPolicy, read_agent
+from training.train.environments import model_of
 from training.train.export import about, network_of
 from training.train.settings import Settings, settings_from_json, settings_json
 

@@ -16,7 +16,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path
 from training.evaluate import Setup, evaluate, named_maker
 from training.train.checkpoint import Point, read_run
-from training.train.environment import model_of
+from training.train.environments import model_of
 from training.train.settings import Settings
 from training.train.watch import DEVELOPMENT_SEEDS
 

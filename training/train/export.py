@@ -1,20 +1,60 @@
-"""From a learner to a policy file that needs numpy alone."""
+"""What made a result: versions of the packages, and the commit where there is one.
+
+From a learner to a policy file that needs numpy alone.
+"""
 
 from __future__ import annotations
 
+import platform
+import subprocess
 from collections.abc import Sequence
-from typing import Any
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any, Final
 
 import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
+import training
 from mecanum_env.model import Model, model_to_dict
 from mecanum_env.units import FloatArray
 from training.controllers.policy import Network
-from training.train.provenance import versions
 from training.train.settings import Settings, settings_json
+
+_PACKAGES: Final = ("mecanum-tankendo", "mujoco", "gymnasium", "stable-baselines3", "torch", "numpy")
+
+
+def versions() -> dict[str, str]:
+    """Return the version of Python and of each package that a training depends on, of those installed."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def commit() -> str | None:
+    """Return the commit of the checkout that runs, with "+" where files differ from it; None outside one."""
+    root = Path(training.__file__).parent.parent
+    if not (root / ".git").exists():
+        return None
+    head = _git(root, "rev-parse", "HEAD")
+    if head is None:
+        return None
+    return head + ("+" if _git(root, "status", "--porcelain", "--untracked-files=no") else "")
+
+
+def _git(root: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()
+
 
 _NAMES = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
 

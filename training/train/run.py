@@ -38,9 +38,8 @@ from training.train.checkpoint import (
     write_checkpoint,
     write_run,
 )
-from training.train.environment import bare_env, model_of, seeds_at, training_env
-from training.train.export import network_of
-from training.train.provenance import commit, versions
+from training.train.environments import bare_env, model_of, seeds_at, training_env
+from training.train.export import commit, network_of, versions
 from training.train.settings import Settings, command_line
 from training.train.watch import DEVELOPMENT_SEEDS, watch
 

@@ -20,7 +20,7 @@ ALGORITHMS: Final[tuple[Algorithm, ...]] = get_args(Algorithm)
 Robots = Literal["none", "posterior", "levels"]
 ROBOTS: Final[tuple[Robots, ...]] = get_args(Robots)
 """On which robots: the model; for each episode one drawn from what its identification left open; the plants
-of `training.train.levels` side by side."""
+of `training.train.environments` side by side."""
 
 _COUNTS: Final = ("steps", "envs", "stack", "checkpoint_every")
 _LARGEST_SEED: Final = 2**32 - 1  # numpy's own generator, which Stable-Baselines3 seeds, takes no more

@@ -11,8 +11,7 @@ import numpy as np
 from mecanum_env.model import Model
 from training.controllers.policy import Network, Policy
 from training.evaluate import Setup, evaluate
-from training.train.environment import model_of
-from training.train.levels import level_models
+from training.train.environments import level_models, model_of
 from training.train.settings import Settings
 
 DEVELOPMENT_SEEDS: Final = range(100_000, 100_200)

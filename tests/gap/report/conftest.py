@@ -8,7 +8,9 @@ from scipy.signal import lfilter
 
 from mecanum_env.kinematics import command_to_wheels, wheels_to_twist
 from mecanum_env.model import Robot, paper_model
-from sysid.gap.records import (
+from sysid.compare.samples import HeldCommand, Samples
+from sysid.gap.report.where import regions
+from sysid.gap.result import (
     Difference,
     EmpiricalTerm,
     Evidence,
@@ -19,8 +21,6 @@ from sysid.gap.records import (
     Overlay,
     Untestable,
 )
-from sysid.gap.samples import HeldCommand, Samples
-from sysid.gap.where import regions
 from sysid.logs import Finding
 
 STEP_S = 0.01

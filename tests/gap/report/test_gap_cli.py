@@ -13,9 +13,9 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model, read_model, write_model
 from mecanum_env.simulator import read_commands
 from sysid.gap import __main__ as program
-from sysid.gap import output
-from sysid.gap.output import write_study
-from sysid.gap.records import GapOptions, GapReport
+from sysid.gap.report import output
+from sysid.gap.report.output import write_study
+from sysid.gap.result import GapOptions, GapReport
 
 EXAMPLES = Path(__file__).parents[3] / "examples" / "logs"
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from mecanum_env.model import paper_model
-from training.certify.records import Certificate
+from training.certify.certificate import Certificate
 from training.certify.run import Options, certify
 from training.evaluate import Episode
 

@@ -11,10 +11,9 @@ from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from training.certify.__main__ import main
-from training.certify.codec import certificate_to_dict, read_certificate, write_certificate
-from training.certify.page import write_certificate_page
+from training.certify.certificate import certificate_to_dict, read_certificate, write_certificate
+from training.certify.report import certificate_table, write_certificate_page
 from training.certify.run import Options, certify, episodes_of
-from training.certify.table import certificate_table
 from training.evaluate import Setup, evaluate, named_maker
 
 MACHINE = ("timing", "timing_check", "passed")

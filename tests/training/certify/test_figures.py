@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from training.certify.figures import plant_figures, timing_of, track_figures
+from training.certify.certificate import Thresholds
 from training.certify.judge import checks, require_valid, timing_check
 from training.certify.plants import plants
-from training.certify.records import Thresholds
+from training.certify.run import plant_figures, timing_of, track_figures
 from training.certify.warning import warning_curve
 from training.evaluate import Evaluation, share
 

@@ -9,7 +9,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import sampler_for
-from sysid.paper_gap.drives import PAPER, TOLERANCE, figures
+from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, figures
 from training.certify.plants import GROUPS, plants, realistic_sizes, robot_level, select
 
 

@@ -9,7 +9,7 @@ from mecanum_env.errors import InputError
 from training.certify.plants import robot_level
 from training.compare import compare
 from training.compare.__main__ import main
-from training.compare.table import cells, comparison_markdown, comparison_table, label
+from training.compare.comparison import cells, comparison_markdown, comparison_table, label
 from training.evaluate import Setup, evaluate, named_maker
 
 NAMES = ("still", "retreat")

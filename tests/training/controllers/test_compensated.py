@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.kinematics import command_to_twist
 from mecanum_env.model import paper_model
-from mecanum_env.simulator.session import RobotSession
+from mecanum_env.simulator.robot import RobotSession
 from mecanum_env.tankendo import command_to_action
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers.compensation.compensated import COMPENSATED, Compensated

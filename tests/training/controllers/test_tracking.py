@@ -9,8 +9,8 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.model import paper_model
 from training.controllers import Lqr, Proportional, Smith
-from training.controllers.lqr_design import MEMORY, Weights, axis_dynamics, tracking_gain
-from training.controllers.prediction.seen_motion import Delays
+from training.controllers.lqr import MEMORY, Weights, axis_dynamics, tracking_gain
+from training.controllers.prediction.observed_motion import Delays
 
 LAW = paper_model().wheel.law
 weights = st.builds(Weights, st.floats(0.005, 0.5), st.floats(0.05, 2.0))

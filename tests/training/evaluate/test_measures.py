@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from training.evaluate import summarise
-from training.evaluate.measures import overshoot, rms, saturated, settling_time
+from training.evaluate.episode import overshoot, rms, saturated, settling_time
 
 TIME = np.arange(0.0, 6.0, 0.001)
 

@@ -6,8 +6,8 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.tankendo import Opponent, command_to_action
 from mecanum_env.tankendo.env import TankendoEnv
-from training.controllers.proportional import Proportional
-from training.controllers.still import Still
+from training.controllers.scripted import Still
+from training.controllers.tracking import Proportional
 from training.evaluate import Setup, evaluate, named_maker
 
 

@@ -7,7 +7,7 @@ import pytest
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.tankendo.env import TankendoEnv
-from training.controllers.still import Still
+from training.controllers.scripted import Still
 from training.evaluate import Setup, evaluate, named_maker
 from training.record.__main__ import main
 from training.record.rollout import Rollout

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from training.record.strip import ACTUAL, COMMANDED, WINDOW_S, Panel, Strip
+from training.record.rollout import ACTUAL, COMMANDED, WINDOW_S, Panel, Strip
 
 WIDTH, HEIGHT = 640, 154
 PLOT = slice(41, 148)  # from the upper end of the axis to the lower

@@ -12,8 +12,16 @@ from mecanum_env.errors import InputError
 from mecanum_env.tankendo.actions import action_to_command
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
-from training.controllers.features import NAMES, features
-from training.controllers.policy import Network, Policy, bundled, load_policy, remember, save_policy
+from training.controllers.policy import (
+    NAMES,
+    Network,
+    Policy,
+    bundled,
+    features,
+    load_policy,
+    remember,
+    save_policy,
+)
 
 
 @pytest.fixture

@@ -16,9 +16,8 @@ from training.controllers.policy import load_policy
 from training.train.__main__ import main
 from training.train.agent import make_agent
 from training.train.checkpoint import State, begin_with, newest_checkpoint, read_learner, read_run
-from training.train.environment import bare_env, seeds_at, training_env
+from training.train.environments import bare_env, level_models, seeds_at, training_env
 from training.train.export import network_of
-from training.train.levels import level_models
 from training.train.run import resume, train
 from training.train.settings import Ppo, Sac, Settings, command_line, settings_from_json, settings_json
 from training.train.watch import DEVELOPMENT_SEEDS

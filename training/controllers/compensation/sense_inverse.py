@@ -25,7 +25,7 @@ from mecanum_env.tankendo import Sensors
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
-from training.controllers.prediction.own_motion import OwnMotion, seen_from
+from training.controllers.prediction.observed_motion import OwnMotion, seen_from
 
 CORRECTED: Final = ("sensor_bias", "sensor_scale", "mount_yaw", "sensor_latency", "sensor_lowpass")
 """Effects on sensors that this takes out."""

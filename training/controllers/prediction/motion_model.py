@@ -24,7 +24,7 @@ from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.kinematics import WHEELS, command_to_wheels, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import EPS, received_command
-from mecanum_env.mjcf.planar import wheel_armature
+from mecanum_env.mjcf.plants import wheel_armature
 from mecanum_env.model import Model, Robot
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 

@@ -1,5 +1,0 @@
-"""Blind tests of the gap workflow: hidden effects, found from logs and a nominal model alone."""
-
-from sysid.blind.case import BlindTests, Case
-
-__all__ = ["BlindTests", "Case"]

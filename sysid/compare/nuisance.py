@@ -1,0 +1,154 @@
+"""What may be wrong with the model itself, as directions with a known spread: no evidence of an effect.
+
+Three kinds, each a column scaled so that its unknown factor is standard normal:
+
+- the law's coefficients and the robot's fitted parameters, by the covariance that the model states;
+- the shape of the response: after each change of command the model errs by size x g(time since, |size|),
+  the same g every time; g is made of hats in time and in size, as large as the model's error says;
+- the speed reached: the model errs by a function of the commanded speed, made of hats in it.
+
+A residual is judged with these marginalised: r' (I + X X')^-1 r. A gap that they can explain is none.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from mecanum_env.errors import MecanumError
+from mecanum_env.kinematics import WHEELS, wheels_to_body
+from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.compare.model_error import DECAY_S, ModelError
+from sysid.compare.observations import WINDOW_S, Block, Observations, Situation
+from sysid.compare.whitening import VELOCITY_OF, error_of
+from sysid.logs.runs import WHEEL_SPEEDS
+
+_TIMES_S: Final = (0.0, 0.02, 0.06, 0.11, 0.18, 0.30, 0.50)
+"""Corners of the hats in time; the first and the last are not hats of their own."""
+_SIZES_RPM: Final = (0.0, 30.0, 80.0, 130.0)
+"""Tops of the hats in the size of a change, and (without 0) in the speed reached."""
+_KINDS: Final = ("wheels", "vx_m_s", "vy_m_s", "yaw_rate_rad_s")
+_NEGLIGIBLE: Final = 1e-10  # of the largest eigenvalue of a covariance: rounding
+
+
+def plausible_models(model: Model) -> list[Model]:
+    """Return models one standard deviation off in each direction that the stated covariance allows.
+
+    Args:
+        model: with its `uncertainty`; one without gives an empty list.
+    """
+    found = []
+    stated = model.uncertainty.get("wheel") or {}
+    covariance = stated.get("covariance")
+    if covariance is not None and list(stated.get("names", ())) == list(COEFFICIENTS):
+        values, vectors = np.linalg.eigh(np.asarray(covariance, float))
+        for value, vector in zip(values, vectors.T, strict=True):
+            if value > _NEGLIGIBLE * values[-1]:
+                found += _moved_law(model, math.sqrt(value) * vector)
+    for name, error in (model.uncertainty.get("robot") or {}).items():
+        value = getattr(model.robot, name, None)
+        if isinstance(value, float) and isinstance(error, int | float) and error > 0.0:
+            step = min(float(error), 0.3 * value)
+            if step > 0.0:
+                moved: dict[str, Any] = {name: value + step}
+                found.append(replace(model, robot=replace(model.robot, **moved)))
+    return found
+
+
+def _moved_law(model: Model, step: FloatArray) -> list[Model]:
+    """Return the model with its coefficients moved, the other way if that is unstable, or none."""
+    law = model.wheel.law
+    for sign in (1.0, -1.0):
+        moved = law.coefficients + sign * step
+        try:
+            changed = replace(law, **dict(zip(COEFFICIENTS, moved.tolist(), strict=True))).require_stable()
+            return [replace(model, wheel=replace(model.wheel, law=changed))]
+        except MecanumError:
+            continue
+    return []
+
+
+def shape_columns(
+    model: Model, error: ModelError | None, observations: Observations
+) -> list[list[FloatArray]]:
+    """Return the columns of the model's own error: for each, one array (m,) a block, in channel units.
+
+    Args:
+        model: its geometry turns wheel speeds into those of the body.
+        error: as the model states it; None gives no column.
+        observations: whose blocks the columns are for.
+    """
+    if error is None:
+        return []
+    columns: dict[tuple[str, str, int, int], list[FloatArray]] = {}
+    for index, block in enumerate(observations.blocks):
+        kind = _kind(block.channel)
+        stated = error_of(error, block.channel)
+        if stated is None:
+            continue
+        for key, part in _block_columns(model, observations.situations[block.situation], block).items():
+            size = stated.transient if key[0] == "change" else stated.settled
+            if size == 0.0 or not np.any(part):
+                continue
+            column = columns.setdefault((kind, *key), [np.zeros(b.value.size) for b in observations.blocks])
+            column[index] = size * part
+    return list(columns.values())
+
+
+def _kind(channel: str) -> str:
+    return "wheels" if channel in ("speed_rpm", *WHEEL_SPEEDS) else VELOCITY_OF.get(channel, channel)
+
+
+def _block_columns(
+    model: Model, situation: Situation, block: Block
+) -> dict[tuple[str, int, int], FloatArray]:
+    """Return (what, time hat, size hat) -> column of a block, for a model error of size 1."""
+    times, commands = _signal(model, situation, block.channel)
+    fine = _fine(block)
+    at = block.time_s[:, None] + fine[None, :]
+    columns = {}
+    steps = np.diff(commands)
+    held = commands[np.clip(np.searchsorted(times, at, side="right") - 1, 0, None)]
+    for j in range(1, len(_SIZES_RPM)):
+        for i in range(1, len(_TIMES_S) - 1):
+            total = np.zeros(at.shape)
+            for when, step in zip(times[1:], steps, strict=True):
+                share = float(step * _hat(abs(step), _SIZES_RPM, j))
+                if share != 0.0:
+                    total += share * _hat(at - when, _TIMES_S, i)
+            columns["change", i, j] = math.exp(-_TIMES_S[i] / DECAY_S) * total.mean(axis=1)
+        columns["reached", 0, j] = (np.sign(held) * _hat(np.abs(held), _SIZES_RPM, j)).mean(axis=1)
+    return columns
+
+
+def _fine(block: Block) -> FloatArray:
+    """Return the times about a sample over which a column is averaged: a pose's way takes a window."""
+    if block.channel not in VELOCITY_OF:
+        return np.zeros(1)
+    return np.linspace(-0.5 * WINDOW_S, 0.5 * WINDOW_S, 21)
+
+
+def _hat(value: FloatArray | float, corners: Sequence[float], index: int) -> FloatArray:
+    """Return a hat: 1 at a corner, 0 at its neighbours; the last stays 1 beyond its corner."""
+    heights = np.zeros(len(corners))
+    heights[index] = 1.0
+    return np.asarray(np.interp(value, corners, heights))
+
+
+def _signal(model: Model, situation: Situation, channel: str) -> tuple[FloatArray, FloatArray]:
+    """Return when a channel's command changes [s] and to what, as the speed of a wheel [rpm]."""
+    times, wheels = situation.runs[0].command_changes()
+    limit = model.wheel.saturation_rpm
+    wheels = np.clip(wheels, -limit, limit)
+    if channel == "speed_rpm":
+        return times, wheels[:, 0]
+    if channel in WHEEL_SPEEDS:
+        return times, wheels[:, WHEELS.index(channel.removeprefix("speed_").removesuffix("_rpm"))]
+    body = wheels_to_body(wheels)
+    return times, body[:, _KINDS.index(_kind(channel)) - 1]

@@ -1,0 +1,136 @@
+"""Simulating all situations of a study, and remembering motions that only other sensors look at."""
+
+from __future__ import annotations
+
+import json
+from collections import OrderedDict
+from collections.abc import Hashable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from threading import Lock
+from typing import Final
+
+import mujoco
+import numpy as np
+
+from mecanum_env.effects.apply import without_sensors
+from mecanum_env.model import Model
+from mecanum_env.model.file import model_to_dict
+from mecanum_env.simulator import Plant
+from mecanum_env.units import FloatArray
+from sysid.compare.correction import correction_of
+from sysid.compare.observations import Observations, Situation
+from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, shown
+
+REMEMBERED: Final = 8
+"""Motions of all situations kept; one takes some megabytes."""
+
+
+@contextmanager
+def without_engine_warnings() -> Iterator[None]:
+    """Keep MuJoCo from writing about states that diverge: a search tries them, and drops what does."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+class Simulator:
+    """Predicts the blocks of some observations.
+
+    What a sensor does to a motion is no physics: models that differ in their sensors only share a simulation.
+
+    Args:
+        observations: with the commands.
+        timestep_s: upper bound of the physics step [s]; the generator's choice when None.
+        plant: of the robot.
+        turned: seed of the angles at which the robot's wheels start; 0: all as they are drawn.
+    """
+
+    def __init__(
+        self,
+        observations: Observations,
+        timestep_s: float | None = None,
+        plant: Plant = "rollers",
+        turned: int = 0,
+    ) -> None:
+        self.observations, self.timestep_s, self.plant, self.turned = observations, timestep_s, plant, turned
+        self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
+        self._lock = Lock()
+
+    def predictions(self, model: Model) -> list[FloatArray]:
+        """Return what a model predicts for each block, each of the block's shape (m,).
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+            SimulationDivergedError: the state stopped being finite.
+        """
+        situations = self.observations.situations
+        channels = [
+            shown(model, situation.runs[0], situation.start, motion)
+            for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True)
+        ]
+        correction = correction_of(model)
+        if correction is not None:
+            channels = [
+                correction.added_to(situation.runs[0], one)
+                for situation, one in zip(situations, channels, strict=True)
+            ]
+        return [
+            block.of(situations[block.situation].runs[0], channels[block.situation])
+            for block in self.observations.blocks
+        ]
+
+    def _motion(self, model: Model) -> Sequence[Motion]:
+        key = model_key(model)
+        with self._lock:
+            if key in self._motions:
+                self._motions.move_to_end(key)
+                return self._motions[key]
+        found = self._simulate(model)
+        with self._lock:
+            self._motions[key] = found
+            while len(self._motions) > REMEMBERED:
+                self._motions.popitem(last=False)
+        return found
+
+    def _simulate(self, model: Model) -> list[Motion]:
+        situations = self.observations.situations
+        how = situations[0].runs[0].level, self.timestep_s, self.plant
+        # Only a floor that slopes makes the compiled model depend on where a run starts.
+        common = None if "floor_slope" in model.effects else compile_for(model, *how)
+        alike: dict[Hashable, list[int]] = {}
+        for index, situation in enumerate(situations):
+            alike.setdefault(_moves(situation, model.wheel.command_period_s), []).append(index)
+        motions: dict[int, Motion] = {}
+        for members in alike.values():
+            longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
+            angles = np.random.default_rng((self.turned, members[0])).uniform(0.0, 2.0 * np.pi, 4)
+            turned = angles.tolist() if self.turned else []
+            local = in_run_frame(model, longest.start)
+            compiled = common or compile_for(local, *how)
+            motions |= dict.fromkeys(
+                members, motion_of(local, longest.runs[0], longest.start, compiled, turned)
+            )
+        return [motions[index] for index in range(len(situations))]
+
+
+def _moves(situation: Situation, command_period_s: float) -> Hashable:
+    """Return what a motion depends on: repeats move alike, whatever the stamps of their samples."""
+    run = situation.runs[0]
+    rows = run.command_rows()
+    since = run.held_since(command_period_s)[rows]
+    commands = [values[rows].tobytes() for values in run.command.columns().values()]
+    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start)
+
+
+def model_key(model: Model) -> str:
+    """Return what tells apart two models that may move otherwise.
+
+    Args:
+        model: its wheel, robot and effects count.
+    """
+    physics = replace(model, uncertainty={}, provenance={}, extra={})
+    return json.dumps(model_to_dict(physics), sort_keys=True)

@@ -1,0 +1,57 @@
+"""Methods that identify the wheel law from runs, all behind one interface: `estimate`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from mecanum_env.errors import InputError, did_you_mean
+from sysid.fit.estimators.exhaustive import exhaustive
+from sysid.fit.estimators.gradient import gradient, kkt, pole_discrimination
+from sysid.fit.estimators.interface import CommandSource, Estimate, Method, Options, StartResult, WheelRun
+from sysid.fit.estimators.linear import one_step
+from sysid.fit.estimators.output_error import output_error
+
+METHODS: Final[Mapping[str, Method]] = {
+    "output-error": output_error,
+    "one-step": one_step,
+    "kkt": kkt,
+    "gradient": gradient,
+    "poles": pole_discrimination,
+    "exhaustive": exhaustive,
+}
+"""Every method by the name that `--method` takes."""
+
+DEFAULT_METHOD: Final = "output-error"
+
+__all__ = [
+    "DEFAULT_METHOD",
+    "METHODS",
+    "CommandSource",
+    "Estimate",
+    "Method",
+    "Options",
+    "StartResult",
+    "WheelRun",
+    "estimate",
+]
+
+
+def estimate(
+    runs: Sequence[WheelRun], method: str = DEFAULT_METHOD, options: Options | None = None
+) -> Estimate:
+    """Identify the wheel law.
+
+    Args:
+        runs: one wheel's runs, or several wheels' to be pooled into one law.
+        method: a name in `METHODS`.
+        options: starts, seed, unit gain, delay, saturation, loss.
+
+    Raises:
+        InputError: an unknown method, or data that cannot be fitted; the message says why.
+    """
+    if method not in METHODS:
+        raise InputError(
+            f"method {method!r}: unknown{did_you_mean(method, METHODS)}; known: {', '.join(METHODS)}"
+        )
+    return METHODS[method](runs, options or Options())

@@ -1,0 +1,253 @@
+"""The fitting problem: all runs at once, their simulation by the law, and its exact derivatives.
+
+With w' and r' the deviations from the steady start, the law is the filter
+W'(z) = (D + E/z + F/z^2) / (1 - A/z - B/z^2 - C/z^3) R'(z)/z. The derivative by a coefficient obeys the same
+recursion driven by a delayed signal, so two filter passes give all six (the sensitivities of output-error
+identification, Ljung, "System Identification", section 10.3).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.signal import lfilter
+
+from mecanum_env.errors import InputError
+from mecanum_env.units import FloatArray
+from sysid.fit.estimators.interface import WheelRun, require_same_period
+
+_LEAST_GAIN: Final = 1e-6
+"""No command holds a wheel at speed through a gain of 0; a search may pass there all the same."""
+
+_DELAY_STEP: Final = 1e-4
+"""Step [ticks] for d(command)/d(delay): the command is piecewise linear in the delay."""
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """Commands that differ from each other, shape (U, K); repeats of one command share a row."""
+
+    command_rpm: FloatArray
+    by_delay: FloatArray | None = None
+    """d(command)/d(delay) [rpm/s], shape (U, K)."""
+    by_saturation: FloatArray | None = None
+    """d(command)/d(saturation), shape (U, K)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """All runs stacked: U different traces of K ticks, M measurements to predict.
+
+    Build it with `stack`. Arrays that describe measurements have shape (M,).
+    """
+
+    sources: tuple[WheelRun, ...]
+    """One run for each trace."""
+    initial_rpm: FloatArray
+    """Steady speed before each trace [rpm], shape (U,)."""
+    length: int
+    """K, of the longest trace."""
+    row: npt.NDArray[np.intp]
+    tick: npt.NDArray[np.intp]
+    fraction: FloatArray
+    """A measurement lies at tick + fraction of trace `row`."""
+    speed_rpm: FloatArray
+    weight: FloatArray
+    """1/sigma [1/rpm]; of a merged measurement, of the mean."""
+    within_cost: float
+    """Half the weighted square sum of repeats about their mean, which no law can change."""
+    group: npt.NDArray[np.intp]
+    """Which of the M measurements each original sample went into, in the order of the runs, shape (N,)."""
+    measured_rpm: FloatArray
+    """The original samples in the order of the runs, shape (N,)."""
+    sample_period_s: float
+
+    @property
+    def largest_command(self) -> float:
+        """Largest command of any run, before a fitted limit [rpm]."""
+        return max(float(np.max(np.abs(run.command()))) for run in self.sources)
+
+    def traces(
+        self,
+        delay_s: float = 0.0,
+        saturation_rpm: float = np.inf,
+        *,
+        with_delay: bool = False,
+        with_saturation: bool = False,
+    ) -> Traces:
+        """Return the commands for a delay and a limit; derivatives if `with_delay`, `with_saturation`."""
+
+        def build(delay: float, limit: float) -> FloatArray:
+            rows = np.empty((len(self.sources), self.length))
+            for row, run in zip(rows, self.sources, strict=True):
+                command = run.command(delay, limit)
+                row[: len(command)] = command
+                row[len(command) :] = command[-1]
+            return rows
+
+        command = build(delay_s, saturation_rpm)
+        by_delay = by_saturation = None
+        if with_delay:
+            step = _DELAY_STEP * self.sample_period_s
+            by_delay = (build(delay_s + step, saturation_rpm) - command) / step
+        if with_saturation:
+            step = 1e-6 * max(1.0, saturation_rpm)
+            by_saturation = (command - build(delay_s, saturation_rpm - step)) / step
+        return Traces(command, by_delay, by_saturation)
+
+    def predict(self, coefficients: npt.ArrayLike, traces: Traces) -> FloatArray:
+        """Return the free-running prediction [rpm] of every measurement, shape (M,), for `coefficients` A-F.
+
+        Of an unstable law it may be infinite or NaN, without a warning.
+        """
+        c = np.asarray(coefficients, float)
+        start = self.initial_rpm[:, None]
+        with np.errstate(all="ignore"):
+            deviation = lfilter(c[3:], _denominator(c), traces.command_rpm - start / _dc_gain(c))
+            return np.asarray(self.initial_rpm[self.row] + self._gather(deviation, 0))
+
+    def predict_with_jacobian(
+        self, coefficients: npt.ArrayLike, traces: Traces
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the prediction, shape (M,), and its derivatives, shape (M, 6 [+ delay] [+ saturation]).
+
+        `coefficients` are A-F, shape (6,), of a stable law.
+        """
+        c = np.asarray(coefficients, float)
+        denominator, gain, start = _denominator(c), _dc_gain(c), self.initial_rpm[:, None]
+        command = traces.command_rpm - start / gain
+        by_d = lfilter([1.0], denominator, command)
+        deviation = lfilter(c[3:], [1.0], by_d)
+        by_a = lfilter([0.0, 1.0], denominator, deviation)
+        columns = [self._gather(by_a, lag) for lag in range(3)] + [
+            self._gather(by_d, lag) for lag in range(3)
+        ]
+        extra = [x for x in (traces.by_delay, traces.by_saturation) if x is not None]
+        columns += [self._gather(lfilter(c[3:], denominator, x), 0) for x in extra]
+        jacobian = np.stack(columns, axis=1)
+        if np.any(self.initial_rpm):
+            # The command that held the start is initial/gain: it moves with the coefficients.
+            step = self._gather(lfilter(c[3:], denominator, np.broadcast_to(start, command.shape)), 0)
+            by_inverse_gain = np.concatenate([-np.ones(3), np.full(3, -1.0 / gain)]) / np.sum(c[3:])
+            jacobian[:, :6] -= step[:, None] * by_inverse_gain
+        return self.initial_rpm[self.row] + self._gather(deviation, 0), jacobian
+
+    def linear_columns(self, abc: npt.ArrayLike, traces: Traces) -> FloatArray:
+        """Return what multiplies D, E and F in the prediction, shape (M, 3), for `abc` and unit gain."""
+        command = traces.command_rpm - self.initial_rpm[:, None]
+        by_d = lfilter([1.0], _denominator(np.asarray(abc, float)), command)
+        return np.stack([self._gather(by_d, lag) for lag in range(3)], axis=1)
+
+    def rms(self, predicted: FloatArray) -> float:
+        """Return the unweighted rms [rpm] of all original samples about `predicted`, shape (M,)."""
+        with np.errstate(all="ignore"):
+            value = float(np.sqrt(np.mean((self.measured_rpm - predicted[self.group]) ** 2)))
+        return value if np.isfinite(value) else np.inf
+
+    def _gather(self, after: FloatArray, lag: int) -> FloatArray:
+        """Interpolate a signal x(1..K), shape (U, K), at the measurements, `lag` ticks later."""
+        padded = np.zeros((len(after), after.shape[1] + 3))
+        padded[:, 3:] = after
+        flat, stride = padded.ravel(), padded.shape[1]
+        index = self.row * stride + self.tick + (2 - lag)
+        value = flat[index]
+        if np.any(self.fraction):
+            value = value + self.fraction * (flat[np.minimum(index + 1, flat.size - 1)] - value)
+        return np.asarray(value)
+
+
+def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
+    """Stack runs into one problem; with `merge`, repeats of one sample become their weighted mean.
+
+    Merging changes no least-squares estimate (the mean is sufficient) and shortens every step.
+
+    Raises:
+        InputError: no runs, different clocks, or nothing to fit a law to (`require_excitation`).
+    """
+    period = require_same_period(runs)
+    require_excitation(runs)
+    keys: dict[tuple[bytes, float], int] = {}
+    sources: list[WheelRun] = []
+    rows = np.empty(len(runs), np.intp)
+    for i, run in enumerate(runs):
+        # Unlimited commands: two runs that one limit makes equal may differ under another.
+        key = (np.ascontiguousarray(run.command()).tobytes(), run.initial_rpm)
+        if key not in keys:
+            keys[key] = len(sources)
+            sources.append(run)
+        rows[i] = keys[key]
+    length = max(len(run.command_rpm) for run in sources)
+    row = np.repeat(rows, [len(run.speed_rpm) for run in runs])
+    time = np.concatenate([run.sample_tick for run in runs])
+    speed = measured = np.concatenate([run.speed_rpm for run in runs])
+    precision = np.concatenate([run.sigma_rpm for run in runs]) ** -2.0
+    group: npt.NDArray[np.intp] = np.arange(len(speed), dtype=np.intp)
+    within = 0.0
+    if merge:
+        place = row * (length + 1.0) + time
+        _, first, group = np.unique(place, return_index=True, return_inverse=True)
+        total = np.bincount(group, precision)
+        mean = np.bincount(group, precision * speed) / total
+        within = 0.5 * float(np.sum(precision * (speed - mean[group]) ** 2))
+        row, time = row[first], time[first]
+        speed, precision = mean, np.asarray(total, float)
+    tick = np.minimum(time.astype(np.intp), length)
+    return Problem(
+        sources=tuple(sources),
+        initial_rpm=np.array([run.initial_rpm for run in sources]),
+        length=length,
+        row=row,
+        tick=tick,
+        fraction=time - tick,
+        speed_rpm=speed,
+        weight=np.sqrt(precision),
+        within_cost=within,
+        group=group,
+        measured_rpm=measured,
+        sample_period_s=period,
+    )
+
+
+def require_excitation(runs: Sequence[WheelRun]) -> None:
+    """Check that the data can say anything about a law.
+
+    Raises:
+        InputError: fewer samples than coefficients, no command that ever differs from the steady start, or
+            a speed that never moves although the command does (a dead sensor).
+    """
+    samples = sum(len(run.speed_rpm) for run in runs)
+    if samples < 7:
+        raise InputError(
+            f"{samples} samples in {len(runs)} run(s), at least 7 are needed for six coefficients"
+        )
+    moved = max(float(np.max(np.abs(run.command() - run.initial_rpm))) for run in runs)
+    if moved == 0.0:
+        value = runs[0].initial_rpm
+        raise InputError(
+            f"the command never leaves the steady start ({value:g} rpm), so nothing can be learnt from "
+            f"{len(runs)} run(s) starting with {runs[0].name}; record a step from rest"
+        )
+    still = all(float(np.ptp(run.speed_rpm)) == 0.0 for run in runs)
+    if still and len({float(run.speed_rpm[0]) for run in runs}) == 1:
+        raise InputError(
+            f"speed_rpm is {runs[0].speed_rpm[0]:g} in every sample while the command moves by "
+            f"{moved:g} rpm: a dead sensor or the wrong column; check `speed_rpm` in the logs"
+        )
+
+
+def _denominator(coefficients: FloatArray) -> FloatArray:
+    return np.array([1.0, -coefficients[0], -coefficients[1], -coefficients[2]])
+
+
+def _dc_gain(c: FloatArray) -> float:
+    """Steady speed over command; 1 exactly where the six sum to 1, so that rounding adds no transient."""
+    numerator, denominator = float(c[3] + c[4] + c[5]), float(1.0 - c[0] - c[1] - c[2])
+    if abs(numerator - denominator) <= 1e-12:
+        return 1.0
+    gain = numerator / denominator
+    return math.copysign(max(abs(gain), _LEAST_GAIN), gain)

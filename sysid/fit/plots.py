@@ -1,0 +1,186 @@
+"""Replaying logs in MuJoCo with an identified model.
+
+Which runs a report shows, and what is drawn of each.
+
+The fit as one picture: measured against simulated, residuals, poles.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from mecanum_env.files import atomic_path
+from mecanum_env.model import Model
+from mecanum_env.simulator.bench import replay_bench
+from mecanum_env.units import FloatArray
+from sysid.fit.drive_choice import pooled
+from sysid.fit.figures import residual, rms, simulate
+from sysid.fit.pipeline import Fit
+from sysid.logs import Split
+
+
+@dataclass(frozen=True)
+class BenchReplay:
+    """One bench run replayed on MuJoCo's free wheel, beside the law alone."""
+
+    name: str
+    measured_rms_rpm: float
+    """Measured minus MuJoCo."""
+    law_measured_rms_rpm: float
+    """Measured minus the law."""
+    servo_rms_rpm: float
+    """MuJoCo minus the law: what the servo between law and wheel adds, next to nothing."""
+    servo_max_rpm: float
+
+
+def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
+    """Replay the held-out bench run that the law predicts worst; None for robot logs.
+
+    Args:
+        fit: the fitted wheel, with its runs.
+        model: the model made from it.
+    """
+    if fit.dataset.level != "bench":
+        return None
+    order: tuple[Split, ...] = ("test", "validation", "fit")
+    split = next(split for split in order if pooled(fit.runs[split]))
+    data = max(pooled(fit.runs[split]), key=lambda run: rms(residual(run, fit.estimate)))
+    log = next(run for run in fit.dataset.runs if run.file == data.name)
+    samples = data.sample_tick * data.sample_period_s
+    found = fit.estimate
+    ticks = simulate(data, found.law, found.delay_s, found.saturation_rpm)
+    law = np.interp(data.sample_tick, np.arange(len(ticks)), ticks)
+    wheel = replay_bench(
+        model,
+        log.held_since(model.wheel.command_period_s),
+        log.command.wheels_rpm[:, 0],
+        sample_times_s=samples,
+        initial_rpm=data.initial_rpm,
+    )
+    return BenchReplay(
+        name=data.name,
+        measured_rms_rpm=rms(data.speed_rpm - wheel),
+        law_measured_rms_rpm=rms(data.speed_rpm - law),
+        servo_rms_rpm=rms(wheel - law),
+        servo_max_rpm=float(np.max(np.abs(wheel - law))),
+    )
+
+
+@dataclass(frozen=True)
+class RunView:
+    """One wheel in one run: what was asked, measured and simulated."""
+
+    name: str
+    split: Split
+    rms_rpm: float
+    time_s: FloatArray
+    """Of the samples, shape (N,)."""
+    measured_rpm: FloatArray
+    residual_rpm: FloatArray
+    """Measured minus simulated, shape (N,)."""
+    tick_s: FloatArray
+    """Of the law's ticks, shape (K+1,)."""
+    simulated_rpm: FloatArray
+    """Shape (K+1,)."""
+    command_rpm: FloatArray
+    """Command that the law saw, held from each tick, shape (K+1,)."""
+
+
+def run_views(fit: Fit, most: int = 6) -> list[RunView]:
+    """Return up to `most` runs to show: the worst of each held-out split first, then of the fit runs."""
+    views: list[RunView] = []
+    order: tuple[Split, ...] = ("test", "validation", "fit")
+    shares = _shares([len(pooled(fit.runs[split])) for split in order], most)
+    for split, share in zip(order, shares, strict=True):
+        views += sorted(_views(fit, split), key=lambda view: -view.rms_rpm)[:share]
+    return views
+
+
+def _views(fit: Fit, split: Split) -> list[RunView]:
+    found = fit.estimate
+    views = []
+    for run in pooled(fit.runs[split]):
+        tau = run.sample_period_s
+        simulated = simulate(run, found.law, found.delay_s, found.saturation_rpm)
+        command = run.command(found.delay_s, found.saturation_rpm)
+        error = residual(run, found)
+        views.append(
+            RunView(
+                run.name,
+                split,
+                rms(error),
+                np.asarray(run.sample_tick * tau),
+                run.speed_rpm,
+                error,
+                np.asarray(np.arange(len(simulated)) * tau, float),
+                simulated,
+                np.append(command, command[-1]),
+            )
+        )
+    return views
+
+
+def _shares(available: list[int], most: int) -> list[int]:
+    """Split `most` places among groups in turn, none getting more than it has."""
+    shares = [0] * len(available)
+    while sum(shares) < min(most, sum(available)):
+        for i, count in enumerate(available):
+            if shares[i] < count and sum(shares) < most:
+                shares[i] += 1
+    return shares
+
+
+COLOURS = {"measured": "0.55", "simulated": "#c8102e", "command": "#1f4e79"}
+
+
+def write_fit_plots(fit: Fit, folder: Path) -> Path:
+    """Write `fit.png` into a folder and return its path."""
+    views = run_views(fit, most=4)
+    figure = Figure(figsize=(13.5, 7.2), layout="constrained")
+    axes = figure.subplots(2, 3)
+    for ax, view in zip(axes.flat[:4], views, strict=False):
+        _overlay(ax, view)
+    for ax in axes.flat[len(views) : 4]:
+        ax.set_axis_off()
+    _residuals(axes.flat[4], fit, views)
+    _poles(axes.flat[5], fit)
+    figure.suptitle(f"{fit.dataset.name}: measured against the identified law ({fit.estimate.method})")
+    path = folder / "fit.png"
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=110)
+    return path
+
+
+def _overlay(ax: Axes, view: RunView) -> None:
+    ax.plot(view.time_s, view.measured_rpm, ".", ms=3, color=COLOURS["measured"], label="measured")
+    ax.step(view.tick_s, view.command_rpm, where="post", lw=1, color=COLOURS["command"], label="command")
+    ax.plot(view.tick_s, view.simulated_rpm, lw=1.5, color=COLOURS["simulated"], label="simulated")
+    ax.set(title=f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm", xlabel="time [s]", ylabel="rpm")
+    ax.legend(fontsize=8)
+
+
+def _residuals(ax: Axes, fit: Fit, views: list[RunView]) -> None:
+    for view in views:
+        ax.plot(view.time_s, view.residual_rpm, lw=0.7, label=f"{view.name} ({view.split})")
+    sigma = float(np.mean(list(fit.sigma_rpm.values())))
+    ax.axhspan(-2 * sigma, 2 * sigma, color="0.9", zorder=0, label="noise, 2 sigma")
+    ax.set(title="measured minus simulated", xlabel="time [s]", ylabel="rpm")
+    ax.legend(fontsize=7)
+
+
+def _poles(ax: Axes, fit: Fit) -> None:
+    turn = np.linspace(0, 2 * np.pi, 200)
+    ax.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1)
+    poles = fit.law.poles
+    ax.plot(poles.real, poles.imag, "x", ms=9, mew=2, color=COLOURS["simulated"])
+    ax.set(
+        title="poles in the unit circle: " + ", ".join(f"{abs(p):.3f}" for p in poles),
+        aspect="equal",
+        xlim=(-1.15, 1.15),
+        ylim=(-1.15, 1.15),
+    )

@@ -1,0 +1,18 @@
+"""How sure an estimate is: standard errors, Cramer-Rao bounds, residual tests, identifiability."""
+
+from sysid.fit.statistics.identifiability import weak_combinations
+from sysid.fit.statistics.quantity import Quantity
+from sysid.fit.statistics.residuals import InputCorrelation, ResidualTests, Whiteness, residual_tests
+from sysid.fit.statistics.uncertainty import Uncertainty, noise_sigma, uncertainty
+
+__all__ = [
+    "InputCorrelation",
+    "Quantity",
+    "ResidualTests",
+    "Uncertainty",
+    "Whiteness",
+    "noise_sigma",
+    "residual_tests",
+    "uncertainty",
+    "weak_combinations",
+]

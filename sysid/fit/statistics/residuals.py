@@ -1,0 +1,157 @@
+"""Residual tests: whether what the law leaves over is white, and whether it still depends on the command."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.stats import chi2, norm
+from scipy.stats import f as fisher
+
+from mecanum_env.units import FloatArray
+from sysid.fit.estimators.interface import Estimate, WheelRun
+from sysid.fit.statistics.linearised import Linearised, linearise
+
+_RANK_TOLERANCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Whiteness:
+    """Ljung-Box test: autocorrelation of the residuals, all lags together."""
+
+    autocorrelation: FloatArray
+    """At lags 1..L [samples], shape (L,)."""
+    bound: float
+    """Two-sided bound of one lag at the test's level."""
+    statistic: float
+    p_value: float
+    passed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class InputCorrelation:
+    """F test: whether the residuals follow a pattern after the command changes."""
+
+    correlation: FloatArray
+    """Of the residual with the command's change 1..L ticks before, in standard deviations, shape (L,)."""
+    bound: float
+    """Two-sided bound of one lag at the test's level."""
+    statistic: float
+    """F, all lags together."""
+    p_value: float
+    passed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualTests:
+    """Both tests and the level they were made at."""
+
+    whiteness: Whiteness
+    input_correlation: InputCorrelation
+    level: float
+
+    @property
+    def passed(self) -> bool:
+        """True when neither test found anything the law misses."""
+        return self.whiteness.passed and self.input_correlation.passed
+
+
+def residual_tests(
+    runs: Sequence[WheelRun],
+    estimate: Estimate,
+    *,
+    lags: int = 30,
+    level: float = 0.01,
+    fitted: bool = True,
+) -> ResidualTests:
+    """Test what the law leaves over.
+
+    With very many samples both tests find differences too small to matter: read the correlations too.
+
+    Args:
+        runs: what the estimate was fitted to, or held-out runs.
+        estimate: of any method; its law must be stable.
+        lags: how far the tests look [samples; ticks].
+        level: probability to flag a right law.
+        fitted: False where `estimate` does not minimise the error of these runs (held-out runs, another
+            method's law), so that nothing of the misfit has been taken out yet.
+
+    Raises:
+        InputError: data without excitation.
+        UnstableLawError: the law is unstable.
+    """
+    at = linearise(runs, estimate)
+    predicted = at.problem.predict(estimate.coefficients, at.traces)[at.problem.group]
+    return ResidualTests(
+        _whiteness(runs, predicted, lags, level), _input_correlation(at, lags, level, fitted), level
+    )
+
+
+def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level: float) -> Whiteness:
+    """G. M. Ljung and G. E. P. Box, Biometrika 65 (1978), pooled over runs; gaps are not lags."""
+    products, counts, power, samples = np.zeros(lags), np.zeros(lags), 0.0, 0
+    for run, expected in zip(
+        runs, np.split(predicted, np.cumsum([len(r.speed_rpm) for r in runs])[:-1]), strict=True
+    ):
+        order = np.argsort(run.sample_tick, kind="stable")
+        residual = ((run.speed_rpm - expected) / run.sigma_rpm)[order]
+        time = run.sample_tick[order]
+        usual = float(np.median(np.diff(time))) if len(time) > 1 else 1.0
+        power += float(residual @ residual)
+        samples += len(residual)
+        for lag in range(1, min(lags, len(residual) - 1) + 1):
+            near = time[lag:] - time[:-lag] < (lag + 0.5) * usual + 1e-9
+            products[lag - 1] += float(np.sum((residual[lag:] * residual[:-lag])[near]))
+            counts[lag - 1] += int(np.sum(near))
+    used = counts > 0
+    if power <= 0.0 or not np.any(used):
+        return Whiteness(np.zeros(lags), np.inf, 0.0, 1.0, True)
+    # Each lag's mean product over the mean square, times sqrt(pairs), is standard normal for white residuals.
+    correlation = np.where(used, products / np.maximum(counts, 1.0), 0.0) / (power / samples)
+    statistic = float(np.sum(counts * correlation**2))
+    p_value = float(chi2.sf(statistic, int(np.sum(used))))
+    bound = float(norm.isf(level / 2.0) / np.sqrt(np.max(counts)))
+    return Whiteness(correlation, bound, statistic, p_value, p_value > level)
+
+
+def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) -> InputCorrelation:
+    """F test of the residuals regressed on the command changes of the last `lags` ticks, plain and by size.
+
+    Changes instead of levels, since a held command correlates with itself at every lag. What the fit has
+    already taken out (the columns of J) is taken out of the regressors too, so that the level holds.
+    """
+    problem = at.problem
+    before = at.traces.command_rpm[:, :1] * 0.0 + problem.initial_rpm[:, None]
+    change = np.diff(np.concatenate([before, at.traces.command_rpm], axis=1), axis=1)
+    padded = np.concatenate([np.zeros((len(change), lags)), change], axis=1)
+    stride = padded.shape[1]
+    # A sample at tick k + x, 0 < x <= 1, is the first to feel the change at tick k: lag 1.
+    newest = np.ceil(problem.tick + problem.fraction - 1e-9).astype(np.intp) - 1
+    index = problem.row * stride + lags + newest
+    columns = np.stack([padded.ravel()[np.maximum(index - lag, 0)] for lag in range(lags)], axis=1)
+    columns[newest < 0] = 0.0
+    # change * |change|: a response whose shape depends on the step's size (a limit on the acceleration, say).
+    largest = max(float(np.max(np.abs(change))), 1e-300)
+    regressors = np.hstack([columns, columns * np.abs(columns) / largest]) * problem.weight[:, None]
+    outside = regressors - at.basis @ (at.basis.T @ regressors) if fitted else regressors
+    scale = np.linalg.norm(outside, axis=0)
+    raw = np.linalg.norm(regressors, axis=0)
+    usable = scale > _RANK_TOLERANCE * np.max(raw, initial=1e-300)
+    freedom = at.samples - (at.rank if fitted else 0)
+    noise = np.sqrt(at.square_sum / freedom) if freedom > 0 else 0.0
+    bound = float(norm.isf(level / 2.0))
+    if noise <= 0.0 or not np.any(usable):
+        return InputCorrelation(np.zeros(lags), bound, 0.0, 1.0, True)
+    correlation = np.zeros(2 * lags)
+    correlation[usable] = (outside.T @ at.residual)[usable] / (scale[usable] * noise)
+    left, singular, _ = np.linalg.svd(outside[:, usable] / scale[usable], full_matrices=False)
+    basis = left[:, singular > _RANK_TOLERANCE * singular[0]]
+    explained = float(np.sum((basis.T @ at.residual) ** 2))
+    rank, rest = basis.shape[1], freedom - basis.shape[1]
+    left_over = at.square_sum - explained
+    if rest <= 0 or left_over <= 0.0:
+        return InputCorrelation(correlation[:lags], bound, 0.0, 1.0, True)
+    statistic = explained / rank / (left_over / rest)
+    p_value = float(fisher.sf(statistic, rank, rest))
+    return InputCorrelation(correlation[:lags], bound, statistic, p_value, p_value > level)

@@ -1,0 +1,103 @@
+"""Checks of what a user asks of a study.
+
+Whether logs can show a gap at all: a dead sensor would pass for an effect, or stop the arithmetic.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE, Plant
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.units import FloatArray
+from sysid.gap.result import GapOptions
+from sysid.logs import Dataset
+from sysid.logs.runs import Level
+
+
+def require_valid(options: GapOptions, level: Level) -> None:
+    """Refuse options that make no sense for the logs.
+
+    Args:
+        options: as given.
+        level: what the logs are.
+
+    Raises:
+        InputError: another level than that of the logs, a count below 1, no time to decide on, or an effect
+            that does not exist, has nothing to act on at this level, or is both asked for and excluded.
+    """
+    if options.level not in ("auto", level):
+        raise InputError(f"level {options.level}: these are {level} logs; leave it out, or give {level}")
+    if options.plant == "planar" and level == "bench":
+        raise InputError("plant planar: these are bench logs, which have no robot; leave it out")
+    known = known_effects(level, options.plant)
+    for option, names in (("only", options.only), ("exclude", options.exclude)):
+        for name in names:
+            if name not in CATALOGUE:
+                raise InputError(
+                    f"{option} {name}: no such effect{did_you_mean(name, CATALOGUE)}; "
+                    f"for {level} logs: {', '.join(known)}"
+                )
+    for name in options.only:
+        if name not in known:
+            raise InputError(f"only {name}: does nothing in {level} logs; there: {', '.join(known)}")
+        if name in options.exclude:
+            raise InputError(f"only {name}: excluded as well; leave out one of the two")
+    if not set(known) - set(options.exclude):
+        raise InputError(f"exclude: no effect is left to look for; for {level} logs: {', '.join(known)}")
+    for option, count in (("max-effects", options.max_effects), ("jobs", options.jobs)):
+        if count < 1:
+            raise InputError(f"{option} = {count}, must be at least 1")
+    if options.seconds is not None and not options.seconds > 0.0:
+        raise InputError(f"seconds = {options.seconds:g}, must be above 0")
+    if options.seed < 0:
+        raise InputError(f"seed = {options.seed}, must be 0 or more")
+
+
+def known_effects(level: Level, plant: Plant = "rollers") -> tuple[str, ...]:
+    """Return the effects that act on logs of a level, in the order of the chain.
+
+    Args:
+        level: of the logs.
+        plant: that a robot is simulated with.
+    """
+    used: Plant = "bench" if level == "bench" else plant
+    return tuple(name for name, effect in CATALOGUE.items() if effect.acts_in(used))
+
+
+_LEAST_SAMPLES: Final = 7  # as for a fit
+
+
+def require_movement(dataset: Dataset) -> None:
+    """Check that something moves in the logs.
+
+    Args:
+        dataset: bench or robot logs.
+
+    Raises:
+        InputError: fewer samples than a fit takes, or no measured channel that ever changes.
+    """
+    values: dict[str, list[FloatArray]] = {}
+    for run in dataset.runs:
+        for name, channel in run.channels.items():
+            if name != "battery_v":
+                values.setdefault(name, []).append(channel[np.isfinite(channel)])
+    measured = {name: np.concatenate(parts) for name, parts in values.items()}
+    samples, runs = sum(one.size for one in measured.values()), f"{len(dataset.runs)} run(s)"
+    if samples < _LEAST_SAMPLES:
+        raise InputError(f"{samples} samples in {runs}, at least {_LEAST_SAMPLES} are needed to tell a gap")
+    if any(one.size and np.ptp(one) > 0.0 for one in measured.values()):
+        return
+    asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
+    if asked == 0.0:
+        raise InputError(
+            f"the command is 0 throughout and nothing moves, so nothing can be learnt from {runs} starting "
+            f"with {dataset.runs[0].file}; record a step from rest"
+        )
+    still = " and ".join(f"{name} is {one[0]:g}" for name, one in measured.items() if one.size)
+    raise InputError(
+        f"{still} in every sample while wheels are commanded up to {asked:g} rpm: a dead sensor or the wrong "
+        "column; check the logs"
+    )

@@ -1,0 +1,1 @@
+"""Design of experiments: the command sequence that would settle what the logs leave open."""

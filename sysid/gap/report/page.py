@@ -1,0 +1,168 @@
+"""The page of a gap study."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from mecanum_env.report import report_available, write_page
+from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure, was_changed
+from sysid.gap.report.table import next_step
+from sysid.gap.report.wording import (
+    closed_share,
+    concentrations,
+    interval_text,
+    number,
+    place_name,
+    set_name,
+    sizes,
+    summary_of,
+    unit_of,
+    verdict_sentence,
+)
+from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
+
+_TEMPLATE: Final = Path(__file__).parent / "templates" / "gap.html"
+_MOST_OVERLAYS: Final = 6
+_MOST_FINDINGS: Final = 40
+_EVIDENCE_SHOWN, _EVIDENCE_FOLDED = 10, 60
+_MOST_CANDIDATES: Final = 6
+
+
+def write_gap_report(report: GapReport, path: Path) -> bool:
+    """Write the page of a study; return False, writing nothing, without the `report` extra.
+
+    Args:
+        report: of the study.
+        path: of the page.
+    """
+    if not report_available():
+        return False
+    overlays = {f"run{i}": overlay_figure(o) for i, o in enumerate(report.overlays[:_MOST_OVERLAYS])}
+    figures: dict[str, Mapping[str, Any]] = dict(overlays)
+    heat = heat_figure(report)
+    if heat is not None:
+        figures["heat"] = heat
+    if report.next_experiment is not None:
+        figures["experiment"] = experiment_figure(report.next_experiment)
+    write_page(
+        path,
+        _TEMPLATE,
+        figures,
+        dataset=report.dataset,
+        level=report.level,
+        verdict=report.verdict,
+        sentence=verdict_sentence(report),
+        step=next_step(report),
+        gap=_gap_row("together", report.gap),
+        changed=was_changed(report),
+        channels=[_gap_row(name, channel) for name, channel in report.channels.items()],
+        effects=[_effect(found) for found in report.effects],
+        candidates=[_candidate(report, names) for names in report.candidates[:_MOST_CANDIDATES]],
+        more_candidates=max(0, len(report.candidates) - _MOST_CANDIDATES),
+        places=[
+            (place_name(c.region), f"{c.region.share:.0%}", f"{c.sample_share:.0%}")
+            for c in concentrations(report)
+        ],
+        overlays=list(overlays),
+        heat="heat" in figures,
+        heat_unit=heat_scale(report)[1],
+        evidence=_evidence(report),
+        evidence_shown=_EVIDENCE_SHOWN,
+        evidence_left=max(0, len(report.evidence) - _EVIDENCE_FOLDED),
+        unit=report.gap.unit,
+        untestable=[(u.name, u.reason, sizes(u.name, u.smallest_detectable)) for u in report.untestable],
+        detectable=[(name, sizes(name, values)) for name, values in report.smallest_detectable.items()],
+        experiment=report.next_experiment,
+        power="" if report.next_experiment is None else f"{report.next_experiment.power:.0%}",
+        separated=[set_name(names) for names in report.next_experiment.candidates]
+        if report.next_experiment
+        else [],
+        empirical=_empirical(report),
+        findings=report.findings[:_MOST_FINDINGS],
+        notes=report.notes,
+        provenance=[(name, str(value)) for name, value in report.provenance.items()],
+    )  # fmt: skip
+    return True
+
+
+def _gap_row(name: str, gap: Difference) -> dict[str, Any]:
+    """Return the cells of a difference, and the lengths of its bars in percent of before."""
+    longest = max(gap.before, gap.after, gap.noise_floor or 0.0) or 1.0
+    return {
+        "name": name,
+        "unit": gap.unit,
+        "before": number(gap.before),
+        "after": number(gap.after),
+        "floor": number(gap.noise_floor),
+        "closed": closed_share(gap),
+        "before_length": f"{100.0 * gap.before / longest:.1f}",
+        "after_length": f"{100.0 * gap.after / longest:.1f}",
+        "floor_length": "" if gap.noise_floor is None else f"{100.0 * gap.noise_floor / longest:.1f}",
+    }
+
+
+def _effect(found: FoundEffect) -> dict[str, Any]:
+    summary, signature = summary_of(found.name)
+    return {
+        "name": found.name,
+        "summary": summary,
+        "signature": signature,
+        "frequency": f"{found.selection_frequency:.0%}",
+        "parameters": [
+            (name, *interval_text(p, unit_of(found.name, name))) for name, p in found.parameters.items()
+        ],
+    }
+
+
+def _candidate(report: GapReport, names: tuple[str, ...]) -> dict[str, Any]:
+    fitted = next((e for e in report.evidence if set(e.effects) == set(names)), None)
+    return {
+        "name": set_name(names),
+        "summaries": [summary_of(name)[0] for name in names],
+        "sizes": _all_sizes(fitted) if fitted else "",
+    }
+
+
+def _evidence(report: GapReport) -> list[dict[str, Any]]:
+    """Return the rows of the best sets and of the model as it is."""
+    adopted = {found.name for found in report.effects}
+    tied = [set(names) for names in report.candidates]
+    first = list(report.evidence[:_EVIDENCE_FOLDED])
+    plain = [e for e in report.evidence[_EVIDENCE_FOLDED:] if not e.effects]
+    rows = []
+    for e in [*first, *plain]:
+        chosen = bool(adopted) and set(e.effects) == adopted
+        rows.append(
+            {
+                "name": set_name(e.effects),
+                "sizes": _all_sizes(e),
+                "mark": "adopted" if chosen else "tied" if set(e.effects) in tied else "",
+                "count": e.parameter_count,
+                "score": number(e.score),
+                "misfit": number(e.misfit),
+                "adequate": "yes" if e.adequate else "no",
+                "validation": number(e.validation_rms),
+                "test": number(e.test_rms),
+                "bic": number(e.bic),
+            }
+        )
+    return rows
+
+
+def _all_sizes(evidence: Evidence) -> str:
+    return "; ".join(filter(None, (sizes(name, values) for name, values in evidence.parameters.items())))
+
+
+def _empirical(report: GapReport) -> dict[str, Any] | None:
+    if report.empirical is None:
+        return None
+    shares = report.empirical.explained
+    return {
+        "adopted": report.empirical.adopted,
+        "terms": [
+            (channel, text, f"{shares.get(channel, 0.0):.0%}")
+            for channel, text in report.empirical.formula.items()
+        ],
+    }

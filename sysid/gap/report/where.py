@@ -1,0 +1,221 @@
+"""Where simulation and measurement disagree: the error cut by what the robot was doing.
+
+Every dimension (phase, speed, direction ...) divides the samples of a channel into regions. A region's share
+is its part of the channel's squared error before, so that the shares of a dimension sum to 1.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.kinematics import wheels_to_body
+from mecanum_env.units import FloatArray
+from sysid.compare.samples import COMMAND_STEP_RPM, HeldCommand, Samples, wheel_of
+from sysid.gap.result import Region
+
+SETTLING_S: Final = 0.3
+"""A command held this long has settled: the published robot needs 0.23 s."""
+SPEED_EDGES_RPM: Final = (20.0, 40.0, 80.0, 120.0, 200.0, 400.0)
+"""Between the bands of speed; the published losses are at 10, 40, 80 and 130 rpm."""
+PURE: Final = 0.1
+"""Up to this share of turning a motion counts as straight, of travelling as turning on the spot."""
+LEAST_SAG_V: Final = 0.1
+"""Voltages that differ by less are one."""
+BATTERY_BANDS: Final = 3
+UNKNOWN: Final = "unknown"
+"""Region of samples of which a dimension was not logged."""
+
+Labels = npt.NDArray[np.str_]
+
+
+def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple[Region, ...]:
+    """Return where the error is, the largest share first, ties by channel, dimension and region.
+
+    A dimension in which all of a channel's samples fall into one region says nothing and is left out. The
+    dimension "wheel" compares the four wheel channels: there a share is of the error of all four.
+
+    Args:
+        samples: every channel of every run to look at.
+        settling_s: how long after a change of command a motion counts as changing [s].
+    """
+    by_channel: dict[str, list[Samples]] = {}
+    for part in samples:
+        by_channel.setdefault(part.channel, []).append(part)
+    edges = _battery_edges(samples)
+    found: list[Region] = []
+    tables: dict[str, FloatArray] = {}
+    for channel, parts in by_channel.items():
+        table = np.concatenate([_table(part) for part in parts])
+        known = np.all(np.isfinite(table), axis=1)
+        if not known.any():
+            continue
+        tables[channel] = table[known]
+        labels: dict[str, list[Labels]] = {}
+        for part in parts:
+            for dimension, names in _labels(part, settling_s, edges):
+                labels.setdefault(dimension, []).append(names)
+        for dimension, pieces in labels.items():
+            found += _cut(channel, dimension, np.concatenate(pieces)[known], tables[channel])
+    found += _wheels(tables)
+    return tuple(sorted(found, key=lambda r: (-r.share, r.channel, r.dimension, r.region)))
+
+
+def phases(time_s: FloatArray, command: HeldCommand, settling_s: float = SETTLING_S) -> Labels:
+    """Return what each sample is part of, shape (n,).
+
+    "rest" and "steady": the command has been held longer than `settling_s`; "start": it left zero;
+    "coasting": it came back to zero; "reversal": it turned to the other side (a body's: by more than a right
+    angle); "rising" and "falling": it grew or fell without.
+
+    Args:
+        time_s: of the samples, shape (n,).
+        command: of a wheel or of the body.
+        settling_s: how long a change counts [s].
+    """
+    now, earlier = command.at(time_s), command.earlier(time_s, settling_s)
+    size, old = np.linalg.norm(now, axis=1), np.linalg.norm(earlier, axis=1)
+    moved = np.max(np.abs(now - earlier), axis=1) > COMMAND_STEP_RPM
+    changing = moved | (command.since_change_s(time_s) < settling_s)
+    still, was_still = size <= COMMAND_STEP_RPM, old <= COMMAND_STEP_RPM
+    turned = np.sum(now * earlier, axis=1) < 0.0
+    return np.select(
+        [~changing & still, ~changing, still, was_still, turned, size >= old],
+        ["rest", "steady", "coasting", "start", "reversal", "rising"],
+        "falling",
+    )
+
+
+def _labels(
+    part: Samples, settling_s: float, battery_edges_v: FloatArray | None
+) -> Iterator[tuple[str, Labels]]:
+    """Yield the dimensions that a run's channel has, with the region of each sample."""
+    yield "phase", phases(part.time_s, part.command, settling_s)
+    # While the robot coasts, what counts is what it did before.
+    wheels = _last_motion(part.time_s, part.wheels, settling_s)
+    own = _last_motion(part.time_s, part.command, settling_s)
+    yield "speed", _speed(own if wheel_of(part.channel) else wheels)
+    yield "direction", _bench_direction(wheels) if wheels.shape[1] == 1 else _direction(wheels)
+    thirds = np.searchsorted([1.0 / 3.0, 2.0 / 3.0], part.time_s / max(float(part.time_s[-1]), 1e-9))
+    yield "time", np.array(["early", "middle", "late"])[thirds]
+    yield "repeat", np.full(part.time_s.size, f"repeat {part.repeat + 1}")
+    if battery_edges_v is not None:
+        yield "battery", _battery(part, battery_edges_v)
+    if wheels.shape[1] == 4:
+        yield "heading", _heading(wheels, part.yaw_rad)
+
+
+def _last_motion(time_s: FloatArray, command: HeldCommand, settling_s: float) -> FloatArray:
+    now = command.at(time_s)
+    still = np.max(np.abs(now), axis=1) <= COMMAND_STEP_RPM
+    return np.where(still[:, None], command.earlier(time_s, settling_s), now)
+
+
+def _speed(command_rpm: FloatArray) -> Labels:
+    """Return the band of the fastest wheel's command."""
+    size = np.max(np.abs(command_rpm), axis=1)
+    edges = np.array([COMMAND_STEP_RPM, *SPEED_EDGES_RPM])
+    names = ["0 rpm", f"up to {edges[1]:g} rpm"]
+    names += [f"{a:g} .. {b:g} rpm" for a, b in pairwise(edges[1:])]
+    names.append(f"above {edges[-1]:g} rpm")
+    bands: Labels = np.array(names)[np.searchsorted(edges, size, side="left")]
+    return bands
+
+
+def _bench_direction(command_rpm: FloatArray) -> Labels:
+    speed = command_rpm[:, 0]
+    return np.select(
+        [speed > COMMAND_STEP_RPM, speed < -COMMAND_STEP_RPM], ["forward", "backward"], "at rest"
+    )
+
+
+def _direction(wheels_rpm: FloatArray) -> Labels:
+    """Return the body's direction: along an axis within 22.5 degrees, diagonal between, turning, mixed."""
+    body = wheels_to_body(wheels_rpm)
+    travel, turn = np.hypot(body[:, 0], body[:, 1]), np.abs(body[:, 2])
+    total = travel + turn
+    octant = np.rint(np.arctan2(body[:, 1], body[:, 0]) / (np.pi / 4.0)).astype(int) % 8
+    straight = np.array(
+        ["forward", "diagonal", "left", "diagonal", "backward", "diagonal", "right", "diagonal"]
+    )
+    return np.select(
+        [total <= COMMAND_STEP_RPM, turn <= PURE * total, travel <= PURE * total],
+        ["at rest", straight[octant], "turning"],
+        "mixed",
+    )
+
+
+def _heading(wheels_rpm: FloatArray, yaw_rad: FloatArray | None) -> Labels:
+    """Return towards which side of the world the robot travels; its own heading turned by the command's."""
+    if yaw_rad is None:
+        return np.full(len(wheels_rpm), UNKNOWN)
+    body = wheels_to_body(wheels_rpm)
+    travel = np.hypot(body[:, 0], body[:, 1])
+    angle = np.where(np.isfinite(yaw_rad), yaw_rad, 0.0) + np.arctan2(body[:, 1], body[:, 0])
+    quadrant = np.rint(angle / (np.pi / 2.0)).astype(int) % 4
+    towards = np.array(["towards +x", "towards +y", "towards -x", "towards -y"])[quadrant]
+    return np.select([~np.isfinite(yaw_rad), travel <= COMMAND_STEP_RPM], [UNKNOWN, "on the spot"], towards)
+
+
+def _battery_edges(samples: Sequence[Samples]) -> FloatArray | None:
+    """Return the edges of equally wide bands of voltage; None where it was not logged or hardly falls."""
+    logged = [part.battery_v[np.isfinite(part.battery_v)] for part in samples if part.battery_v is not None]
+    volts = np.concatenate(logged) if logged else np.zeros(0)
+    if volts.size == 0 or np.ptp(volts) < LEAST_SAG_V:
+        return None
+    edges: FloatArray = np.linspace(np.min(volts), np.max(volts), BATTERY_BANDS + 1)
+    return edges
+
+
+def _battery(part: Samples, edges_v: FloatArray) -> Labels:
+    if part.battery_v is None:
+        return np.full(part.time_s.size, UNKNOWN)
+    names = np.array([f"{a:.2f} .. {b:.2f} V" for a, b in pairwise(edges_v)])
+    inside = np.searchsorted(edges_v[1:-1], part.battery_v, side="right")
+    return np.where(np.isfinite(part.battery_v), names[inside], UNKNOWN)
+
+
+def _cut(channel: str, dimension: str, names: Labels, table: FloatArray) -> Iterator[Region]:
+    """Yield the regions of a channel's (weight, error before, error after) rows, if more than one."""
+    here, inside = np.unique(names, return_inverse=True)
+    if here.size < 2:
+        return
+    sums = [_sums(table[inside == i]) for i in range(here.size)]
+    total = sum(square for square, _, _, _ in sums)
+    for name, (square, rest, weight, count) in zip(here, sums, strict=True):
+        yield Region(
+            channel=channel,
+            dimension=dimension,
+            region=str(name),
+            rms=math.sqrt(square / weight),
+            rms_after=math.sqrt(rest / weight),
+            share=square / total if total > 0.0 else 0.0,
+            samples=count,
+        )
+
+
+def _wheels(tables: Mapping[str, FloatArray]) -> Iterator[Region]:
+    """Yield the wheel channels compared: one region each, shares of the error of all of them."""
+    there = {channel: table for channel, table in tables.items() if wheel_of(channel)}
+    channels = np.repeat(list(there), [len(table) for table in there.values()])
+    if there:
+        for region in _cut("", "wheel", channels, np.concatenate(list(there.values()))):
+            yield replace(region, channel=region.region, region=wheel_of(region.region) or "")
+
+
+def _sums(table: FloatArray) -> tuple[float, float, float, int]:
+    """Return the weighted squares before and after, the weight and the number of rows."""
+    weight, before, after = table.T
+    return float(weight @ before**2), float(weight @ after**2), float(weight.sum()), len(table)
+
+
+def _table(part: Samples) -> FloatArray:
+    """Return a row of weight, error before and error after for each sample, shape (n, 3)."""
+    weight = np.ones(part.time_s.size) if part.weight is None else part.weight
+    return np.stack([weight, *part.errors()], axis=1)

@@ -1,0 +1,180 @@
+"""A set of effects as a vector: each free parameter on a scale from 0 to 1 between its bounds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.law.drive import longest_delay_s
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+
+_WIDE: Final = 20.0
+"""Bounds this far apart (in ratio) are searched in the logarithm."""
+INTEGRAL: Final = "servo_integral_n_m_rad"
+INTEGRAL_BOUNDS: Final = (1.0, 500.0)
+"""Of the drive's integral action [N m/rad], where friction is tried on a drive that has one."""
+FRICTION: Final = ("coulomb_friction", "stiction", "viscous_friction")
+"""Effects that look quite different on a drive with integral action."""
+BENCH_RIDGES: Final = (frozenset({"speed_gain", "sensor_scale"}),)
+"""Effects that a bench log cannot tell apart even side by side: only the product of the two numbers shows."""
+
+
+@dataclass(frozen=True)
+class Coordinate:
+    """One free parameter."""
+
+    effect: str
+    """Name in the catalogue; "" for the drive's integral action, which is the robot's own number."""
+    parameter: str
+    low: float
+    high: float
+    neutral: float
+    """In the base model; may be infinite."""
+    stepwise: bool = False
+    """Its response jumps and is flat in between: a slope says nothing."""
+
+    @property
+    def logarithmic(self) -> bool:
+        """Whether equal steps are equal ratios."""
+        return self.low > 0.0 and self.high > _WIDE * self.low
+
+    def value(self, unit: float) -> float:
+        """Return the parameter at a place `unit`, 0 .. 1; neutral beyond the bounds stands at an end."""
+        if (unit >= 1.0 and self.neutral > self.high) or (unit <= 0.0 and self.neutral < self.low):
+            return self.neutral
+        if math.isfinite(self.neutral) and unit == self.unit(self.neutral):
+            # A logarithm and back is off by a rounding, and neutral is to be exactly that.
+            return self.neutral
+        if self.logarithmic:
+            return self.low * math.exp(unit * math.log(self.high / self.low))
+        return self.low + unit * (self.high - self.low)
+
+    def unit(self, value: float) -> float:
+        """Return the place of a value, clipped to the bounds."""
+        inside = min(max(value, self.low), self.high)
+        if self.logarithmic:
+            return math.log(inside / self.low) / math.log(self.high / self.low)
+        return (inside - self.low) / (self.high - self.low)
+
+
+@dataclass(frozen=True)
+class EffectSet:
+    """Effects with some of their parameters free; the others stay at neutral or default."""
+
+    names: tuple[str, ...]
+    """In the order of the catalogue."""
+    coordinates: tuple[Coordinate, ...]
+    integral: bool = False
+    """Whether the drive is taken to have integral action that the model lacks."""
+
+    @property
+    def parameter_count(self) -> int:
+        """Free parameters."""
+        return len(self.coordinates)
+
+    def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
+        """Return the `base` model with the set's effects at a place `unit`, shape (p,)."""
+        effects = {name: dict(values) for name, values in base.effects.items()}
+        robot = base.robot
+        for coordinate, place in zip(self.coordinates, unit, strict=True):
+            value = coordinate.value(float(place))
+            if coordinate.effect:
+                effects.setdefault(coordinate.effect, {})[coordinate.parameter] = value
+            else:
+                robot = replace(robot, servo_integral_n_m_rad=value)
+        return replace(base, robot=robot, effects=effects)
+
+    @property
+    def stepwise(self) -> tuple[bool, ...]:
+        """Which free parameters have a response that jumps, shape (p,)."""
+        return tuple(coordinate.stepwise for coordinate in self.coordinates)
+
+    @property
+    def owners(self) -> tuple[str, ...]:
+        """The effect that each free parameter belongs to, "" for none, shape (p,)."""
+        return tuple(coordinate.effect for coordinate in self.coordinates)
+
+    def start(self) -> FloatArray:
+        """Return the place nearest to neutral, shape (p,)."""
+        return np.array([c.unit(c.neutral) if math.isfinite(c.neutral) else 1.0 for c in self.coordinates])
+
+    def without(self, index: int) -> EffectSet:
+        """Return the set without the parameter at `index`, which is left at neutral."""
+        left = self.coordinates[:index] + self.coordinates[index + 1 :]
+        return EffectSet(self.names, left, any(not c.effect for c in left))
+
+
+def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float = 1.0) -> Coordinate:
+    """Return the free parameter of an effect.
+
+    Args:
+        base: whose own value is neutral: that of the effect where the model has it already.
+        effect: in the catalogue.
+        parameter: of the effect.
+        scale: of bounds in rpm and rpm/s, from `sysid.compare.study`.
+    """
+    present = base.effects.get(effect.name, {})
+    neutral = present.get(parameter.name, parameter.neutral_in(base))
+    low, high = parameter.scaled(scale).bounds
+    if effect.name == "command_latency":
+        # A physics step is no longer than a tick of the law.
+        high = min(high, longest_delay_s(base.wheel.command_period_s, base.wheel.law.sample_period_s))
+    if math.isfinite(neutral):
+        # What the model has already may lie outside of where a search looks.
+        low, high = min(low, neutral), max(high, neutral)
+    return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
+
+
+def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:
+    """Return the places at which a parameter is tried, each once; none where its response has a gradient.
+
+    Args:
+        parameter: of an effect.
+        one: its coordinate.
+        scale: of the grid, as for `coordinate`.
+    """
+    return list(dict.fromkeys(one.unit(value) for value in parameter.scaled(scale).scan or ()))
+
+
+def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, scale: float = 1.0) -> EffectSet:
+    """Return the set of named effects with all their parameters free.
+
+    Args:
+        base: whose own values are neutral.
+        names: in the catalogue.
+        integral: the drive has integral action too, of unknown size.
+        scale: as for `coordinate`.
+    """
+    ordered = tuple(name for name in CATALOGUE if name in names)
+    free = [
+        coordinate(base, CATALOGUE[n], p, scale)
+        for n in ordered
+        for p in CATALOGUE[n].parameters
+        if p.simulated
+    ]
+    if integral:
+        free.append(integral_action(base))
+    return EffectSet(ordered, tuple(free), integral)
+
+
+def integral_action(base: Model) -> Coordinate:
+    """Return the drive's integral action as a free parameter.
+
+    Args:
+        base: whose own value is neutral.
+    """
+    return Coordinate("", INTEGRAL, *INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
+
+
+def joined(one: EffectSet, other: EffectSet) -> EffectSet:
+    """Return the set with the effects and free parameters of both."""
+    names = tuple(name for name in CATALOGUE if name in (*one.names, *other.names))
+    both = dict.fromkeys((*one.coordinates, *other.coordinates))
+    ordered = sorted(both, key=lambda c: names.index(c.effect) if c.effect else len(names))
+    return EffectSet(names, tuple(ordered), one.integral or other.integral)

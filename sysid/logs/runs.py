@@ -1,0 +1,239 @@
+"""The columns a log may have, with their units; the one list that reader, writer and importer share.
+
+What a log is once read: runs with their commands and measured channels, and what was noticed in them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final, Literal, TypeAlias, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.kinematics import WHEELS, command_to_wheels
+from mecanum_env.units import FloatArray
+
+TIME: Final = "time_s"
+BENCH_COMMAND: Final = ("command_rpm",)
+BODY_COMMAND: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
+WHEEL_COMMAND: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
+COMMANDS: Final = (*BENCH_COMMAND, *BODY_COMMAND, *WHEEL_COMMAND)
+
+WHEEL_SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
+
+UNITS: Final[Mapping[str, str]] = {
+    "speed_rpm": "rpm",
+    **dict.fromkeys(WHEEL_SPEEDS, "rpm"),
+    "vx_m_s": "m/s",
+    "vy_m_s": "m/s",
+    "yaw_rate_rad_s": "rad/s",
+    "x_m": "m",
+    "y_m": "m",
+    "yaw_rad": "rad",
+    "battery_v": "V",
+}
+"""Measured columns and their units."""
+
+BENCH_CHANNELS: Final = ("speed_rpm", "battery_v")
+ROBOT_CHANNELS: Final = tuple(name for name in UNITS if name != "speed_rpm")
+ROBOT_MOTION: Final = tuple(name for name in ROBOT_CHANNELS if name != "battery_v")
+"""A robot log needs at least one of these."""
+
+KNOWN: Final = (TIME, *COMMANDS, *UNITS)
+
+REST: Final[Mapping[str, float]] = {
+    "speed_rpm": 1.0,
+    **dict.fromkeys(WHEEL_SPEEDS, 1.0),
+    "vx_m_s": 0.02,
+    "vy_m_s": 0.02,
+    "yaw_rate_rad_s": 0.05,
+}
+"""Speeds up to which a channel counts as at rest, in its own unit: about 1 rpm of a wheel, sensor noise."""
+
+
+Split: TypeAlias = Literal["fit", "validation", "test"]
+Level: TypeAlias = Literal["bench", "robot"]
+SPLITS: Final[tuple[Split, ...]] = get_args(Split)
+_ROUNDING: Final = 1e-6  # of a command period: of stamps that a program has converted
+
+
+@dataclass(frozen=True, eq=False)
+class BenchCommand:
+    """The commanded speed of one wheel."""
+
+    command_rpm: FloatArray
+    """Shape (n,)."""
+
+    @property
+    def wheels_rpm(self) -> FloatArray:
+        """Commanded wheel speed [rpm], shape (n, 1)."""
+        return self.command_rpm[:, np.newaxis]
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the log columns that hold this command."""
+        return {"command_rpm": self.command_rpm}
+
+
+@dataclass(frozen=True, eq=False)
+class BodyCommand:
+    """The three commands of the robot, each of shape (n,)."""
+
+    v_rpm: FloatArray
+    theta_deg: FloatArray
+    vc_rpm: FloatArray
+
+    @property
+    def wheels_rpm(self) -> FloatArray:
+        """Commanded wheel speeds [rpm] in the order fl, fr, rl, rr, shape (n, 4); not saturated."""
+        return command_to_wheels(self.v_rpm, self.theta_deg, self.vc_rpm)
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the log columns that hold this command."""
+        return {
+            "command_v_rpm": self.v_rpm,
+            "command_theta_deg": self.theta_deg,
+            "command_vc_rpm": self.vc_rpm,
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class WheelCommand:
+    """Commanded speeds of the four wheels, for platforms that take those."""
+
+    wheels_rpm: FloatArray
+    """In the order fl, fr, rl, rr, shape (n, 4)."""
+
+    def columns(self) -> dict[str, FloatArray]:
+        """Return the log columns that hold this command."""
+        names = ("command_fl_rpm", "command_fr_rpm", "command_rl_rpm", "command_rr_rpm")
+        return {name: self.wheels_rpm[:, i] for i, name in enumerate(names)}
+
+
+Command: TypeAlias = BenchCommand | BodyCommand | WheelCommand
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One recording.
+
+    Arrays are read-only and have one entry a row of the file.
+    """
+
+    file: str
+    """Name of the file inside its folder."""
+    group: str
+    """Runs of one group are repeats of one command sequence."""
+    split: Split
+    time_s: FloatArray
+    """Stamps [s] from the run's first one, which is 0; shape (n,), strictly increasing, n >= 2."""
+    command: Command
+    """Zero-order held: a row without a command repeats the one before, and 0 before the first."""
+    channels: Mapping[str, FloatArray]
+    """Measured columns by name, in units of `columns.UNITS`, shape (n,); NaN where a sample is missing."""
+    start_s: float = 0.0
+    """The file's own first stamp [s]."""
+
+    @property
+    def level(self) -> Level:
+        """Whether this is a log of one wheel on the bench or of the whole robot."""
+        return "bench" if isinstance(self.command, BenchCommand) else "robot"
+
+    @property
+    def duration_s(self) -> float:
+        """Time from the first to the last row [s]."""
+        return float(self.time_s[-1])
+
+    @property
+    def median_interval_s(self) -> float:
+        """Median time between rows [s]."""
+        return float(np.median(np.diff(self.time_s)))
+
+    def channel(self, name: str) -> FloatArray:
+        """Return a measured column, shape (n,).
+
+        Raises:
+            InputError: this run has no such column; the message lists those it has.
+        """
+        if name not in self.channels:
+            raise InputError(
+                f"{self.file}: no column {name}{did_you_mean(name, self.channels)}; "
+                f"measured here: {', '.join(self.channels)}"
+            )
+        return self.channels[name]
+
+    def finite(self, name: str) -> npt.NDArray[np.bool_]:
+        """Return where a measured column has a sample, shape (n,).
+
+        Raises:
+            InputError: this run has no such column.
+        """
+        return np.isfinite(self.channel(name))
+
+    def command_rows(self) -> npt.NDArray[np.intp]:
+        """Return the rows, shape (m,), whose wheel command differs from the row before; the first always."""
+        wheels = self.command.wheels_rpm
+        changed = np.any(wheels[1:] != wheels[:-1], axis=1)
+        return np.concatenate([[0], np.flatnonzero(changed) + 1])
+
+    def command_changes(self) -> tuple[FloatArray, FloatArray]:
+        """Return the times [s], shape (m,), and wheel commands [rpm], shape (m, 1 or 4), where they change.
+
+        The first row is always among them, so m >= 1.
+        """
+        rows = self.command_rows()
+        return self.time_s[rows], self.command.wheels_rpm[rows]
+
+    def held_since(self, command_period_s: float) -> FloatArray:
+        """Return from when the robot may have held each row's command [s], shape (n,), increasing.
+
+        A log shows a command in the first row after it was given, and stamps are never quite even. A row that
+        comes a little after the robot looked for a command, the first to do so, may show what the robot found
+        then: it is taken to. Without this a command 20 us late in the log would be 0.1 s late in a replay.
+
+        Args:
+            command_period_s: the robot looks for a command this often, from the run's start on.
+        """
+        looked = np.floor(self.time_s / command_period_s + _ROUNDING) * command_period_s
+        before = np.concatenate([[-np.inf], self.time_s[:-1]])
+        return np.where(looked > before + _ROUNDING * command_period_s, looked, self.time_s)
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something noticed in a log that is no error but that a user should know."""
+
+    file: str
+    """The run it is about; empty when it is about the dataset."""
+    kind: str
+    """One of `findings.KINDS`."""
+    message: str
+    value: float
+    """The figure behind the message; its unit is in the message."""
+
+
+@dataclass(frozen=True, eq=False)
+class Dataset:
+    """All runs of a folder, in the order of their file names, and what was noticed in them."""
+
+    name: str
+    runs: tuple[Run, ...]
+    findings: tuple[Finding, ...]
+    sha256: str = ""
+    """Of the files read, for provenance."""
+
+    @property
+    def level(self) -> Level:
+        """Whether these are bench logs or robot logs; all runs of a dataset are of one kind."""
+        return self.runs[0].level
+
+    def split(self, name: Split) -> tuple[Run, ...]:
+        """Return the runs of one split, which may be none."""
+        return tuple(run for run in self.runs if run.split == name)
+
+    def groups(self) -> dict[str, tuple[Run, ...]]:
+        """Return the runs by group, each a set of repeats."""
+        names = dict.fromkeys(run.group for run in self.runs)
+        return {name: tuple(run for run in self.runs if run.group == name) for name in names}

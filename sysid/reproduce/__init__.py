@@ -1,1 +1,0 @@
-"""The paper's experiments on a target system, with its methods and ours: `python -m sysid.reproduce`."""

@@ -1,0 +1,120 @@
+"""The model of each nominal plant: fitted once to effect-free logs, by the same program that users run.
+
+Running cases, in worker processes, each saved when it is done.
+"""
+
+from __future__ import annotations
+
+import json
+import multiprocessing
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from tqdm import tqdm
+
+from mecanum_env.errors import MecanumError
+from mecanum_env.files import write_json
+from mecanum_env.model import Model, read_model, read_robot, write_model
+from sysid.fit import FitOptions, fit_dataset, fitted_model
+from sysid.logs import read_dataset
+from sysid.studies.blind.cases import BlindTests, Case, blind_tests
+from sysid.studies.blind.outcome import Outcome, from_json, outcome_of, to_json
+
+
+def nominal_model(tests: BlindTests, plant: str, folder: Path) -> Model:
+    """Return the model of a plant; made where `folder` does not have it yet.
+
+    Args:
+        tests: which write its logs.
+        plant: its name.
+        folder: of this plant; gets logs, robot.json and model.json.
+    """
+    path = folder / "model.json"
+    if not path.is_file():
+        tests.write_nominal(plant, folder)
+        robot = folder / "robot.json"
+        options = FitOptions(
+            robot=read_robot(robot), robot_given=tuple(json.loads(robot.read_text(encoding="utf-8")))
+        )
+        write_model(fitted_model(fit_dataset(read_dataset(folder / "logs"), options)), path)
+    return read_model(path)
+
+
+def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list[Outcome]:
+    """Run cases and return their outcomes in the order of the cases, whatever the number of workers.
+
+    Args:
+        cases: which.
+        seed: of their list.
+        folder: gets `nominal/PLANT/` and `cases/SEED/NAME.json`; what is there already is not done again.
+        jobs: worker processes.
+    """
+    todo = [case for case in cases if not saved(case, seed, folder).is_file()]
+    plants = list(dict.fromkeys(case.plant for case in todo))
+    with _pool(jobs) as pool:
+        for made in [pool.submit(make_model, plant, folder) for plant in plants]:
+            made.result()
+        running = [pool.submit(run_case, case, seed, folder) for case in todo]
+        with tqdm(total=len(cases), initial=len(cases) - len(todo), unit="case") as bar:
+            for future in as_completed(running):
+                bar.set_postfix_str(future.result(), refresh=False)
+                bar.update()
+    return [from_json(json.loads(saved(case, seed, folder).read_text(encoding="utf-8"))) for case in cases]
+
+
+def saved(case: Case, seed: int, folder: Path) -> Path:
+    """Return where the outcome of a case lies.
+
+    Args:
+        case: whose.
+        seed: of the list of cases.
+        folder: of all of them.
+    """
+    return folder / "cases" / f"{seed}" / f"{case.name}.json"
+
+
+def make_model(plant: str, folder: Path) -> None:
+    """Make the model of a plant in a worker process; `folder` is that of the whole run."""
+    nominal_model(blind_tests(), plant, folder / "nominal" / plant)
+
+
+def run_case(case: Case, seed: int, folder: Path) -> str:
+    """Write the logs of a case, analyse them, save the outcome and return the name of the case.
+
+    An error of the workflow is an outcome too: no case may hide the others.
+
+    Args:
+        case: which.
+        seed: of the list of cases.
+        folder: as for `run_cases`.
+    """
+    from sysid.gap.result import GapOptions
+    from sysid.gap.study import analyse
+    from sysid.logs import read_dataset
+
+    tests = blind_tests()
+    model = nominal_model(tests, case.plant, folder / "nominal" / case.plant)
+    with TemporaryDirectory() as logs:
+        tests.write_case(case.name, seed, Path(logs))
+        began = time.perf_counter()
+        try:
+            report = analyse(read_dataset(logs), model, GapOptions(jobs=1, next_experiment=False))
+            outcome = outcome_of(case, report, time.perf_counter() - began)
+        except MecanumError as error:
+            outcome = Outcome(case, "error", seconds=time.perf_counter() - began, message=str(error))
+    write_json(saved(case, seed, folder), to_json(outcome))
+    return case.name
+
+
+@contextmanager
+def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Yield a pool whose waiting work is dropped when the program is interrupted."""
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)

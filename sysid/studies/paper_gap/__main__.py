@@ -1,0 +1,38 @@
+"""Which effects reproduce the paper's robot-level gap: `python -m sysid.studies.paper_gap`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from mecanum_env.cli import run
+from mecanum_env.files import require_writable, write_json, write_text
+from sysid.progress import stage_bar
+from sysid.studies.paper_gap.study import STAGES, paper_gap, paper_gap_json
+from sysid.studies.paper_gap.tables import conclusion, paper_gap_markdown
+
+
+def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
+    """Search for the effects that reproduce the six figures of the paper's robot; write tables.
+
+    Writes paper_gap.json and paper_gap.md.
+
+    Example: python -m sysid.studies.paper_gap --out out/paper_gap
+
+    Args:
+        out: Folder to write.
+        markdown: Also write the tables to this file.
+    """
+    written = [out / "paper_gap.json", out / "paper_gap.md", *([markdown] if markdown else [])]
+    require_writable(*written)
+    with stage_bar(STAGES) as progress:
+        found = paper_gap(progress)
+    write_json(written[0], paper_gap_json(found))
+    for path in written[1:]:
+        write_text(path, paper_gap_markdown(found))
+    print(conclusion(found))
+    print(f"\nwrote {', '.join(map(str, written))}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m sysid.studies.paper_gap"))

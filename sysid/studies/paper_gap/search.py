@@ -1,0 +1,191 @@
+"""Which effects move which figure, and which sets of effects reproduce all six.
+
+What the paper itself suspects, fitted alone and together: load, rolling friction, latency, saturation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import Model
+from mecanum_env.simulator import Plant
+from mecanum_env.units import FloatArray
+from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, turn_losses
+from sysid.studies.paper_gap.sets import LEFT_OUT, Fitter, SetFit
+
+BEAM: Final = {1: 3, 2: 4, 3: 5}
+"""Sets of a size that the next size grows from."""
+PROMISING: Final = 7
+"""Effects that are fitted beside a set, of those that it may grow by."""
+PLANTS: Final[tuple[Plant, ...]] = ("planar", "rollers")
+_SIZES: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """How far one effect alone, at sizes all over its bounds, moves each figure."""
+
+    name: str
+    least: FloatArray
+    """Smallest change, (6,)."""
+    most: FloatArray
+    """Largest change, (6,)."""
+
+    @property
+    def moves(self) -> FloatArray:
+        """Which figures it moves by more than the tolerance, (6,) of bool."""
+        return np.asarray(np.maximum(self.most, -self.least) > TOLERANCE)
+
+
+def reaches(base: Model) -> list[Reach]:
+    """Return what each effect of the catalogue can do to the six figures.
+
+    Args:
+        base: the paper's model.
+    """
+    fitters = {plant: Fitter(base, plant, hold_s=HOLD_S) for plant in PLANTS}
+    found = []
+    for name, effect in CATALOGUE.items():
+        if name in LEFT_OUT:
+            continue
+        fitter = fitters["planar" if effect.acts_in("planar") else "rollers"]
+        chosen = fitter.set_of([name])
+        start = chosen.start()
+        rows = []
+        for index in range(start.size):
+            for size in _SIZES:
+                place = start.copy()
+                place[index] = size
+                rows.append(fitter.six(chosen, place) - fitter.empty().six)
+        changes = np.array(rows)
+        found.append(Reach(name, np.nanmin(changes, axis=0), np.nanmax(changes, axis=0)))
+    return found
+
+
+def movers(found: Sequence[Reach]) -> tuple[str, ...]:
+    """Return the effects that move a figure, of those that the fast plant has."""
+    return tuple(r.name for r in found if r.moves.any() and CATALOGUE[r.name].acts_in("planar"))
+
+
+def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
+    """Return all sets that were fitted, by names: all singles, then growths of the best.
+
+    Args:
+        fitter: of the paper's model.
+        names: effects to consider.
+        most: largest size.
+    """
+    fitted: dict[tuple[str, ...], SetFit] = {(): fitter.empty()}
+    for size in range(1, most + 1):
+        # What reproduces the figures already needs no more.
+        parents = [f for f in best(fitted, size - 1) if f.worst > 1.0]
+        for parent in parents[: BEAM.get(size - 1, 1)]:
+            _grow(fitter, fitted, parent, names, len(names) if size == 1 else PROMISING)
+    return fitted
+
+
+def best(fitted: Mapping[tuple[str, ...], SetFit], size: int) -> list[SetFit]:
+    """Return the sets of a size, the best first.
+
+    Args:
+        fitted: by names.
+        size: number of effects.
+    """
+    return sorted((f for f in fitted.values() if len(f.names) == size), key=lambda f: (f.misfit, f.names))
+
+
+def needless(found: SetFit, fitted: Iterable[SetFit]) -> bool:
+    """Return whether a smaller set inside a set reproduces the figures too.
+
+    Args:
+        found: the set.
+        fitted: all sets.
+    """
+    return any(set(f.names) < set(found.names) and f.worst <= 1.0 for f in fitted)
+
+
+def _grow(
+    fitter: Fitter, fitted: dict[tuple[str, ...], SetFit], parent: SetFit, names: Sequence[str], most: int
+) -> None:
+    """Fit a set with each of the most promising other effects."""
+    starts = [(fitter.start(parent, name), name) for name in names if name not in parent.names]
+    starts.sort(key=lambda s: (s[0].misfit, s[1]))
+    for start, _ in starts[:most]:
+        if start.names not in fitted:
+            fitted[start.names] = fitter.fit(start)
+
+
+_CEILING: Final = (("speed_saturation", "softness_rpm"),)
+_FRICTION: Final = ("coulomb_friction", "viscous_friction")
+ALL_SOFT: Final = "all, saturation a soft knee"
+"""Title of the suspects together."""
+TURN: Final = len(DRIVES) - 1
+"""Which of the six figures is the turn's loss."""
+TURN_SPEEDS_RPM: Final = np.array([5.0, *range(10, 131, 10)])
+"""Wheel speeds at which turns are looked at: the text does not print that of its turn."""
+INTEGRAL_N_M_RAD: Final = 50.0
+"""Of a drive with integral action."""
+
+
+@dataclass(frozen=True, eq=False)
+class Suspect:
+    """One of the paper's suspects, or several, at their best."""
+
+    title: str
+    fit: SetFit
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """All suspects fitted to everything but the turn, and what they then make of it."""
+
+    fit: SetFit
+    losses: FloatArray
+    """At `TURN_SPEEDS_RPM`."""
+
+
+def suspects(base: Model) -> list[Suspect]:
+    """Fit the paper's suspects to its six figures.
+
+    Sensor latency is in none of the sets: it moves no figure, whatever is beside it.
+
+    Args:
+        base: the paper's model.
+    """
+    plain, ceiling = Fitter(base), Fitter(base, neutral=_CEILING)
+    integral = Fitter(with_integral(base))
+    together = ("speed_saturation", "coulomb_friction", "viscous_friction", "payload")
+    return [
+        Suspect("load", plain.built(["payload"])),
+        Suspect("sensor latency", plain.built(["sensor_latency"])),
+        Suspect("rolling friction", plain.built(_FRICTION)),
+        Suspect("saturation, a ceiling", ceiling.built(["speed_saturation"])),
+        Suspect("saturation, a soft knee", plain.built(["speed_saturation"])),
+        Suspect("load and rolling friction", plain.built([*_FRICTION, "payload"])),
+        Suspect("all, saturation a ceiling", ceiling.built(together)),
+        Suspect(ALL_SOFT, plain.built(together)),
+        Suspect("the same, a drive with integral action", integral.built(together)),
+    ]
+
+
+def suspects_turning(base: Model) -> Turn:
+    """Fit all suspects to what the paper prints of straight drives, and look at turns at all speeds.
+
+    Args:
+        base: the paper's model.
+    """
+    counted = np.ones(PAPER.size)
+    counted[TURN] = 0.0
+    fitter = Fitter(base, counted=counted)
+    found = fitter.built(("speed_saturation", "coulomb_friction", "weak_servo"))
+    return Turn(found, turn_losses(fitter.model(found.chosen, found.place), TURN_SPEEDS_RPM))
+
+
+def with_integral(base: Model) -> Model:
+    """Return the model with integral action in its drives."""
+    return replace(base, robot=replace(base.robot, servo_integral_n_m_rad=INTEGRAL_N_M_RAD))

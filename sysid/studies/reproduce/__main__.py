@@ -1,0 +1,58 @@
+"""Reproduce the paper's experiments: `python -m sysid.studies.reproduce`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Final
+
+from mecanum_env.cli import run
+from mecanum_env.errors import install_command, require_at_least
+from mecanum_env.files import require_writable, write_json, write_text
+from sysid.progress import stage_bar
+from sysid.studies.reproduce.contenders import QUICK, Effort
+from sysid.studies.reproduce.experiment import STAGES, reproduce
+from sysid.studies.reproduce.pages import (
+    reproduction_markdown,
+    write_reproduction_page,
+    write_reproduction_plots,
+)
+from sysid.studies.reproduce.record import reproduction_json
+from sysid.studies.reproduce.tables import verdict
+
+_RESULT: Final = "reproduce.json"
+_PAGE: Final = "report.html"
+
+
+def main(
+    out: Path = Path("reproduce"), quick: bool = False, seed: int = 0, markdown: Path | None = None
+) -> None:
+    """Run every method of the paper on a target system and write reproduce.json, report.html and pictures.
+
+    Example: python -m sysid.studies.reproduce --out out/reproduce
+
+    Args:
+        out: Folder to write.
+        quick: 20 starts, few iterations, a coarse search: to see that it runs, not for its figures.
+        seed: Of the recordings and of the random starts.
+        markdown: Also write all tables to this file, with the pictures in a folder beside it.
+    """
+    pages = [] if markdown is None else [markdown, markdown.parent / markdown.stem / _RESULT]
+    require_at_least(0, seed=seed)
+    require_writable(out / _RESULT, out / _PAGE, *pages)
+    with stage_bar(len(STAGES) + 1) as progress:
+        found = reproduce(seed, QUICK if quick else Effort(), progress)
+        progress("page and pictures")
+        write_json(out / _RESULT, reproduction_json(found))
+        write_reproduction_plots(found, out)
+        page = write_reproduction_page(found, out / _PAGE)
+        if markdown is not None:
+            write_reproduction_plots(found, markdown.parent / markdown.stem)
+            write_text(markdown, reproduction_markdown(found, markdown.stem))
+    print(verdict(found))
+    print(f"\nwrote {out / _RESULT}, pictures", end="")
+    print(f" and {out / _PAGE}" if page else f"; for report.html: {install_command('report')}")
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m sysid.studies.reproduce"))

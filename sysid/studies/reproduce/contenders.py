@@ -1,0 +1,143 @@
+"""The methods as the experiment runs them: as published, improved, and ours."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Final
+
+from mecanum_env.errors import InputError
+from sysid.fit.estimators import Estimate, Options, estimate
+from sysid.fit.estimators.exhaustive import Search, exhaustive
+from sysid.fit.estimators.gradient import random_starts
+from sysid.fit.estimators.interface import WheelRun
+
+
+@dataclass(frozen=True)
+class Contender:
+    """One method with the choices that the experiment makes for it."""
+
+    name: str
+    label: str
+    method: str
+    published_form: bool = False
+    """Six free coefficients, random starts as they are, constant learning rate."""
+    has_starts: bool = True
+    """Its result depends on where it starts."""
+    adaptive: bool = False
+    """Published but for the length of its steps, to tell what that does; in the study of starts only."""
+
+
+OURS: Final = "output-error"
+CONTENDERS: Final[Mapping[str, Contender]] = {
+    contender.name: contender
+    for contender in (
+        Contender("output-error", "output error", "output-error"),
+        Contender("kkt-improved", "kkt, improved start", "kkt"),
+        Contender("kkt", "kkt, as published", "kkt", published_form=True),
+        Contender("gradient", "gradient, as published", "gradient", published_form=True),
+        Contender("poles", "poles, as published", "poles", published_form=True),
+        Contender("gradient-adaptive", "gradient, adaptive steps", "gradient", adaptive=True),
+        Contender("kkt-adaptive", "kkt, adaptive steps", "kkt", adaptive=True),
+        Contender("poles-adaptive", "poles, adaptive steps", "poles", adaptive=True),
+        Contender("exhaustive", "exhaustive search", "exhaustive", has_starts=False),
+        Contender("one-step", "one step ahead", "one-step", has_starts=False),
+    )
+}
+"""By name, in the order of every table."""
+
+COMPARED: Final = tuple(name for name, contender in CONTENDERS.items() if not contender.adaptive)
+"""Those in every table; the others only show what the published step length does."""
+
+WITH_STARTS: Final = tuple(name for name, contender in CONTENDERS.items() if contender.has_starts)
+
+
+@dataclass(frozen=True)
+class Effort:
+    """How much work the experiment does."""
+
+    starts: int = 1000
+    """For the success rates."""
+    max_iterations: int = 200
+    """As for `Options`; a descent gets 25 iterations for each."""
+    search: Search = field(default_factory=Search)
+    cost_repeats: int = 10
+    """Identifications that are timed."""
+    exhaustive_repeats: int = 2
+    workers: int = 2
+
+
+QUICK: Final = Effort(
+    starts=20,
+    max_iterations=8,
+    search=Search(
+        proportional=(0.0, 5.0, 0.1), integral_per_s=(0.0, 50.0, 1.0), time_constant_s=(0.02, 1.0, 0.01)
+    ),
+    cost_repeats=2,
+    exhaustive_repeats=1,
+    workers=1,
+)
+"""Enough to see that everything runs; its figures are not the experiment's."""
+
+
+def identify(runs: list[WheelRun], contender: Contender, effort: Effort, seed: int, starts: int) -> Estimate:
+    """Run one method from the first `starts` of the random starts that all methods share.
+
+    Args:
+        runs: the data.
+        contender: which method.
+        effort: iterations and ranges of the search.
+        seed: of the starts.
+        starts: how many.
+
+    Raises:
+        InputError: no start came to an end with a finite error.
+    """
+    if contender.method == "exhaustive":
+        return exhaustive(runs, None, effort.search)
+    if not contender.has_starts:
+        return estimate(runs, contender.method)
+    if contender.name == "kkt-improved":
+        # Its kth start is refined from the kth random one, by the estimator itself.
+        return estimate(runs, "kkt", Options(starts=starts, seed=seed, max_iterations=effort.max_iterations))
+    return _from(runs, contender, effort, shared_starts(starts, seed))
+
+
+def identify_from(
+    runs: list[WheelRun], contender: Contender, effort: Effort, seed: int, index: int
+) -> Estimate | None:
+    """Run one method from start `index` of the shared ones; None where its error does not stay finite.
+
+    Args:
+        runs: the data.
+        contender: which method; the improved kkt starts where it would start by itself.
+        effort: iterations and ranges of the search.
+        seed: of the starts.
+        index: which start.
+    """
+    if not contender.has_starts or contender.name == "kkt-improved":
+        return identify(runs, contender, effort, seed, 1)
+    try:
+        return _from(runs, contender, effort, shared_starts(index + 1, seed)[index:])
+    except InputError:
+        return None
+
+
+def shared_starts(count: int, seed: int) -> tuple[tuple[float, ...], ...]:
+    """Return the first `count` random starts A-F of a `seed`; those of a smaller count are the same."""
+    return tuple(tuple(float(x) for x in row) for row in random_starts(count, seed))
+
+
+def _from(
+    runs: list[WheelRun], contender: Contender, effort: Effort, initial: tuple[tuple[float, ...], ...]
+) -> Estimate:
+    if contender.name == OURS:
+        # Third order, as all others: the choice of order is no part of the comparison.
+        return estimate(runs, OURS, Options(initial=initial, order="third"))
+    options = Options(
+        initial=initial,
+        first_starts="random" if contender.published_form else "informed",
+        unit_gain=False,
+        max_iterations=effort.max_iterations,
+    )
+    return estimate(runs, contender.method, options)

@@ -1,0 +1,227 @@
+"""Free-running predictions of a law and their errors, set by set (Table 1 and the tests of section 4).
+
+Steady-state error, rise and settling of target system and models; step responses (Fig. 3, 4 and 5).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import lfilter
+
+from mecanum_env.law import WheelLaw
+from mecanum_env.law.metrics import law_step_metrics, step_metrics, step_response
+from mecanum_env.units import FloatArray
+from sysid.fit.estimators import WheelRun
+from sysid.studies.reproduce.data import (
+    LAW_PERIOD_S,
+    NOISE_RPM,
+    REST_PERIODS,
+    STEP_PERIODS,
+    DataSets,
+    Recording,
+)
+from sysid.studies.reproduce.published import CEILING_RPM
+
+
+@dataclass(frozen=True)
+class SetErrors:
+    """How near every model comes to one data set."""
+
+    name: str
+    role: str
+    """fit, test, beyond or trial."""
+    rms_rpm: Mapping[str, float]
+    """Method to rms of measured minus predicted, repeats together; infinite where the law overflows."""
+
+    @property
+    def mse_rpm2(self) -> dict[str, float]:
+        """Method to mean squared error [rpm^2]."""
+        return {name: rms * rms for name, rms in self.rms_rpm.items()}
+
+
+def predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -> FloatArray:
+    """Return the law's speed at every tick of a run that starts at rest, shape (K+1,).
+
+    Args:
+        law: any, unstable ones too.
+        run: gives the commands.
+        ceiling_rpm: limit on the command.
+    """
+    with np.errstate(all="ignore"):
+        after = lfilter([law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C], run.command(0.0, ceiling_rpm))
+    return np.concatenate([[0.0], np.asarray(after)])
+
+
+def rms_error(law: WheelLaw, runs: Sequence[WheelRun], ceiling_rpm: float = math.inf) -> float:
+    """Return the rms [rpm] of measured minus predicted over all samples of all runs.
+
+    Args:
+        law: any, unstable ones too.
+        runs: starting at rest.
+        ceiling_rpm: limit on the command.
+    """
+    errors = []
+    for run in runs:
+        ticks = predict_ticks(law, run, ceiling_rpm)
+        with np.errstate(all="ignore"):
+            errors.append(run.speed_rpm - np.interp(run.sample_tick, np.arange(len(ticks)), ticks))
+    with np.errstate(all="ignore"):
+        value = float(np.sqrt(np.mean(np.concatenate(errors) ** 2)))
+    return value if math.isfinite(value) else math.inf
+
+
+def set_errors(data: DataSets, laws: Mapping[str, WheelLaw]) -> list[SetErrors]:
+    """Return the errors of every law on every data set: fit and test by speed, beyond, and each trial.
+
+    The known ceiling limits the commands of all of them, as the paper allows ("via programming"); it only
+    matters beyond.
+    """
+    result = []
+    for role, recordings in (
+        ("fit", data.fit),
+        ("test", data.test),
+        ("beyond", data.beyond),
+        ("trial", data.trials),
+    ):
+        groups: dict[str, list[Recording]] = {}
+        for recording in recordings:
+            groups.setdefault(recording.name, []).append(recording)
+        for name, group in groups.items():
+            runs = [recording.run for recording in group]
+            errors = {method: rms_error(law, runs, CEILING_RPM) for method, law in laws.items()}
+            result.append(SetErrors(name, role, errors))
+    return result
+
+
+def pooled_rms(sets: Sequence[SetErrors], role: str) -> dict[str, float]:
+    """Return method to rms [rpm] over all sets of one `role`, every set weighing the same."""
+    chosen = [errors for errors in sets if errors.role == role]
+    return {
+        method: math.sqrt(sum(errors.mse_rpm2[method] for errors in chosen) / len(chosen))
+        for method in chosen[0].rms_rpm
+    }
+
+
+STEP_TIME_S = 0.1 * REST_PERIODS
+STEP_S = 0.1 * STEP_PERIODS
+
+
+@dataclass(frozen=True)
+class ModelStep:
+    """The step response of a law; a linear law has the same figures at every speed."""
+
+    stable: bool
+    relative_error_after_1_s: float
+    """(speed - command)/command 1 s after the step, as the paper takes it."""
+    relative_error: float
+    """The same for ever: DC gain - 1; nan for an unstable law."""
+    rise_s: float
+    settling_s: float
+    overshoot: float
+
+
+@dataclass(frozen=True, eq=False)
+class TargetSteps:
+    """The target system's step responses; arrays of one entry for each speed."""
+
+    speeds_rpm: tuple[int, ...]
+    relative_error: FloatArray
+    """Mean of the repeats, as measured."""
+    rise_s: FloatArray
+    settling_s: FloatArray
+    true_relative_error: FloatArray
+    """Of the wheel itself, without sensor."""
+    true_rise_s: FloatArray
+    true_settling_s: FloatArray
+
+
+@dataclass(frozen=True, eq=False)
+class Response:
+    """One recording and what every model makes of it."""
+
+    name: str
+    time_s: FloatArray
+    measured_rpm: FloatArray
+    true_rpm: FloatArray
+    tick_s: FloatArray
+    command_rpm: FloatArray
+    """Held from each tick."""
+    models_rpm: Mapping[str, FloatArray]
+    """Method to speed at every tick; infinite or nan where an unstable law overflows."""
+
+
+def model_step(law: WheelLaw) -> ModelStep:
+    """Measure the step response of a law, stable or not."""
+    if law.is_stable:
+        after, full = law_step_metrics(law, duration_s=STEP_S), law_step_metrics(law)
+        error = after.relative_steady_state_error
+        return ModelStep(
+            True, error, law.dc_gain - 1.0, full.rise_time_s, full.settling_time_s, full.overshoot
+        )
+    speed = step_response(law, round(STEP_S / law.sample_period_s))
+    if not np.all(np.isfinite(speed)):
+        return ModelStep(False, math.nan, math.nan, math.nan, math.nan, math.nan)
+    time = np.arange(len(speed)) * law.sample_period_s
+    seen = step_metrics(time, speed, 0.0, 1.0, steady_share=0.0, noise_rpm=0.0)
+    error = seen.relative_steady_state_error
+    return ModelStep(False, error, math.nan, seen.rise_time_s, seen.settling_time_s, seen.overshoot)
+
+
+def target_steps(data: DataSets) -> TargetSteps:
+    """Measure the test steps of the target system; repeats are averaged before they are measured."""
+    groups: dict[str, list[Recording]] = {}
+    for recording in data.test:
+        groups.setdefault(recording.name, []).append(recording)
+    measured, true = [], []
+    speeds = []
+    for group in groups.values():
+        command = float(group[0].record.command_rpm[-1])
+        speeds.append(round(command))
+        mean = np.mean([recording.record.speed_rpm for recording in group], axis=0)
+        inner = np.mean([recording.record.true_speed_rpm for recording in group], axis=0)
+        time = group[0].record.time_s
+        # A speed is counted over the interval that ends at its stamp: it belongs to the interval's middle.
+        middle = time - 0.5 * (time[1] - time[0])
+        noise = NOISE_RPM / math.sqrt(len(group))
+        measured.append(step_metrics(middle, mean, 0.0, command, step_time_s=STEP_TIME_S, noise_rpm=noise))
+        true.append(step_metrics(time, inner, 0.0, command, step_time_s=STEP_TIME_S, noise_rpm=0.0))
+    return TargetSteps(
+        tuple(speeds),
+        np.array([m.relative_steady_state_error for m in measured]),
+        np.array([m.rise_time_s for m in measured]),
+        np.array([m.settling_time_s for m in measured]),
+        np.array([m.relative_steady_state_error for m in true]),
+        np.array([m.rise_time_s for m in true]),
+        np.array([m.settling_time_s for m in true]),
+    )
+
+
+def response(recording: Recording, laws: Mapping[str, WheelLaw], ceiling_rpm: float = math.inf) -> Response:
+    """Return a recording beside the free-running prediction of every law.
+
+    Args:
+        recording: of the target system.
+        laws: method to law.
+        ceiling_rpm: commands are limited to this first.
+    """
+    run, log = recording.run, recording.record
+    command = run.command()
+    return Response(
+        recording.name,
+        log.time_s,
+        log.speed_rpm,
+        log.true_speed_rpm,
+        np.asarray(np.arange(len(command) + 1) * LAW_PERIOD_S, float),
+        np.append(command, command[-1]),
+        {name: predict_ticks(law, run, ceiling_rpm) for name, law in laws.items()},
+    )
+
+
+def shown_steps(data: DataSets, laws: Mapping[str, WheelLaw], speeds_rpm: Sequence[int]) -> list[Response]:
+    """Return the first recording of each of the `speeds_rpm` from the test steps, with all `laws`."""
+    first = {recording.name: recording for recording in reversed(data.test)}
+    return [response(first[f"step {speed} rpm"], laws) for speed in speeds_rpm]

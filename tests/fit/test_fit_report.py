@@ -1,0 +1,62 @@
+"""The page of a fit: self-contained, drawn by a browser without network and without an error."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model
+from sysid.fit.page import write_fit_report
+from sysid.fit.plots import run_views, write_fit_plots
+from sysid.logs import read_dataset
+
+
+@pytest.fixture(scope="module")
+def fit() -> Fit:
+    return fit_dataset(read_dataset(Path(__file__).parents[2] / "examples" / "logs"), FitOptions(starts=1))
+
+
+@pytest.fixture(scope="module")
+def page(fit: Fit, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pytest.importorskip("plotly", reason="the report extra is not installed")
+    path = tmp_path_factory.mktemp("report") / "report.html"
+    assert write_fit_report(fit, fitted_model(fit), path)
+    return path
+
+
+def test_the_page_loads_nothing_from_elsewhere(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    outside = re.sub(r"<script.*?</script>", "", text, flags=re.S)
+    assert not re.search(r"(?:src|href)\s*=\s*[\"']?(?:https?:)?//", outside)
+    assert not re.search(r"<script[^>]*\bsrc\b", text)
+
+
+def test_the_page_says_what_was_found(page: Path, fit: Fit) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert fit.dataset.name in text
+    assert "The identified wheel inside MuJoCo" in text
+    assert "A stable third-order law predicts the test runs" in text
+    assert "The robot around the wheels" not in text  # a bench log
+
+
+def test_a_browser_without_network_draws_every_plot(
+    page: Path, draw_page: Callable[[Path], tuple[int, int, list[str]]]
+) -> None:
+    figures, drawn, console = draw_page(page)
+    assert figures >= 8
+    assert drawn == figures
+    assert console == []
+
+
+def test_held_out_runs_are_shown_worst_first(fit: Fit) -> None:
+    views = run_views(fit, most=6)
+    assert [view.split for view in views[:2]] == ["test", "test"]
+    assert views[0].rms_rpm >= views[1].rms_rpm
+    assert {view.split for view in views} == {"fit", "validation", "test"}
+
+
+def test_the_picture_is_written(fit: Fit, tmp_path: Path) -> None:
+    path = write_fit_plots(replace(fit), tmp_path)
+    assert path.read_bytes().startswith(b"\x89PNG")

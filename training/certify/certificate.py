@@ -1,0 +1,225 @@
+"""What a certificate holds.
+
+A certificate as a JSON file, and back.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import types
+import typing
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, Final, Literal
+
+from mecanum_env.errors import InputError
+from mecanum_env.files import write_json
+from mecanum_env.tankendo import Rules
+from training.certify.plants import Group
+from training.certify.warning import WarningCurve
+from training.evaluate import Mean, Share
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What it takes to pass; each is held against the worse end of the figure's 95 % interval."""
+
+    success: float = 0.75
+    """Least success on the nominal plant."""
+    worst_success: float = 0.60
+    """Least success on the worst plant."""
+    warning_s: float = 0.58
+    """Most warning that it may need for nine successes in ten, nominal plant [s]: the longest published."""
+    tracking_m: float = Rules.band_m
+    """Largest tracking error: rms of distance - maai behind an opponent that walks about [m]; by default as
+    far off as still counts as at maai."""
+    settling_s: float = 1.0
+    """Longest mean time until at maai and facing [s]."""
+    overshoot: float = 0.25
+    """Largest mean overshoot of the distance, over the distance to cover."""
+    saturated_share: float = 0.5
+    """Largest share of commands that ask a wheel for its ceiling."""
+    command_s: float = 0.1
+    """Longest processor time for a command, 99 of 100 [s]; the robot takes one every 0.1 s."""
+
+
+@dataclass(frozen=True)
+class PlantFigures:
+    """What the episodes of the dodge on one plant gave."""
+
+    name: str
+    group: Group
+    summary: str
+    physics: str
+    success: Share
+    by_technique: Mapping[str, Share]
+    """What the opponent strikes with -> success."""
+    failures: Mapping[str, int]
+    """Why episodes failed -> how many."""
+    change: Mean | None
+    """Success minus that on the nominal plant, seed by seed; None on the nominal plant itself."""
+    settling_s: Mean | None
+    """Time until at maai and facing, of the episodes that get there [s]."""
+    overshoot: Mean | None
+    saturated_share: Mean
+    speed_error_m_s: Mean
+    """Root mean square of commanded minus actual velocity [m/s]."""
+    duration_s: Mean
+    total_reward: Mean
+
+
+@dataclass(frozen=True)
+class TrackFigures:
+    """What the tracking task gave on the nominal plant."""
+
+    success: Share
+    distance_error_m: Mean | None
+    """Root mean square of distance - maai, episode by episode [m]; None if none lasted until it counts."""
+    bearing_error_rad: Mean | None
+    """The same of the bearing [rad]."""
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Processor time for a command, on the machine that wrote the certificate."""
+
+    p50_s: float
+    p99_s: float
+    longest_s: float
+    commands: int
+    """That were timed."""
+
+
+@dataclass(frozen=True)
+class Check:
+    """One threshold."""
+
+    name: str
+    text: str
+    """What is held against the limit, with its interval."""
+    value: float | None
+    """The worse end of the interval; None: not defined, which does not pass."""
+    sense: Literal["at least", "at most"]
+    limit: float
+    unit: str
+    """Of the value and the limit; empty for shares."""
+    passed: bool
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """All figures of a controller; two of the same controller, model and seeds are equal."""
+
+    controller: str
+    plants: tuple[PlantFigures, ...]
+    """The nominal one first."""
+    warning: WarningCurve
+    track: TrackFigures
+    thresholds: Thresholds
+    checks: tuple[Check, ...]
+    """All but the one of the time for a command."""
+    notes: tuple[str, ...]
+    provenance: Mapping[str, str | int]
+    timing: Timing = field(compare=False)
+    """Of the machine, so it does not count in `==`."""
+    timing_check: Check = field(compare=False)
+
+    @property
+    def nominal(self) -> PlantFigures:
+        """The model itself."""
+        return self.plants[0]
+
+    @property
+    def worst(self) -> PlantFigures:
+        """The plant with the least success, the first of several."""
+        return min(self.plants, key=lambda plant: plant.success.value)
+
+    @property
+    def passed(self) -> bool:
+        """Whether every check passed."""
+        return all(check.passed for check in (*self.checks, self.timing_check))
+
+
+FORMAT: Final = "mecanum-certificate/1"
+
+
+def certificate_to_dict(certificate: Certificate) -> dict[str, Any]:
+    """Return a certificate as a JSON object.
+
+    Only `timing`, `timing_check` and, where the time decides, `passed` hang on the machine.
+    """
+    head = {"format": FORMAT, "passed": certificate.passed, "worst_plant": certificate.worst.name}
+    return head | asdict(certificate)
+
+
+def certificate_from_dict(value: Mapping[str, Any]) -> Certificate:
+    """Build a certificate from a JSON object, the value that `certificate_to_dict` returns.
+
+    Raises:
+        InputError: another format, or a field that is missing or of another kind.
+    """
+    if value.get("format") != FORMAT:
+        raise InputError(f'"format" is {value.get("format")!r}, must be "{FORMAT}"')
+    found: Certificate = _read(Certificate, value, "certificate")
+    return found
+
+
+def write_certificate(certificate: Certificate, path: str | os.PathLike[str]) -> None:
+    """Write a certificate to a path as JSON, whole or not at all."""
+    write_json(path, certificate_to_dict(certificate))
+
+
+def read_certificate(path: str | os.PathLike[str]) -> Certificate:
+    """Read a certificate from a path: what `write_certificate` was given.
+
+    Raises:
+        InputError: no such file, not JSON, or not a certificate.
+    """
+    path = Path(path)
+    try:
+        value = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}); make one with `python -m training.certify`"
+        ) from error
+    except ValueError as error:
+        raise InputError(f"{path}: not valid JSON ({error})") from error
+    try:
+        return certificate_from_dict(value if isinstance(value, dict) else {})
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+
+
+def _read(kind: Any, value: Any, where: str) -> Any:
+    """Build a value of a type out of what JSON made of it."""
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
+    if origin is types.UnionType:
+        choices = [one for one in arguments if one is not types.NoneType]
+        return None if value is None else _read(choices[0] if len(choices) == 1 else Any, value, where)
+    if is_dataclass(kind) and isinstance(kind, type):
+        if not isinstance(value, dict):
+            raise InputError(f"{where}: must be an object, not {value!r}")
+        hints = typing.get_type_hints(kind)
+        missing = [one.name for one in fields(kind) if one.name not in value]
+        if missing:
+            raise InputError(f"{where}: lacks {', '.join(missing)}")
+        return kind(
+            **{
+                one.name: _read(hints[one.name], value[one.name], f"{where}.{one.name}")
+                for one in fields(kind)
+            }
+        )
+    if origin is tuple:
+        if not isinstance(value, list):
+            raise InputError(f"{where}: must be a list, not {value!r}")
+        kinds = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
+        return tuple(
+            _read(one, item, f"{where}[{i}]") for i, (one, item) in enumerate(zip(kinds, value, strict=True))
+        )
+    if origin is not None and isinstance(value, dict):
+        return {key: _read(arguments[1], item, f"{where}.{key}") for key, item in value.items()}
+    if kind is float and (isinstance(value, bool) or not isinstance(value, int | float)):
+        raise InputError(f"{where}: must be a number, not {value!r}")
+    return value

@@ -1,0 +1,253 @@
+"""The terminal's view of a certificate.
+
+The page of a certificate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, Final
+
+from mecanum_env.report import figure, report_available, write_page
+from training.certify.certificate import Certificate, Check, PlantFigures
+from training.certify.judge import milliseconds, share_text, warning_text
+from training.evaluate import Mean, Share
+
+HEAD = ("plant", "success", "change", "most fail by", "settling", "overshoot", "saturated", "speed error")
+"""Of the table of plants."""
+
+
+def certificate_table(certificate: Certificate) -> str:
+    """Return a certificate as text: plants, techniques, warning, checks, verdict."""
+    c = certificate
+    techniques = ", ".join(f"{name} {share_text(one)}" for name, one in c.nominal.by_technique.items())
+    lines = [
+        f"{c.controller}: {c.provenance['episodes']} episodes a plant, level {c.provenance['difficulty']}",
+        "",
+        *columns([HEAD, *(plant_row(plant) for plant in c.plants)]),
+        "",
+        f"by technique, nominal: {techniques}",
+        "",
+        *columns([("check", "found", "must be", ""), *(check_row(check) for check in all_checks(c))]),
+        *(f"note: {note}" for note in c.notes),
+        "",
+        verdict(c),
+    ]
+    return "\n".join(lines)
+
+
+def verdict(certificate: Certificate) -> str:
+    """Return whether a certificate is passed, and if not by what it failed, in one sentence."""
+    failed = [check.name for check in all_checks(certificate) if not check.passed]
+    if not failed:
+        return f"PASS: {certificate.controller} meets all {len(all_checks(certificate))} thresholds."
+    return f"FAIL: {certificate.controller} misses {', '.join(failed)}."
+
+
+def plant_row(plant: PlantFigures) -> tuple[str, ...]:
+    """Return the cells of a plant, as `HEAD`."""
+    worst = next(iter(plant.failures.items()), ("-", 0))
+    return (
+        plant.name + (" (rollers)" if plant.physics == "rollers" else ""),
+        share_text(plant.success),
+        _change(plant.change),
+        f"{worst[0]} {worst[1]}" if worst[1] else "-",
+        _mean(plant.settling_s, "s"),
+        _mean(plant.overshoot, ""),
+        f"{plant.saturated_share.value:.0%}",
+        _mean(plant.speed_error_m_s, "m/s"),
+    )
+
+
+def check_row(check: Check) -> tuple[str, ...]:
+    """Return the cells of a check: name, what was found, limit, verdict."""
+    return (
+        check.name,
+        check.text,
+        f"{check.sense} {check.limit:g} {check.unit}".rstrip(),
+        "ok" if check.passed else "MISSED",
+    )
+
+
+def all_checks(certificate: Certificate) -> tuple[Check, ...]:
+    """Return all checks of a certificate, that of the time for a command last."""
+    return (*certificate.checks, certificate.timing_check)
+
+
+def timing_text(certificate: Certificate) -> str:
+    """Return a certificate's times for a command in one sentence."""
+    t = certificate.timing
+    return (
+        f"{t.commands} commands were timed. Of the processor's time half of them took up to "
+        f"{milliseconds(t.p50_s)}, 99 of 100 up to {milliseconds(t.p99_s)}, the longest "
+        f"{milliseconds(t.longest_s)}; the robot takes one every 100 ms."
+    )
+
+
+def columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return rows of cells as lines of aligned columns."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return ["  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
+
+
+def _change(change: Mean | None) -> str:
+    if change is None:
+        return "-"
+    # Plus 0.0: no "-0.00".
+    value, low, high = (round(x, 2) + 0.0 for x in (change.value, change.low, change.high))
+    return f"{value:+.2f} ({low:+.2f} .. {high:+.2f})"
+
+
+def _mean(found: Mean | None, unit: str) -> str:
+    return "-" if found is None else f"{found.value:.2f}{' ' * bool(unit)}{unit}"
+
+
+_TEMPLATE: Final = Path(__file__).parent / "templates" / "certificate.html"
+_BLUE, _RED, _GREY, _BAND = "#1f5fa8", "#c0392b", "#888888", "rgba(31,95,168,0.15)"
+# On the left: on the right are the buttons that zoom.
+_LEGEND: Final = {"orientation": "h", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}
+_ROW_PX, _MARGIN_PX = 22, 90
+
+
+def write_certificate_page(certificate: Certificate, path: Path) -> bool:
+    """Write the page of a certificate; return False, writing nothing, without the `report` extra.
+
+    Args:
+        certificate: what is shown.
+        path: of the page.
+    """
+    if not report_available():
+        return False
+    c = certificate
+    write_page(
+        path,
+        _TEMPLATE,
+        {"warning": warning_figure(c), "plants": plants_figure(c), "techniques": techniques_figure(c)},
+        controller=c.controller,
+        passed=c.passed,
+        verdict=verdict(c),
+        target=f"{c.warning.target:.0%}",
+        warning=warning_text(c.warning),
+        shortest=f"{c.warning.range_s[0]:g}",
+        longest=f"{c.warning.range_s[1]:g}",
+        reached=c.warning.needed_s is not None,
+        nominal=share_text(c.nominal.success),
+        worst=c.worst,
+        worst_text=share_text(c.worst.success),
+        checks=[(*check_row(check), check.passed) for check in all_checks(c)],
+        head=HEAD,
+        plants=[plant_row(plant) for plant in c.plants],
+        summaries=[(plant.name, plant.summary) for plant in c.plants],
+        failures=[(reason, count) for reason, count in c.nominal.failures.items()],
+        episodes=c.provenance["episodes"],
+        timing=timing_text(c),
+        notes=c.notes,
+        provenance=list(c.provenance.items()),
+    )
+    return True
+
+
+def warning_figure(certificate: Certificate) -> dict[str, Any]:
+    """Return success against warning time of a certificate, as a Plotly figure."""
+    curve = certificate.warning
+    grid = list(curve.warning_s)
+    middles = [0.5 * (one.from_s + one.to_s) for one in curve.bins]
+    traces = [
+        {
+            "type": "scatter",
+            "x": grid + grid[::-1],
+            "y": [*curve.high, *curve.low[::-1]],
+            "fill": "toself",
+            "fillcolor": _BAND,
+            "line": {"width": 0},
+            "hoverinfo": "skip",
+            "name": "95 % interval",
+        },
+        {
+            "type": "scatter",
+            "mode": "lines",
+            "x": grid,
+            "y": list(curve.success),
+            "line": {"color": _BLUE, "width": 2},
+            "name": "local logistic fit",
+        },
+        _points(middles, [one.success for one in curve.bins], "episodes counted"),
+    ]
+    shapes = [_line({"y0": curve.target, "y1": curve.target, "x0": 0, "x1": 1, "xref": "paper"})]
+    if curve.needed_s is not None:
+        shapes.append(_line({"x0": curve.needed_s, "x1": curve.needed_s, "y0": 0, "y1": curve.target}))
+    layout = {
+        "shapes": shapes,
+        "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
+        "legend": _LEGEND,
+    }
+    return figure(
+        traces, x="warning: from the first visible motion to the hit [s]", height=380, layout=layout
+    )
+
+
+def plants_figure(certificate: Certificate) -> dict[str, Any]:
+    """Return success plant by plant of a certificate, as a Plotly figure."""
+    plants = certificate.plants[::-1]
+    thresholds = certificate.thresholds
+    trace = _points([one.success.value for one in plants], [one.success for one in plants], "", across=True)
+    trace["y"] = [one.name for one in plants]
+    trace["marker"]["color"] = [
+        _RED if one.name == certificate.worst.name else _BLUE for one in plants
+    ]  # the worst stands out
+    limits = (thresholds.success, thresholds.worst_success)
+    layout = {
+        "shapes": [_line({"x0": x, "x1": x, "y0": 0, "y1": 1, "yref": "paper"}) for x in limits],
+        "xaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
+        "yaxis": {"automargin": True, "dtick": 1},
+        "showlegend": False,
+    }
+    return figure([trace], height=_MARGIN_PX + _ROW_PX * len(plants), layout=layout)
+
+
+def techniques_figure(certificate: Certificate) -> dict[str, Any]:
+    """Return success by technique, nominal and worst plant of a certificate, as a Plotly figure."""
+    traces = []
+    shown = [("nominal", certificate.nominal, _BLUE), (certificate.worst.name, certificate.worst, _RED)]
+    for i, (name, plant, colour) in enumerate(shown if len(certificate.plants) > 1 else shown[:1]):
+        names = list(plant.by_technique)
+        trace = _points(list(range(len(names))), list(plant.by_technique.values()), name)
+        trace["x"] = [place + 0.12 * (2 * i - 1) for place in range(len(names))]
+        trace["marker"]["color"] = colour
+        traces.append(trace)
+    names = list(certificate.nominal.by_technique)
+    layout = {
+        "xaxis": {"tickvals": list(range(len(names))), "ticktext": names, "zeroline": False},
+        "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
+        "legend": _LEGEND,
+    }
+    return figure(traces, height=300, layout=layout)
+
+
+def _points(places: list[float], shares: list[Share], name: str, *, across: bool = False) -> dict[str, Any]:
+    """Return shares as points with their intervals."""
+    values = [one.value for one in shares]
+    bars = {
+        "type": "data",
+        "symmetric": False,
+        "array": [one.high - one.value for one in shares],
+        "arrayminus": [one.value - one.low for one in shares],
+        "color": _GREY,
+        "thickness": 1.2,
+        "width": 3,
+    }
+    return {
+        "type": "scatter",
+        "mode": "markers",
+        "x": places,
+        "y": values,
+        "error_x" if across else "error_y": bars,
+        "marker": {"color": _BLUE, "size": 8},
+        "text": [f"{share.successes} of {share.trials}" for share in shares],
+        "name": name,
+    }
+
+
+def _line(ends: dict[str, Any]) -> dict[str, Any]:
+    return {"type": "line", "line": {"color": _GREY, "width": 1, "dash": "dot"}, **ends}

@@ -20,7 +20,7 @@ from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import Model, paper_model, read_model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.simulator.robot import at_rest
 from mecanum_env.tankendo import DIFFICULTIES, action_to_command
 from mecanum_env.tankendo.env import TankendoEnv
@@ -28,7 +28,7 @@ from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.evaluate import Job, Setup, share
 
-PLANTS = get_args(Plant)
+PLANTS = get_args(RobotPlant)
 ROWS = {"planar": 256, "rollers": 32}
 STEPS = {"planar": 8192, "rollers": 512}
 TARGETS = {"planar": 20_000.0, "rollers": 650.0}
@@ -59,7 +59,7 @@ class Figure:
         return f">= {self.low:g}" if self.low is not None else f"<= {self.high:g}" if self.high else ""
 
 
-def speed(model: Model, plant: Plant, repeats: int) -> list[Figure]:
+def speed(model: Model, plant: RobotPlant, repeats: int) -> list[Figure]:
     """Measure env-steps per second, in rounds that alternate with bare `mj_step` of the same model."""
     rows, steps = ROWS[plant], STEPS[plant]
     runs = {
@@ -98,7 +98,7 @@ def speed(model: Model, plant: Plant, repeats: int) -> list[Figure]:
     ]
 
 
-def _bare(model: Model, plant: Plant) -> Callable[[int], None]:
+def _bare(model: Model, plant: RobotPlant) -> Callable[[int], None]:
     """Step the physics alone through the commands that the environments get: rollers cost by their motion."""
     mj_model = compile_model(model, plant).mj_model
     data = at_rest(mj_model)
@@ -113,7 +113,7 @@ def _bare(model: Model, plant: Plant) -> Callable[[int], None]:
     return steps_of
 
 
-def _single(model: Model, plant: Plant) -> Callable[[int], None]:
+def _single(model: Model, plant: RobotPlant) -> Callable[[int], None]:
     env = TankendoEnv(model=model, plant=plant)
     env.reset(seed=0)
     actions = _actions(997)
@@ -131,7 +131,7 @@ def _actions(*shape: int) -> np.ndarray[Any, np.dtype[np.float32]]:
     return np.random.default_rng(0).uniform(-0.3, 0.3, (*shape, 3)).astype(np.float32)
 
 
-def _vector(model: Model, plant: Plant, rows: int, threads: int) -> Callable[[int], None]:
+def _vector(model: Model, plant: RobotPlant, rows: int, threads: int) -> Callable[[int], None]:
     env = TankendoVectorEnv(rows, model=model, plant=plant, threads=threads)
     env.reset(seed=0)
     actions = _actions(97, rows)
@@ -143,7 +143,7 @@ def _vector(model: Model, plant: Plant, rows: int, threads: int) -> Callable[[in
     return steps_of
 
 
-def scores(model: Model, plant: Plant, episodes: int) -> list[dict[str, Any]]:
+def scores(model: Model, plant: RobotPlant, episodes: int) -> list[dict[str, Any]]:
     """Play every controller on every level, one episode a seed; return successes with Wilson's interval."""
     rows = []
     jobs = [(name, level) for name in CONTROLLERS for level in DIFFICULTIES]

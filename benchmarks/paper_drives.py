@@ -16,14 +16,14 @@ from pathlib import Path
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.model import paper_model, read_model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from sysid.studies.reproduce.published import MODEL_RISE_S, ROBOT_RISE_S
 from sysid.studies.reproduce.robot import RobotDrive, robot_drives
 
 FIGURES = tuple(f.name for f in fields(RobotDrive) if f.name not in ("time_s", "body", "law"))
 
 
-def main(model: Path | None = None, plant: Plant = "rollers", out: Path | None = None) -> None:
+def main(model: Path | None = None, plant: RobotPlant = "rollers", out: Path | None = None) -> None:
     """Run the paper's drives and print them beside the figures in its text.
 
     Args:

@@ -37,7 +37,7 @@ from mecanum_env.rendering.backend import use_backend
 
 if TYPE_CHECKING:
     from mecanum_env.model import Model
-    from mecanum_env.simulator import Plant
+    from mecanum_env.simulator import RobotPlant
     from sysid.fit import Fit
     from sysid.gap.result import GapReport
     from training.certify.certificate import Certificate
@@ -58,9 +58,9 @@ class Scale:
     """How much is played."""
 
     episodes: int
-    fights: Plant
+    fights: RobotPlant
     """How robots are simulated in fights, certificates and the robot itself alike."""
-    logs: Plant
+    logs: RobotPlant
     """How the robot itself is simulated while it is logged, and the model in the study of the logs."""
     jobs: int
     quick: bool

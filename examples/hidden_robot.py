@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.model import Model, paper_model
-from mecanum_env.simulator import BodyCommands, Plant, compile_plant, drive, replay_bench
+from mecanum_env.simulator import BodyCommands, RobotPlant, compile_plant, drive, replay_bench
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
 from sysid.logs.writer import write_dataset
@@ -50,7 +50,7 @@ class Fights(Job):
         return evaluate(named_maker(self.controller, known), setup, seeds)
 
 
-def fights(controller: str, known: Model, episodes: int, plant: Plant) -> Fights:
+def fights(controller: str, known: Model, episodes: int, plant: RobotPlant) -> Fights:
     """Return fights on the hidden robot, ready to be played.
 
     Args:
@@ -77,7 +77,7 @@ def write_bench_logs(folder: Path) -> None:
     write_dataset(Dataset("one wheel on the bench", tuple(runs), ()), folder)
 
 
-def write_robot_logs(folder: Path, plant: Plant) -> None:
+def write_robot_logs(folder: Path, plant: RobotPlant) -> None:
     """Write logs of the robot: along, across, diagonal, turning and mixed, eight sequences of 3 s.
 
     Args:

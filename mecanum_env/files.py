@@ -6,10 +6,12 @@ Where the packaged files are: `assets/` in a checkout, `mecanum_env/assets` in a
 from __future__ import annotations
 
 import json
+import math
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +90,26 @@ def write_json(target: str | os.PathLike[str], value: Any) -> None:
             f"{target}: not written, JSON knows no NaN or infinity; use null ({error})"
         ) from error
     write_text(target, text + "\n")
+
+
+def plain_json(value: Any) -> Any:
+    """Return a value as JSON can hold it: objects, lists, plain numbers, and null for NaN and infinity.
+
+    Args:
+        value: dataclasses, mappings, sequences and NumPy values may be nested in any way.
+    """
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain_json(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): plain_json(entry) for key, entry in value.items()}
+    # NumPy is not imported here, because `import mujoco` may load this module.
+    if hasattr(value, "tolist"):
+        return plain_json(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain_json(entry) for entry in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
 
 
 def _umask() -> int:

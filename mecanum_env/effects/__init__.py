@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import Final
 
 from mecanum_env.effects import body, command, drive, floor, geometry, joint, sensor
-from mecanum_env.effects.definition import PLANTS, Effect, Parameter, Plant
+from mecanum_env.effects.definition import PLANTS, Effect, Parameter, PlantKind
 
 _CHAIN: Final = (
     *(command.COMMAND_LATENCY, command.BODY_SPEED_LIMIT, command.BODY_ACCELERATION_LIMIT),
@@ -35,4 +35,4 @@ EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(
 )
 """Names a model file may use under "effects", with their parameters."""
 
-__all__ = ["CATALOGUE", "EFFECT_PARAMETERS", "PLANTS", "Effect", "Parameter", "Plant"]
+__all__ = ["CATALOGUE", "EFFECT_PARAMETERS", "PLANTS", "Effect", "Parameter", "PlantKind"]

@@ -10,7 +10,7 @@ from dataclasses import replace
 import mujoco
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.effects.definition import Channels, Effect, Plant
+from mecanum_env.effects.definition import Channels, Effect, PlantKind
 from mecanum_env.errors import EffectRefusedError, InputError
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
@@ -24,7 +24,7 @@ def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
             yield effect, effect.complete(model.effects[name], model)
 
 
-def check_effects(model: Model, plant: Plant) -> None:
+def check_effects(model: Model, plant: PlantKind) -> None:
     """Refuse a model with an effect that a plant would leave out, or with a value it cannot have.
 
     Args:
@@ -59,7 +59,7 @@ def check_effects(model: Model, plant: Plant) -> None:
                 )
 
 
-def changed_model(model: Model, plant: Plant) -> Model:
+def changed_model(model: Model, plant: PlantKind) -> Model:
     """Return the model with the effects that are other numbers in its sections put there, unlisted.
 
     Args:
@@ -85,7 +85,7 @@ def changed_model(model: Model, plant: Plant) -> Model:
     return changed
 
 
-def change_spec(spec: mujoco.MjSpec, model: Model, plant: Plant) -> None:
+def change_spec(spec: mujoco.MjSpec, model: Model, plant: PlantKind) -> None:
     """Write the effects that are MuJoCo's own parts into the finished spec of a plant.
 
     Args:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Final
 
-from mecanum_env.effects.definition import Effect, Parameter, Plant, Values
+from mecanum_env.effects.definition import Effect, Parameter, PlantKind, Values
 
 if TYPE_CHECKING:
     import mujoco
@@ -16,7 +16,7 @@ PAYLOAD_DENSITY_KG_M3: Final = 1000.0
 """A payload is a solid cube of this density; what it adds to the yaw inertia is small beside the robot's."""
 
 
-def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
+def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     mass = values["mass_kg"]
     side = (mass / PAYLOAD_DENSITY_KG_M3) ** (1 / 3)
     # The base's origin is at axle height.
@@ -28,7 +28,7 @@ def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) ->
     cube.inertia = [mass * side**2 / 6] * 3
 
 
-def _com_offset(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
+def _com_offset(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     """Move the base, and further than the whole, since wheels and rocker stay where they are."""
     base = spec.body("base")
     lever = model.robot.mass_kg / float(base.mass)

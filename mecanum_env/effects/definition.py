@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from mecanum_env.law.drive import DriveParameters
     from mecanum_env.model import Model
 
-Plant = Literal["bench", "rollers", "planar"]
+PlantKind = Literal["bench", "rollers", "planar"]
 """One free wheel; the robot on its rollers; the robot that slides without slip."""
-PLANTS: Final[tuple[Plant, ...]] = ("bench", "rollers", "planar")
+PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
 
 SPEED_UNITS: Final = ("rpm", "rpm/s")
 """Of parameters whose sizes go with how fast a robot is."""
@@ -79,7 +79,7 @@ class Parameter:
 
 ChangeModel = Callable[["Model", Values], "Model"]
 """Return the model with other numbers in its sections."""
-ChangeSpec = Callable[["mujoco.MjSpec", Values, "Model", Plant], None]
+ChangeSpec = Callable[["mujoco.MjSpec", Values, "Model", PlantKind], None]
 """Write into the generated MuJoCo model; the `Model` is the one that it was generated from."""
 ChangeDrive = Callable[["DriveParameters", Values, str | None], "DriveParameters"]
 """Return a wheel's drive with other numbers; the wheel is fl .. rr, or None for the common one."""
@@ -101,9 +101,9 @@ class Effect:
     """What it is, one line."""
     signature: str
     """What it looks like in data, one line."""
-    absent_from: tuple[Plant, ...] = ()
+    absent_from: tuple[PlantKind, ...] = ()
     """Plants without the part it acts on: there it changes nothing, rightly (a payload on the bench)."""
-    refused_by: tuple[Plant, ...] = ()
+    refused_by: tuple[PlantKind, ...] = ()
     """Plants that have the part but cannot express the effect: they refuse the model."""
     change_model: ChangeModel | None = None
     change_spec: ChangeSpec | None = None
@@ -123,7 +123,7 @@ class Effect:
         hooks = (self.change_model, self.change_spec, self.change_drive, self.limit_body)
         return self.change_channels is not None and all(hook is None for hook in hooks)
 
-    def acts_in(self, plant: Plant) -> bool:
+    def acts_in(self, plant: PlantKind) -> bool:
         """Return whether it changes something on the plant."""
         return self.simulated and plant not in (*self.absent_from, *self.refused_by)
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from mecanum_env.effects.definition import Effect, Parameter, Plant, Values
+from mecanum_env.effects.definition import Effect, Parameter, PlantKind, Values
 
 if TYPE_CHECKING:
     import mujoco
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from mecanum_env.model import Model
 
 
-def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
+def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     for joint in spec.joints:
         if "_roller_" not in joint.name:
             continue
@@ -31,7 +31,7 @@ def _grip(model: Model, values: Values) -> Model:
     return replace(model, robot=replace(model.robot, friction=values["friction"]))
 
 
-def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
+def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     """Tilt gravity, so that the floor stays level in the world's coordinates."""
     slope, heading = math.radians(values["slope_deg"]), math.radians(values["heading_deg"])
     g = -float(spec.option.gravity[2])

@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from mecanum_env.effects.definition import Effect, Parameter, Plant, Values
+from mecanum_env.effects.definition import Effect, Parameter, PlantKind, Values
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.units import RAD_S_PER_RPM
 
@@ -23,7 +23,7 @@ def _coulomb(drive: DriveParameters, values: Values, wheel: str | None) -> Drive
     return replace(drive, coulomb_n_m=values["torque_n_m"])
 
 
-def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: Plant) -> None:
+def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     damping = values["damping_n_m_s_rad"]
     if plant == "planar":
         # The wheels have no joints here: their damping as the body feels it through the kinematics.

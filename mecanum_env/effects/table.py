@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mecanum_env.effects import CATALOGUE, PLANTS
-from mecanum_env.effects.definition import Effect, Parameter, Plant
+from mecanum_env.effects.definition import Effect, Parameter, PlantKind
 
 
 def markdown_table() -> str:
@@ -31,7 +31,7 @@ def _parameter(parameter: Parameter) -> str:
     return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g}{note})"
 
 
-def _plant(effect: Effect, plant: Plant) -> str:
+def _plant(effect: Effect, plant: PlantKind) -> str:
     if effect.acts_in(plant):
         return "yes"
     if not effect.simulated:

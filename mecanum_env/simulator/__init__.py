@@ -6,7 +6,7 @@ Importing this room imports mujoco; programs that draw call `mecanum_env.renderi
 from mecanum_env.simulator.bench import compile_bench, replay_bench
 from mecanum_env.simulator.command_file import read_commands
 from mecanum_env.simulator.commands import SCRIPTS, BodyCommands, Commands, WheelCommands, scripted
-from mecanum_env.simulator.robot import Plant, compile_plant, drive
+from mecanum_env.simulator.robot import RobotPlant, compile_plant, drive
 from mecanum_env.simulator.stepping import SimulationDivergedError, step_through
 from mecanum_env.simulator.trajectory import Trajectory
 
@@ -14,7 +14,7 @@ __all__ = [
     "SCRIPTS",
     "BodyCommands",
     "Commands",
-    "Plant",
+    "RobotPlant",
     "SimulationDivergedError",
     "Trajectory",
     "WheelCommands",

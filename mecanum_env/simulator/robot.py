@@ -24,12 +24,14 @@ from mecanum_env.simulator.stepping import step_through
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory
 from mecanum_env.units import FloatArray
 
-Plant = Literal["rollers", "planar"]
+RobotPlant = Literal["rollers", "planar"]
 
 _SETTLING_S = 0.5  # the rollers sink into the floor by some micrometres and come to rest within this time
 
 
-def compile_plant(model: Model, plant: Plant = "rollers", timestep_s: float | None = None) -> mujoco.MjModel:
+def compile_plant(
+    model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None
+) -> mujoco.MjModel:
     """Compile the robot for commands that were rounded before the kinematics.
 
     The wheel actuators do not round again: V, theta and VC are what the robot takes in whole numbers, and
@@ -51,7 +53,7 @@ def drive(
     commands: Commands,
     duration_s: float,
     *,
-    plant: Plant = "rollers",
+    plant: RobotPlant = "rollers",
     timestep_s: float | None = None,
     mj_model: mujoco.MjModel | None = None,
     turned_rad: Sequence[float] = (),
@@ -122,7 +124,7 @@ class RobotSession:
         timestep_s: upper bound of the physics step [s].
     """
 
-    def __init__(self, model: Model, plant: Plant = "rollers", timestep_s: float | None = None) -> None:
+    def __init__(self, model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None) -> None:
         self._model = model
         self._compiled = compile_plant(model, plant, timestep_s)
         self._steps = round(model.wheel.command_period_s / self._compiled.opt.timestep)

@@ -16,7 +16,7 @@ from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Senso
 from mecanum_env.tankendo.judge import TERMS, Dodge, Judge
 from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Senses
 from mecanum_env.tankendo.opponent import BoolArray, Fighter
-from mecanum_env.tankendo.plant import Compiled, Robots
+from mecanum_env.tankendo.plant import Compiled, RobotBatch
 from mecanum_env.tankendo.scene import Scenes, wrapped
 from mecanum_env.tankendo.tasks import Duel, Track
 from mecanum_env.units import FloatArray
@@ -26,7 +26,7 @@ _JUDGES: Final[Mapping[str, type[Judge]]] = {"dodge": Dodge, "track": Track, "du
 
 
 @dataclass(frozen=True)
-class Setting:
+class TaskSetting:
     """What is the same in every episode."""
 
     task: TaskName = "dodge"
@@ -74,7 +74,7 @@ class Arena:
         InputError: a time limit of less than one step.
     """
 
-    def __init__(self, setting: Setting, compiled: Compiled, n: int, threads: int = 1) -> None:
+    def __init__(self, setting: TaskSetting, compiled: Compiled, n: int, threads: int = 1) -> None:
         self.setting, self.n = setting, n
         self.step_s = compiled.model.wheel.command_period_s
         self._quantum_rpm = compiled.model.wheel.command_quantum_rpm
@@ -86,7 +86,7 @@ class Arena:
                 f"rules: {setting.task}_time_s = {self.time_limit_s:g}, must be at least one command period, "
                 f"{self.step_s:g} s"
             )
-        self.robots = Robots(compiled, n, threads)
+        self.robots = RobotBatch(compiled, n, threads)
         self.chance = Chance(n, self._steps, NOISY, setting.opponent, setting.rules)
         oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)
         self.scenes = Scenes(n, self.step_s, oldest)

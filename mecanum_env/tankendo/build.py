@@ -13,9 +13,9 @@ import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model, read_model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode
-from mecanum_env.tankendo.arena import Arena, Setting, Step, TaskName
+from mecanum_env.tankendo.arena import Arena, Step, TaskName, TaskSetting
 from mecanum_env.tankendo.constants import (
     Opponent,
     RewardWeights,
@@ -38,7 +38,7 @@ class Built:
     arena: Arena
     sampler: Sampler | None
     """Draws the robot of each episode; None: always the model."""
-    plant: Plant
+    plant: RobotPlant
     timestep_s: float | None
 
     def restart(self, row: int, rng: np.random.Generator) -> None:
@@ -75,7 +75,7 @@ def build(
     *,
     task: TaskName,
     model: ModelLike | None,
-    plant: Plant,
+    plant: RobotPlant,
     difficulty: str,
     action_mode: ActionMode,
     observation_delay: float | None,
@@ -122,7 +122,7 @@ def build(
         if not isinstance(reward_weights, Mapping | None):
             raise InputError(f'reward_weights = {reward_weights!r}, must be terms by name, {{"hit": 2.0}}')
         reward_weights = RewardWeights().replaced(reward_weights or {})
-    setting = Setting(
+    setting = TaskSetting(
         task=task,
         opponent=opponent_for(difficulty) if opponent is None else opponent,
         rules=Rules() if rules is None else rules,
@@ -148,7 +148,7 @@ def _model(model: ModelLike | None) -> Model:
     return read_model(model)
 
 
-def _typical(sampler: Sampler, plant: Plant, timestep_s: float | None) -> Compiled:
+def _typical(sampler: Sampler, plant: RobotPlant, timestep_s: float | None) -> Compiled:
     """Return a drawn robot: one whose effects have left neutral may have more parts than the model's own.
 
     Raises:

@@ -17,7 +17,7 @@ from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.rendering.backend import use_backend
 from mecanum_env.rendering.video import lighten
 from mecanum_env.rendering.view import Frame, draw_caption
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.tankendo.figure import Picture, Shape, opponent_shapes
@@ -28,7 +28,7 @@ _WIDEST = "dodge   robot 0 : 0 opponent   distance 0.00 m   facing +000 deg    "
 _KINDS = {"ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID, "rod": mujoco.mjtGeom.mjGEOM_CAPSULE}
 
 
-def drawn_model(arena: Arena, plant: Plant) -> mujoco.MjModel:
+def drawn_model(arena: Arena, plant: RobotPlant) -> mujoco.MjModel:
     """Compile the robot of an arena with all that is seen; its positions are those of the arena's.
 
     Args:
@@ -110,7 +110,7 @@ class Painter:
         height: of the picture in pixels.
     """
 
-    def __init__(self, arena: Arena, plant: Plant, width: int = 640, height: int = 480) -> None:
+    def __init__(self, arena: Arena, plant: RobotPlant, width: int = 640, height: int = 480) -> None:
         use_backend()
         self._arena = arena
         self._model = drawn_model(arena, plant)
@@ -154,7 +154,7 @@ class Window:
         BackendError: there is no display.
     """
 
-    def __init__(self, arena: Arena, plant: Plant) -> None:
+    def __init__(self, arena: Arena, plant: RobotPlant) -> None:
         displayed = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
         if sys.platform.startswith("linux") and not displayed:
             raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')

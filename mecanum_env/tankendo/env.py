@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.rendering.view import Frame
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode, checked_action
 from mecanum_env.tankendo.arena import TaskName
 from mecanum_env.tankendo.build import ModelLike, build, row_info
@@ -152,7 +152,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self,
         task: TaskName = "dodge",
         model: ModelLike | None = None,
-        plant: Plant = "planar",
+        plant: RobotPlant = "planar",
         difficulty: str = "normal",
         action_mode: ActionMode = "cartesian",
         observation_delay: float | None = None,

@@ -15,12 +15,12 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S, planar_spec, robot_spec
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant, SimulationDivergedError
+from mecanum_env.simulator import RobotPlant, SimulationDivergedError
 from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
 from mecanum_env.simulator.robot import at_rest
 from mecanum_env.units import FloatArray
 
-DEFAULT_TIMESTEP_S: Final[dict[Plant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
+DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
 """Upper bound of the physics step [s]. The planar plant takes one step a tick of the paper's law."""
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _OF_BATCH: Final = ("_batch", "_qpos", "_qvel", "_ctrl")
@@ -36,7 +36,7 @@ class Compiled:
     """Integration state of the robot that stands at the field's centre, looking along x."""
 
 
-def compile_model(model: Model, plant: Plant, timestep_s: float | None = None) -> Compiled:
+def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = None) -> Compiled:
     """Compile a robot without what is only seen, and without sensors, which are read off the state.
 
     Args:
@@ -60,7 +60,7 @@ def compile_model(model: Model, plant: Plant, timestep_s: float | None = None) -
     return Compiled(model, mj_model, rest)
 
 
-class Robots:
+class RobotBatch:
     """n robots, each with a model of its own.
 
     Args:

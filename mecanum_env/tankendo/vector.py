@@ -13,7 +13,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
 from mecanum_env.errors import InputError
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode, checked_action
 from mecanum_env.tankendo.arena import TaskName
 from mecanum_env.tankendo.build import ModelLike, build, row_info
@@ -44,7 +44,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         num_envs: int = 1,
         task: TaskName = "dodge",
         model: ModelLike | None = None,
-        plant: Plant = "planar",
+        plant: RobotPlant = "planar",
         difficulty: str = "normal",
         action_mode: ActionMode = "cartesian",
         observation_delay: float | None = None,

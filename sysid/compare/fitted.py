@@ -16,7 +16,7 @@ from mecanum_env.law.stability import free_coordinates, stable_abc
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Function, Minimum, descend, differences, explored, flat_or, refined
-from sysid.compare.problem import ROUGH_STEP, SMOOTH_STEP, Problem
+from sysid.compare.problem import ROUGH_STEP, SMOOTH_STEP, ResidualProblem
 
 PRIOR: Final = 0.5
 """Spread of a parameter, on the scale 0 .. 1 between its bounds, before any log is looked at."""
@@ -89,7 +89,7 @@ class Fitted(Generic[C]):
         return np.asarray(np.linalg.inv(information + np.eye(self.place.size) / PRIOR**2))
 
 
-def unchanged(problem: Problem, empty: C) -> Fitted[C]:
+def unchanged(problem: ResidualProblem, empty: C) -> Fitted[C]:
     """Return the base model as a fit of the empty set.
 
     Args:
@@ -100,7 +100,7 @@ def unchanged(problem: Problem, empty: C) -> Fitted[C]:
     return Fitted(empty, np.zeros(0), residual, np.zeros((problem.size, 0)))
 
 
-def fit(problem: Problem, candidate: C, place: FloatArray, *, most: int = 12) -> Fitted[C] | None:
+def fit(problem: ResidualProblem, candidate: C, place: FloatArray, *, most: int = 12) -> Fitted[C] | None:
     """Fit a candidate by full simulation, from a place; None where it cannot be simulated.
 
     On the robot `function_near` is minimised instead, corrected at the place reached by full simulation,
@@ -164,7 +164,7 @@ def _minimum(
     return minimum
 
 
-def marginal_function(problem: Problem, candidate: Candidate) -> Function:
+def marginal_function(problem: ResidualProblem, candidate: Candidate) -> Function:
     """Return the marginal residual (N,) of a candidate as a function of its place (p,).
 
     Args:
@@ -180,7 +180,7 @@ def marginal_function(problem: Problem, candidate: Candidate) -> Function:
 
 
 def function_near(
-    problem: Problem,
+    problem: ResidualProblem,
     candidate: Candidate,
     place: FloatArray,
     residual: FloatArray,

@@ -14,7 +14,7 @@ from mecanum_env.effects.apply import check_effects, measured, without_sensors
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
-from mecanum_env.simulator import BodyCommands, Commands, Plant, WheelCommands, drive
+from mecanum_env.simulator import BodyCommands, Commands, RobotPlant, WheelCommands, drive
 from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.simulator.trajectory import CHANNELS
@@ -74,7 +74,7 @@ class Motion:
 
 
 def compile_for(
-    model: Model, level: str, timestep_s: float | None = None, plant: Plant = "rollers"
+    model: Model, level: str, timestep_s: float | None = None, plant: RobotPlant = "rollers"
 ) -> mujoco.MjModel:
     """Compile what `predict` simulates: the bench or the robot, without what is only seen.
 
@@ -117,7 +117,7 @@ def predict(
     run: Run,
     start: Start | None = None,
     mj_model: mujoco.MjModel | None = None,
-    plant: Plant = "rollers",
+    plant: RobotPlant = "rollers",
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 

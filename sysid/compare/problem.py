@@ -18,7 +18,7 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Mask
 from sysid.compare.nuisance import plausible_models, shape_columns
@@ -52,7 +52,7 @@ T = TypeVar("T")
 U = TypeVar("U")
 
 
-class Problem:
+class ResidualProblem:
     """Residuals of models on some observations.
 
     Args:
@@ -62,7 +62,7 @@ class Problem:
         plant: of the robot.
     """
 
-    def __init__(self, base: Model, whitener: Whitener, jobs: int = 1, plant: Plant = "rollers") -> None:
+    def __init__(self, base: Model, whitener: Whitener, jobs: int = 1, plant: RobotPlant = "rollers") -> None:
         self.base, self.whitener, self.jobs, self.plant = base, whitener, jobs, plant
         self.observations = whitener.observations
         self.simulator = Simulator(self.observations, plant=plant)

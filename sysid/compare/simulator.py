@@ -16,7 +16,7 @@ import numpy as np
 from mecanum_env.effects.apply import without_sensors
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
@@ -53,7 +53,7 @@ class Simulator:
         self,
         observations: Observations,
         timestep_s: float | None = None,
-        plant: Plant = "rollers",
+        plant: RobotPlant = "rollers",
         turned: int = 0,
     ) -> None:
         self.observations, self.timestep_s, self.plant, self.turned = observations, timestep_s, plant, turned

@@ -16,7 +16,7 @@ from sysid.fit.plots import BenchReplay, RunView, replay_worst, run_views
 from sysid.fit.table import method_table, quantity_table, robot_table
 from sysid.logs import Split
 
-_TEMPLATE: Final = Path(__file__).parent / "templates" / "fit.html"
+_TEMPLATE: Final = Path(__file__).with_name("page.html")
 _GREY, _RED, _BLUE = "#8a8a8a", "#c8102e", "#1f4e79"
 _MOST_FINDINGS: Final = 40
 _HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")

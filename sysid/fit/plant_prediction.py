@@ -9,7 +9,7 @@ import numpy as np
 
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant, drive
+from mecanum_env.simulator import RobotPlant, drive
 from mecanum_env.units import FloatArray
 from sysid.compare.prediction import commands_of
 from sysid.logs import Run
@@ -52,7 +52,7 @@ class PlantData:
             ]
         )
 
-    def predicted(self, model: Model, plant: Plant = "planar") -> FloatArray:
+    def predicted(self, model: Model, plant: RobotPlant = "planar") -> FloatArray:
         """Return what a model predicts for `measured`, shape (M,).
 
         Args:

@@ -25,7 +25,7 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.law.stability import free_coordinates, stabilised_abc, stable_abc
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import Model, Robot
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.fit.grip import EVIDENCE, ROLLER_SECONDS, SHOWN, RobotParameter, profile_grip, scan_grip
 from sysid.fit.plant_prediction import PlantData, liveliest_runs
@@ -178,7 +178,7 @@ class _Found:
 class _Search:
     """Output error through the planar plant, from the law fitted to the wheel speeds."""
 
-    def __init__(self, model: Model, data: PlantData, plant: Plant = "planar") -> None:
+    def __init__(self, model: Model, data: PlantData, plant: RobotPlant = "planar") -> None:
         self._model, self.data, self._plant = model, data, plant
         # Contacts make the roller plant rough on the scale of a small step.
         self._step = 1e-4 if plant == "planar" else 5e-2

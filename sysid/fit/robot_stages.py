@@ -20,7 +20,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.fitted import LawAgain, fit
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
 from sysid.compare.subset import liveliest
 from sysid.compare.whitening import Whitener
@@ -183,6 +183,6 @@ def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Mo
     )
 
 
-def _problem(model: Model, dataset: Dataset, runs: Sequence[Run]) -> Problem:
+def _problem(model: Model, dataset: Dataset, runs: Sequence[Run]) -> ResidualProblem:
     observations = observe(replace(dataset, runs=liveliest(runs, SECONDS)))
-    return Problem(model, Whitener(observations, measure_noise(dataset, observations), None))
+    return ResidualProblem(model, Whitener(observations, measure_noise(dataset, observations), None))

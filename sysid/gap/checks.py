@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects import CATALOGUE, Plant
+from mecanum_env.effects import CATALOGUE, PlantKind
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.units import FloatArray
 from sysid.gap.result import GapOptions
@@ -56,14 +56,14 @@ def require_valid(options: GapOptions, level: Level) -> None:
         raise InputError(f"seed = {options.seed}, must be 0 or more")
 
 
-def known_effects(level: Level, plant: Plant = "rollers") -> tuple[str, ...]:
+def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]:
     """Return the effects that act on logs of a level, in the order of the chain.
 
     Args:
         level: of the logs.
         plant: that a robot is simulated with.
     """
-    used: Plant = "bench" if level == "bench" else plant
+    used: PlantKind = "bench" if level == "bench" else plant
     return tuple(name for name, effect in CATALOGUE.items() if effect.acts_in(used))
 
 

@@ -18,7 +18,7 @@ from sysid.compare.model_error import ModelError, estimate_model_error, model_er
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.observations import Observations, observe
 from sysid.compare.own_error import residuals_of
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
 from sysid.compare.subset import deciding
 from sysid.compare.whitening import Whitener
@@ -41,7 +41,7 @@ from sysid.gap.search.chance import chance, smallest_detectable, untestable
 from sysid.gap.search.decide import Decision, decide
 from sysid.gap.search.regression import empirical_term, fit_correction
 from sysid.gap.search.responses import responses
-from sysid.gap.search.sets import Effort, Search
+from sysid.gap.search.sets import Search, SearchEffort
 from sysid.logs import Dataset, Run
 from sysid.progress import Progress, silent
 
@@ -51,7 +51,7 @@ UNLIKE: Final = 2.0
 """Repeats on the bench that differ so many times as much as neighbouring samples are worth a look."""
 RESTLESS: Final = 5.0
 """Repeats on the bench that differ so many times as much as neighbouring samples are none."""
-EFFORT: Final = {"bench": Effort(15, 16, 8, 20, 5), "robot": Effort(8, 8, 4, 4, 3)}
+EFFORT: Final = {"bench": SearchEffort(15, 16, 8, 20, 5), "robot": SearchEffort(8, 8, 4, 4, 3)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,15 +169,15 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
 
 def _search(
     study: _Study, model: Model, considered: Sequence[str], options: GapOptions
-) -> tuple[Problem, Search]:
-    problem = Problem(
+) -> tuple[ResidualProblem, Search]:
+    problem = ResidualProblem(
         model, Whitener(study.observations, study.noise, study.error), options.jobs, options.plant
     )
     level = study.observations.situations[0].runs[0].level
     return problem, Search(problem, responses(problem, considered), EFFORT[level])
 
 
-def _left(study: _Study, problem: Problem, search: Search) -> ModelError:
+def _left(study: _Study, problem: ResidualProblem, search: Search) -> ModelError:
     """Return the model's error as the best fit leaves it."""
     best = min(search.fitted.values(), key=lambda fitted: fitted.cost)
     parts = problem.whitener.unwhiten(problem.unmarginal(best.residual))
@@ -189,7 +189,7 @@ def _report(
     model: Model,
     options: GapOptions,
     study: _Study,
-    problem: Problem,
+    problem: ResidualProblem,
     search: Search,
     considered: Sequence[str],
     decision: Decision,

@@ -9,7 +9,7 @@ from mecanum_env.model import Model
 from sysid.compare.model_error import ChannelError, ModelError
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
 from tests.gap.conftest import MakeLogs
@@ -17,9 +17,9 @@ from tests.gap.conftest import MakeLogs
 ERROR = ModelError({"speed_rpm": ChannelError(settled=0.3, transient=0.02, correlation_s=0.05)})
 
 
-def _problem(dataset: Dataset, base: Model, error: ModelError | None = None) -> Problem:
+def _problem(dataset: Dataset, base: Model, error: ModelError | None = None) -> ResidualProblem:
     observations = observe(dataset)
-    return Problem(base, Whitener(observations, measure_noise(dataset, observations), error))
+    return ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), error))
 
 
 def test_the_residual_of_the_truth_is_white_with_unit_variance(bench_logs: MakeLogs, base: Model) -> None:

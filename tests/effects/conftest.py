@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mecanum_env.effects import CATALOGUE, Effect, Plant
+from mecanum_env.effects import CATALOGUE, Effect, PlantKind
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, Trajectory, compile_plant, drive, replay_bench
 from mecanum_env.units import FloatArray
@@ -48,13 +48,13 @@ def clear_model(name: str, parameter: str | None = None) -> Model:
     return paper_model().with_effect(name, **beside, **{parameter: clear_value(name, parameter)})
 
 
-def acting(plant: Plant) -> list[Effect]:
+def acting(plant: PlantKind) -> list[Effect]:
     """Return the effects that act on a plant."""
     return [effect for effect in CATALOGUE.values() if effect.acts_in(plant)]
 
 
 def channels(
-    model: Model, plant: Plant, commands: BodyCommands = ROUND, duration_s: float = ROUND_S
+    model: Model, plant: PlantKind, commands: BodyCommands = ROUND, duration_s: float = ROUND_S
 ) -> FloatArray:
     """Return what a log would show, all channels in one array (channels, n)."""
     if plant == "bench":
@@ -64,7 +64,7 @@ def channels(
 
 
 @pytest.fixture(scope="session")
-def plain() -> Callable[[Plant], FloatArray]:
+def plain() -> Callable[[PlantKind], FloatArray]:
     """Return the channels without any effect, by plant."""
     known = {plant: channels(paper_model(), plant) for plant in ("bench", "rollers", "planar")}
     return known.__getitem__
@@ -80,7 +80,7 @@ def base() -> Model:
 def steady() -> Callable[..., Trajectory]:
     """Return a drive of a constant command."""
 
-    def of(model: Model, *command: float, seconds: float = 1.5, plant: Plant = "rollers") -> Trajectory:
+    def of(model: Model, *command: float, seconds: float = 1.5, plant: PlantKind = "rollers") -> Trajectory:
         return drive(
             model, BodyCommands.constant(*command), seconds, plant=plant, mj_model=compile_plant(model, plant)
         )

@@ -10,7 +10,7 @@ import pytest
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.drive import DriveParameters, latched_commands
 from mecanum_env.model import Model, Wheel, paper_model
-from mecanum_env.simulator import Plant, drive
+from mecanum_env.simulator import RobotPlant, drive
 from sysid.fit.plant_prediction import BODY_VELOCITY, commands_of
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
@@ -73,7 +73,7 @@ def robot_logs() -> Callable[..., Dataset]:
         seconds: float = 3.0,
         noise_rpm: float = 0.3,
         body: bool = False,
-        plant: Plant = "planar",
+        plant: RobotPlant = "planar",
     ) -> Dataset:
         rng = np.random.default_rng(0)
         made = []

@@ -13,13 +13,13 @@ from mecanum_env.model import Model
 from sysid.compare.fitted import Fitted
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, Interval
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.responses import Growth, growths, responses
-from sysid.gap.search.sets import Effort, Search
+from sysid.gap.search.sets import Search, SearchEffort
 from sysid.gap.study import analyse
 from tests.gap.conftest import MakeLogs
 
@@ -137,8 +137,8 @@ def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
 ) -> None:
     dataset = bench_logs(base.with_effect("command_latency", delay_s=0.05))
     observations = observe(dataset)
-    problem = Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
-    search = Search(problem, responses(problem, ("command_latency", "sensor_latency")), Effort())
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    search = Search(problem, responses(problem, ("command_latency", "sensor_latency")), SearchEffort())
     search.grow(1)
     chosen = search.fitted[("command_latency",), False]
     del search.fitted[("sensor_latency",), False]
@@ -156,9 +156,9 @@ def test_what_lies_behind_a_delay_is_looked_for_where_the_delay_is(bench_logs: M
     late = base.with_effect("command_latency", delay_s=0.15)
     dataset = bench_logs(late.with_effect("direction_asymmetry", reverse_ratio=0.8))
     observations = observe(dataset)
-    problem = Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
     library = responses(problem, ("command_latency", "direction_asymmetry"))
-    search = Search(problem, library, Effort())
+    search = Search(problem, library, SearchEffort())
     search.grow(1)
     parent = search.fitted[("command_latency",), False]
     assert parent.cost > 10.0 * problem.size

@@ -14,7 +14,7 @@ from sysid.compare.noise import Noise
 from sysid.gap.design.direct_checks import DIRECT, what_to_measure
 from sysid.gap.design.experiment import Rival, design, power, separation
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
-from sysid.gap.design.trial import EFFORT, Effort, Setting, Trial, command_of
+from sysid.gap.design.trial import EFFORT, DesignEffort, ExperimentConditions, Trial, command_of
 from sysid.gap.design.what_next import design_for_untestable
 from sysid.gap.result import GapOptions
 from sysid.gap.search.chance import NEVER
@@ -24,7 +24,9 @@ from sysid.logs import BenchCommand, Dataset, Run
 
 BENCH = Limits(135.0)
 ROBOT = Limits(135.0, geometry=Robot())
-SPEED = Setting("bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 0.5}, {"speed_rpm": "repeats"}), None)
+SPEED = ExperimentConditions(
+    "bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 0.5}, {"speed_rpm": "repeats"}), None
+)
 
 
 def rivals(model: Model, friction_n_m: float = 0.5) -> tuple[Rival, Rival]:
@@ -85,8 +87,10 @@ def test_wheel_commands_are_whole_too(paper: Model):
 def test_the_same_seed_gives_the_same_experiment_whatever_the_jobs(
     paper: Model, monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setitem(EFFORT, "bench", Effort(4, 2, 3))
-    weak = Setting("bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 8.0}, {"speed_rpm": "repeats"}), None)
+    monkeypatch.setitem(EFFORT, "bench", DesignEffort(4, 2, 3))
+    weak = ExperimentConditions(
+        "bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 8.0}, {"speed_rpm": "repeats"}), None
+    )
     one, two = (design(paper, rivals(paper), weak, BENCH, seed=3, jobs=jobs).experiment for jobs in (1, 2))
     assert one is not None
     assert two is not None
@@ -109,7 +113,9 @@ def test_the_experiment_separates_better_than_a_step(paper: Model):
 
 def test_power_is_the_share_of_simulated_experiments_that_leave_the_truth_alone(paper: Model):
     """Draw noise, refit each candidate's parameter, and decide as a study does."""
-    noisy = Setting("bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 4.0}, {"speed_rpm": "repeats"}), None)
+    noisy = ExperimentConditions(
+        "bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 4.0}, {"speed_rpm": "repeats"}), None
+    )
     rows = np.concatenate([np.zeros(2), np.repeat([5.0, -5.0, 90.0, 0.0], 5), np.zeros(2)])[:, None]
     both = rivals(paper)
     trial = Trial(paper, rows, noisy)
@@ -159,10 +165,10 @@ def test_a_robot_experiment_stays_in_the_field_and_spins_no_wheel(
 ):
     some = library(ROBOT, np.random.default_rng(0))[4::7]
     monkeypatch.setattr("sysid.gap.design.trial.library", lambda *_: some)
-    monkeypatch.setitem(EFFORT, "robot", Effort(2, 1, 1))
+    monkeypatch.setitem(EFFORT, "robot", DesignEffort(2, 1, 1))
     channels = ("speed_fl_rpm", "vx_m_s", "vy_m_s")
     noise = Noise(dict(zip(channels, (0.5, 0.01, 0.01), strict=True)), dict.fromkeys(channels, "repeats"))
-    setting = Setting("body", channels, 0.02, noise, None)
+    setting = ExperimentConditions("body", channels, 0.02, noise, None)
     slope = paper.with_effect("floor_slope", slope_deg=1.0, heading_deg=0.0)
     offset = paper.with_effect("com_offset", x_m=0.02, y_m=0.0)
     both = [Rival(("floor_slope",), slope), Rival(("com_offset",), offset)]
@@ -177,7 +183,7 @@ def test_a_robot_experiment_stays_in_the_field_and_spins_no_wheel(
 
 
 def test_full_reversals_on_the_floor_cannot_be_predicted(paper: Model):
-    setting = Setting("body", ("speed_fl_rpm",), 0.02, Noise({"speed_fl_rpm": 0.5}, {}), None)
+    setting = ExperimentConditions("body", ("speed_fl_rpm",), 0.02, Noise({"speed_fl_rpm": 0.5}, {}), None)
     rows = np.repeat([[0.0, 0.0, 0.0], [135.0, 0.0, 0.0], [135.0, 180.0, 0.0], [135.0, 0.0, 0.0]], 8, axis=0)
     trial = Trial(paper, rows, setting)
     assert not trial.predictable(paper, trial.whitened(paper))

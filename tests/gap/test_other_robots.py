@@ -13,18 +13,18 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.study import speed_scale
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, scanned
 from sysid.gap.search.responses import responses
-from sysid.gap.search.sets import EMPTY, Effort, Search
+from sysid.gap.search.sets import EMPTY, Search, SearchEffort
 from sysid.logs import BenchCommand, Dataset, Run, Split
 
 from .conftest import MakeLogs
 
 MODEL = paper_model()
-EFFORT = Effort(4, 4, 2, 4, 2)
+EFFORT = SearchEffort(4, 4, 2, 4, 2)
 
 
 def of_ceiling(rpm: float) -> Model:
@@ -49,7 +49,7 @@ def fast_logs(model: Model, top_rpm: float) -> Dataset:
 def searched(logs: Dataset, model: Model, effects: list[str]) -> Search:
     runs = tuple(run for run in logs.runs if run.split != "test")
     observations = observe(replace(logs, runs=runs))
-    problem = Problem(model, Whitener(observations, measure_noise(logs, observations), None))
+    problem = ResidualProblem(model, Whitener(observations, measure_noise(logs, observations), None))
     return Search(problem, responses(problem, effects), EFFORT)
 
 

@@ -15,14 +15,14 @@ from sysid.compare.fitted import fit, function_near, marginal_function, unchange
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
-from sysid.compare.problem import OF_THE_ROLLERS, Problem
+from sysid.compare.problem import OF_THE_ROLLERS, ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.adequacy import Floor, complete, expected
 from sysid.gap.search.chance import chance
 from sysid.gap.search.coordinates import EffectSet, effect_set
 from sysid.gap.search.responses import responses
-from sysid.gap.search.scores import Judged, group_masks, group_scores
-from sysid.gap.search.sets import EMPTY, Effort, Search
+from sysid.gap.search.scores import ScoredSet, group_masks, group_scores
+from sysid.gap.search.sets import EMPTY, Search, SearchEffort
 from sysid.gap.search.ties import tied
 from sysid.logs import BodyCommand, Dataset, Run
 
@@ -50,21 +50,21 @@ def logs(model: Model) -> Dataset:
 
 
 @pytest.fixture(scope="module")
-def problem() -> Problem:
+def problem() -> ResidualProblem:
     """Return the paper's model against logs of a robot that is slower."""
     base = paper_model()
     dataset = logs(replace(base, effects=TRUTH))
     observations = observe(dataset)
-    return Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    return ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
 
 
-def slower(problem: Problem) -> tuple[EffectSet, FloatArray]:
+def slower(problem: ResidualProblem) -> tuple[EffectSet, FloatArray]:
     """Return the set of the true effect, and where neutral is."""
     candidate = effect_set(problem.base, ["speed_gain"])
     return candidate, candidate.start()
 
 
-def test_what_only_rollers_show_is_simulated_on_them(problem: Problem) -> None:
+def test_what_only_rollers_show_is_simulated_on_them(problem: ResidualProblem) -> None:
     refused = {name for name, effect in CATALOGUE.items() if "planar" in effect.refused_by}
     assert refused
     assert refused <= OF_THE_ROLLERS
@@ -72,7 +72,7 @@ def test_what_only_rollers_show_is_simulated_on_them(problem: Problem) -> None:
         assert problem.is_quick([name, "speed_gain"]) == (name not in OF_THE_ROLLERS)
 
 
-def test_a_corrected_simulation_is_exact_where_it_was_corrected(problem: Problem) -> None:
+def test_a_corrected_simulation_is_exact_where_it_was_corrected(problem: ResidualProblem) -> None:
     candidate, place = slower(problem)
     residual = marginal_function(problem, candidate)(place)
     assert residual is not None
@@ -80,7 +80,7 @@ def test_a_corrected_simulation_is_exact_where_it_was_corrected(problem: Problem
     assert near == pytest.approx(residual, abs=1e-9)
 
 
-def test_a_corrected_simulation_tells_what_an_effect_changes(problem: Problem) -> None:
+def test_a_corrected_simulation_tells_what_an_effect_changes(problem: ResidualProblem) -> None:
     candidate, place = slower(problem)
     full = marginal_function(problem, candidate)
     before, after = full(place), full(place - 0.1)
@@ -92,7 +92,7 @@ def test_a_corrected_simulation_tells_what_an_effect_changes(problem: Problem) -
     assert np.linalg.norm(told - after) < 0.35 * np.linalg.norm(after - before)
 
 
-def test_a_fit_by_corrections_ends_where_the_rollers_fit(problem: Problem) -> None:
+def test_a_fit_by_corrections_ends_where_the_rollers_fit(problem: ResidualProblem) -> None:
     candidate, place = slower(problem)
     found = fit(problem, candidate, place)
     assert found is not None
@@ -103,7 +103,7 @@ def test_a_fit_by_corrections_ends_where_the_rollers_fit(problem: Problem) -> No
 
 
 def test_a_fit_by_corrections_simulates_the_rollers_a_few_times_only(
-    problem: Problem, monkeypatch: pytest.MonkeyPatch
+    problem: ResidualProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     used: list[Model] = []
     simulate = problem.residual
@@ -112,7 +112,7 @@ def test_a_fit_by_corrections_simulates_the_rollers_a_few_times_only(
     assert 2 <= len(used) <= 6
 
 
-def test_rollers_that_meet_the_floor_otherwise_are_expected_to_differ(problem: Problem) -> None:
+def test_rollers_that_meet_the_floor_otherwise_are_expected_to_differ(problem: ResidualProblem) -> None:
     candidate, place = slower(problem)
     best = fit(problem, candidate, place)
     assert best is not None
@@ -122,7 +122,7 @@ def test_rollers_that_meet_the_floor_otherwise_are_expected_to_differ(problem: P
     assert complete(problem, best, Floor(math.inf, trusted=True))
 
 
-def test_what_rollers_do_by_chance_raises_what_chance_gains(problem: Problem) -> None:
+def test_what_rollers_do_by_chance_raises_what_chance_gains(problem: ResidualProblem) -> None:
     library = responses(problem, ["wheel_gain_mismatch", "mount_yaw"])
     base = unchanged(problem, EMPTY)
     smooth = chance(base, library, np.random.default_rng(0), np.zeros((problem.size, 0)))
@@ -134,11 +134,11 @@ def test_twins_stay_tied_though_rollers_are_rough() -> None:
     base = paper_model()
     dataset = logs(base.with_effect("sensor_latency", delay_s=5 / 120))
     observations = observe(dataset)
-    problem = Problem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
     twins = ("command_latency", "sensor_latency")
-    search = Search(problem, responses(problem, [*twins, "mount_yaw"]), Effort(3, 1, 1, 1, 1))
+    search = Search(problem, responses(problem, [*twins, "mount_yaw"]), SearchEffort(3, 1, 1, 1, 1))
     search.grow(1)
     masks = group_masks(problem)
-    judged = [Judged(fitted, group_scores(problem, fitted, masks)) for fitted in search.of_size(1)]
+    judged = [ScoredSet(fitted, group_scores(problem, fitted, masks)) for fitted in search.of_size(1)]
     best = min(judged, key=lambda j: j.score)
     assert {j.names for j in tied(search, best, judged, 1.0)} == {(name,) for name in twins}

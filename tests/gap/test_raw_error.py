@@ -13,7 +13,7 @@ from sysid.compare.fitted import Fitted, unchanged
 from sysid.compare.model_error import ChannelError, ModelError, with_model_error
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.result import GapOptions
 from sysid.gap.search.coordinates import EffectSet, effect_set
@@ -25,10 +25,10 @@ from sysid.logs import Dataset
 from .conftest import NOISE_RPM, MakeLogs
 
 
-def problem_of(logs: Dataset, model: Model) -> Problem:
+def problem_of(logs: Dataset, model: Model) -> ResidualProblem:
     runs = tuple(run for run in logs.runs if run.split != "test")
     observations = observe(replace(logs, runs=runs))
-    return Problem(model, Whitener(observations, measure_noise(logs, observations), None))
+    return ResidualProblem(model, Whitener(observations, measure_noise(logs, observations), None))
 
 
 def test_the_plain_error_of_a_right_model_is_the_noise(bench_logs: MakeLogs, base: Model) -> None:

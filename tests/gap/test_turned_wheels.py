@@ -12,7 +12,7 @@ from mecanum_env.simulator.robot import at_rest
 from sysid.compare.fitted import unchanged
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.adequacy import Floor, complete, expected
 from sysid.gap.search.sets import EMPTY
@@ -24,7 +24,7 @@ LEVELS = ((60.0, 0.0, 0.0), (55.0, 90.0, 0.0), (40.0, 45.0, 20.0))
 KNOWN = Floor(1e6, trusted=True)
 
 
-def problem_of(model: Model, turned: bool) -> Problem:
+def problem_of(model: Model, turned: bool) -> ResidualProblem:
     """Return a study of three robot runs, twice each, whose wheels start at 0 or anyhow."""
     rng = np.random.default_rng(2)
     runs = []
@@ -40,7 +40,7 @@ def problem_of(model: Model, turned: bool) -> Problem:
             runs.append(Run(f"{name}_{repeat}.csv", name, "fit", TIME, command, channels))
     dataset = Dataset("turned wheels", tuple(runs), (), "made here")
     observations = observe(dataset)
-    return Problem(BASE, Whitener(observations, measure_noise(dataset, observations), None))
+    return ResidualProblem(BASE, Whitener(observations, measure_noise(dataset, observations), None))
 
 
 def test_a_robot_stands_on_whatever_rollers_it_is_put() -> None:

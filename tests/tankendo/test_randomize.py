@@ -7,7 +7,7 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.tankendo.plant import Robots, compile_model
+from mecanum_env.tankendo.plant import RobotBatch, compile_model
 from mecanum_env.tankendo.randomize import sampler_for
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 
@@ -121,7 +121,7 @@ def test_robots_that_do_not_go_together_are_refused_and_the_others_kept(paper):
     common, loaded = (
         compile_model(one, "planar") for one in (paper, paper.with_effect("payload", mass_kg=3))
     )
-    robots = Robots(common, 2)
+    robots = RobotBatch(common, 2)
     with pytest.raises(InputError, match="built otherwise"):
         robots.restart(1, (0, 0, 0), loaded)
     assert robots.model_of(1) is paper

@@ -20,7 +20,7 @@ from typing import Final, Literal, get_args
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 
 Group = Literal["nominal", "effects", "posterior", "robot-level", "latency", "what-if"]
 GROUPS: Final[tuple[Group, ...]] = get_args(Group)
@@ -54,13 +54,13 @@ class NamedPlant:
     """What it is, one line."""
     model: Model
     """Wheel, robot and effects; where `randomize` is "posterior", what is drawn around."""
-    physics: Plant = "planar"
+    physics: RobotPlant = "planar"
     """How it is simulated; "rollers" for effects that the planar plant cannot express."""
     randomize: Literal["none", "posterior"] = "none"
     """As for the environments."""
 
 
-def plants(model: Model, physics: Plant = "planar") -> tuple[NamedPlant, ...]:
+def plants(model: Model, physics: RobotPlant = "planar") -> tuple[NamedPlant, ...]:
     """Return every plant for a model, in the order of `GROUPS`; `posterior` only where it is known.
 
     Args:
@@ -180,6 +180,6 @@ def _own_effects(model: Model) -> list[NamedPlant]:
     return found
 
 
-def _physics(model: Model, wanted: Plant) -> Plant:
+def _physics(model: Model, wanted: RobotPlant) -> RobotPlant:
     refused = any(wanted in CATALOGUE[name].refused_by for name in model.effects)
     return "rollers" if refused else wanted

@@ -103,7 +103,7 @@ def _mean(found: Mean | None, unit: str) -> str:
     return "-" if found is None else f"{found.value:.2f}{' ' * bool(unit)}{unit}"
 
 
-_TEMPLATE: Final = Path(__file__).parent / "templates" / "certificate.html"
+_TEMPLATE: Final = Path(__file__).with_name("page.html")
 _BLUE, _RED, _GREY, _BAND = "#1f5fa8", "#c0392b", "#888888", "rgba(31,95,168,0.15)"
 # On the left: on the right are the buttons that zoom.
 _LEGEND: Final = {"orientation": "h", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}

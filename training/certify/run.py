@@ -19,7 +19,7 @@ import mecanum_env
 from mecanum_env.errors import require_at_least
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import opponent_for
 from training.certify.certificate import Certificate, PlantFigures, Thresholds, Timing, TrackFigures
 from training.certify.judge import checks, require_valid, timing_check
@@ -109,7 +109,7 @@ class Options:
     """A plant; their seeds are 0, 1, ..."""
     plants: tuple[str, ...] = ()
     """Names and groups of plants; none: all. The nominal one is always among them."""
-    physics: Plant = "planar"
+    physics: RobotPlant = "planar"
     difficulty: str = "normal"
     jobs: int = 0
     """Plants at a time; 0: as many as there are processors. The result is the same with any number."""

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import Opponent, command_to_action
 from mecanum_env.tankendo.arena import Arena, TaskName
 from mecanum_env.tankendo.vector import TankendoVectorEnv
@@ -32,7 +32,7 @@ class Setup:
 
     model: Model
     """The robot that moves."""
-    physics: Plant = "planar"
+    physics: RobotPlant = "planar"
     task: TaskName = "dodge"
     difficulty: str = "normal"
     opponent: Opponent | None = None

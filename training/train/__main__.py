@@ -9,9 +9,9 @@ from pathlib import Path
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, install_command
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode
-from training.train.settings import Algorithm, Ppo, Robots, Sac, Settings
+from training.train.settings import Algorithm, Ppo, Sac, Settings, TrainingRobots
 
 
 def main(
@@ -21,10 +21,10 @@ def main(
     env: str = Settings.env,
     steps: int | None = None,
     seed: int = Settings.seed,
-    plant: Plant = Settings.plant,
+    plant: RobotPlant = Settings.plant,
     model: Path | None = None,
     difficulty: str = Settings.difficulty,
-    randomize: Robots = Settings.randomize,
+    randomize: TrainingRobots = Settings.randomize,
     start: Path | None = None,
     envs: int = Settings.envs,
     action_mode: ActionMode = Settings.action_mode,

@@ -16,7 +16,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.files import write_json, write_text
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.registration import ENVIRONMENTS
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import DIFFICULTIES
 from mecanum_env.tankendo.arena import TaskName
 from training.controllers.policy import Policy, load_policy
@@ -33,7 +33,7 @@ class Row:
 
     robot: str
     """Name of the robot, as in `training.train.environments`."""
-    physics: Plant
+    physics: RobotPlant
     difficulty: str
     policy: Share
     beside: Share
@@ -52,8 +52,8 @@ def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, 
     """
     task = cast(TaskName, ENVIRONMENTS[policy.about["env"]])
     rows = []
-    jobs: list[tuple[str, Model, Plant, str]] = [
-        ("nominal", model, physics, level) for physics in get_args(Plant) for level in DIFFICULTIES
+    jobs: list[tuple[str, Model, RobotPlant, str]] = [
+        ("nominal", model, physics, level) for physics in get_args(RobotPlant) for level in DIFFICULTIES
     ]
     changed = list(level_models(model).items())[1:]
     jobs += [(name, robot, "planar", "normal") for name, robot in changed]

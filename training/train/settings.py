@@ -11,14 +11,14 @@ from typing import Any, Final, Literal, cast, get_args
 
 from mecanum_env.errors import InputError, did_you_mean, require_at_least
 from mecanum_env.registration import ENVIRONMENTS
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode, check_mode
 from mecanum_env.tankendo.arena import TaskName
 
 Algorithm = Literal["ppo", "sac"]
 ALGORITHMS: Final[tuple[Algorithm, ...]] = get_args(Algorithm)
-Robots = Literal["none", "posterior", "levels"]
-ROBOTS: Final[tuple[Robots, ...]] = get_args(Robots)
+TrainingRobots = Literal["none", "posterior", "levels"]
+ROBOTS: Final[tuple[TrainingRobots, ...]] = get_args(TrainingRobots)
 """On which robots: the model; for each episode one drawn from what its identification left open; the plants
 of `training.train.environments` side by side."""
 
@@ -125,11 +125,11 @@ class Settings:
     steps: int = 2_000_000
     """Of all environments together; the learning rate falls over this number."""
     seed: int = 0
-    plant: Plant = "planar"
+    plant: RobotPlant = "planar"
     model: str | None = None
     """Path of a model file; None: the packaged model."""
     difficulty: str = "normal"
-    randomize: Robots = "none"
+    randomize: TrainingRobots = "none"
     start: str | None = None
     """Folder of another run whose weights and normaliser this one begins with; None: new ones."""
     envs: int = 128

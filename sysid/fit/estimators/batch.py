@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from scipy.sparse import csr_matrix
 
 from mecanum_env.units import FloatArray
-from sysid.fit.estimators.problem import Problem
+from sysid.fit.estimators.problem import LawProblem
 
 _FEW = 100
 """Up to this many laws a compiled filter per law is quicker than one vectorised recursion."""
@@ -107,7 +107,7 @@ def all_pole(abc: FloatArray, drive: FloatArray) -> FloatArray:
     return padded[3:]
 
 
-def batch_cost(problem: Problem) -> BatchCost:
+def batch_cost(problem: LawProblem) -> BatchCost:
     """Reduce a stacked problem to the cost of many laws.
 
     The commands are those of the problem without further delay or limit. Runs are deviations from their

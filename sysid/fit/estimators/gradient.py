@@ -46,7 +46,7 @@ from sysid.fit.estimators.linear import (
     stable_coefficients,
     steiglitz_mcbride_coefficients,
 )
-from sysid.fit.estimators.problem import Problem, stack
+from sysid.fit.estimators.problem import LawProblem, stack
 
 ITERATIONS_PER_EVALUATION: Final = 25
 """A descent gets this many iterations for each of `Options.max_iterations`: they are many and cheap."""
@@ -139,7 +139,7 @@ def refined(runs: Sequence[WheelRun], law: FloatArray, options: Options, cost: B
     return rounds[int(np.argmin(cost.value(np.array(rounds))))]
 
 
-def learning_rate(problem: Problem, law: FloatArray) -> float:
+def learning_rate(problem: LawProblem, law: FloatArray) -> float:
     """Return alpha = 1.9/L_h with L_h the largest eigenvalue of the Gauss-Newton matrix at a good law A-F."""
     jacobian = problem.predict_with_jacobian(law, problem.traces())[1][:, :6] * problem.weight[:, None]
     largest = float(np.linalg.eigvalsh(2.0 * jacobian.T @ jacobian / np.sum(problem.weight**2))[-1])
@@ -191,7 +191,7 @@ def estimate_by_descent(
 
 
 def _results(
-    problem: Problem, kinds: Sequence[str], starts: FloatArray, descent: Descent, seconds: float
+    problem: LawProblem, kinds: Sequence[str], starts: FloatArray, descent: Descent, seconds: float
 ) -> list[StartResult]:
     traces = problem.traces()
     results = []

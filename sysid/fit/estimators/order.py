@@ -17,7 +17,7 @@ from scipy.optimize import least_squares
 
 from mecanum_env.law.stability import free_coordinates, stable_abc
 from mecanum_env.units import FloatArray
-from sysid.fit.estimators.problem import Problem, Traces
+from sysid.fit.estimators.problem import LawProblem, Traces
 
 FREE_BY_ORDER: Final = {1: ("A", "D", "E"), 2: ("A", "B", "D", "E"), 3: ("A", "B", "C", "D", "E", "F")}
 """What an order estimates; the others are 0. With unit gain E follows from the rest."""
@@ -39,7 +39,7 @@ class LowerOrder:
 
 
 def lower_order(
-    problem: Problem, traces: Traces, order: int, *, unit_gain: bool, gain: float = 1.0
+    problem: LawProblem, traces: Traces, order: int, *, unit_gain: bool, gain: float = 1.0
 ) -> LowerOrder:
     """Fit a first- or second-order law (`order`) by output error.
 

@@ -42,7 +42,7 @@ from sysid.fit.estimators.order import (
     noise_gain,
     noise_variance,
 )
-from sysid.fit.estimators.problem import Problem, Traces, stack
+from sysid.fit.estimators.problem import LawProblem, Traces, stack
 from sysid.fit.estimators.projection import drive_start, gain_start, project
 
 _TOLERANCE = 1e-10
@@ -128,7 +128,7 @@ def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Es
 
 
 def fit_from(
-    problem: Problem,
+    problem: LawProblem,
     initial: FloatArray,
     options: Options,
     *,
@@ -144,7 +144,7 @@ def fit_from(
     return _polish(problem, _Point(coefficients, delay_s, saturation_rpm), options, evaluations)
 
 
-def _polish(problem: Problem, start: _Point, options: Options, evaluations: int) -> _Reached:
+def _polish(problem: LawProblem, start: _Point, options: Options, evaluations: int) -> _Reached:
     """Stage 2: all free parameters together from a good start."""
     free_delay, free_limit = options.fit_delay, bool(np.isfinite(start.saturation_rpm))
     period = problem.sample_period_s
@@ -212,7 +212,7 @@ def _polish(problem: Problem, start: _Point, options: Options, evaluations: int)
     )
 
 
-def _simplest(problem: Problem, point: _Point, cost: float, options: Options) -> tuple[_Point, float, int]:
+def _simplest(problem: LawProblem, point: _Point, cost: float, options: Options) -> tuple[_Point, float, int]:
     """Return (point, cost, order): the lowest order that explains the data as well as the next one."""
     traces = problem.traces(point.delay_s, point.saturation_rpm)
     c = point.coefficients
@@ -243,6 +243,6 @@ def _starting_points(runs: Sequence[WheelRun], options: Options) -> list[tuple[s
     return points[: options.starts]
 
 
-def _rms(problem: Problem, point: _Point) -> float:
+def _rms(problem: LawProblem, point: _Point) -> float:
     traces = problem.traces(point.delay_s, point.saturation_rpm)
     return problem.rms(problem.predict(point.coefficients, traces))

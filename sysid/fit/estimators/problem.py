@@ -40,7 +40,7 @@ class Traces:
 
 
 @dataclass(frozen=True, eq=False)
-class Problem:
+class LawProblem:
     """All runs stacked: U different traces of K ticks, M measurements to predict.
 
     Build it with `stack`. Arrays that describe measurements have shape (M,).
@@ -161,7 +161,7 @@ class Problem:
         return np.asarray(value)
 
 
-def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
+def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> LawProblem:
     """Stack runs into one problem; with `merge`, repeats of one sample become their weighted mean.
 
     Merging changes no least-squares estimate (the mean is sufficient) and shortens every step.
@@ -197,7 +197,7 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> Problem:
         row, time = row[first], time[first]
         speed, precision = mean, np.asarray(total, float)
     tick = np.minimum(time.astype(np.intp), length)
-    return Problem(
+    return LawProblem(
         sources=tuple(sources),
         initial_rpm=np.array([run.initial_rpm for run in sources]),
         length=length,

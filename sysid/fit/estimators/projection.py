@@ -16,12 +16,12 @@ from scipy.optimize import least_squares
 from mecanum_env.law.stability import free_coordinates, stable_abc, stable_abc_jacobian
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Options
-from sysid.fit.estimators.problem import Problem, Traces
+from sysid.fit.estimators.problem import LawProblem, Traces
 
 _MOST_EVALUATIONS = 100
 
 
-def project(problem: Problem, traces: Traces, abc: FloatArray) -> tuple[FloatArray, int]:
+def project(problem: LawProblem, traces: Traces, abc: FloatArray) -> tuple[FloatArray, int]:
     """Stage 1, from `abc`: return A-F of unit gain, shape (6,), and the number of evaluations used.
 
     The projected cost still has a few local minima (poles stuck near the unit circle). They are left by a
@@ -53,7 +53,7 @@ def search_poles(projection: Projection, t: FloatArray) -> tuple[FloatArray, int
 class Projection:
     """The problem with D, E and F solved for: a function of the three pole coordinates only."""
 
-    def __init__(self, problem: Problem, traces: Traces) -> None:
+    def __init__(self, problem: LawProblem, traces: Traces) -> None:
         self._problem, self._traces = problem, traces
         self._target = (problem.speed_rpm - problem.initial_rpm[problem.row]) * problem.weight
         self._last: tuple[bytes, tuple[FloatArray, FloatArray, FloatArray]] | None = None
@@ -93,14 +93,14 @@ _F_LIMIT = 12.0
 """Improvement by one parameter over the residual variance that counts as seen: about 3.5 sigma."""
 
 
-def drive_start(problem: Problem, options: Options) -> tuple[float, float]:
+def drive_start(problem: LawProblem, options: Options) -> tuple[float, float]:
     """Return a first guess of (delay_s, saturation_rpm); 0 and infinity where not asked for or not seen."""
     limit = _saturation_start(problem) if options.fit_saturation else np.inf
     delay = _delay_start(problem, options.max_delay_s, limit) if options.fit_delay else 0.0
     return delay, limit
 
 
-def gain_start(problem: Problem, command: np.ndarray) -> float:
+def gain_start(problem: LawProblem, command: np.ndarray) -> float:
     """Return a first guess of steady speed over command: the regression on commands held for 20 ticks."""
     if problem.length <= 20:
         return 1.0
@@ -115,12 +115,12 @@ def gain_start(problem: Problem, command: np.ndarray) -> float:
     return gain if abs(gain) > 1e-3 else 1.0
 
 
-def _cost(problem: Problem, delay_s: float, limit: float) -> float:
+def _cost(problem: LawProblem, delay_s: float, limit: float) -> float:
     projection = Projection(problem, problem.traces(delay_s, limit))
     return projection.cost(search_poles(projection, _BENIGN)[0])
 
 
-def _delay_start(problem: Problem, longest_s: float, limit: float) -> float:
+def _delay_start(problem: LawProblem, longest_s: float, limit: float) -> float:
     period = problem.sample_period_s
 
     def best(ticks: range) -> int:
@@ -132,7 +132,7 @@ def _delay_start(problem: Problem, longest_s: float, limit: float) -> float:
     return period * best(range(max(coarse - 2, 0), min(coarse + 2, last) + 1))
 
 
-def _saturation_start(problem: Problem) -> float:
+def _saturation_start(problem: LawProblem) -> float:
     """Scan limits around the fastest speed; infinite unless one explains the data better than none."""
     largest = problem.largest_command
     fastest = float(np.quantile(np.abs(problem.speed_rpm), 0.99))

@@ -16,7 +16,7 @@ from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Estimate, WheelRun
 from sysid.fit.estimators.order import noise_variance
-from sysid.fit.estimators.problem import Problem, Traces, stack
+from sysid.fit.estimators.problem import LawProblem, Traces, stack
 
 _RANK_TOLERANCE: Final = 1e-11
 """A direction weaker than this share of the strongest is lost in rounding: nothing is known along it."""
@@ -30,7 +30,7 @@ class Linearised:
     `spread` @ z for independent directions z of standard deviation 1/s.
     """
 
-    problem: Problem
+    problem: LawProblem
     traces: Traces
     names: tuple[str, ...]
     """A-F, then delay_s and saturation_rpm where they were fitted."""

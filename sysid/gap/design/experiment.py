@@ -29,7 +29,15 @@ from mecanum_env.units import FloatArray
 from sysid.compare.prediction import POSE
 from sysid.gap.design.direct_checks import what_to_measure
 from sysid.gap.design.sequences import Limits
-from sysid.gap.design.trial import EFFORT, JudgedSequence, Setting, Trial, Worth, command_of, search
+from sysid.gap.design.trial import (
+    EFFORT,
+    ExperimentConditions,
+    JudgedSequence,
+    Trial,
+    Worth,
+    command_of,
+    search,
+)
 from sysid.gap.report.wording import amount, listed, set_name
 from sysid.gap.result import Experiment
 from sysid.gap.search.chance import NEVER
@@ -69,7 +77,7 @@ class Design:
 def design(
     base: Model,
     candidates: Sequence[Rival],
-    setting: Setting,
+    setting: ExperimentConditions,
     limits: Limits,
     *,
     common: Model | None = None,
@@ -160,7 +168,7 @@ def power(z: FloatArray, told: Pairs, count: int) -> float:
     return float(max(0.0, 1.0 - np.max(errors)))
 
 
-def level_of(setting: Setting) -> Level:
+def level_of(setting: ExperimentConditions) -> Level:
     """Return the level of the logs of a setting."""
     return "bench" if setting.kind == "bench" else "robot"
 
@@ -169,7 +177,7 @@ def experiment_of(
     base: Model,
     rows: FloatArray,
     shown: Sequence[Rival],
-    setting: Setting,
+    setting: ExperimentConditions,
     names: tuple[tuple[str, ...], ...],
     chance: float,
     why: str,
@@ -207,7 +215,7 @@ def _told(best: FloatArray, count: int) -> Pairs:
     return np.asarray(np.maximum(best, best[back]) >= norm.ppf(_LEAST_POWER))
 
 
-def _tied(names: Sequence[tuple[str, ...]], told: Pairs, setting: Setting) -> str:
+def _tied(names: Sequence[tuple[str, ...]], told: Pairs, setting: ExperimentConditions) -> str:
     """Return what no command separates and what would, in a sentence; empty where there is none."""
     together: list[set[int]] = []
     for (i, j), separable in zip(permutations(range(len(names)), 2), told, strict=True):
@@ -226,7 +234,7 @@ def _tied(names: Sequence[tuple[str, ...]], told: Pairs, setting: Setting) -> st
     return " ".join(sentences)
 
 
-def _only_spinning(names: Sequence[tuple[str, ...]], setting: Setting) -> str:
+def _only_spinning(names: Sequence[tuple[str, ...]], setting: ExperimentConditions) -> str:
     which = listed([set_name(one) for one in names])
     return (
         f"{which} part only on commands that make wheels spin, where no model can be trusted: "
@@ -234,7 +242,9 @@ def _only_spinning(names: Sequence[tuple[str, ...]], setting: Setting) -> str:
     )
 
 
-def _separates(base: Model, rows: FloatArray, candidates: Sequence[Rival], setting: Setting) -> str:
+def _separates(
+    base: Model, rows: FloatArray, candidates: Sequence[Rival], setting: ExperimentConditions
+) -> str:
     """Return where the candidates' predictions of a sequence part most, in a sentence."""
     trial = Trial(base, rows, setting)
     shown = [s for s in (trial.channels_of(c.model) for c in candidates) if s is not None]

@@ -37,7 +37,7 @@ from sysid.logs.runs import Level
 
 
 @dataclass(frozen=True)
-class Effort:
+class DesignEffort:
     """How much is simulated."""
 
     thorough: int
@@ -49,7 +49,7 @@ class Effort:
 
 PLENTY: Final = 4.0
 """A sequence worth this much is not improved: its power is 1 but for a few in 100,000."""
-EFFORT: Final[dict[Level, Effort]] = {"bench": Effort(16, 8, 6), "robot": Effort(4, 2, 4)}
+EFFORT: Final[dict[Level, DesignEffort]] = {"bench": DesignEffort(16, 8, 6), "robot": DesignEffort(4, 2, 4)}
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +71,7 @@ def search(
     limits: Limits,
     judge: Judge,
     worth_of: Callable[[Sequence[JudgedSequence]], Worth | None],
-    effort: Effort,
+    effort: DesignEffort,
     *,
     seed: int = 0,
     jobs: int = 1,
@@ -141,7 +141,7 @@ CommandKind = Literal["bench", "body", "wheels"]
 
 
 @dataclass(frozen=True)
-class Setting:
+class ExperimentConditions:
     """How the next logs will be recorded and judged."""
 
     kind: CommandKind
@@ -167,7 +167,9 @@ class Trial:
         rough: simulate the robot with twice the physics step, in half the time.
     """
 
-    def __init__(self, base: Model, rows: FloatArray, setting: Setting, *, rough: bool = False) -> None:
+    def __init__(
+        self, base: Model, rows: FloatArray, setting: ExperimentConditions, *, rough: bool = False
+    ) -> None:
         self.base, self.setting = base, setting
         self._timestep_s = TRAINING_TIMESTEP_S if rough else None
         step = max(setting.interval_s, FINEST_S)

@@ -13,21 +13,29 @@ from typing import Any, Final
 import numpy as np
 from scipy.stats import norm
 
-from mecanum_env.effects import CATALOGUE, Effect, Plant
+from mecanum_env.effects import CATALOGUE, Effect, PlantKind
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
 from sysid.compare.observations import Observations
 from sysid.compare.prediction import POSE
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.design.experiment import Design, Rival, design, experiment_of, level_of
 from sysid.gap.design.sequences import Limits
-from sysid.gap.design.trial import EFFORT, CommandKind, JudgedSequence, Setting, Trial, Worth, search
+from sysid.gap.design.trial import (
+    EFFORT,
+    CommandKind,
+    ExperimentConditions,
+    JudgedSequence,
+    Trial,
+    Worth,
+    search,
+)
 from sysid.gap.report.wording import listed, set_name
 from sysid.gap.result import Untestable
 from sysid.gap.search.coordinates import coordinate
 from sysid.gap.search.decide import Decision
-from sysid.gap.search.scores import Judged
+from sysid.gap.search.scores import ScoredSet
 from sysid.logs import BenchCommand, BodyCommand, Run
 from sysid.logs.runs import Level
 
@@ -42,7 +50,7 @@ _LEAST_POWER: Final = 0.5
 def design_for_untestable(
     model: Model,
     effects: Sequence[str],
-    setting: Setting,
+    setting: ExperimentConditions,
     limits: Limits,
     *,
     threshold: float,
@@ -62,7 +70,7 @@ def design_for_untestable(
         seed: of the random sequences and changes.
         jobs: sequences simulated at a time; changes the time taken, not the result.
     """
-    plant: Plant = "bench" if setting.kind == "bench" else "rollers"
+    plant: PlantKind = "bench" if setting.kind == "bench" else "rollers"
     there = [CATALOGUE[name] for name in effects if CATALOGUE[name].acts_in(plant)]
     rivals = [_typical(model, effect, scale) for effect in there[: _MOST_UNTESTABLE[level_of(setting)]]]
     if not rivals:
@@ -135,7 +143,7 @@ _MOST: Final[dict[Level, int]] = {"bench": 6, "robot": 4}
 
 
 def what_next(
-    problem: Problem,
+    problem: ResidualProblem,
     decision: Decision,
     improved: Model,
     untestable: Sequence[Untestable],
@@ -170,7 +178,9 @@ def what_next(
     )
 
 
-def _separating(problem: Problem, decision: Decision, setting: Setting, limits: Limits, seed: int) -> Design:
+def _separating(
+    problem: ResidualProblem, decision: Decision, setting: ExperimentConditions, limits: Limits, seed: int
+) -> Design:
     tied = decision.candidates[: _MOST[level_of(setting)]]
     base, shared = problem.base, [n for n in tied[0].names if all(n in judged.names for judged in tied)]
     common = base
@@ -188,7 +198,7 @@ def _separating(problem: Problem, decision: Decision, setting: Setting, limits: 
     return Design(replace(found.experiment, why=why), why)
 
 
-def _rival(base: Model, judged: Judged, without: float, inflation: float) -> Rival:
+def _rival(base: Model, judged: ScoredSet, without: float, inflation: float) -> Rival:
     fitted = judged.fitted
     explained = max(0.0, without - fitted.cost) / inflation
     model = fitted.candidate.model(base, fitted.place)
@@ -206,14 +216,14 @@ def _plausible(base: Model, fitted: Fitted[Any], inflation: float) -> tuple[Mode
     return tuple(found)
 
 
-def _setting(problem: Problem, inflation: float) -> Setting:
+def _setting(problem: ResidualProblem, inflation: float) -> ExperimentConditions:
     observations, whitener = problem.observations, problem.whitener
     runs = [run for situation in observations.situations for run in situation.runs]
     sigma = {
         name: value / math.sqrt(1.0 if name in POSE else _share(observations, name))
         for name, value in whitener.noise.sigma.items()
     }
-    return Setting(
+    return ExperimentConditions(
         kind=_kind(runs[0]),
         channels=observations.channels,
         interval_s=float(np.median([run.median_interval_s for run in runs])),

@@ -14,19 +14,19 @@ import numpy as np
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
 from sysid.gap.search.adequacy import Floor, enough, expected
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.decide import Decision
-from sysid.gap.search.scores import Judged, fitted_rms, interval_ends, raw_rms
+from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats
 from sysid.logs.runs import UNITS
@@ -62,7 +62,9 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
     return split, dataset.split(split)
 
 
-def predicted(model: Model, runs: Sequence[Run], plant: Plant = "rollers") -> list[dict[str, FloatArray]]:
+def predicted(
+    model: Model, runs: Sequence[Run], plant: RobotPlant = "rollers"
+) -> list[dict[str, FloatArray]]:
     """Return what a model predicts for each run: channel -> values at its rows, (n,).
 
     Args:
@@ -157,7 +159,7 @@ MOST: Final = 12
 """Sets in the table, beside the model as it is and the law fitted again."""
 
 
-def found_effects(problem: Problem, decision: Decision) -> tuple[FoundEffect, ...]:
+def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEffect, ...]:
     """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
 
     Args:
@@ -180,7 +182,9 @@ def found_effects(problem: Problem, decision: Decision) -> tuple[FoundEffect, ..
     )
 
 
-def evidence(dataset: Dataset, problem: Problem, decision: Decision, floor: Floor) -> tuple[Evidence, ...]:
+def evidence(
+    dataset: Dataset, problem: ResidualProblem, decision: Decision, floor: Floor
+) -> tuple[Evidence, ...]:
     """Return the sets that matter, best score first.
 
     Args:
@@ -198,7 +202,7 @@ def evidence(dataset: Dataset, problem: Problem, decision: Decision, floor: Floo
     base = next(j for j in decision.judged if not j.names)
     right = expected(problem, *(j.fitted for j in (base, decision.chosen) if j is not None))
 
-    def row(judged: Judged) -> Evidence:
+    def row(judged: ScoredSet) -> Evidence:
         fitted = judged.fitted
         model = fitted.candidate.model(problem.base, fitted.place)
         p = fitted.candidate.parameter_count
@@ -217,7 +221,7 @@ def evidence(dataset: Dataset, problem: Problem, decision: Decision, floor: Floo
     return tuple(problem.map(row, sorted(listed, key=lambda j: (j.score, j.names))))
 
 
-def _parameters(judged: Judged, model: Model) -> dict[str, dict[str, float]]:
+def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {name: {} for name in judged.names}
     if isinstance(judged.fitted.candidate, EffectSet):
         for c in judged.fitted.candidate.coordinates:
@@ -231,7 +235,7 @@ def _parameters(judged: Judged, model: Model) -> dict[str, dict[str, float]]:
     return found
 
 
-def _test_rms(problem: Problem, test: Simulator, model: Model) -> float:
+def _test_rms(problem: ResidualProblem, test: Simulator, model: Model) -> float:
     try:
         predictions = test.predictions(model)
     except MecanumError:

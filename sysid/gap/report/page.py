@@ -23,7 +23,7 @@ from sysid.gap.report.wording import (
 )
 from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
 
-_TEMPLATE: Final = Path(__file__).parent / "templates" / "gap.html"
+_TEMPLATE: Final = Path(__file__).with_name("page.html")
 _MOST_OVERLAYS: Final = 6
 _MOST_FINDINGS: Final = 40
 _EVIDENCE_SHOWN, _EVIDENCE_FOLDED = 10, 60

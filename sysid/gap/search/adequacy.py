@@ -1,6 +1,6 @@
 """What a right model would leave on these runs, and whether a set of effects leaves no more.
 
-It leaves noise, and on robots the rollers' own roughness where it stands (`Problem.rough`).
+It leaves noise, and on robots the rollers' own roughness where it stands (`ResidualProblem.rough`).
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 
 from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.chance import largest_misfit, misfit_p_value
 
 ENOUGH: Final = 0.2
@@ -33,8 +33,8 @@ class Floor:
     """Whether repeats are alike but for noise: where chance acts on the wheel, no effect is all of it."""
 
 
-def rough(problem: Problem, fitted: Fitted[Any]) -> FloatArray:
-    """Return `Problem.rough` of a fitted set, (N, k).
+def rough(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
+    """Return `ResidualProblem.rough` of a fitted set, (N, k).
 
     Args:
         problem: the model and the runs that decide.
@@ -43,7 +43,7 @@ def rough(problem: Problem, fitted: Fitted[Any]) -> FloatArray:
     return problem.rough(fitted.candidate.model(problem.base, fitted.place))
 
 
-def expected(problem: Problem, *fitted: Fitted[Any]) -> float:
+def expected(problem: ResidualProblem, *fitted: Fitted[Any]) -> float:
     """Return the square sum that a right model leaves, by the roughest of some fitted sets.
 
     Args:
@@ -53,7 +53,7 @@ def expected(problem: Problem, *fitted: Fitted[Any]) -> float:
     return problem.size + max(float(np.sum(rough(problem, one) ** 2)) for one in fitted)
 
 
-def misfit(problem: Problem, fitted: Fitted[Any], floor: Floor) -> float:
+def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float:
     """Return how likely a right model leaves as much as a fitted set does; 1 where none can tell.
 
     Args:
@@ -67,7 +67,7 @@ def misfit(problem: Problem, fitted: Fitted[Any], floor: Floor) -> float:
     return misfit_p_value(fitted.cost * share, problem.size, floor.freedom)
 
 
-def complete(problem: Problem, fitted: Fitted[Any], floor: Floor) -> bool:
+def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:
     """Return whether a set leaves no more than chance allows.
 
     Args:
@@ -81,7 +81,7 @@ def complete(problem: Problem, fitted: Fitted[Any], floor: Floor) -> bool:
 
 
 def enough(
-    problem: Problem, base: Fitted[Any], fitted: Fitted[Any], floor: Floor, right: float | None = None
+    problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any], floor: Floor, right: float | None = None
 ) -> bool:
     """Return whether what a set leaves is what chance allows, or little beside what it explains.
 

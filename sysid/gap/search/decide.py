@@ -24,12 +24,12 @@ from typing import Any, Final
 import numpy as np
 
 from sysid.compare.fitted import Fitted, LawAgain, fit
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Verdict
 from sysid.gap.search.adequacy import Floor, complete, enough, expected, misfit, rough
 from sysid.gap.search.chance import FALSE_ALARM, NEVER, chance
 from sysid.gap.search.coordinates import EffectSet
-from sysid.gap.search.scores import FORMULA_ERROR, Judged, Mask, doubtful, group_masks, group_scores, rises
+from sysid.gap.search.scores import FORMULA_ERROR, Mask, ScoredSet, doubtful, group_masks, group_scores, rises
 from sysid.gap.search.sets import Search
 from sysid.gap.search.ties import tied
 
@@ -50,13 +50,13 @@ class Decision:
     """The verdict and what it rests on."""
 
     verdict: Verdict
-    chosen: Judged | None
+    chosen: ScoredSet | None
     """What is added to the model, if anything."""
-    candidates: tuple[Judged, ...]
+    candidates: tuple[ScoredSet, ...]
     """As good as the chosen one, which comes first."""
-    judged: tuple[Judged, ...]
+    judged: tuple[ScoredSet, ...]
     """All sets that were fitted, the empty one too; best score first."""
-    law: Judged | None
+    law: ScoredSet | None
     """The wheel law fitted again, where that was tried."""
     p_value: float
     inflation: float
@@ -65,7 +65,9 @@ class Decision:
     notes: tuple[str, ...]
 
 
-def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.random.Generator) -> Decision:
+def decide(
+    problem: ResidualProblem, search: Search, floor: Floor, most: int, rng: np.random.Generator
+) -> Decision:
     """Search and decide; again, where it turns out that the logs' wheels started at other angles.
 
     Args:
@@ -89,7 +91,9 @@ def decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.ra
     return replace(again, notes=(*again.notes, said))
 
 
-def _decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.random.Generator) -> Decision:
+def _decide(
+    problem: ResidualProblem, search: Search, floor: Floor, most: int, rng: np.random.Generator
+) -> Decision:
     masks = group_masks(problem)
     base = search.base
     by_chance = chance(base, search.library, rng, rough(problem, base))
@@ -170,13 +174,13 @@ def _decide(problem: Problem, search: Search, floor: Floor, most: int, rng: np.r
     return Decision(verdict, alike[0], alike, judged, law, p_value, inflation, frequency, tuple(notes))
 
 
-def _inflation(problem: Problem, best: Fitted[Any]) -> float:
+def _inflation(problem: ResidualProblem, best: Fitted[Any]) -> float:
     freedom = max(1, problem.size - int(best.candidate.parameter_count))
     return max(1.0, best.cost / freedom)
 
 
 def _grow(
-    problem: Problem,
+    problem: ResidualProblem,
     search: Search,
     masks: Mapping[str, Mask],
     floor: Floor,
@@ -214,26 +218,28 @@ def _grow(
     return size
 
 
-def _best(problem: Problem, search: Search, size: int, masks: Mapping[str, Mask], inflation: float) -> Judged:
+def _best(
+    problem: ResidualProblem, search: Search, size: int, masks: Mapping[str, Mask], inflation: float
+) -> ScoredSet:
     """Return the set of a size that predicts each group best from the others, a harmless one if there is."""
     judged = [_with_scores(problem, f, masks, inflation) for f in search.of_size(size)]
     return min(judged, key=lambda j: (rises(problem, search.base, j.fitted), j.score, j.names))
 
 
 def _judge(
-    problem: Problem, search: Search, masks: Mapping[str, Mask], inflation: float
-) -> tuple[Judged, ...]:
+    problem: ResidualProblem, search: Search, masks: Mapping[str, Mask], inflation: float
+) -> tuple[ScoredSet, ...]:
     judged = [_with_scores(problem, f, masks, inflation) for f in search.fitted.values()]
     return tuple(sorted(judged, key=lambda j: (j.score, j.names)))
 
 
 def _with_scores(
-    problem: Problem, fitted: Fitted[Any], masks: Mapping[str, Mask], inflation: float
-) -> Judged:
-    return Judged(fitted, group_scores(problem, fitted, masks, inflation))
+    problem: ResidualProblem, fitted: Fitted[Any], masks: Mapping[str, Mask], inflation: float
+) -> ScoredSet:
+    return ScoredSet(fitted, group_scores(problem, fitted, masks, inflation))
 
 
-def _spare(problem: Problem, search: Search, size: int, inflation: float) -> None:
+def _spare(problem: ResidualProblem, search: Search, size: int, inflation: float) -> None:
     """Leave out the parameters that the best sets do not need."""
     near = search.of_size(size)
     limit = near[0].cost + 4.0 * NEVER**2 * inflation
@@ -245,7 +251,7 @@ def _spare(problem: Problem, search: Search, size: int, inflation: float) -> Non
             search.fitted[key] = smaller
 
 
-def _spared(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> Fitted[EffectSet]:
+def _spared(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float) -> Fitted[EffectSet]:
     while True:
         candidate, spread = fitted.candidate, np.sqrt(np.diag(fitted.covariance(inflation)))
         far = np.abs(fitted.place - candidate.start()) / np.maximum(spread, 1e-12)
@@ -263,13 +269,13 @@ def _spared(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> Fi
             return fitted
 
 
-def _law(problem: Problem, masks: Mapping[str, Mask], inflation: float) -> Judged | None:
+def _law(problem: ResidualProblem, masks: Mapping[str, Mask], inflation: float) -> ScoredSet | None:
     rival = LawAgain(problem.base)
     found = fit(problem, rival, rival.start(), most=20)
     return None if found is None else _with_scores(problem, found, masks, inflation)
 
 
-def _removed(problem: Problem, base: Fitted[Any], chosen: Fitted[Any]) -> float:
+def _removed(problem: ResidualProblem, base: Fitted[Any], chosen: Fitted[Any]) -> float:
     """Return the share of the squared difference above the noise that a set removes, sample by sample."""
     noise = problem.whitener.noise.sigma
     blocks = problem.observations.blocks
@@ -285,7 +291,7 @@ def _removed(problem: Problem, base: Fitted[Any], chosen: Fitted[Any]) -> float:
     return (before - above(chosen)) / before if before > 0.0 else 0.0
 
 
-def _frequency(chosen: Judged, judged: Sequence[Judged], rng: np.random.Generator) -> dict[str, float]:
+def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Generator) -> dict[str, float]:
     """Return how often each effect is in the best set of resampled groups.
 
     A larger set counts as better only by more than `NEVER`^2, as in the decision.

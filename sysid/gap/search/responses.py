@@ -17,7 +17,7 @@ from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.coordinates import (
     FRICTION,
     Coordinate,
@@ -51,7 +51,7 @@ class Response:
     """Along the first coordinate, how far from neutral (0 .. 1)."""
 
 
-def responses(problem: Problem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
+def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
     """Return the responses of effects, in the order of the catalogue; what cannot be simulated is left out.
 
     Args:

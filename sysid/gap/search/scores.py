@@ -32,14 +32,14 @@ from mecanum_env.units import FloatArray
 from sysid.compare.descent import Minimum, flat_or, reach
 from sysid.compare.fitted import PRIOR, Fitted, function_near, marginal_function
 from sysid.compare.observations import Observations
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.coordinates import EffectSet
 
 Mask = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class ScoredSet:
     """A fitted set with its scores."""
 
     fitted: Fitted[Any]
@@ -57,7 +57,7 @@ class Judged:
         return total(self.scores)
 
 
-def group_masks(problem: Problem) -> dict[str, Mask]:
+def group_masks(problem: ResidualProblem) -> dict[str, Mask]:
     """Return group -> which of the N values belong to it."""
     masks: dict[str, Mask] = {}
     observations = problem.observations
@@ -68,7 +68,7 @@ def group_masks(problem: Problem) -> dict[str, Mask]:
 
 
 def group_scores(
-    problem: Problem, fitted: Fitted[Any], masks: Mapping[str, Mask], inflation: float = 1.0
+    problem: ResidualProblem, fitted: Fitted[Any], masks: Mapping[str, Mask], inflation: float = 1.0
 ) -> FloatArray:
     """Return the score of each group, in the order of `masks`; lower is better.
 
@@ -111,7 +111,9 @@ RISES: Final = 1.01
 """Ratio of root mean squares that is a rise; chance moves it by less where there are some hundred samples."""
 
 
-def raw_rms(problem: Problem, observations: Observations, parts: Sequence[FloatArray], split: str) -> float:
+def raw_rms(
+    problem: ResidualProblem, observations: Observations, parts: Sequence[FloatArray], split: str
+) -> float:
     """Return the rms of a residual over single samples, repeats' spread included; NaN without such runs.
 
     In the channel's unit where there is one channel, else over the noise.
@@ -132,7 +134,7 @@ def raw_rms(problem: Problem, observations: Observations, parts: Sequence[FloatA
     return math.sqrt(squares / weights) if weights else math.nan
 
 
-def fitted_rms(problem: Problem, fitted: Fitted[Any], split: str) -> float:
+def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> float:
     """Return `raw_rms` of a fit on the runs of a split that decide.
 
     Args:
@@ -144,7 +146,7 @@ def fitted_rms(problem: Problem, fitted: Fitted[Any], split: str) -> float:
     return raw_rms(problem, problem.observations, parts, split)
 
 
-def rises(problem: Problem, base: Fitted[Any], fitted: Fitted[Any]) -> bool:
+def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> bool:
     """Return whether a fit leaves more on the validation runs than the model as it is, in plain numbers.
 
     What the weights of a small noise, or of the model's own error, make look better is no gain then.
@@ -171,7 +173,7 @@ FEWEST_GROUPS: Final = 4
 
 
 def interval_ends(
-    problem: Problem, fitted: Fitted[EffectSet], inflation: float
+    problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float
 ) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1.
 
@@ -207,7 +209,7 @@ def interval_ends(
     return low, high
 
 
-def doubtful(problem: Problem, fitted: Fitted[EffectSet], inflation: float) -> tuple[str, ...]:
+def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float) -> tuple[str, ...]:
     """Return the effects of a set of which no parameter is surely away from neutral.
 
     Args:

@@ -15,7 +15,7 @@ import numpy as np
 
 from sysid.compare.descent import Minimum, explored
 from sysid.compare.fitted import Fitted, fit, marginal_function, unchanged
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.coordinates import BENCH_RIDGES, EffectSet
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 
@@ -29,7 +29,7 @@ _NEAR: Final = 0.2  # of what an effect explains: another may miss so much in th
 
 
 @dataclass(frozen=True)
-class Effort:
+class SearchEffort:
     """How many sets are fitted by full simulation."""
 
     singles: int = 12
@@ -54,7 +54,7 @@ class Search:
         effort: how much to simulate.
     """
 
-    def __init__(self, problem: Problem, library: Sequence[Response], effort: Effort) -> None:
+    def __init__(self, problem: ResidualProblem, library: Sequence[Response], effort: SearchEffort) -> None:
         self.problem, self.library, self.effort = problem, tuple(library), effort
         self.base = unchanged(problem, EMPTY)
         self.fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}

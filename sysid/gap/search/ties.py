@@ -1,7 +1,8 @@
 """Which sets explain the runs as well as the chosen one: names that these logs cannot tell apart.
 
-With u the difference of two sets' predictions and R the columns of the rollers' roughness (`Problem.rough`),
-what tells the two apart is the residual along u, which chance moves by sqrt(1 + rho^2) sigmas, rho = |R'u| /
+With u the difference of two sets' predictions and R the columns of the rollers' roughness
+(`ResidualProblem.rough`), what tells the two apart is the residual along u, which chance moves by sqrt(1 +
+rho^2) sigmas, rho = |R'u| /
 |u|. If the rival is the truth, it is dropped with a probability below Phi(-NEVER), however large u is, where
 its square sum may be larger by NEVER^2 (1 + rho^2).
 """
@@ -13,14 +14,16 @@ from collections.abc import Sequence
 import numpy as np
 
 from mecanum_env.units import FloatArray
-from sysid.compare.problem import Problem
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.adequacy import rough
 from sysid.gap.search.chance import NEVER
-from sysid.gap.search.scores import FORMULA_ERROR, Judged
+from sysid.gap.search.scores import FORMULA_ERROR, ScoredSet
 from sysid.gap.search.sets import Search
 
 
-def tied(search: Search, chosen: Judged, same_size: Sequence[Judged], inflation: float) -> tuple[Judged, ...]:
+def tied(
+    search: Search, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
+) -> tuple[ScoredSet, ...]:
     """Return the chosen set and those as good, without those that say the same with more parameters.
 
     Args:
@@ -31,7 +34,7 @@ def tied(search: Search, chosen: Judged, same_size: Sequence[Judged], inflation:
     """
     near = [j for j in same_size if j is chosen or _as_good(search, chosen, j, inflation)]
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
-    kept: list[Judged] = []
+    kept: list[ScoredSet] = []
     for one in near:
         if not any(_repeats(search, one, other, inflation) for other in kept):
             kept.append(one)
@@ -39,7 +42,7 @@ def tied(search: Search, chosen: Judged, same_size: Sequence[Judged], inflation:
     return tuple(kept)
 
 
-def _as_good(search: Search, chosen: Judged, rival: Judged, inflation: float) -> bool:
+def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
     allowed = _tolerance(search, chosen, rival, inflation)
     if rival.score <= chosen.score + allowed:
         return True
@@ -57,7 +60,7 @@ def _as_good(search: Search, chosen: Judged, rival: Judged, inflation: float) ->
     return min(worse, rival.score - chosen.score) <= allowed + NEVER**2 * chance / inflation
 
 
-def _apart(problem: Problem, one: Judged, other: Judged) -> FloatArray:
+def _apart(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> FloatArray:
     """Return how another set's marginal residual differs, (N,); without roughness if possible."""
     if problem.is_quick((*one.names, *other.names)):
         models = [j.fitted.candidate.model(problem.base, j.fitted.place) for j in (one, other)]
@@ -67,7 +70,7 @@ def _apart(problem: Problem, one: Judged, other: Judged) -> FloatArray:
     return other.fitted.residual - one.fitted.residual
 
 
-def _tolerance(search: Search, chosen: Judged, rival: Judged, inflation: float) -> float:
+def _tolerance(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> float:
     """Return how much worse a rival's score may be, roughness aside.
 
     A formula that is right to `FORMULA_ERROR` leaves its square of what it explains beyond the effects that
@@ -79,7 +82,7 @@ def _tolerance(search: Search, chosen: Judged, rival: Judged, inflation: float) 
     return NEVER**2 + FORMULA_ERROR**2 * explained
 
 
-def _repeats(search: Search, one: Judged, other: Judged, inflation: float) -> bool:
+def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
     """Return whether a set says what another says, as far as formulas go, with more parameters."""
     if one.names == other.names:
         return True

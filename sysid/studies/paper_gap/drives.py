@@ -16,7 +16,7 @@ from mecanum_env.kinematics import command_to_twist, round_command, twist_to_com
 from mecanum_env.law.metrics import step_metrics
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model, paper_model
-from mecanum_env.simulator import BodyCommands, Plant, Trajectory, compile_plant, drive
+from mecanum_env.simulator import BodyCommands, RobotPlant, Trajectory, compile_plant, drive
 from mecanum_env.units import FloatArray
 from sysid.studies.reproduce import published
 
@@ -60,7 +60,7 @@ class Figures:
         return np.array([*self.losses, float(np.mean(self.rises_s))])
 
 
-def figures(model: Model, plant: Plant = "planar", hold_s: float = HOLD_S) -> Figures:
+def figures(model: Model, plant: RobotPlant = "planar", hold_s: float = HOLD_S) -> Figures:
     """Simulate the five drives and return their figures, as sensors show them.
 
     Args:

@@ -13,7 +13,7 @@ import numpy as np
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, turn_losses
 from sysid.studies.paper_gap.sets import LEFT_OUT, Fitter, SetFit
@@ -22,7 +22,7 @@ BEAM: Final = {1: 3, 2: 4, 3: 5}
 """Sets of a size that the next size grows from."""
 PROMISING: Final = 7
 """Effects that are fitted beside a set, of those that it may grow by."""
-PLANTS: Final[tuple[Plant, ...]] = ("planar", "rollers")
+PLANTS: Final[tuple[RobotPlant, ...]] = ("planar", "rollers")
 _SIZES: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 

@@ -15,7 +15,7 @@ from scipy.stats.qmc import Halton
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
-from mecanum_env.simulator import Plant
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.gap.search.coordinates import Coordinate, EffectSet, effect_set
 from sysid.studies.paper_gap.drives import PAPER, SEARCH_HOLD_S, TOLERANCE, figures
@@ -93,7 +93,7 @@ class Fitter:
     def __init__(
         self,
         base: Model,
-        plant: Plant = "planar",
+        plant: RobotPlant = "planar",
         counted: FloatArray | None = None,
         neutral: Sequence[tuple[str, str]] = (),
         hold_s: float = SEARCH_HOLD_S,

@@ -10,7 +10,7 @@ from mecanum_env.cli import run
 from mecanum_env.errors import install_command, require_at_least
 from mecanum_env.files import require_writable, write_json, write_text
 from sysid.progress import stage_bar
-from sysid.studies.reproduce.contenders import QUICK, Effort
+from sysid.studies.reproduce.contenders import QUICK, ExperimentEffort
 from sysid.studies.reproduce.experiment import STAGES, reproduce
 from sysid.studies.reproduce.pages import (
     reproduction_markdown,
@@ -41,7 +41,7 @@ def main(
     require_at_least(0, seed=seed)
     require_writable(out / _RESULT, out / _PAGE, *pages)
     with stage_bar(len(STAGES) + 1) as progress:
-        found = reproduce(seed, QUICK if quick else Effort(), progress)
+        found = reproduce(seed, QUICK if quick else ExperimentEffort(), progress)
         progress("page and pictures")
         write_json(out / _RESULT, reproduction_json(found))
         write_reproduction_plots(found, out)

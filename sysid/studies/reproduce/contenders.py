@@ -53,7 +53,7 @@ WITH_STARTS: Final = tuple(name for name, contender in CONTENDERS.items() if con
 
 
 @dataclass(frozen=True)
-class Effort:
+class ExperimentEffort:
     """How much work the experiment does."""
 
     starts: int = 1000
@@ -67,7 +67,7 @@ class Effort:
     workers: int = 2
 
 
-QUICK: Final = Effort(
+QUICK: Final = ExperimentEffort(
     starts=20,
     max_iterations=8,
     search=Search(
@@ -80,7 +80,9 @@ QUICK: Final = Effort(
 """Enough to see that everything runs; its figures are not the experiment's."""
 
 
-def identify(runs: list[WheelRun], contender: Contender, effort: Effort, seed: int, starts: int) -> Estimate:
+def identify(
+    runs: list[WheelRun], contender: Contender, effort: ExperimentEffort, seed: int, starts: int
+) -> Estimate:
     """Run one method from the first `starts` of the random starts that all methods share.
 
     Args:
@@ -104,7 +106,7 @@ def identify(runs: list[WheelRun], contender: Contender, effort: Effort, seed: i
 
 
 def identify_from(
-    runs: list[WheelRun], contender: Contender, effort: Effort, seed: int, index: int
+    runs: list[WheelRun], contender: Contender, effort: ExperimentEffort, seed: int, index: int
 ) -> Estimate | None:
     """Run one method from start `index` of the shared ones; None where its error does not stay finite.
 
@@ -129,7 +131,10 @@ def shared_starts(count: int, seed: int) -> tuple[tuple[float, ...], ...]:
 
 
 def _from(
-    runs: list[WheelRun], contender: Contender, effort: Effort, initial: tuple[tuple[float, ...], ...]
+    runs: list[WheelRun],
+    contender: Contender,
+    effort: ExperimentEffort,
+    initial: tuple[tuple[float, ...], ...],
 ) -> Estimate:
     if contender.name == OURS:
         # Third order, as all others: the choice of order is no part of the comparison.

@@ -13,7 +13,14 @@ from typing import Any, Final
 from sysid.fit.estimators import Estimate, Options, estimate
 from sysid.progress import Progress, silent
 from sysid.studies.reproduce import published
-from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS, WITH_STARTS, Effort, identify
+from sysid.studies.reproduce.contenders import (
+    COMPARED,
+    CONTENDERS,
+    OURS,
+    WITH_STARTS,
+    ExperimentEffort,
+    identify,
+)
 from sysid.studies.reproduce.data import DataSets, record_data_sets
 from sysid.studies.reproduce.prediction import (
     ModelStep,
@@ -45,7 +52,7 @@ class Reproduction:
     """Everything found."""
 
     seed: int
-    effort: Effort
+    effort: ExperimentEffort
     estimates: Mapping[str, Estimate]
     """Contender to the result of the paper's ten starts."""
     ten_starts: Mapping[str, StartRates]
@@ -71,7 +78,9 @@ class Reproduction:
     robot: tuple[RobotDrive, ...]
 
 
-def reproduce(seed: int = 0, effort: Effort | None = None, progress: Progress = silent) -> Reproduction:
+def reproduce(
+    seed: int = 0, effort: ExperimentEffort | None = None, progress: Progress = silent
+) -> Reproduction:
     """Run everything; equal seeds give equal figures, times and memory aside.
 
     Args:
@@ -79,7 +88,7 @@ def reproduce(seed: int = 0, effort: Effort | None = None, progress: Progress = 
         effort: how much work; None: the full experiment.
         progress: called with each of `STAGES`.
     """
-    effort = effort or Effort()
+    effort = effort or ExperimentEffort()
     progress(STAGES[0])
     data = record_data_sets(seed)
     runs = data.fit_runs
@@ -131,7 +140,7 @@ def reproduce(seed: int = 0, effort: Effort | None = None, progress: Progress = 
     )
 
 
-def _many_starts(name: str, effort: Effort, seed: int) -> Estimate:
+def _many_starts(name: str, effort: ExperimentEffort, seed: int) -> Estimate:
     """Record the same data again (it is quick, and needs no copying between processes) and fit them."""
     return identify(record_data_sets(seed).fit_runs, CONTENDERS[name], effort, seed, effort.starts)
 

@@ -124,7 +124,7 @@ def markdown_table(table: Table) -> str:
     return "\n".join([lines[0], "|" + "---|" * len(table.rows[0]), *lines[1:]])
 
 
-_TEMPLATE: Final = Path(__file__).parent / "templates" / "reproduce.html"
+_TEMPLATE: Final = Path(__file__).with_name("page.html")
 _STYLE: Final[dict[str, dict[str, Any]]] = {
     "line": {"mode": "lines", "line": {"width": 1.6}},
     "stairs": {"mode": "lines", "line": {"width": 1.4, "shape": "hv"}},

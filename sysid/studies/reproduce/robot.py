@@ -11,7 +11,7 @@ from mecanum_env.kinematics import command_to_twist, round_command, twist_to_com
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.metrics import step_metrics
 from mecanum_env.model import Model, paper_model
-from mecanum_env.simulator import BodyCommands, Plant, Trajectory, drive
+from mecanum_env.simulator import BodyCommands, RobotPlant, Trajectory, drive
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.studies.reproduce import published
 
@@ -56,7 +56,7 @@ def wheel_model(law: WheelLaw) -> Model:
     return replace(base, wheel=replace(base.wheel, law=law, saturation_rpm=published.CEILING_RPM))
 
 
-def robot_drives(model: Model, plant: Plant = "rollers") -> list[RobotDrive]:
+def robot_drives(model: Model, plant: RobotPlant = "rollers") -> list[RobotDrive]:
     """Simulate the paper's five drives.
 
     Args:
@@ -69,7 +69,9 @@ def robot_drives(model: Model, plant: Plant = "rollers") -> list[RobotDrive]:
     return [robot_drive(model, name, *command, plant) for name, command in commands.items()]
 
 
-def robot_drive(model: Model, name: str, v_rpm: float, vc_rpm: float, plant: Plant = "rollers") -> RobotDrive:
+def robot_drive(
+    model: Model, name: str, v_rpm: float, vc_rpm: float, plant: RobotPlant = "rollers"
+) -> RobotDrive:
     """Simulate one drive and read off its figures.
 
     Args:

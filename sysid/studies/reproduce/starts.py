@@ -20,7 +20,7 @@ from mecanum_env.units import FloatArray
 from sysid.fit.estimators import Estimate, Options, estimate
 from sysid.fit.estimators.interface import SUCCESS_RATIO
 from sysid.progress import Progress, peak_memory_mib, silent
-from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS, Effort, identify_from
+from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS, ExperimentEffort, identify_from
 from sysid.studies.reproduce.data import DataSets
 from sysid.studies.reproduce.published import OPTIMAL_COST_RPM2
 
@@ -139,7 +139,9 @@ class Cost:
     """Of Python objects and arrays, in a further call that is not timed."""
 
 
-def measure_costs(data: DataSets, effort: Effort, seed: int, progress: Progress = silent) -> dict[str, Cost]:
+def measure_costs(
+    data: DataSets, effort: ExperimentEffort, seed: int, progress: Progress = silent
+) -> dict[str, Cost]:
     """Time every method on the same recordings, one after the other in this process.
 
     Args:

@@ -67,7 +67,7 @@ def test_markdown_holds_every_table_and_picture(quick):
 
 
 def test_the_committed_results_are_of_this_command(quick):
-    path = Path(__file__).parents[2] / "docs" / "results" / "reproduce.md"
+    path = Path(__file__).parents[3] / "docs" / "results" / "reproduce.md"
 
     def headings(text):
         return [re.sub(r"\d+ starts", "starts", line) for line in text.splitlines() if line.startswith("#")]

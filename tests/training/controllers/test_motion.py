@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import paper_model
-from mecanum_env.tankendo.plant import Robots, compile_model
+from mecanum_env.tankendo.plant import RobotBatch, compile_model
 from training.controllers.prediction.observed_motion import OwnMotion, seen_from
 
 NAMED = {
@@ -29,7 +29,7 @@ def with_effects(effects):
 def velocity_errors(plant, known, true, seed=0, commands=60):
     """Return predicted minus true body velocity at the end of each command, (commands, 3)."""
     rng = np.random.default_rng(seed)
-    robots = Robots(compile_model(true, plant), 1)
+    robots = RobotBatch(compile_model(true, plant), 1)
     robots.restart(0, (0.0, 0.0, 0.4))
     own, errors = OwnMotion(known), []
     for j in range(commands):

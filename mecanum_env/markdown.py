@@ -1,0 +1,16 @@
+"""Markdown for pages that programs write."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+
+def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """Return a table without a trailing newline; bars inside cells are escaped.
+
+    Args:
+        head: names of the columns.
+        rows: cells of each row, as many as there are columns.
+    """
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

@@ -1,0 +1,24 @@
+"""Worker processes for long independent work."""
+
+from __future__ import annotations
+
+import multiprocessing
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import contextmanager
+
+
+@contextmanager
+def process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
+    """Yield a pool of worker processes; work that has not started is dropped when the block is left.
+
+    Workers are spawned, not forked: MuJoCo and its graphics libraries hold threads that a fork would break.
+
+    Args:
+        jobs: number of processes.
+    """
+    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
+    try:
+        yield pool
+    finally:
+        pool.shutdown(cancel_futures=True)

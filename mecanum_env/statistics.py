@@ -1,0 +1,37 @@
+"""The statistics that several programs report: root mean square, and the interval of a share."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.stats import binomtest
+
+from mecanum_env.units import FloatArray
+
+
+def rms(values: FloatArray) -> float:
+    """Return the root mean square of the finite entries of an array; NaN if there are none.
+
+    Args:
+        values: of any shape, in any unit.
+    """
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else math.nan
+
+
+def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return the lower and upper end of Wilson's interval of a share; (NaN, NaN) for no trials.
+
+    E. B. Wilson, "Probable inference, the law of succession, and statistical inference", J. Am. Stat. Assoc.
+    22:209, 1927. Unlike the share plus or minus two standard errors it holds near 0 and 1.
+
+    Args:
+        successes: how many trials succeeded, 0 to `trials`.
+        trials: how many were made.
+        confidence: probability that such an interval contains the true share.
+    """
+    if trials == 0:
+        return math.nan, math.nan
+    interval = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
+    return float(interval.low), float(interval.high)

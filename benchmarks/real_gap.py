@@ -43,7 +43,7 @@ from sysid.gap.report.wording import (
     verdict_sentence,
 )
 from sysid.gap.result import GapOptions, GapReport
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
 
 BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"

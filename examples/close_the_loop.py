@@ -190,7 +190,7 @@ def study(out: Path, model: Model, scale: Scale) -> GapReport:
         model: the fit.
         scale: of the story.
     """
-    from sysid.gap import study as analyse
+    from sysid.gap import analyse
     from sysid.gap.report.output import write_study
     from sysid.gap.result import GapOptions
     from sysid.logs import read_dataset

@@ -18,12 +18,11 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
-from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Mask
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.simulator import Simulator, model_key
-from sysid.compare.study import speed_scale
+from sysid.compare.study import Study, speed_scale
 from sysid.compare.whitening import Whitener
 
 UNUSABLE: Final = (MecanumError, ValueError)
@@ -58,22 +57,23 @@ class ResidualProblem:
     Args:
         base: the model under study, whose error and uncertainty count.
         whitener: of the observations.
-        jobs: simulations at a time.
-        plant: of the robot.
+        study: settings of the simulations; its `scale` is set here, from the model and the runs.
     """
 
-    def __init__(self, base: Model, whitener: Whitener, jobs: int = 1, plant: RobotPlant = "rollers") -> None:
-        self.base, self.whitener, self.jobs, self.plant = base, whitener, jobs, plant
+    def __init__(self, base: Model, whitener: Whitener, study: Study | None = None) -> None:
+        self.base, self.whitener = base, whitener
         self.observations = whitener.observations
-        self.simulator = Simulator(self.observations, plant=plant)
         runs = [run for situation in self.observations.situations for run in situation.runs]
-        self.scale = speed_scale(base, runs)
-        """Of the catalogue's bounds and grids in rpm and rpm/s."""
+        self.study = replace(study or Study(), scale=speed_scale(base, runs))
+        self.simulator = Simulator(self.observations, self.study)
         self.bench = runs[0].level == "bench"
-        rollers = not self.bench and plant == "rollers"
-        self._planar = Simulator(self.observations, plant="planar") if rollers else None
+        rollers = not self.bench and self.study.plant == "rollers"
+        planar = replace(self.study, plant="planar")
+        self._planar = Simulator(self.observations, planar) if rollers else None
         self._turned = (
-            [Simulator(self.observations, turned=k) for k in range(1, _TURNS + 1)] if rollers else []
+            [Simulator(self.observations, self.study, turned=k) for k in range(1, _TURNS + 1)]
+            if rollers
+            else []
         )
         self.turned = 0.0
         """How far the wheels' angles at the start are unknown: 0 as in the simulation .. 1 anyhow."""
@@ -138,7 +138,7 @@ class ResidualProblem:
         """Return how each model's marginal residual differs from that of another, (N,).
 
         Args:
-            models: `jobs` of them at a time; None where one cannot be simulated.
+            models: `study.jobs` of them at a time; None where one cannot be simulated.
             quick: by `quick_residual`.
             at: the other.
         """
@@ -152,11 +152,11 @@ class ResidualProblem:
         return self.map(change, models)
 
     def map(self, work: Callable[[T], U], items: Iterable[T]) -> list[U]:
-        """Return `work` of each item, in order; `jobs` at a time."""
-        if self.jobs == 1:
+        """Return `work` of each item, in order; `study.jobs` at a time."""
+        if self.study.jobs == 1:
             return [work(item) for item in items]
         # Threads: MuJoCo lets go of the interpreter while it steps.
-        with ThreadPoolExecutor(self.jobs) as pool:
+        with ThreadPoolExecutor(self.study.jobs) as pool:
             return list(pool.map(work, items))
 
     def marginal(self, residual: FloatArray) -> FloatArray:

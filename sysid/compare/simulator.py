@@ -16,11 +16,11 @@ import numpy as np
 from mecanum_env.effects.apply import without_sensors
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
-from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
 from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, shown
+from sysid.compare.study import Study
 
 REMEMBERED: Final = 8
 """Motions of all situations kept; one takes some megabytes."""
@@ -44,19 +44,17 @@ class Simulator:
 
     Args:
         observations: with the commands.
-        timestep_s: upper bound of the physics step [s]; the generator's choice when None.
-        plant: of the robot.
+        study: plant and time step count.
         turned: seed of the angles at which the robot's wheels start; 0: all as they are drawn.
     """
 
     def __init__(
         self,
         observations: Observations,
-        timestep_s: float | None = None,
-        plant: RobotPlant = "rollers",
+        study: Study = Study(),  # noqa: B008  (frozen)
         turned: int = 0,
     ) -> None:
-        self.observations, self.timestep_s, self.plant, self.turned = observations, timestep_s, plant, turned
+        self.observations, self.study, self.turned = observations, study, turned
         self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
         self._lock = Lock()
 
@@ -98,7 +96,7 @@ class Simulator:
 
     def _simulate(self, model: Model) -> list[Motion]:
         situations = self.observations.situations
-        how = situations[0].runs[0].level, self.timestep_s, self.plant
+        how = situations[0].runs[0].level, self.study.timestep_s, self.study.plant
         # Only a floor that slopes makes the compiled model depend on where a run starts.
         common = None if "floor_slope" in model.effects else compile_for(model, *how)
         alike: dict[Hashable, list[int]] = {}

@@ -1,14 +1,32 @@
-"""How fast a robot is beside the one that the catalogue's bounds and scan grids are for."""
+"""What every simulation of a study needs besides the model, as one value that is passed on whole."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from mecanum_env.model import Model, Wheel
+from mecanum_env.simulator import RobotPlant
 from sysid.logs import Run
+
+
+@dataclass(frozen=True)
+class Study:
+    """The settings of every simulation in a study: search, held-out comparison, design of experiments."""
+
+    plant: RobotPlant = "rollers"
+    """How a robot is simulated; bench logs have no robot."""
+    jobs: int = 1
+    """Simulations at a time; results do not depend on it."""
+    timestep_s: float | None = None
+    """Upper bound of the physics step [s]; None: the generator's choice."""
+    seed: int = 0
+    """Seed of simulated thresholds, bootstrap and the design of experiments."""
+    scale: float = 1.0
+    """Factor on the catalogue's bounds and scan grids in rpm and rpm/s (`speed_scale`)."""
 
 
 def speed_scale(model: Model, runs: Sequence[Run]) -> float:

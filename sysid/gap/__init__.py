@@ -4,6 +4,6 @@
 """
 
 from sysid.gap.result import GapOptions, GapReport
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 
 __all__ = ["GapOptions", "GapReport", "analyse"]

@@ -16,7 +16,7 @@ from sysid.gap.checks import require_valid
 from sysid.gap.report.output import FILES, write_study
 from sysid.gap.report.table import gap_table
 from sysid.gap.result import GapOptions
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
 from sysid.progress import stage_bar
 

@@ -11,7 +11,7 @@ from mecanum_env.model import paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.subset import BEFORE_S, PIECE_S, deciding, liveliest, pieces, quiet
 from sysid.gap.result import GapOptions
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
 
 PERIOD_S = 0.1

@@ -5,7 +5,7 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
-from sysid.gap import study as analyse
+from sysid.gap import analyse
 from sysid.logs import BenchCommand, Dataset, Run
 
 

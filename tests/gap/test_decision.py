@@ -20,7 +20,7 @@ from sysid.gap.result import FoundEffect, GapOptions, Interval
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.responses import Growth, growths, responses
 from sysid.gap.search.sets import Search, SearchEffort
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from tests.gap.conftest import MakeLogs
 
 QUIET = GapOptions(next_experiment=False)
@@ -105,7 +105,7 @@ def test_an_effect_that_no_command_excites_is_untestable(bench_logs: MakeLogs, b
 
 def test_the_package_is_the_door_and_takes_the_runs_alone(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base, seed=1)
-    report = sysid.gap.study(dataset.runs, base, QUIET)
+    report = sysid.gap.analyse(dataset.runs, base, QUIET)
     assert report.verdict == analyse(dataset, base, QUIET).verdict == "no_gap"
 
 

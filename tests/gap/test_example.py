@@ -11,7 +11,7 @@ from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.report.output import write_study
 from sysid.gap.report.table import gap_table
 from sysid.gap.result import GapOptions, GapReport
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
 
 EXAMPLES = Path(__file__).parents[2] / "examples"

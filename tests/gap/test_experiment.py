@@ -19,7 +19,7 @@ from sysid.gap.design.what_next import design_for_untestable
 from sysid.gap.result import GapOptions
 from sysid.gap.search.chance import NEVER
 from sysid.gap.search.scores import FORMULA_ERROR
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, Dataset, Run
 
 BENCH = Limits(135.0)

@@ -14,7 +14,7 @@ from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
 from sysid.gap.checks import known_effects
 from sysid.gap.result import GapOptions
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Finding, Run, Split
 
 from .conftest import MakeLogs

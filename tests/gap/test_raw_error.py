@@ -19,7 +19,7 @@ from sysid.gap.result import GapOptions
 from sysid.gap.search.coordinates import EffectSet, effect_set
 from sysid.gap.search.scores import fitted_rms, rises
 from sysid.gap.search.sets import EMPTY
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import Dataset
 
 from .conftest import NOISE_RPM, MakeLogs

@@ -9,7 +9,7 @@ from mecanum_env.model import read_robot
 from sysid.compare.subset import quiet
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.result import GapOptions
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
 
 ROW_S = 0.05

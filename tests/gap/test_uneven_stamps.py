@@ -15,7 +15,7 @@ from sysid.compare.observations import observe
 from sysid.compare.prediction import Motion
 from sysid.compare.simulator import Simulator
 from sysid.gap.result import GapOptions
-from sysid.gap.study import analyse
+from sysid.gap.workflow import analyse
 from tests.gap.conftest import NOISE_RPM, MakeLogs
 
 FEW = GapOptions(only=("direction_asymmetry", "acceleration_limit"), next_experiment=False)

@@ -172,9 +172,9 @@ def what_next(
         setting,
         limits,
         threshold=threshold,
-        scale=problem.scale,
+        scale=problem.study.scale,
         seed=seed,
-        jobs=problem.jobs,
+        jobs=problem.study.jobs,
     )
 
 
@@ -190,7 +190,7 @@ def _separating(
         common = replace(best, effects=kept)
     without = min(j.fitted.cost for j in decision.judged if set(j.names) == set(shared) or not j.names)
     rivals = [_rival(base, judged, without, decision.inflation) for judged in tied]
-    found = design(base, rivals, setting, limits, common=common, seed=seed, jobs=problem.jobs)
+    found = design(base, rivals, setting, limits, common=common, seed=seed, jobs=problem.study.jobs)
     left = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
     if found.experiment is None or not left:
         return found

@@ -198,7 +198,7 @@ def evidence(
     if decision.law is not None:
         listed.append(decision.law)
     tests = dataset.split("test")
-    test = Simulator(observe(replace(dataset, runs=tests)), plant=problem.plant) if tests else None
+    test = Simulator(observe(replace(dataset, runs=tests)), problem.study) if tests else None
     base = next(j for j in decision.judged if not j.names)
     right = expected(problem, *(j.fitted for j in (base, decision.chosen) if j is not None))
 

@@ -75,7 +75,7 @@ class Search:
 
         Not by one that does what an effect of the set does already, whatever the command.
         """
-        found = growths(self.problem.base, parent, self._library_at(parent), self.problem.scale)
+        found = growths(self.problem.base, parent, self._library_at(parent), self.problem.study.scale)
         ridges = BENCH_RIDGES if self.problem.bench else ()
         return [g for g in found if not any(ridge <= set(g.candidate.names) for ridge in ridges)]
 

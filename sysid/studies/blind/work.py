@@ -93,7 +93,7 @@ def run_case(case: Case, seed: int, folder: Path) -> str:
         folder: as for `run_cases`.
     """
     from sysid.gap.result import GapOptions
-    from sysid.gap.study import analyse
+    from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
 
     tests = blind_tests()

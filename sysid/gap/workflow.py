@@ -20,6 +20,7 @@ from sysid.compare.observations import Observations, observe
 from sysid.compare.own_error import residuals_of
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
+from sysid.compare.study import Study
 from sysid.compare.subset import deciding
 from sysid.compare.whitening import Whitener
 from sysid.gap.checks import known_effects, require_movement, require_valid
@@ -170,9 +171,8 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
 def _search(
     study: _Study, model: Model, considered: Sequence[str], options: GapOptions
 ) -> tuple[ResidualProblem, Search]:
-    problem = ResidualProblem(
-        model, Whitener(study.observations, study.noise, study.error), options.jobs, options.plant
-    )
+    settings = Study(options.plant, options.jobs, seed=options.seed)
+    problem = ResidualProblem(model, Whitener(study.observations, study.noise, study.error), settings)
     level = study.observations.situations[0].runs[0].level
     return problem, Search(problem, responses(problem, considered), EFFORT[level])
 

@@ -1,11 +1,12 @@
 # make demo       install everything, fit the bundled logs, find a gap and close it, film the robot: out/
 # make test       install everything, run the test suite
 # make test-all   the slow tests too
-# make test-wheel the tests against the built wheel, outside the checkout
+# make test-wheel what an installation can break, tested against the built wheel, outside the checkout
 # make check      lint, format, types
 # make bench      every benchmark, figures in out/bench/
 # make bench-train  what training reaches over three seeds, half an hour
 # make blind      hidden effects, to be named from logs alone: the whole table, docs/results/blind.md
+# make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
@@ -14,16 +15,16 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench bench-train blind system clean FORCE
+.PHONY: demo test test-all test-wheel check bench bench-train blind behaviour system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
 
 test: $(VENV)/train
-	$(BIN)/python -m pytest -m "not slow"
+	$(BIN)/python -m pytest -n auto -m "not slow"
 
 test-all: $(VENV)/train
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto
 
 test-wheel: $(VENV)/installed
 	$(BIN)/python tests/run_on_wheel.py
@@ -44,6 +45,10 @@ bench-train: $(VENV)/train
 # Hours; an interrupted run goes on where it was.
 blind: $(VENV)/installed
 	$(BIN)/python -m sysid.studies.blind --out out/blind --markdown docs/results/blind.md
+
+# Six minutes; `python benchmarks/behaviour.py compare BEFORE AFTER` prints every difference.
+behaviour: $(VENV)/train
+	$(BIN)/python benchmarks/behaviour.py record out/behaviour
 
 # System packages: the offline renderer, and a compiler for the plugin.
 system:

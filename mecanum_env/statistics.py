@@ -34,4 +34,6 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     if trials == 0:
         return math.nan, math.nan
     interval = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
-    return float(interval.low), float(interval.high)
+    # Rounding must not put an end on the wrong side of the share.
+    share = successes / trials
+    return min(float(interval.low), share), max(float(interval.high), share)

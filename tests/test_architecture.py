@@ -51,32 +51,87 @@ def imports_of(name: str, nodes) -> set[str]:
     return {module for module in found if module.split(".")[0] in PACKAGES}
 
 
-def import_time_nodes(tree: ast.AST):
-    """Yield the nodes that run at import: not function bodies, not `if TYPE_CHECKING`."""
-    for child in ast.iter_child_nodes(tree):
-        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
-            continue
-        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
-            continue
-        yield child
-        yield from import_time_nodes(child)
+IMPORTS = {name: imports_of(name, ast.walk(tree)) - {name} for name, tree in TREES.items()}
+"""Every import of every module: at import time, inside functions, and for type checkers alone."""
+
+ROOMS = {
+    "mecanum_env": ("law", "model", "effects", "plugin", "mjcf", "simulator", "rendering", "tankendo"),
+    "sysid": ("logs", "compare", "fit", "gap", "studies"),
+    "sysid.gap": ("search", "design", "report", "workflow"),
+    "training": ("controllers", "evaluate", "certify", "compare"),
+}
+"""The rooms of each package, from the ground floor up: a room imports only rooms before it."""
 
 
-def test_arrows_between_rooms_point_one_way():
+def circles(needs: dict[str, set[str]]) -> dict[str, set[str]]:
+    """Return the part of a graph of imports that contains circles; empty where every arrow points one way."""
+    waiting = {name: needed & needs.keys() - {name} for name, needed in needs.items()}
+    while free := {name for name, needed in waiting.items() if not needed & waiting.keys()}:
+        waiting = {name: needed & waiting.keys() for name, needed in waiting.items() if name not in free}
+    # What only leads into a circle from above is no part of it.
+    while top := {name for name in waiting if not any(name in needed for needed in waiting.values())}:
+        waiting = {name: needed for name, needed in waiting.items() if name not in top}
+    return waiting
+
+
+def children(package: str) -> dict[str, set[str]]:
+    """Return the files and folders directly inside a package, each with those of them that it imports."""
+    depth = package.count(".") + 1
+
+    def child(module: str) -> str | None:
+        inside = module.startswith(f"{package}.")
+        return module.split(".")[depth] if inside else None
+
+    needs: dict[str, set[str]] = {}
+    for module, imported in IMPORTS.items():
+        if own := child(module):
+            needs.setdefault(own, set()).update(filter(None, map(child, imported)))
+    return needs
+
+
+def test_arrows_between_packages_point_one_way():
     wrong = [
         f"{name} imports {module}"
-        for name, tree in TREES.items()
-        for module in imports_of(name, ast.walk(tree))
+        for name, modules in IMPORTS.items()
+        for module in modules
         if module.split(".")[0] not in MAY_IMPORT[name.split(".")[0]]
     ]
     assert wrong == []
 
 
 def test_no_files_import_each_other_in_a_circle():
-    waiting = {name: imports_of(name, import_time_nodes(tree)) - {name} for name, tree in TREES.items()}
-    while free := {name for name, needs in waiting.items() if not needs & waiting.keys()}:
-        waiting = {name: needs for name, needs in waiting.items() if name not in free}
-    assert waiting == {}
+    assert circles(IMPORTS) == {}
+
+
+@pytest.mark.parametrize("package", sorted(IS_PACKAGE))
+def test_no_folders_import_each_other_in_a_circle(package):
+    assert circles(children(package)) == {}
+
+
+@pytest.mark.parametrize("package", sorted(ROOMS))
+def test_a_room_imports_only_rooms_below_it(package):
+    floors = ROOMS[package]
+    needs = children(package)
+    wrong = [
+        f"{package}.{room} imports {package}.{other}"
+        for floor, room in enumerate(floors)
+        for other in floors[floor + 1 :]
+        if other in needs[room]
+    ]
+    assert wrong == []
+
+
+def test_fit_and_gap_share_only_what_lies_below_both():
+    """`fit` imports nothing of `gap`; `gap` sees no more of `fit` than its door."""
+    of_gap = {m for n, modules in IMPORTS.items() if n.startswith("sysid.fit") for m in modules}
+    assert {module for module in of_gap if module.startswith("sysid.gap")} == set()
+    of_fit = {m for n, modules in IMPORTS.items() if n.startswith("sysid.gap") for m in modules}
+    assert {module for module in of_fit if module.startswith("sysid.fit.")} == set()
+
+
+def test_a_circle_of_imports_is_found():
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}, "d": {"a"}}) == {"b": {"c"}, "c": {"b"}}
+    assert circles({"a": {"b"}, "b": {"c"}, "c": set()}) == {}
 
 
 @pytest.mark.parametrize("module", ["mecanum_env", "mecanum_env.plugin"])

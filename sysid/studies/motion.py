@@ -1,7 +1,7 @@
-"""Measuring a generated robot: its motion against geometry, its bounce, drift, energy and warnings.
+"""Measures of a compiled robot: its motion against geometry, bounce, drift, energy and engine warnings.
 
-Every function takes a model that `robot_spec` or `planar_spec` made for the plugin (ctrl in rpm). They are
-behind `benchmarks/physics.py` and the tests, and work for anyone's `model.json`.
+Every function takes a model that `robot_spec` or `planar_spec` made for the plugin (ctrl in rpm).
+`benchmarks/physics.py` and the tests use them; they work for any `model.json`.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ Command = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class SteadyDrive:
-    """A drive at constant command, after it has settled."""
+    """A drive at a constant command, after it has settled."""
 
     ratio: float
-    """Motion along the commanded twist over what ideal kinematics give."""
+    """Motion along the commanded twist, relative to ideal kinematics."""
     expected_ratio: float
-    """The same for wheels with this number of rollers, on average: `geometry.no_slip_rows`."""
+    """The ratio that wheels with this number of rollers give on average (`geometry.no_slip_rows`)."""
     bounce_m: float
     """Root mean square of the base's height about its mean [m]."""
 
@@ -52,7 +52,7 @@ def steady_drive(
     Args:
         mj_model: the compiled robot.
         robot: the dimensions it was made from.
-        command: what to drive.
+        command: the command to drive.
         seconds: how long to average [s], after 1 s that is left out.
     """
     data = start(mj_model)
@@ -77,7 +77,7 @@ def expected_ratio(robot: Robot, command: Command) -> float:
 
     Args:
         robot: the robot's dimensions.
-        command: what to drive.
+        command: the command to drive.
     """
     wheels = command_to_wheels(*command) * RAD_S_PER_RPM
     twist = np.linalg.lstsq(no_slip_rows(robot), wheels, rcond=None)[0]
@@ -90,7 +90,7 @@ def heading_drift_rad(mj_model: mujoco.MjModel, command: Command, distance_m: fl
 
     Args:
         mj_model: the compiled robot.
-        command: what to drive; VC 0.
+        command: the command to drive, with VC 0.
         distance_m: length of the drive [m].
     """
     data = start(mj_model)
@@ -115,11 +115,11 @@ def pose(data: mujoco.MjData) -> FloatArray:
 
 
 def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 40.0) -> list[Command]:
-    """Return commands drawn evenly from V in 0..v_rpm, any theta, VC in -vc_rpm..vc_rpm.
+    """Return commands drawn uniformly from V in 0..v_rpm, any theta, VC in -vc_rpm..vc_rpm.
 
     Args:
-        count: how many.
-        seed: of the random generator.
+        count: number of commands.
+        seed: seed of the random generator.
         v_rpm: largest V.
         vc_rpm: largest VC.
     """
@@ -131,12 +131,12 @@ def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 
 
 
 def paper_like_commands(seed: int) -> list[tuple[float, Command]]:
-    """Return ten seconds of random commands, each with the seconds it is held, like the paper's.
+    """Return ten seconds of random commands like the paper's, each with the seconds for which it is held.
 
-    Half are held long enough to settle (0.8 s), half not (0.2 s), as in its random trials.
+    Half are held long enough to settle (0.8 s), half are not (0.2 s), as in its random trials.
 
     Args:
-        seed: of the random generator.
+        seed: seed of the random generator.
     """
     return [(0.8 if i % 2 else 0.2, command) for i, command in enumerate(random_commands(20, seed))]
 
@@ -146,7 +146,7 @@ def follow(mj_model: mujoco.MjModel, commands: list[tuple[float, Command]]) -> F
 
     Args:
         mj_model: the compiled robot.
-        commands: seconds to hold, in tenths, and what; one after the other.
+        commands: hold times, multiples of 0.1 s, with their commands, one after the other.
     """
     data = mujoco.MjData(mj_model)
     mujoco.mj_forward(mj_model, data)
@@ -176,7 +176,7 @@ def coast_energy(mj_model: mujoco.MjModel, command: Command, seconds: float = 2.
 
     Args:
         mj_model: the compiled robot; not changed.
-        command: the drive before.
+        command: the command driven before.
         seconds: how long to coast [s].
     """
     data = start(mj_model)
@@ -193,7 +193,7 @@ def coast_energy(mj_model: mujoco.MjModel, command: Command, seconds: float = 2.
 
 
 def largest_rise(values: FloatArray) -> float:
-    """Return the most by which a sequence ever rises above its least value so far.
+    """Return the largest rise of a sequence above its running minimum.
 
     Args:
         values: shape (n,).
@@ -202,7 +202,7 @@ def largest_rise(values: FloatArray) -> float:
 
 
 def warnings_of(data: mujoco.MjData) -> dict[str, int]:
-    """Return MuJoCo's warnings, name -> how often, of those that were raised.
+    """Return the MuJoCo warnings that were raised, name -> count.
 
     Args:
         data: after a simulation.

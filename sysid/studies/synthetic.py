@@ -1,7 +1,4 @@
-"""Synthetic bench logs with known truth: a law's steps seen through noise and rounding.
-
-Synthetic samples with known truth, and a law that changes on the way: for tests and the benchmark.
-"""
+"""Synthetic bench logs with known truth: steps and random commands of a law, through noise and rounding."""
 
 from __future__ import annotations
 
@@ -15,6 +12,9 @@ from mecanum_env.units import FloatArray
 from sysid.fit.estimators import WheelRun
 
 STEPS_RPM = (10.0, 40.0, 80.0, 130.0)
+NOISE_RPM = 0.5
+HOLD_TICKS = 12
+LIMIT_RPM = 135
 
 
 def step_runs(
@@ -27,9 +27,9 @@ def step_runs(
     seconds: float = 2.0,
     steps_rpm: Sequence[float] = STEPS_RPM,
 ) -> list[WheelRun]:
-    """Return one run per step and repeat: rest for 0.1 s, then the step, sampled at every tick.
+    """Return one run per step and repeat: 0.1 s at rest, then the step, sampled at every tick.
 
-    The sigma handed to the estimators is the true one, the rounding's quantum/sqrt(12) included.
+    The sigma given to the estimators is the true one, including quantum/sqrt(12) of the rounding.
     """
     ticks = round(seconds / law.sample_period_s)
     rest = round(0.1 / law.sample_period_s)
@@ -56,19 +56,14 @@ def step_runs(
     return runs
 
 
-NOISE_RPM = 0.5
-HOLD_TICKS = 12
-LIMIT_RPM = 135
-
-
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """One wheel, one entry a tick, shape (N,) each."""
+    """Samples of one wheel, one per tick; each array has shape (N,)."""
 
     command_rpm: FloatArray
     true_rpm: FloatArray
     speed_rpm: FloatArray
-    """Measured: the true speed with noise, rounded."""
+    """Measured speed: the true speed with noise, rounded."""
 
 
 def random_samples(
@@ -79,14 +74,14 @@ def random_samples(
     quantum_rpm: float = 1.0,
     hold_ticks: int = HOLD_TICKS,
 ) -> Samples:
-    """Return whole commands within +-135 rpm held for `hold_ticks`, and what each law in turn makes of them.
+    """Return random whole commands within +-135 rpm and the response of several laws, one after the other.
 
     Args:
-        laws: each law and for how many ticks it holds; the wheel keeps its speed when the law changes.
-        rng: source of commands and noise.
+        laws: each law with its number of ticks; the wheel keeps its speed when the law changes.
+        rng: random generator of commands and noise.
         noise_rpm: standard deviation of the measured speed before rounding [rpm].
         quantum_rpm: rounding of the measured speed [rpm]; 0: none.
-        hold_ticks: ticks between commands.
+        hold_ticks: number of ticks for which a command is held.
     """
     n = sum(ticks for _, ticks in laws)
     values = rng.integers(-LIMIT_RPM, LIMIT_RPM + 1, -(-n // hold_ticks))
@@ -104,7 +99,7 @@ def _simulate(laws: Sequence[tuple[WheelLaw, int]], command: FloatArray) -> Floa
         span = command[at : at + ticks]
         speeds = law.simulate(span, state)
         parts.append(speeds[:-1])
-        # What the next law starts from: the last speeds and commands, newest first.
+        # The next law starts from the last speeds and commands, newest first.
         past = np.concatenate([[float(np.asarray(state.w2)), float(np.asarray(state.w1))], speeds])
         sent = np.concatenate([[float(np.asarray(state.r2)), float(np.asarray(state.r1))], span])
         state = LawState(past[-1], past[-2], past[-3], sent[-1], sent[-2])
@@ -115,10 +110,10 @@ def _simulate(laws: Sequence[tuple[WheelLaw, int]], command: FloatArray) -> Floa
 def random_stable_law(
     rng: np.random.Generator, sample_period_s: float, largest_pole: float = 0.95
 ) -> WheelLaw:
-    """Return a law of unit gain like a drive's: one real pole, a pair of real or complex ones, any zeros.
+    """Return a law of unit gain with one real pole, a pair of real or complex poles, and any zeros.
 
     Args:
-        rng: source of the poles and zeros.
+        rng: random generator of poles and zeros.
         sample_period_s: the law's period [s].
         largest_pole: upper end of the real pole.
     """

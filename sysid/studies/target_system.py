@@ -1,4 +1,4 @@
-"""A wheel drive that no method's model class contains, to be identified in its stead.
+"""A wheel drive outside the model class of every method, which stands in for a real one.
 
 A continuous DC motor with inductance, gear friction and a voltage limit, under a discrete PID that sees only
 a counting encoder:
@@ -9,7 +9,7 @@ a counting encoder:
 (motor equations: Kuczmann, Electronics 13(11):2225, 2024). The constants are this project's: a 24 V geared
 motor of common size, the PID tuned so that the drive behaves as the published robot does: rise (10-90 %)
 about 0.11 s, settling (2 %) about 0.25 s, relative steady-state error 4.5e-4 on average, no faster than
-135 rpm. `tests/logs/test_target_system.py` holds it to these figures.
+135 rpm. `tests/studies/test_target_system.py` holds it to these numbers.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class TargetSystem:
     torque_constant_n_m_a: float = 0.06
     """Also the back-EMF constant [V s/rad], as energy conservation has it."""
     inertia_kg_m2: float = 1.7e-4
-    """Of rotor, gear and wheel, at the motor."""
+    """Inertia of rotor, gear and wheel, at the motor."""
     damping_n_m_s_rad: float = 2.0e-5
     friction_n_m: float = 0.012
     """Coulomb friction of the gear, at the motor."""
@@ -44,12 +44,12 @@ class TargetSystem:
     encoder_counts: int = 2048
     """Counts per turn of the motor (512 lines, quadrature)."""
     ceiling_rpm: float = 135.0
-    """The drive clips commands to this."""
+    """The drive clips commands to this speed."""
     command_quantum_rpm: float = 1.0
     command_period_s: float = 0.1
     control_period_s: float = 0.001
     speed_window: int = 5
-    """Control periods over which the drive counts pulses to get a speed."""
+    """Number of control periods over which the drive counts pulses to measure its speed."""
     clock_error: float = 4.5e-4
     """The drive's clock is this much fast, so the wheel runs this much faster than commanded: the
     steady-state error of the published robot. Ceramic resonators are within 5e-3."""
@@ -84,10 +84,10 @@ def simulate_target(
 
     Args:
         command_rpm: One command per `command_period_s`, shape (m,); the run lasts m command periods.
-        rng: For the encoder's phase at the start and the noise.
+        rng: Random generator of the encoder's initial phase and the noise.
         system: The drive; None: the default one.
         noise_rpm: Standard deviation of the white noise on the logged speed [rpm].
-        sample_period_s: Of the log; a multiple of the control period.
+        sample_period_s: Sample period of the log; a multiple of the control period [s].
 
     Raises:
         InputError: no commands, or a sample period that is no multiple of the control period.
@@ -128,7 +128,7 @@ def _simulate_motor(
     decay = math.exp(-drive.resistance_ohm / drive.inductance_h * step)
     kt, friction = drive.torque_constant_n_m_a, drive.friction_n_m
     to_counts = drive.encoder_counts / (2.0 * math.pi)
-    # The drive believes that its window is shorter or longer than it is, by its clock's error.
+    # The clock error makes the drive's assumed window differ from the true one.
     seen_window = drive.speed_window * drive.control_period_s * (1.0 + drive.clock_error)
     rad_s_per_count = 1.0 / (to_counts * seen_window)
     quantum = drive.command_quantum_rpm

@@ -13,7 +13,7 @@ import sysid
 from mecanum_env.errors import InputError
 from sysid.studies.blind.cases import Case, blind_tests, check_case
 from sysid.studies.blind.outcome import Outcome, from_json, to_json
-from sysid.studies.blind.score import figures, wilson
+from sysid.studies.blind.score import metrics
 from sysid.studies.blind.work import nominal_model, run_case, saved
 
 TESTS = blind_tests()
@@ -141,7 +141,7 @@ def test_what_counts_as_found():
 def test_a_twin_that_is_named_alone_counts_against_it():
     twin = replace(SINGLE, kind="twin", hidden=("sensor_latency",), twins=("command_latency",))
     alone = Outcome(twin, "named", ("sensor_latency",))
-    figure = next(f for f in figures([alone]) if f.name == "twins named alone")
+    figure = next(m for m in metrics([alone]) if m.name == "twins named alone")
     assert figure.value == 1.0
     assert figure.reached is False
 
@@ -151,11 +151,6 @@ def test_an_outcome_survives_its_file():
     again = from_json(json.loads(json.dumps(to_json(unknown), allow_nan=False)))
     assert math.isnan(again.floor)
     assert replace(again, floor=0.0) == replace(unknown, floor=0.0)
-
-
-def test_wilson_interval_of_a_textbook_share():
-    # 15 of 148: 6.2 to 16.0 % (Newcombe 1998, Statistics in Medicine 17:857, table I, method 3).
-    assert wilson(15, 148) == pytest.approx((0.0624, 0.1605), abs=1e-4)
 
 
 def test_without_a_checkout_the_message_says_where_to_run(tmp_path, monkeypatch):

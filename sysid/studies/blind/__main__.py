@@ -13,7 +13,7 @@ from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.files import require_writable, write_json, write_text
 from sysid.studies.blind.cases import Case, blind_tests, fingerprint
 from sysid.studies.blind.outcome import to_json
-from sysid.studies.blind.score import figures, summary_markdown, summary_text
+from sysid.studies.blind.score import metrics, summary_markdown, summary_text
 from sysid.studies.blind.work import run_cases
 
 _QUICK_BENCH, _QUICK_ROBOT = 16, 4
@@ -32,21 +32,21 @@ def main(
 ) -> None:
     """Run the blind tests of this checkout, print what was found and write blind.json.
 
-    A case that has finished is kept in the output folder: an interrupted run goes on from there, unless the
-    code has changed since.
+    Finished cases are kept in the output folder: an interrupted run continues from there, unless the code has
+    changed since.
 
     Example: python -m sysid.studies.blind --quick
 
     Args:
         quick: A few cases of every kind.
-        bench: At most so many bench cases, spread over the list.
-        robot: At most so many robot cases, spread over the list.
-        jobs: Worker processes; change the time taken, not the result.
-        only: Cases whose name matches, such as "bench-pair-*".
+        bench: Largest number of bench cases, spread evenly over the list.
+        robot: Largest number of robot cases, spread evenly over the list.
+        jobs: Number of worker processes; the result does not depend on it.
+        only: Pattern of the cases' names, such as "bench-pair-*".
         out: Folder to write.
-        seed: Of sizes, commands and noise.
+        seed: Seed of sizes, commands and noise.
         markdown: Also write the tables to this file.
-        check: Only replay each case with its truth and print what that leaves; analyse nothing.
+        check: Only replay each case with its true effects and print the residual; analyse nothing.
     """
     require_at_least(0, seed=seed)
     require_at_least(1, jobs=jobs)
@@ -73,9 +73,7 @@ def main(
         {
             "format": "mecanum-blind/1",
             "seed": seed,
-            "figures": {
-                figure.name: None if figure.count == 0 else figure.value for figure in figures(outcomes)
-            },
+            "figures": {one.name: None if one.count == 0 else one.value for one in metrics(outcomes)},
             "cases": [to_json(outcome) for outcome in outcomes],
         },
     )
@@ -92,11 +90,11 @@ def main(
 
 
 def spread(cases: Sequence[Case], count: int | None) -> list[Case]:
-    """Return so many cases, evenly spread over a list in its order; all when None.
+    """Return a number of cases, evenly spread over a list; all when None.
 
     Args:
         cases: the list.
-        count: how many at most.
+        count: largest number of cases.
     """
     if count is None or count >= len(cases):
         return list(cases)

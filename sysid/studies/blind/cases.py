@@ -1,11 +1,9 @@
-"""What a blind test is, and what the makers of blind tests must offer.
+"""Blind test cases: what one is, where the generators of their logs are found, and a check of each case.
 
-Where the blind tests are: beside the package in a checkout, in no installation.
-
-Checks of the blind tests themselves: is each hidden effect large, and is ours the same.
-
-Per case: the rms of measured minus simulated over the noise floor with the nominal model, and again with the
-catalogue's effect at its true value. What that leaves is the second simulator's other mechanism.
+The generators are in `tests/blind` of a checkout and in no installation. The check replays the logs of a case
+with the nominal model and again with the catalogue's effect at its true value, each as the rms of measured
+minus simulated over the noise floor. The second number shows how far the mechanism of the hidden simulator
+differs from ours.
 """
 
 from __future__ import annotations
@@ -45,24 +43,24 @@ class Case:
     kind: Kind
     size: Size
     plant: str
-    """Whose effect-free logs give the model."""
+    """The nominal plant, whose logs without any effect give the model."""
     hidden: tuple[str, ...]
-    """Effects of the catalogue that are there; for `outside` what it is, in our own words."""
+    """Names of the hidden effects; for the kind `outside`, a description in words."""
     truth: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """Effect -> parameter -> true value, where the catalogue has a counterpart."""
+    """Effect -> parameter -> true value, where the catalogue has the effect."""
     twins: tuple[str, ...] = ()
-    """Effects that these logs cannot tell from the hidden one."""
+    """Effects that these logs cannot distinguish from the hidden one."""
 
 
 class BlindTests(Protocol):
-    """The makers of the logs, in `tests/blind`, which share no code with what is tested."""
+    """The generators of the logs in `tests/blind`, which share no code with what is tested."""
 
     def cases(self, seed: int) -> tuple[Case, ...]:
-        """Return every case that a seed gives."""
+        """Return every case that a seed defines."""
         ...
 
     def write_nominal(self, plant: str, folder: Path) -> None:
-        """Write effect-free logs of a plant to `folder`/logs, what is known of it to `folder`/robot.json."""
+        """Write logs without effects to `folder`/logs and the known dimensions to `folder`/robot.json."""
         ...
 
     def write_case(self, name: str, seed: int, folder: Path) -> None:
@@ -71,7 +69,7 @@ class BlindTests(Protocol):
 
 
 def fingerprint() -> str:
-    """Return twelve letters that change with any source that an outcome may hang on."""
+    """Return a hash of twelve characters of every source file that an outcome can depend on."""
     package = Path(sysid.__file__).parent
     folders = (package, Path(mecanum_env.__file__).parent, _folder() / "blind")
     digest = hashlib.sha256()
@@ -82,10 +80,10 @@ def fingerprint() -> str:
 
 
 def blind_tests() -> BlindTests:
-    """Return the makers of blind tests, of this checkout or of the current folder.
+    """Return the generators of blind tests of this checkout or of the current folder.
 
     Raises:
-        InputError: the program runs from an installation, which has none.
+        InputError: the program runs from an installation, which does not contain them.
     """
     tests = str(_folder())
     if tests not in sys.path:
@@ -94,7 +92,7 @@ def blind_tests() -> BlindTests:
 
 
 def _folder() -> Path:
-    # The second is for tests that run against an installation, from a copy of the test folder.
+    # The second root serves tests that run against an installation, from a copy of the test folder.
     roots = (Path(sysid.__file__).parents[1], Path.cwd())
     folders = [root / "tests" for root in roots if (root / "tests" / "blind" / "__init__.py").is_file()]
     if not folders:
@@ -107,20 +105,20 @@ def _folder() -> Path:
 
 @dataclass(frozen=True)
 class Check:
-    """One case replayed with the nominal model, and with the truth; in units of the noise floor."""
+    """Residual rms of one case with the nominal model and with the true effects, over the noise floor."""
 
     case: Case
     before: float
     after: float
-    """NaN where the catalogue has no counterpart."""
+    """NaN where the catalogue has no such effect."""
 
     @property
     def closure(self) -> float:
-        """(before - after)/(before - 1), the floor being 1; NaN where there is nothing to close."""
+        """(before - after) / (before - 1), because the noise floor is 1; NaN where there is no gap."""
         return (self.before - self.after) / (self.before - 1.0) if self.before > 1.02 else math.nan
 
     def row(self) -> str:
-        """Return a line of the table."""
+        """Return this case as a line of the table."""
         return f"{self.case.name:<52} {self.before:9.3f} {self.after:9.3f} {self.closure:8.3f}"
 
 
@@ -131,10 +129,10 @@ def check_case(tests: BlindTests, case: Case, seed: int, model: Model) -> Check:
     """Replay the logs of a case without and with its true effects.
 
     Args:
-        tests: which write its logs.
-        case: whose logs.
-        seed: of the list of cases.
-        model: the nominal one.
+        tests: the generators, which write the logs.
+        case: the case to replay.
+        seed: seed of the list of cases.
+        model: the nominal model.
     """
     with TemporaryDirectory() as folder:
         tests.write_case(case.name, seed, Path(folder))
@@ -147,7 +145,7 @@ def check_case(tests: BlindTests, case: Case, seed: int, model: Model) -> Check:
 
 
 def _misfit(model: Model, dataset: Dataset) -> float:
-    """Return the rms over the noise of repeats, all channels together."""
+    """Return the rms of all channels together, in units of the noise of repeats."""
     noise = noise_from_repeats(dataset.runs) or {}
     squares: list[FloatArray] = []
     for runs in dataset.groups().values():

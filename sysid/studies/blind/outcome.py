@@ -1,4 +1,4 @@
-"""What the workflow said about a case, as plain numbers that a file can hold."""
+"""The outcome of a blind case: what the workflow reported, as plain numbers for a file."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ if TYPE_CHECKING:
     from sysid.gap.result import GapReport
 
 Bounds = tuple[float, float, float]
-"""Value, low and high end of the 90 % interval."""
+"""Value, lower and upper end of the 90 % interval."""
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """One case and what was found."""
+    """One case and what the workflow found."""
 
     case: Case
     verdict: str
@@ -27,15 +27,15 @@ class Outcome:
     named: tuple[str, ...] = ()
     candidates: tuple[tuple[str, ...], ...] = ()
     parameters: Mapping[str, Mapping[str, Bounds]] = field(default_factory=dict)
-    """Effect -> parameter -> estimate, of the effects adopted."""
+    """Effect -> parameter -> estimate, for the adopted effects."""
     before: float = math.nan
     after: float = math.nan
     floor: float = math.nan
     said_untestable: bool = False
-    """Whether the report says that these logs could not show what is hidden: not at all, or not so little."""
+    """Whether the report says that these logs cannot show the hidden effects, or not at their true sizes."""
     seconds: float = 0.0
     message: str = ""
-    """Of the error."""
+    """The error message, where the workflow raised one."""
 
     @property
     def found(self) -> bool:
@@ -47,7 +47,7 @@ class Outcome:
 
     @property
     def closure(self) -> float:
-        """(before - after)/(before - floor) on test runs; NaN where there was nothing to close."""
+        """(before - after) / (before - floor) on test runs; NaN where there was no gap."""
         if not self.before > self.floor:
             return math.nan
         return (self.before - self.after) / (self.before - self.floor)
@@ -65,7 +65,7 @@ class Outcome:
         return f"{self.verdict}: {' | '.join(names)}" if names else self.verdict
 
     def covered(self) -> tuple[bool, ...]:
-        """Return for each parameter of effects rightly adopted whether its interval holds the truth."""
+        """Return, for each parameter of rightly adopted effects, whether its interval contains the truth."""
         if not self.found:
             return ()
         held = []
@@ -78,7 +78,7 @@ class Outcome:
 
 
 def outcome_of(case: Case, report: GapReport, seconds: float) -> Outcome:
-    """Return what a report says of a case, the study having taken so many seconds."""
+    """Return the outcome of a case from its report and the seconds that the study took."""
     floor = report.gap.noise_floor
     return Outcome(
         case=case,
@@ -98,7 +98,7 @@ def outcome_of(case: Case, report: GapReport, seconds: float) -> Outcome:
 
 
 def _out_of_sight(name: str, case: Case, report: GapReport) -> bool:
-    """Return whether a report calls an effect untestable, or sees it only beyond its true size."""
+    """Return whether a report calls an effect untestable, or detectable only above its true size."""
     if any(entry.name == name for entry in report.untestable):
         return True
     seen = report.smallest_detectable.get(name, {})
@@ -120,7 +120,7 @@ def _is_nearer(value: float, other: float, neutral: float) -> bool:
 
 
 def to_json(outcome: Outcome) -> dict[str, Any]:
-    """Return an outcome as JSON objects; numbers that are not finite are text."""
+    """Return an outcome as JSON objects; infinite and missing numbers become text."""
     made: dict[str, Any] = _plain(asdict(outcome))
     return made
 

@@ -1,7 +1,4 @@
-"""The figures of a run of blind tests, each with its target and how sure it is.
-
-The confusion table and the figures, for the terminal and for the documentation.
-"""
+"""The metrics of a run of blind tests with their targets, and the confusion table, as text and Markdown."""
 
 from __future__ import annotations
 
@@ -10,30 +7,28 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
-from typing import Final
 
 import numpy as np
 
+from mecanum_env.markdown import markdown_table
+from mecanum_env.statistics import wilson_interval
 from sysid.studies.blind.outcome import Outcome
-
-_Z: Final = 1.959964
-"""Of a two-sided 95 % interval."""
 
 
 @dataclass(frozen=True)
-class Figure:
-    """A share of cases, or a median, beside what was to be reached."""
+class Metric:
+    """A share of cases, or a median, beside its target."""
 
     name: str
     value: float
-    """NaN where no case tells."""
+    """NaN without a case that counts."""
     low: float
     high: float
-    """Of the 95 % Wilson interval of a share; NaN for a median."""
+    """Ends of the 95 % Wilson interval of a share; NaN for a median."""
     count: int
     target: str
     reached: bool | None
-    """None where no case tells."""
+    """None without a target or a case that counts."""
 
     def text(self) -> tuple[str, str, str, str]:
         """Return name, value with interval, number of cases and target with verdict."""
@@ -47,23 +42,8 @@ class Figure:
         return self.name, said, str(self.count), f"{self.target}: {verdict}"
 
 
-def wilson(successes: int, trials: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share (Wilson, J. Am. Stat. Assoc. 22:209, 1927).
-
-    Args:
-        successes: how many.
-        trials: of how many; 0 gives NaN.
-    """
-    if trials == 0:
-        return math.nan, math.nan
-    share, z2 = successes / trials, _Z * _Z
-    centre = (share + z2 / (2 * trials)) / (1 + z2 / trials)
-    half = _Z / (1 + z2 / trials) * math.sqrt(share * (1 - share) / trials + z2 / (4 * trials**2))
-    return max(0.0, centre - half), min(1.0, centre + half)
-
-
-def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
-    """Return all figures of a run, those with a target first; pass the outcomes of its cases."""
+def metrics(outcomes: Sequence[Outcome]) -> list[Metric]:
+    """Return all metrics of the outcomes of a run, those with a target first."""
 
     def of(*kinds: str, size: str | None = None, level: str | None = None) -> list[Outcome]:
         return [
@@ -112,13 +92,13 @@ def figures(outcomes: Sequence[Outcome]) -> list[Figure]:
     return [*shares, *others]
 
 
-def _share(name: str, hits: Iterable[bool], low: float | None, high: float | None) -> Figure:
+def _share(name: str, hits: Iterable[bool], low: float | None, high: float | None) -> Metric:
     got = [bool(hit) for hit in hits]
     count = len(got)
     value = sum(got) / count if count else math.nan
-    bounds = wilson(sum(got), count)
+    bounds = wilson_interval(sum(got), count)
     if low is None or high is None:
-        return Figure(name, value, *bounds, count, "no target", None)
+        return Metric(name, value, *bounds, count, "no target", None)
     target = (
         f"{100 * low:g} to {100 * high:g} %"
         if low > 0.0 and high < 1.0
@@ -126,22 +106,22 @@ def _share(name: str, hits: Iterable[bool], low: float | None, high: float | Non
         if low > 0.0
         else f"<= {100 * high:g} %"
     )
-    return Figure(name, value, *bounds, count, target, low <= value <= high if count else None)
+    return Metric(name, value, *bounds, count, target, low <= value <= high if count else None)
 
 
-def _median(name: str, outcomes: Sequence[Outcome], least: float) -> Figure:
+def _median(name: str, outcomes: Sequence[Outcome], least: float) -> Metric:
     closures = [o.closure for o in outcomes if math.isfinite(o.closure)]
     value = float(np.median(closures)) if closures else math.nan
     reached = value >= least if closures else None
-    return Figure(name, value, math.nan, math.nan, len(closures), f">= {least:g}", reached)
+    return Metric(name, value, math.nan, math.nan, len(closures), f">= {least:g}", reached)
 
 
-_HEAD = ("figure", "value (95 % interval)", "cases", "target")
+_HEAD = ("metric", "value (95 % interval)", "cases", "target")
 
 
 def summary_text(outcomes: Sequence[Outcome]) -> str:
-    """Return the confusion table and the figures of outcomes as text."""
-    rows = [_HEAD, *(figure.text() for figure in figures(outcomes))]
+    """Return the confusion table and the metrics of outcomes as text."""
+    rows = [_HEAD, *(metric.text() for metric in metrics(outcomes))]
     widths = [max(len(row[i]) for row in rows) for i in range(len(_HEAD))]
     lines = ["  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)) for row in rows]
     confused = [
@@ -152,40 +132,33 @@ def summary_text(outcomes: Sequence[Outcome]) -> str:
 
 
 def summary_markdown(outcomes: Sequence[Outcome], command: str, date: str) -> str:
-    """Return the same as a page of the documentation.
+    """Return the confusion table and the metrics as a page of the documentation.
 
     Args:
-        outcomes: of the cases.
-        command: that ran them.
-        date: of the run.
+        outcomes: the outcomes of all cases.
+        command: the command line that ran them.
+        date: the day of the run.
     """
     parts = [
         "# Results of the blind tests",
         f"Written by `{command}` on {date} with version {version('mecanum-tankendo')}; do not edit.",
-        _table([_HEAD, *(figure.text() for figure in figures(outcomes))]),
+        markdown_table(_HEAD, [metric.text() for metric in metrics(outcomes)]),
         "In brackets 95 % Wilson intervals. Found: named as it is, or among the candidates of an `ambiguous` "
         "verdict. Closure: (before - after)/(before - noise floor) on test runs, 0 where nothing was named.",
         _time(outcomes),
         "## What was hidden, and what was said",
-        _table(
-            [
-                ("level", "kind", "size", "hidden", "said (times)"),
-                *((*key, "; ".join(said)) for key, said in _confusion(outcomes)),
-            ]
+        markdown_table(
+            ("level", "kind", "size", "hidden", "said (times)"),
+            [(*key, "; ".join(said)) for key, said in _confusion(outcomes)],
         ),
     ]
     return "\n\n".join(parts) + "\n"
 
 
-def missed(outcomes: Sequence[Outcome]) -> list[Figure]:
-    """Return the figures of outcomes whose target was missed."""
-    return [figure for figure in figures(outcomes) if figure.reached is False]
-
-
 def _confusion(
     outcomes: Sequence[Outcome],
 ) -> list[tuple[tuple[str, str, str, str], list[str]]]:
-    """Return (level, kind, size, hidden) with what was said and how often, in the order of the cases."""
+    """Return (level, kind, size, hidden) with each verdict and its count, in the order of the cases."""
     said: dict[tuple[str, str, str, str], Counter[str]] = {}
     for o in outcomes:
         hidden = " + ".join(o.case.hidden) or "nothing"
@@ -204,8 +177,3 @@ def _time(outcomes: Sequence[Outcome]) -> str:
                 f"{max(seconds):.1f} s at most"
             )
     return "; ".join(parts) + "."
-
-
-def _table(rows: Sequence[Sequence[str]]) -> str:
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-    return "\n".join([lines[0], "|" + "---|" * len(rows[0]), *lines[1:]])

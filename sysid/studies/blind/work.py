@@ -1,16 +1,14 @@
-"""The model of each nominal plant: fitted once to effect-free logs, by the same program that users run.
+"""Running blind cases in worker processes; each outcome is saved as soon as it is there.
 
-Running cases, in worker processes, each saved when it is done.
+The model of each nominal plant is fitted once, to logs without effects, by the program that users run.
 """
 
 from __future__ import annotations
 
 import json
-import multiprocessing
 import time
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Sequence
+from concurrent.futures import as_completed
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -19,6 +17,7 @@ from tqdm import tqdm
 from mecanum_env.errors import MecanumError
 from mecanum_env.files import write_json
 from mecanum_env.model import Model, read_model, read_robot, write_model
+from mecanum_env.parallel import process_pool
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.logs import read_dataset
 from sysid.studies.blind.cases import BlindTests, Case, blind_tests
@@ -26,12 +25,12 @@ from sysid.studies.blind.outcome import Outcome, from_json, outcome_of, to_json
 
 
 def nominal_model(tests: BlindTests, plant: str, folder: Path) -> Model:
-    """Return the model of a plant; made where `folder` does not have it yet.
+    """Return the model of a nominal plant; it is fitted if `folder` does not hold it yet.
 
     Args:
-        tests: which write its logs.
-        plant: its name.
-        folder: of this plant; gets logs, robot.json and model.json.
+        tests: the generators, which write its logs.
+        plant: name of the nominal plant.
+        folder: folder of this plant; receives logs, robot.json and model.json.
     """
     path = folder / "model.json"
     if not path.is_file():
@@ -48,14 +47,15 @@ def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list
     """Run cases and return their outcomes in the order of the cases, whatever the number of workers.
 
     Args:
-        cases: which.
-        seed: of their list.
-        folder: gets `nominal/PLANT/` and `cases/SEED/NAME.json`; what is there already is not done again.
-        jobs: worker processes.
+        cases: the cases to run.
+        seed: seed of the list of cases.
+        folder: receives `nominal/PLANT/` and `cases/SEED/NAME.json`; results found there are not computed
+        again.
+        jobs: number of worker processes.
     """
     todo = [case for case in cases if not saved(case, seed, folder).is_file()]
     plants = list(dict.fromkeys(case.plant for case in todo))
-    with _pool(jobs) as pool:
+    with process_pool(jobs) as pool:
         for made in [pool.submit(make_model, plant, folder) for plant in plants]:
             made.result()
         running = [pool.submit(run_case, case, seed, folder) for case in todo]
@@ -67,29 +67,29 @@ def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list
 
 
 def saved(case: Case, seed: int, folder: Path) -> Path:
-    """Return where the outcome of a case lies.
+    """Return the file that holds the outcome of a case.
 
     Args:
-        case: whose.
-        seed: of the list of cases.
-        folder: of all of them.
+        case: the case.
+        seed: seed of the list of cases.
+        folder: as for `run_cases`.
     """
     return folder / "cases" / f"{seed}" / f"{case.name}.json"
 
 
 def make_model(plant: str, folder: Path) -> None:
-    """Make the model of a plant in a worker process; `folder` is that of the whole run."""
+    """Fit the model of a nominal plant in a worker process; `folder` is that of the whole run."""
     nominal_model(blind_tests(), plant, folder / "nominal" / plant)
 
 
 def run_case(case: Case, seed: int, folder: Path) -> str:
     """Write the logs of a case, analyse them, save the outcome and return the name of the case.
 
-    An error of the workflow is an outcome too: no case may hide the others.
+    An error of the workflow is an outcome, too: one case must not stop the others.
 
     Args:
-        case: which.
-        seed: of the list of cases.
+        case: the case to run.
+        seed: seed of the list of cases.
         folder: as for `run_cases`.
     """
     from sysid.gap.result import GapOptions
@@ -108,13 +108,3 @@ def run_case(case: Case, seed: int, folder: Path) -> str:
             outcome = Outcome(case, "error", seconds=time.perf_counter() - began, message=str(error))
     write_json(saved(case, seed, folder), to_json(outcome))
     return case.name
-
-
-@contextmanager
-def _pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool whose waiting work is dropped when the program is interrupted."""
-    pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
-    try:
-        yield pool
-    finally:
-        pool.shutdown(cancel_futures=True)

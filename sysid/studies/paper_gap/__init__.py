@@ -1,4 +1,4 @@
-"""What the paper's robot has and its model lacks: effects that reproduce the six figures of its section 4.5.
+"""Which effects reproduce the six numbers that the paper prints of its robot (section 4.5).
 
 `python -m sysid.studies.paper_gap` searches and writes the tables.
 """

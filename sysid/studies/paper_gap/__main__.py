@@ -13,7 +13,7 @@ from sysid.studies.paper_gap.tables import conclusion, paper_gap_markdown
 
 
 def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
-    """Search for the effects that reproduce the six figures of the paper's robot; write tables.
+    """Search for the effects that reproduce the six numbers of the paper's robot; write tables.
 
     Writes paper_gap.json and paper_gap.md.
 

@@ -1,7 +1,8 @@
-"""The paper's five drives and the six figures that it prints of them, simulated for any model.
+"""The paper's five drives and the six numbers that it prints of them, simulated for any model.
 
-The figures are the relative loss of steady speed at 10, 40, 80 and 130 rpm straight ahead and at 1.484
-rad/s in place, and one rise time. The text does not say of which drive: here it is the mean of all five.
+The numbers are the relative loss of steady speed at 10, 40, 80 and 130 rpm straight ahead and at 1.484
+rad/s in place, and one rise time. The text does not say which drive it is of; here it is the mean of all
+five.
 """
 
 from __future__ import annotations
@@ -23,21 +24,21 @@ from sysid.studies.reproduce import published
 DRIVES: Final = tuple(published.ROBOT_LOSS)
 """Names of the five drives."""
 NUMBERS: Final = (*(f"loss, {name}" for name in DRIVES), "rise s")
-"""Names of the six figures."""
+"""Names of the six numbers."""
 PAPER: Final = np.array([*published.ROBOT_LOSS.values(), published.ROBOT_RISE_S])
-"""The six figures as printed."""
+"""The six numbers as printed."""
 TOLERANCE: Final = np.array([0.01] * len(DRIVES) + [0.01])
-"""How far a prediction may be from each figure: losses, and seconds of rise.
+"""Largest deviation of a prediction from each number: of the losses, and of the rise time [s].
 
 The losses are printed to three digits and the rise to two, without spread or number of repeats. A loss of
 0.01 is 0.1 rpm at 10 rpm and 1.3 rpm at 130 rpm; commands are whole rpm."""
 HOLD_S: Final = 3.0
-"""Each drive is watched for so long; the mean of its last fifth is the steady speed."""
+"""Duration of each drive [s]; the mean of its last fifth is the steady speed."""
 SEARCH_HOLD_S: Final = 1.2
-"""The same in a search, where nothing slow is looked for."""
+"""Duration of each drive in a search, which looks for nothing slow [s]."""
 _ROBOT: Final = paper_model().robot
 TURN_RPM: Final = float(twist_to_command([0.0, 0.0, published.ROTATION_RAD_S], _ROBOT)[2])
-"""VC of the turn, from this project's dimensions: the text prints neither VC nor dimensions [rpm]."""
+"""VC of the turn with this project's dimensions; the text prints neither VC nor dimensions [rpm]."""
 
 COMMANDS: Final = {
     name: (float(v), 0.0) for name, v in zip(DRIVES, published.FIT_STEPS_RPM, strict=False)
@@ -46,29 +47,29 @@ COMMANDS: Final = {
 
 
 @dataclass(frozen=True)
-class Figures:
+class DriveMetrics:
     """What a model predicts of the drives."""
 
     losses: FloatArray
-    """(commanded - steady) / commanded of the body as measured, one a drive, (5,)."""
+    """(commanded - steady) / commanded of the body as measured, per drive, shape (5,)."""
     rises_s: FloatArray
-    """10 to 90 % of the steady speed, one a drive, (5,) [s]."""
+    """Rise time from 10 to 90 % of the steady speed, per drive, shape (5,) [s]."""
 
     @property
     def six(self) -> FloatArray:
-        """The figures that the paper prints, (6,)."""
+        """The numbers that the paper prints, shape (6,)."""
         return np.array([*self.losses, float(np.mean(self.rises_s))])
 
 
-def figures(model: Model, plant: RobotPlant = "planar", hold_s: float = HOLD_S) -> Figures:
-    """Simulate the five drives and return their figures, as sensors show them.
+def drive_metrics(model: Model, plant: RobotPlant = "planar", hold_s: float = HOLD_S) -> DriveMetrics:
+    """Simulate the five drives and return their metrics, as sensors show them.
 
     Args:
         model: wheel, robot and effects.
         plant: "planar" or "rollers".
-        hold_s: how long each drive is watched [s].
+        hold_s: duration of each drive [s].
     """
-    # Half the steps do without rollers.
+    # Without rollers half the steps are enough.
     timestep_s = TRAINING_TIMESTEP_S if plant == "planar" else None
     compiled = compile_plant(model, plant, timestep_s)
     found = []
@@ -77,35 +78,35 @@ def figures(model: Model, plant: RobotPlant = "planar", hold_s: float = HOLD_S) 
         path = drive(model, BodyCommands.constant(v, 0.0, vc), hold_s, plant=plant, mj_model=compiled)
         found.append(loss_and_rise(path, v, vc))
     losses, rises = np.array(found).T
-    return Figures(losses, rises)
+    return DriveMetrics(losses, rises)
 
 
 def loss_and_rise(path: Trajectory, v_rpm: float, vc_rpm: float) -> tuple[float, float]:
     """Return the relative loss of steady speed and the rise time [s] of a drive from rest.
 
-    What is commanded is the speed of the paper's robot without any effect. A robot that never moves has no
-    rise: all the time that it was watched counts as one.
+    The commanded speed is that of the paper's robot without any effect. The rise time of a robot that never
+    moves is taken as the duration of the drive.
 
     Args:
-        path: the drive, its sensors read.
+        path: the simulated drive.
         v_rpm: forward command, or 0.
         vc_rpm: turning command, or 0.
     """
     channel, axis = ("vx_m_s", 0) if v_rpm != 0.0 else ("yaw_rate_rad_s", 2)
     commanded = float(command_to_twist(v_rpm, 0.0, vc_rpm, _ROBOT)[axis])
     speed = path.channels_at(path.time_s)[channel]
-    # Rollers make the speed ripple; that is no noise to widen the bands by.
+    # The ripple of the rollers is not noise; it must not widen the settling band.
     found = step_metrics(path.time_s, speed, 0.0, commanded, noise_rpm=0.0)
     rise = found.rise_time_s
     return -found.relative_steady_state_error, rise if math.isfinite(rise) else float(path.time_s[-1])
 
 
 def turn_losses(model: Model, speeds_rpm: FloatArray) -> FloatArray:
-    """Return the loss of turns in place at other wheel speeds, (n,).
+    """Return the losses of turns in place at several wheel speeds, shape (n,).
 
     Args:
         model: wheel, robot and effects.
-        speeds_rpm: VC of each turn, (n,).
+        speeds_rpm: VC of each turn [rpm], shape (n,).
     """
     compiled = compile_plant(model, "planar", TRAINING_TIMESTEP_S)
     paths = [

@@ -1,6 +1,6 @@
-"""Which effects move which figure, and which sets of effects reproduce all six.
+"""Which effects change which of the six numbers, which sets reproduce all, and how the paper's suspects do.
 
-What the paper itself suspects, fitted alone and together: load, rolling friction, latency, saturation.
+The paper suspects load, rolling friction, latency and saturation; they are fitted alone and together.
 """
 
 from __future__ import annotations
@@ -19,31 +19,31 @@ from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, tur
 from sysid.studies.paper_gap.sets import LEFT_OUT, Fitter, SetFit
 
 BEAM: Final = {1: 3, 2: 4, 3: 5}
-"""Sets of a size that the next size grows from."""
+"""Size -> number of its best sets from which larger sets grow."""
 PROMISING: Final = 7
-"""Effects that are fitted beside a set, of those that it may grow by."""
+"""Number of most promising effects that are tried as additions to a set."""
 PLANTS: Final[tuple[RobotPlant, ...]] = ("planar", "rollers")
 _SIZES: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Reach:
-    """How far one effect alone, at sizes all over its bounds, moves each figure."""
+    """Range over which one effect alone changes each number, at sizes across its bounds."""
 
     name: str
     least: FloatArray
-    """Smallest change, (6,)."""
+    """Smallest change, shape (6,)."""
     most: FloatArray
-    """Largest change, (6,)."""
+    """Largest change, shape (6,)."""
 
     @property
     def moves(self) -> FloatArray:
-        """Which figures it moves by more than the tolerance, (6,) of bool."""
+        """Which numbers it changes by more than the tolerance, shape (6,), bool."""
         return np.asarray(np.maximum(self.most, -self.least) > TOLERANCE)
 
 
 def reaches(base: Model) -> list[Reach]:
-    """Return what each effect of the catalogue can do to the six figures.
+    """Return the range of each effect of the catalogue on the six numbers.
 
     Args:
         base: the paper's model.
@@ -68,21 +68,21 @@ def reaches(base: Model) -> list[Reach]:
 
 
 def movers(found: Sequence[Reach]) -> tuple[str, ...]:
-    """Return the effects that move a figure, of those that the fast plant has."""
+    """Return the effects of the planar plant that change any of the numbers."""
     return tuple(r.name for r in found if r.moves.any() and CATALOGUE[r.name].acts_in("planar"))
 
 
 def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
-    """Return all sets that were fitted, by names: all singles, then growths of the best.
+    """Return all fitted sets by their names: all single effects, then additions to the best sets.
 
     Args:
-        fitter: of the paper's model.
+        fitter: the fitter of the paper's model.
         names: effects to consider.
-        most: largest size.
+        most: largest number of effects in a set.
     """
     fitted: dict[tuple[str, ...], SetFit] = {(): fitter.empty()}
     for size in range(1, most + 1):
-        # What reproduces the figures already needs no more.
+        # A set that already reproduces the numbers needs no addition.
         parents = [f for f in best(fitted, size - 1) if f.worst > 1.0]
         for parent in parents[: BEAM.get(size - 1, 1)]:
             _grow(fitter, fitted, parent, names, len(names) if size == 1 else PROMISING)
@@ -90,17 +90,17 @@ def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[st
 
 
 def best(fitted: Mapping[tuple[str, ...], SetFit], size: int) -> list[SetFit]:
-    """Return the sets of a size, the best first.
+    """Return the sets of a size, best first.
 
     Args:
-        fitted: by names.
+        fitted: sets by their names.
         size: number of effects.
     """
     return sorted((f for f in fitted.values() if len(f.names) == size), key=lambda f: (f.misfit, f.names))
 
 
 def needless(found: SetFit, fitted: Iterable[SetFit]) -> bool:
-    """Return whether a smaller set inside a set reproduces the figures too.
+    """Return whether a smaller set inside a set also reproduces the numbers.
 
     Args:
         found: the set.
@@ -112,7 +112,7 @@ def needless(found: SetFit, fitted: Iterable[SetFit]) -> bool:
 def _grow(
     fitter: Fitter, fitted: dict[tuple[str, ...], SetFit], parent: SetFit, names: Sequence[str], most: int
 ) -> None:
-    """Fit a set with each of the most promising other effects."""
+    """Fit a set together with each of the most promising other effects."""
     starts = [(fitter.start(parent, name), name) for name in names if name not in parent.names]
     starts.sort(key=lambda s: (s[0].misfit, s[1]))
     for start, _ in starts[:most]:
@@ -123,18 +123,18 @@ def _grow(
 _CEILING: Final = (("speed_saturation", "softness_rpm"),)
 _FRICTION: Final = ("coulomb_friction", "viscous_friction")
 ALL_SOFT: Final = "all, saturation a soft knee"
-"""Title of the suspects together."""
+"""Title of all suspects together."""
 TURN: Final = len(DRIVES) - 1
-"""Which of the six figures is the turn's loss."""
+"""Index of the turn's loss among the six numbers."""
 TURN_SPEEDS_RPM: Final = np.array([5.0, *range(10, 131, 10)])
-"""Wheel speeds at which turns are looked at: the text does not print that of its turn."""
+"""Wheel speeds of the simulated turns; the text does not print that of its turn [rpm]."""
 INTEGRAL_N_M_RAD: Final = 50.0
-"""Of a drive with integral action."""
+"""Integral gain of a drive with integral action."""
 
 
 @dataclass(frozen=True, eq=False)
 class Suspect:
-    """One of the paper's suspects, or several, at their best."""
+    """The best fit of one of the paper's suspects, or of several."""
 
     title: str
     fit: SetFit
@@ -142,17 +142,17 @@ class Suspect:
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """All suspects fitted to everything but the turn, and what they then make of it."""
+    """All suspects fitted to everything except the turn, and their prediction of turns."""
 
     fit: SetFit
     losses: FloatArray
-    """At `TURN_SPEEDS_RPM`."""
+    """Losses at `TURN_SPEEDS_RPM`."""
 
 
 def suspects(base: Model) -> list[Suspect]:
-    """Fit the paper's suspects to its six figures.
+    """Fit the paper's suspects to its six numbers.
 
-    Sensor latency is in none of the sets: it moves no figure, whatever is beside it.
+    Sensor latency is in none of the larger sets because it changes none of the numbers.
 
     Args:
         base: the paper's model.
@@ -174,7 +174,7 @@ def suspects(base: Model) -> list[Suspect]:
 
 
 def suspects_turning(base: Model) -> Turn:
-    """Fit all suspects to what the paper prints of straight drives, and look at turns at all speeds.
+    """Fit all suspects to the paper's numbers of straight drives, and predict turns at all speeds.
 
     Args:
         base: the paper's model.

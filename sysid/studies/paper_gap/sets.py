@@ -1,4 +1,4 @@
-"""Fitting a set of effects to the six figures, and growing sets by one effect."""
+"""Fitting a set of effects to the six numbers, and adding effects to a set."""
 
 from __future__ import annotations
 
@@ -18,11 +18,12 @@ from mecanum_env.model import Model
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.gap.search.coordinates import Coordinate, EffectSet, effect_set
-from sysid.studies.paper_gap.drives import PAPER, SEARCH_HOLD_S, TOLERANCE, figures
+from sysid.studies.paper_gap.drives import PAPER, SEARCH_HOLD_S, TOLERANCE, drive_metrics
 
 LEFT_OUT: Final = ("wheel_gain_mismatch", "mount_yaw", "battery_sag")
-"""Four gains fit a straight line and a turn at will, but bend the path; a sensor turned so far that it loses
-speed shows a quarter of it sideways; what sags depends on the time, and no drive's length is printed."""
+"""Effects that are not considered. Four wheel gains could fit any straight line and turn, but bend the path;
+a sensor turned so far that it loses speed would show a quarter of it sideways; battery sag depends on the
+time, and the paper prints no duration."""
 WIDER: Final = {("speed_saturation", "softness_rpm"): 135.0}
 """Upper bounds beyond the catalogue's: a knee as wide as the wheel's whole range."""
 HELD: Final = {
@@ -32,23 +33,23 @@ HELD: Final = {
     ("sensor_scale", "wheel"): 1.0,
     ("sensor_bias", "vy_m_s"): 0.0,
 }
-"""Parameters that are not fitted: uphill, mid height, and what these figures do not show."""
+"""Parameters that are not fitted: a slope uphill, a middle height, and what these numbers do not show."""
 _TRIALS: Final = (0.1, 0.3, 0.5, 0.7, 0.9)
 _STEP: Final = 0.01
 _MOST: Final = 12
 _PLACES: Final = 40
-_UNMOVED: Final = 100.0  # of a place that cannot be simulated
+_UNMOVED: Final = 100.0  # residual where a set cannot be simulated
 
 
 @dataclass(frozen=True, eq=False)
 class SetFit:
-    """A set of effects at the place that comes nearest to the paper's figures."""
+    """A set of effects with the parameters that come closest to the paper's numbers."""
 
     chosen: EffectSet
     place: FloatArray
-    """(p,), each 0 .. 1 between its bounds."""
+    """Parameters on a scale from 0 to 1 between their bounds, shape (p,)."""
     six: FloatArray
-    """What it predicts, (6,)."""
+    """The predicted numbers, shape (6,)."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,7 +58,7 @@ class SetFit:
 
     @property
     def deviation(self) -> FloatArray:
-        """Predicted less printed over the tolerance, (6,)."""
+        """(predicted - printed) / tolerance, shape (6,)."""
         return np.asarray((self.six - PAPER) / TOLERANCE)
 
     @property
@@ -67,7 +68,7 @@ class SetFit:
 
     @property
     def worst(self) -> float:
-        """The largest of `deviation`: at most 1 where all six figures are reproduced."""
+        """The largest absolute `deviation`; at most 1 if all six numbers are reproduced."""
         return float(np.max(np.abs(self.deviation)))
 
     @property
@@ -80,14 +81,14 @@ class SetFit:
 
 
 class Fitter:
-    """Simulates each place once and fits sets of effects to the six figures.
+    """Fits sets of effects to the six numbers, and remembers every simulation.
 
     Args:
         base: the model that the effects are added to.
-        plant: to simulate on; "rollers" where "planar" lacks an effect.
-        counted: which of the six figures a fit is to reproduce, (6,) of 0 and 1; by default all.
+        plant: the plant to simulate; "rollers" for effects that "planar" lacks.
+        counted: weights 0 or 1 of the six numbers in a fit, shape (6,); all by default.
         neutral: parameters (effect, name) that stay neutral.
-        hold_s: how long each drive is watched [s].
+        hold_s: duration of each drive [s].
     """
 
     def __init__(
@@ -104,20 +105,20 @@ class Fitter:
         self._known: dict[tuple[tuple[str, str, float], ...], FloatArray] = {}
 
     def six(self, chosen: EffectSet, place: FloatArray) -> FloatArray:
-        """Return the six figures of a set at a place (p,); NaN where it cannot be simulated."""
+        """Return the six numbers of a set `chosen` at a `place` (p,); NaN if it cannot be simulated."""
         key = tuple(
             (c.effect, c.parameter, round(float(x), 9))
             for c, x in zip(chosen.coordinates, place, strict=True)
         )
         if key not in self._known:
             try:
-                self._known[key] = figures(self.model(chosen, place), self.plant, self.hold_s).six
+                self._known[key] = drive_metrics(self.model(chosen, place), self.plant, self.hold_s).six
             except MecanumError:
                 self._known[key] = np.full(PAPER.shape, np.nan)
         return self._known[key]
 
     def model(self, chosen: EffectSet, place: FloatArray) -> Model:
-        """Return the base model with a set of effects at a place (p,)."""
+        """Return the base model with a set of effects `chosen` at a `place` (p,)."""
         model = chosen.model(self.base, place)
         effects = {name: dict(values) for name, values in model.effects.items()}
         for name in chosen.names:
@@ -127,14 +128,14 @@ class Fitter:
 
     @property
     def simulated(self) -> int:
-        """Places simulated so far."""
+        """Number of simulations so far."""
         return len(self._known)
 
     def set_of(self, names: Sequence[str]) -> EffectSet:
-        """Return a set with the parameters free that are fitted.
+        """Return a set of effects whose fitted parameters are free.
 
         Args:
-            names: of effects.
+            names: names of the effects.
         """
         full = effect_set(self.base, names)
         out = (*HELD, *self._neutral)
@@ -142,16 +143,16 @@ class Fitter:
         return EffectSet(full.names, free)
 
     def empty(self) -> SetFit:
-        """Return the model as it is."""
+        """Return the model without additional effects."""
         nothing = EffectSet((), ())
         return SetFit(nothing, np.zeros(0), self.six(nothing, np.zeros(0)))
 
     def at(self, chosen: EffectSet, place: FloatArray) -> SetFit:
-        """Return a set at a place (p,), not fitted."""
+        """Return a set `chosen` at a `place` (p,), without a fit."""
         return SetFit(chosen, place, self.six(chosen, place))
 
     def fit(self, start: SetFit) -> SetFit:
-        """Return a set at its best place near a start."""
+        """Return the least-squares fit of a set from a `start`."""
 
         def residual(place: FloatArray) -> FloatArray:
             deviation = self._counted * self.at(start.chosen, place).deviation
@@ -169,21 +170,21 @@ class Fitter:
         return self.at(start.chosen, found.x)
 
     def start(self, parent: SetFit, name: str) -> SetFit:
-        """Return a fitted set with one more effect, at the best of some sizes of it.
+        """Return a fitted set with one more effect, at the best of several sizes of that effect.
 
         Args:
-            parent: fitted.
-            name: of the effect.
+            parent: the fitted set.
+            name: name of the effect to add.
         """
         chosen = self.set_of((*parent.names, name))
         tried = [self.at(chosen, place) for place in _starts(chosen, parent, name)]
         return min(tried, key=self._square)
 
     def built(self, names: Sequence[str]) -> SetFit:
-        """Return a set fitted one effect after the other, and from the best of many places all over.
+        """Return the better of two fits: adding one effect after the other, and from the best of many starts.
 
         Args:
-            names: of effects, in the order in which they are added.
+            names: names of the effects in the order in which they are added.
         """
         found = self.empty()
         for name in names:
@@ -198,7 +199,7 @@ class Fitter:
 
 
 def _starts(chosen: EffectSet, parent: SetFit, name: str) -> Iterator[FloatArray]:
-    """Yield starts at which the parent's effects are as fitted and the new one has several sizes."""
+    """Yield starts with the parent's fitted parameters and several sizes of the new effect."""
     known = dict(zip(parent.chosen.coordinates, parent.place.tolist(), strict=True))
     own = [i for i, c in enumerate(chosen.coordinates) if c.effect == name]
     neutral = chosen.start()

@@ -10,7 +10,7 @@ import numpy as np
 from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.progress import Progress, silent
-from sysid.studies.paper_gap.drives import HOLD_S, NUMBERS, PAPER, TOLERANCE, TURN_RPM, figures
+from sysid.studies.paper_gap.drives import HOLD_S, NUMBERS, PAPER, TOLERANCE, TURN_RPM, drive_metrics
 from sysid.studies.paper_gap.search import (
     TURN_SPEEDS_RPM,
     Reach,
@@ -28,9 +28,9 @@ from sysid.studies.paper_gap.sets import Fitter, SetFit
 
 STAGES: Final = 5
 MOST_EFFECTS: Final = 4
-"""Largest set: with more, there are more parameters than figures."""
+"""Largest number of effects in a set; with more there are more parameters than numbers."""
 _NEAREST: Final = 5
-"""Sets of each size in the table, beside those that reproduce all figures."""
+"""Number of sets of each size in the table, besides those that reproduce all numbers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,26 +40,26 @@ class PaperGap:
     reach: tuple[Reach, ...]
     """Every effect alone."""
     sets: tuple[SetFit, ...]
-    """The best of each size, and all that reproduce the six figures; fewest parameters first."""
+    """The best sets of each size and all that reproduce the six numbers; fewest parameters first."""
     worsts: FloatArray
     """The largest deviation of every set that was fitted, needless ones left out."""
     on_rollers: tuple[FloatArray, ...]
-    """The six figures on rollers of each set that reproduces them, in the order of `reproducing`."""
+    """The six numbers on rollers of each set that reproduces them, in the order of `reproducing`."""
     suspects: tuple[Suspect, ...]
     turn: Turn
     integral: SetFit
     """The best of the sets on a drive with integral action."""
     base: FloatArray
-    """The six figures of the model as it is, on rollers."""
+    """The six numbers of the unchanged model, on rollers."""
 
     @property
     def reproducing(self) -> tuple[SetFit, ...]:
-        """The sets that reproduce all six figures within the tolerance, fewest parameters first."""
+        """The sets that reproduce all six numbers within the tolerance, fewest parameters first."""
         return tuple(found for found in self.sets if found.worst <= 1.0)
 
 
 def paper_gap(progress: Progress = silent) -> PaperGap:
-    """Search for what reproduces the six figures.
+    """Search for sets of effects that reproduce the six numbers.
 
     Args:
         progress: called with a message before each long step.
@@ -95,11 +95,11 @@ def paper_gap(progress: Progress = silent) -> PaperGap:
 
 
 def _on_rollers(model: Model) -> FloatArray:
-    return figures(model, "rollers").six
+    return drive_metrics(model, "rollers").six
 
 
 def _shown(fitted: list[SetFit]) -> tuple[SetFit, ...]:
-    """Return the sets that reproduce all six figures and the nearest of each size."""
+    """Return the sets that reproduce all six numbers and the nearest of each size."""
     ordered = sorted(fitted, key=lambda f: (f.chosen.parameter_count, f.misfit, f.names))
     nearest = {
         f.names

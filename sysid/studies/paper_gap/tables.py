@@ -11,7 +11,6 @@ from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, TURN_RPM
 from sysid.studies.paper_gap.search import ALL_SOFT, INTEGRAL_N_M_RAD, TURN, TURN_SPEEDS_RPM, Reach
 from sysid.studies.paper_gap.sets import SetFit
 from sysid.studies.paper_gap.study import PaperGap
-from sysid.studies.reproduce.pages import markdown_table
 from sysid.studies.reproduce.published import FIT_STEPS_RPM
 from sysid.studies.reproduce.tables import Table
 
@@ -23,32 +22,32 @@ def paper_gap_markdown(found: PaperGap) -> str:
     parts = [
         "# Results of `python -m sysid.studies.paper_gap`",
         "Written by the command itself; do not edit. The paper's robot is slower than its model: section 4.5 "
-        "prints five losses of steady speed and one rise time. Which effects give all six at once?",
+        "prints five losses of steady speed and one rise time. Which effects reproduce all six at once?",
         conclusion(found),
         "## What is assumed",
         assumptions(),
         "## What the losses are in rpm",
-        markdown_table(speeds()),
-        "A constant friction loses the same rpm at every speed; one in proportion to speed, a gain or a "
-        "wrong radius the same share; a ceiling nothing below it and all above. None does this alone.",
+        speeds().markdown(),
+        "A constant friction loses the same rpm at every speed; viscous friction, a gain or a wrong radius "
+        "lose the same share; a ceiling loses nothing below it. None of them alone gives these losses.",
         "## What each effect alone can do",
-        "Largest change of each figure, up or down, over the catalogue's bounds; - below the tolerance.",
-        markdown_table(reach_table(found.reach)),
+        "Largest change of each number over the catalogue's bounds; - means below the tolerance.",
+        reach_table(found.reach).markdown(),
         "## What the paper suspects",
-        "Each fitted to all six figures; in bold what is missed by more than the tolerance.",
-        markdown_table(suspect_table(found)),
+        "Each was fitted to all six numbers; bold numbers are missed by more than the tolerance.",
+        suspect_table(found).markdown(),
         turn_text(found),
         "## Sets of effects",
         f"{found.worsts.size} sets of up to four effects were fitted, each size grown from the best of the "
         "size before: a beam, not all sets. Shown are the nearest of each size and all that reproduce the "
-        "six figures. Misfit: root mean square of the deviations over their tolerances; worst: the largest, "
+        "six numbers. Misfit: root mean square of the deviations over their tolerances; worst: the largest, "
         "at most 1 where all six are reproduced. "
         f"Half the tolerance would leave {np.sum(found.worsts <= 0.5)} sets, twice the tolerance "
         f"{np.sum(found.worsts <= 2.0)}.",
-        markdown_table(set_table(found)),
+        set_table(found).markdown(),
         "## The same on rollers",
-        "The search runs on the planar plant. The sets that reproduce the figures there, on rollers:",
-        markdown_table(roller_table(found)),
+        "The search runs on the planar plant. The sets that reproduce the numbers there give on rollers:",
+        roller_table(found).markdown(),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -61,7 +60,7 @@ def conclusion(found: PaperGap) -> str:
         if np.max(np.abs(six - PAPER) / TOLERANCE) <= 1.0
     ]
     if not good:
-        return "No set of up to four effects reproduces the six figures within the tolerance."
+        return "No set of up to four effects reproduces the six numbers within the tolerance."
     least = good[0].chosen.parameter_count
     spare = PAPER.size - least
     common = set(good[0].names).intersection(*(f.names for f in good))
@@ -69,18 +68,18 @@ def conclusion(found: PaperGap) -> str:
     together = next(s.fit for s in found.suspects if s.title == ALL_SOFT)
     missed = [_HEAD[i] for i in _missed(together)]
     return (
-        f"{len(good)} sets reproduce all six figures, on rollers too, the smallest with {least} "
-        f"parameters: only {spare} more figure{'s' if spare != 1 else ''} than "
-        "parameters, so six figures cannot tell them apart. "
+        f"{len(good)} sets reproduce all six numbers, on rollers too, the smallest with {least} "
+        f"parameters: only {spare} more number{'s' if spare != 1 else ''} than "
+        "parameters, so six numbers cannot tell them apart. "
         f"The simplest is {sizes(good[0])}. "
         + (f"All of them have {' and '.join(every)}. " if every else "")
         + "The paper's suspects together (load, rolling friction, latency, a soft saturation) miss: "
-        + f"{', '.join(missed) if missed else 'nothing'}. Latency moves none of the six."
+        + f"{', '.join(missed) if missed else 'nothing'}. Latency changes none of the six."
     )
 
 
 def assumptions() -> str:
-    """Return what the paper does not print and is assumed."""
+    """Return the assumptions that replace what the paper does not print."""
     return "\n".join(
         [
             f"- A loss is reproduced within {TOLERANCE[0]:g}, the rise within {TOLERANCE[-1]:g} s: the text "
@@ -89,7 +88,7 @@ def assumptions() -> str:
             f"- The turn is at VC = {TURN_RPM:.1f} rpm: that is 1.484 rad/s with this project's dimensions. "
             "The paper prints none, and neither mass, torque nor servo: N m and kg below are those of this "
             "project's robot. What the losses show is the ratio of friction to servo.",
-            "- Speeds are what a perfect sensor of the body shows, but for the effects of sensors. The "
+            "- Speeds are those of a perfect sensor of the body, apart from sensor effects. The "
             "paper's MPU9250 measures turning directly and straight speed only through accelerations.",
         ]
     )
@@ -104,7 +103,7 @@ def speeds() -> Table:
 
 
 def reach_table(reach: tuple[Reach, ...]) -> Table:
-    """Return how far each effect moves each figure."""
+    """Return how far each effect changes each number."""
     rows: list[tuple[str, ...]] = [("effect", *_HEAD)]
     for one in reach:
         cells = [
@@ -116,7 +115,7 @@ def reach_table(reach: tuple[Reach, ...]) -> Table:
 
 
 def suspect_table(found: PaperGap) -> Table:
-    """Return what the paper's suspects predict at their best."""
+    """Return the best predictions of the paper's suspects."""
     rows: list[tuple[str, ...]] = [("suspect", "effects", *_HEAD, "misfit")]
     rows.append(("paper", "", *map(_figure, PAPER), ""))
     for one in found.suspects:
@@ -125,22 +124,22 @@ def suspect_table(found: PaperGap) -> Table:
 
 
 def turn_text(found: PaperGap) -> str:
-    """Return what the suspects make of the turn, when it is not fitted."""
+    """Return what the suspects predict of the turn when it is not fitted."""
     turn = found.turn
     lowest = int(np.argmin(turn.losses))
     return (
         f"Fitted to the straight drives and the rise alone, {sizes(turn.fit)} leaves a misfit of "
         f"{np.sqrt(np.mean(np.delete(turn.fit.deviation, TURN) ** 2)):.2f} there, and the turn comes out at "
         f"{turn.fit.six[TURN]:.3f} instead of {PAPER[TURN]:.4f}. The wheel speed of the paper's turn is not "
-        f"printed, but at no speed is it less than {turn.losses[lowest]:.3f} "
-        f"(at {TURN_SPEEDS_RPM[lowest]:.0f} rpm): what acts on wheels slows turning as it slows driving. So "
-        "the turn asks for something that tells the two apart: other dimensions than those of the "
-        "kinematics, or sensors that differ."
+        f"printed, but at no speed is the loss less than {turn.losses[lowest]:.3f} "
+        f"(at {TURN_SPEEDS_RPM[lowest]:.0f} rpm): what acts on the wheels slows turning as much as driving. "
+        "The turn therefore needs an effect that distinguishes the two: dimensions other than those of the "
+        "kinematics, or different sensors."
     )
 
 
 def set_table(found: PaperGap) -> Table:
-    """Return all sets that are shown."""
+    """Return the table of sets."""
     rows: list[tuple[str, ...]] = [("set", "parameters", *_HEAD, "misfit", "worst")]
     rows.append(("paper", "", *map(_figure, PAPER), "", ""))
     rows += [_set_row(sizes(f), f) for f in found.sets]
@@ -153,7 +152,7 @@ def set_table(found: PaperGap) -> Table:
 
 
 def roller_table(found: PaperGap) -> Table:
-    """Return the figures on rollers of the sets that reproduce the paper's."""
+    """Return the numbers on rollers of the sets that reproduce the paper's."""
     rows: list[tuple[str, ...]] = [("set", *_HEAD, "worst")]
     rows.append(("the model as it is", *map(_figure, found.base), ""))
     for one, six in zip(found.reproducing, found.on_rollers, strict=True):

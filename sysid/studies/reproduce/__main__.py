@@ -33,8 +33,8 @@ def main(
 
     Args:
         out: Folder to write.
-        quick: 20 starts, few iterations, a coarse search: to see that it runs, not for its figures.
-        seed: Of the recordings and of the random starts.
+        quick: 20 starts, few iterations, a coarse search: to see that it runs, not for its results.
+        seed: Seed of the recordings and of the random starts.
         markdown: Also write all tables to this file, with the pictures in a folder beside it.
     """
     pages = [] if markdown is None else [markdown, markdown.parent / markdown.stem / _RESULT]

@@ -1,4 +1,4 @@
-"""Every picture of the experiment, once, for the page and the PNG files alike."""
+"""The charts of the experiment as data, for the page and the PNG files."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ COLOURS: Final = {
 }
 _MEASURED, _COMMAND, _BLACK = "#9a9a9a", "#555555", "#000000"
 _SHOWN: Final = ("gradient", "kkt", "exhaustive", "output-error")
-"""The paper's three models, and ours, in the order of drawing."""
+"""The paper's three models and ours, in the order of drawing."""
 _STEP_LIMITS: Final = (0.05, 0.6)
 
 
@@ -62,7 +62,7 @@ class Panel:
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """Panels that belong together."""
+    """Panels that are shown together."""
 
     name: str
     """File name and element id."""
@@ -71,7 +71,7 @@ class Chart:
 
 
 def charts(found: Reproduction) -> list[Chart]:
-    """Return all pictures in the order of the page."""
+    """Return all charts in the order of the page."""
     return [
         Chart("starts", (_starts_panel(found),), 1),
         Chart("fig3-steps", tuple(_response_panel(shown, limits=_STEP_LIMITS) for shown in found.shown), 3),
@@ -90,7 +90,7 @@ def charts(found: Reproduction) -> list[Chart]:
 
 
 def chart(found: Reproduction, name: str) -> Chart:
-    """Return one picture of what was `found` by its name."""
+    """Return one chart of the results `found` by its name."""
     return next(c for c in charts(found) if c.name == name)
 
 
@@ -100,7 +100,7 @@ def _starts_panel(found: Reproduction) -> Panel:
     for name, rates in reversed(list(found.many_starts.items())):
         count = rates.starts
         x = np.clip(rates.rms_rpm, 0.1, 1e3)
-        # Steps of an empirical distribution: at each rms, the share of starts that came as near.
+        # The empirical distribution: at each rms, the share of starts that reached it.
         y = np.arange(1, count + 1) / count
         x, y = np.concatenate([[0.1], x, [1e3]]), np.concatenate([[0.0], y, y[-1:]])
         within = x < 1e3
@@ -127,7 +127,7 @@ def _response_panel(shown: Response, title: str = "", limits: tuple[float, float
     ]
     for name in _SHOWN:
         speed = shown.models_rpm[name]
-        seen = np.where(np.abs(speed) <= 10.0 * top, speed, np.nan)  # an unstable law leaves the picture
+        seen = np.where(np.abs(speed) <= 10.0 * top, speed, np.nan)  # An unstable law leaves the chart.
         lines.append(Line(CONTENDERS[name].label, shown.tick_s, seen, COLOURS[name]))
     return Panel(
         title or shown.name,
@@ -148,7 +148,7 @@ def _metric_panels(found: Reproduction) -> tuple[Panel, ...]:
         y_label: str,
         measured: FloatArray,
         true: FloatArray,
-        figures: dict[str, float],
+        values: dict[str, float],
         paper: float,
     ) -> Panel:
         lines = [
@@ -157,7 +157,7 @@ def _metric_panels(found: Reproduction) -> tuple[Panel, ...]:
         ]
         lines += [
             Line(CONTENDERS[name].label, speeds, np.full(len(speeds), value), COLOURS[name])
-            for name, value in figures.items()
+            for name, value in values.items()
             if np.isfinite(value)
         ]
         lines.append(Line("paper's robot, average", speeds[[0, -1]], np.full(2, paper), _BLACK, "dashed"))

@@ -1,4 +1,4 @@
-"""The methods as the experiment runs them: as published, improved, and ours."""
+"""The compared methods: as published, improved, and ours."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from sysid.fit.estimators.interface import WheelRun
 
 @dataclass(frozen=True)
 class Contender:
-    """One method with the choices that the experiment makes for it."""
+    """One method with the experiment's choices for it."""
 
     name: str
     label: str
     method: str
     published_form: bool = False
-    """Six free coefficients, random starts as they are, constant learning rate."""
+    """Six free coefficients, unrefined random starts and a constant learning rate."""
     has_starts: bool = True
-    """Its result depends on where it starts."""
+    """Whether its result depends on the start."""
     adaptive: bool = False
-    """Published but for the length of its steps, to tell what that does; in the study of starts only."""
+    """As published except for adaptive step lengths; only used in the study of random starts."""
 
 
 OURS: Final = "output-error"
@@ -44,10 +44,10 @@ CONTENDERS: Final[Mapping[str, Contender]] = {
         Contender("one-step", "one step ahead", "one-step", has_starts=False),
     )
 }
-"""By name, in the order of every table."""
+"""Name -> contender, in the order of every table."""
 
 COMPARED: Final = tuple(name for name, contender in CONTENDERS.items() if not contender.adaptive)
-"""Those in every table; the others only show what the published step length does."""
+"""Contenders in every table; the others only show the influence of the published step length."""
 
 WITH_STARTS: Final = tuple(name for name, contender in CONTENDERS.items() if contender.has_starts)
 
@@ -57,12 +57,12 @@ class ExperimentEffort:
     """How much work the experiment does."""
 
     starts: int = 1000
-    """For the success rates."""
+    """Random starts for the success rates."""
     max_iterations: int = 200
-    """As for `Options`; a descent gets 25 iterations for each."""
+    """As for `Options`; a gradient descent gets 25 iterations for each."""
     search: Search = field(default_factory=Search)
     cost_repeats: int = 10
-    """Identifications that are timed."""
+    """Number of timed identifications."""
     exhaustive_repeats: int = 2
     workers: int = 2
 
@@ -77,7 +77,7 @@ QUICK: Final = ExperimentEffort(
     exhaustive_repeats=1,
     workers=1,
 )
-"""Enough to see that everything runs; its figures are not the experiment's."""
+"""Enough to see that everything runs; the results are not those of the experiment."""
 
 
 def identify(
@@ -87,20 +87,20 @@ def identify(
 
     Args:
         runs: the data.
-        contender: which method.
+        contender: the method.
         effort: iterations and ranges of the search.
-        seed: of the starts.
-        starts: how many.
+        seed: seed of the starts.
+        starts: number of starts.
 
     Raises:
-        InputError: no start came to an end with a finite error.
+        InputError: no start ended with a finite error.
     """
     if contender.method == "exhaustive":
         return exhaustive(runs, None, effort.search)
     if not contender.has_starts:
         return estimate(runs, contender.method)
     if contender.name == "kkt-improved":
-        # Its kth start is refined from the kth random one, by the estimator itself.
+        # The estimator itself refines its kth start from the kth random one.
         return estimate(runs, "kkt", Options(starts=starts, seed=seed, max_iterations=effort.max_iterations))
     return _from(runs, contender, effort, shared_starts(starts, seed))
 
@@ -108,14 +108,14 @@ def identify(
 def identify_from(
     runs: list[WheelRun], contender: Contender, effort: ExperimentEffort, seed: int, index: int
 ) -> Estimate | None:
-    """Run one method from start `index` of the shared ones; None where its error does not stay finite.
+    """Run one method from one of the shared starts; return None if its error does not stay finite.
 
     Args:
         runs: the data.
-        contender: which method; the improved kkt starts where it would start by itself.
+        contender: the method; the improved kkt chooses its own start.
         effort: iterations and ranges of the search.
-        seed: of the starts.
-        index: which start.
+        seed: seed of the starts.
+        index: number of the start.
     """
     if not contender.has_starts or contender.name == "kkt-improved":
         return identify(runs, contender, effort, seed, 1)
@@ -126,7 +126,7 @@ def identify_from(
 
 
 def shared_starts(count: int, seed: int) -> tuple[tuple[float, ...], ...]:
-    """Return the first `count` random starts A-F of a `seed`; those of a smaller count are the same."""
+    """Return the first `count` random starts A-F of a `seed`; a larger count only adds starts."""
     return tuple(tuple(float(x) for x in row) for row in random_starts(count, seed))
 
 
@@ -137,7 +137,7 @@ def _from(
     initial: tuple[tuple[float, ...], ...],
 ) -> Estimate:
     if contender.name == OURS:
-        # Third order, as all others: the choice of order is no part of the comparison.
+        # Third order, as all others: the choice of the order is not part of the comparison.
         return estimate(runs, OURS, Options(initial=initial, order="third"))
     options = Options(
         initial=initial,

@@ -13,7 +13,7 @@ from sysid.studies.reproduce import published
 from sysid.studies.target_system import TargetRecord, TargetSystem, simulate_target
 
 NOISE_RPM = 0.5
-"""Standard deviation of the white noise on the logged speed; the encoder's counts come on top."""
+"""Standard deviation of the white noise on the logged speed, in addition to the encoder's counts [rpm]."""
 LAW_PERIOD_S = 1.0 / 120.0
 """Period of the identified laws: 12 ticks per command, as for the paper's coefficients."""
 LOG_PERIOD_S = 0.01
@@ -31,32 +31,32 @@ class Recording:
     """One run of the target system."""
 
     name: str
-    """Of the set it belongs to, such as "step 40 rpm" or "trial 2"; repeats share it."""
+    """Name of its set, such as "step 40 rpm" or "trial 2"; repeats share it."""
     record: TargetRecord
     run: WheelRun
-    """The same as the estimators take it: commands unlimited."""
+    """The same run as the estimators take it, with unlimited commands."""
 
 
 @dataclass(frozen=True, eq=False)
 class DataSets:
-    """Everything that is recorded."""
+    """All recordings of the experiment."""
 
     fit: tuple[Recording, ...]
     test: tuple[Recording, ...]
     beyond: tuple[Recording, ...]
     """One step beyond the ceiling."""
     trials: tuple[Recording, ...]
-    """Random inputs."""
+    """Trials with random commands."""
     search: tuple[Recording, ...]
     """Steps of 60 rpm, which Nakagawa et al. fitted, for the exhaustive search alone."""
 
     @property
     def fit_runs(self) -> list[WheelRun]:
-        """What every method but the exhaustive search is given."""
+        """The runs that every method except the exhaustive search is fitted to."""
         return [recording.run for recording in self.fit]
 
     def runs_for(self, method: str) -> list[WheelRun]:
-        """Return what a `method` of the estimators is given."""
+        """Return the runs that a `method` is fitted to."""
         return [recording.run for recording in self.search] if method == "exhaustive" else self.fit_runs
 
 
@@ -64,7 +64,7 @@ def record_data_sets(seed: int) -> DataSets:
     """Record all data sets.
 
     Args:
-        seed: of noise, encoder phases and random inputs.
+        seed: seed of noise, encoder phases and random commands.
     """
     rng = np.random.default_rng(seed)
 
@@ -112,7 +112,7 @@ def record(name: str, command_rpm: FloatArray, rng: np.random.Generator) -> Reco
     """Run the target system through one command per 0.1 s, shape (m,), and put the log on the law's clock."""
     system = TargetSystem()
     log = simulate_target(command_rpm, rng=rng, noise_rpm=NOISE_RPM, sample_period_s=LOG_PERIOD_S)
-    # A count's rounding is uniform, and a speed is the difference of two counts.
+    # Rounding to counts is uniform, and a speed is the difference of two counts.
     count_rpm = 60.0 / (system.encoder_counts * system.gear_ratio * LOG_PERIOD_S)
     sigma = float(np.hypot(NOISE_RPM, count_rpm / np.sqrt(6.0)))
     commands = np.repeat(command_rpm, round(system.command_period_s / LAW_PERIOD_S))

@@ -1,15 +1,15 @@
-"""The whole experiment: what is run in which order, and everything that it found."""
+"""The whole experiment: its stages in order, and the record of its results."""
 
 from __future__ import annotations
 
-import multiprocessing
 import os
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final
 
+from mecanum_env.parallel import process_pool
 from sysid.fit.estimators import Estimate, Options, estimate
 from sysid.progress import Progress, silent
 from sysid.studies.reproduce import published
@@ -44,25 +44,25 @@ STAGES: Final = (
     *(f"many starts: {name}" for name in WITH_STARTS),
     "robot on rollers",
 )
-"""What `reproduce` reports to its progress, once each; the last ones in the order in which they end."""
+"""Stages that `reproduce` reports to its progress, once each; the last ones in the order of completion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reproduction:
-    """Everything found."""
+    """All results of the experiment."""
 
     seed: int
     effort: ExperimentEffort
     estimates: Mapping[str, Estimate]
-    """Contender to the result of the paper's ten starts."""
+    """Contender -> its result from the paper's ten starts."""
     ten_starts: Mapping[str, StartRates]
     many_starts: Mapping[str, StartRates]
     best_rms_rpm: float
-    """Lowest rms of a stable law on the fitted data, any method, ten starts."""
+    """Lowest rms on the fitted data of any stable law that a method reached from ten starts."""
     sigma_rpm: float
-    """Noise of the data, encoder included."""
+    """Standard deviation of the data's noise, encoder included."""
     fitted_ceiling_rpm: float
-    """Saturation estimated by output error where the step beyond is fitted too."""
+    """Saturation that output error estimates when the step beyond the ceiling is fitted as well."""
     target: TargetSteps
     models: Mapping[str, ModelStep]
     errors: tuple[SetErrors, ...]
@@ -81,18 +81,18 @@ class Reproduction:
 def reproduce(
     seed: int = 0, effort: ExperimentEffort | None = None, progress: Progress = silent
 ) -> Reproduction:
-    """Run everything; equal seeds give equal figures, times and memory aside.
+    """Run the experiment; equal seeds give equal results, except for times and memory.
 
     Args:
-        seed: of the recordings and the starts.
-        effort: how much work; None: the full experiment.
+        seed: seed of the recordings and the starts.
+        effort: how much work to do; None: the full experiment.
         progress: called with each of `STAGES`.
     """
     effort = effort or ExperimentEffort()
     progress(STAGES[0])
     data = record_data_sets(seed)
     runs = data.fit_runs
-    # First, while nothing else runs.
+    # Costs are measured first, while nothing else runs.
     costs = measure_costs(data, effort, seed, lambda name: progress(f"time and memory: {name}"))
     with _pool(effort.workers) as submit:
         many = {submit(_many_starts, name, effort, seed): name for name in reversed(WITH_STARTS)}
@@ -141,7 +141,7 @@ def reproduce(
 
 
 def _many_starts(name: str, effort: ExperimentEffort, seed: int) -> Estimate:
-    """Record the same data again (it is quick, and needs no copying between processes) and fit them."""
+    """Record the same data again, which is quicker than copying them between processes, and fit them."""
     return identify(record_data_sets(seed).fit_runs, CONTENDERS[name], effort, seed, effort.starts)
 
 
@@ -152,15 +152,14 @@ def _fitted_ceiling(data: DataSets) -> float:
 
 @contextmanager
 def _pool(workers: int) -> Iterator[Callable[..., Future[Any]]]:
-    """Yield `submit`; with one worker the work is done at once, in this process."""
+    """Yield `submit`; a single worker does the work at once in this process."""
     if workers == 1:
         yield _at_once
         return
     before = os.environ.get("OMP_NUM_THREADS")
-    os.environ["OMP_NUM_THREADS"] = "1"  # one process a core; read when a worker imports numpy
+    os.environ["OMP_NUM_THREADS"] = "1"  # One thread per process; workers read it when they import NumPy.
     try:
-        context = multiprocessing.get_context("spawn")
-        with ProcessPoolExecutor(workers, mp_context=context) as pool:
+        with process_pool(workers) as pool:
             yield pool.submit
     finally:
         if before is None:

@@ -1,11 +1,4 @@
-"""The order of the results: what each chapter says, shows and tabulates, for the page and Markdown alike.
-
-The experiment's tables as Markdown, to be included in the documentation as they are.
-
-The page of the experiment.
-
-The pictures of the experiment as PNG files.
-"""
+"""The results of the experiment as a page, as Markdown and as PNG files, all in the same chapters."""
 
 from __future__ import annotations
 
@@ -45,8 +38,8 @@ def chapters(found: Reproduction) -> list[Chapter]:
     return [
         Chapter(
             "Success and stability from random starts (section 4.1)",
-            "Every gradient method descends from the same random starts. The paper reports 10; more tell "
-            "how sure that is. The curves show all thresholds at once: how large a share of the starts "
+            "Every gradient method descends from the same random starts. The paper reports 10; more show "
+            "how certain that is. The curves show all thresholds at once: how large a share of the starts "
             "ends with an rms at or below each value.",
             ("starts",),
             (
@@ -57,7 +50,7 @@ def chapters(found: Reproduction) -> list[Chapter]:
             ),
         ),
         Chapter(
-            "Step responses (Fig. 3) and their figures (Fig. 4)",
+            "Step responses (Fig. 3) and their metrics (Fig. 4)",
             "The test steps took no part in any fit.",
             ("fig3-steps", "fig4-metrics"),
             (
@@ -69,7 +62,7 @@ def chapters(found: Reproduction) -> list[Chapter]:
         ),
         Chapter(
             "Beyond the linear range (Fig. 5)",
-            "No linear law knows a ceiling. Limiting its command adds one; output error can estimate it too.",
+            "No linear law has a ceiling. Limiting its command adds one; output error can also estimate it.",
             ("fig5-beyond",),
             (comparison_table(found, "beyond"),),
         ),
@@ -98,10 +91,10 @@ def chapters(found: Reproduction) -> list[Chapter]:
 
 
 def reproduction_markdown(found: Reproduction, pictures: str) -> str:
-    """Return the whole of the results as Markdown.
+    """Return all results as Markdown.
 
     Args:
-        found: the experiment.
+        found: the results.
         pictures: folder of the PNG files, relative to the Markdown file.
     """
     parts = [
@@ -114,14 +107,8 @@ def reproduction_markdown(found: Reproduction, pictures: str) -> str:
         parts += [f"## {chapter.title}", chapter.text]
         parts += [f"![{name}]({pictures}/{name}.png)" for name in chapter.charts]
         for table in chapter.tables:
-            parts += [f"### {table.title}", markdown_table(table), table.note]
+            parts += [f"### {table.title}", table.markdown(), table.note]
     return "\n\n".join(part for part in parts if part) + "\n"
-
-
-def markdown_table(table: Table) -> str:
-    """Return one table; bars in cells are escaped."""
-    lines = ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in table.rows]
-    return "\n".join([lines[0], "|" + "---|" * len(table.rows[0]), *lines[1:]])
 
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
@@ -135,11 +122,11 @@ _STYLE: Final[dict[str, dict[str, Any]]] = {
 
 
 def write_reproduction_page(found: Reproduction, path: Path) -> bool:
-    """Write the page; return False, writing nothing, where the `report` extra is not installed.
+    """Write the page; return False without writing if the `report` extra is not installed.
 
     Args:
-        found: the experiment.
-        path: of the page.
+        found: the results.
+        path: file to write.
     """
     if not report_available():
         return False
@@ -185,7 +172,7 @@ def _trace(line: Line) -> dict[str, Any]:
 
 
 def _numbers(values: FloatArray) -> list[float | None]:
-    # Five digits are more than a screen shows, and keep the page small.
+    # Five digits are more than a screen shows and keep the page small.
     return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.tolist()]
 
 
@@ -197,8 +184,8 @@ def write_reproduction_plots(found: Reproduction, folder: Path) -> list[Path]:
     """Write every chart as PNG into a folder and return the paths.
 
     Args:
-        found: the experiment.
-        folder: made where it is missing.
+        found: the results.
+        folder: created if it is missing.
     """
     return [_write(chart, folder / f"{chart.name}.png") for chart in charts(found)]
 

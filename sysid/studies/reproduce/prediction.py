@@ -1,6 +1,7 @@
-"""Free-running predictions of a law and their errors, set by set (Table 1 and the tests of section 4).
+"""Free-running predictions of the laws: errors on every data set, and step responses.
 
-Steady-state error, rise and settling of target system and models; step responses (Fig. 3, 4 and 5).
+Errors are those of Table 1 and of the tests in section 4; step metrics and responses those of Fig. 3, 4 and
+5.
 """
 
 from __future__ import annotations
@@ -29,17 +30,17 @@ from sysid.studies.reproduce.published import CEILING_RPM
 
 @dataclass(frozen=True)
 class SetErrors:
-    """How near every model comes to one data set."""
+    """The error of every model on one data set."""
 
     name: str
     role: str
-    """fit, test, beyond or trial."""
+    """One of fit, test, beyond and trial."""
     rms_rpm: Mapping[str, float]
-    """Method to rms of measured minus predicted, repeats together; infinite where the law overflows."""
+    """Method -> rms of measured minus predicted over all repeats; infinite if the law overflows."""
 
     @property
     def mse_rpm2(self) -> dict[str, float]:
-        """Method to mean squared error [rpm^2]."""
+        """Method -> mean squared error [rpm^2]."""
         return {name: rms * rms for name, rms in self.rms_rpm.items()}
 
 
@@ -47,9 +48,9 @@ def predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -
     """Return the law's speed at every tick of a run that starts at rest, shape (K+1,).
 
     Args:
-        law: any, unstable ones too.
-        run: gives the commands.
-        ceiling_rpm: limit on the command.
+        law: any law, stable or not.
+        run: the run with the commands.
+        ceiling_rpm: limit on the command [rpm].
     """
     with np.errstate(all="ignore"):
         after = lfilter([law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C], run.command(0.0, ceiling_rpm))
@@ -60,9 +61,9 @@ def rms_error(law: WheelLaw, runs: Sequence[WheelRun], ceiling_rpm: float = math
     """Return the rms [rpm] of measured minus predicted over all samples of all runs.
 
     Args:
-        law: any, unstable ones too.
-        runs: starting at rest.
-        ceiling_rpm: limit on the command.
+        law: any law, stable or not.
+        runs: runs that start at rest.
+        ceiling_rpm: limit on the command [rpm].
     """
     errors = []
     for run in runs:
@@ -77,8 +78,8 @@ def rms_error(law: WheelLaw, runs: Sequence[WheelRun], ceiling_rpm: float = math
 def set_errors(data: DataSets, laws: Mapping[str, WheelLaw]) -> list[SetErrors]:
     """Return the errors of every law on every data set: fit and test by speed, beyond, and each trial.
 
-    The known ceiling limits the commands of all of them, as the paper allows ("via programming"); it only
-    matters beyond.
+    The known ceiling limits all commands, as the paper allows ("via programming"); it only matters for the
+    step beyond the ceiling.
     """
     result = []
     for role, recordings in (
@@ -98,7 +99,7 @@ def set_errors(data: DataSets, laws: Mapping[str, WheelLaw]) -> list[SetErrors]:
 
 
 def pooled_rms(sets: Sequence[SetErrors], role: str) -> dict[str, float]:
-    """Return method to rms [rpm] over all sets of one `role`, every set weighing the same."""
+    """Return method -> rms [rpm] over all sets of one `role`; every set has the same weight."""
     chosen = [errors for errors in sets if errors.role == role]
     return {
         method: math.sqrt(sum(errors.mse_rpm2[method] for errors in chosen) / len(chosen))
@@ -112,13 +113,13 @@ STEP_S = 0.1 * STEP_PERIODS
 
 @dataclass(frozen=True)
 class ModelStep:
-    """The step response of a law; a linear law has the same figures at every speed."""
+    """Metrics of a law's step response; those of a linear law do not depend on the speed."""
 
     stable: bool
     relative_error_after_1_s: float
-    """(speed - command)/command 1 s after the step, as the paper takes it."""
+    """(speed - command) / command 1 s after the step, the paper's definition."""
     relative_error: float
-    """The same for ever: DC gain - 1; nan for an unstable law."""
+    """The final relative error: DC gain - 1; NaN for an unstable law."""
     rise_s: float
     settling_s: float
     overshoot: float
@@ -126,22 +127,22 @@ class ModelStep:
 
 @dataclass(frozen=True, eq=False)
 class TargetSteps:
-    """The target system's step responses; arrays of one entry for each speed."""
+    """Metrics of the target system's step responses; arrays with one entry per speed."""
 
     speeds_rpm: tuple[int, ...]
     relative_error: FloatArray
-    """Mean of the repeats, as measured."""
+    """From the mean of the measured repeats."""
     rise_s: FloatArray
     settling_s: FloatArray
     true_relative_error: FloatArray
-    """Of the wheel itself, without sensor."""
+    """From the wheel's true speed."""
     true_rise_s: FloatArray
     true_settling_s: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """One recording and what every model makes of it."""
+    """One recording and the prediction of every model."""
 
     name: str
     time_s: FloatArray
@@ -149,9 +150,9 @@ class Response:
     true_rpm: FloatArray
     tick_s: FloatArray
     command_rpm: FloatArray
-    """Held from each tick."""
+    """The command held from each tick on."""
     models_rpm: Mapping[str, FloatArray]
-    """Method to speed at every tick; infinite or nan where an unstable law overflows."""
+    """Method -> speed at every tick; infinite or NaN where an unstable law overflows."""
 
 
 def model_step(law: WheelLaw) -> ModelStep:
@@ -172,7 +173,7 @@ def model_step(law: WheelLaw) -> ModelStep:
 
 
 def target_steps(data: DataSets) -> TargetSteps:
-    """Measure the test steps of the target system; repeats are averaged before they are measured."""
+    """Return the metrics of the target system's test steps, from the mean of the repeats."""
     groups: dict[str, list[Recording]] = {}
     for recording in data.test:
         groups.setdefault(recording.name, []).append(recording)
@@ -184,7 +185,8 @@ def target_steps(data: DataSets) -> TargetSteps:
         mean = np.mean([recording.record.speed_rpm for recording in group], axis=0)
         inner = np.mean([recording.record.true_speed_rpm for recording in group], axis=0)
         time = group[0].record.time_s
-        # A speed is counted over the interval that ends at its stamp: it belongs to the interval's middle.
+        # A speed is counted over the interval that ends at its stamp; it belongs to the middle of the
+        # interval.
         middle = time - 0.5 * (time[1] - time[0])
         noise = NOISE_RPM / math.sqrt(len(group))
         measured.append(step_metrics(middle, mean, 0.0, command, step_time_s=STEP_TIME_S, noise_rpm=noise))
@@ -204,9 +206,9 @@ def response(recording: Recording, laws: Mapping[str, WheelLaw], ceiling_rpm: fl
     """Return a recording beside the free-running prediction of every law.
 
     Args:
-        recording: of the target system.
-        laws: method to law.
-        ceiling_rpm: commands are limited to this first.
+        recording: a recording of the target system.
+        laws: method -> law.
+        ceiling_rpm: limit on the command [rpm].
     """
     run, log = recording.run, recording.record
     command = run.command()

@@ -1,7 +1,7 @@
-"""What the paper's text prints, to be set beside our figures.
+"""Numbers that the paper's text states, for comparison with our results.
 
 S. Nie, N. Igo and K. Hoshino, "Parameter Identification of Mecanum Wheel Robot Using Descent with Stability
-Criterion". Only numbers that its text states are here; those that are only drawn in its figures are not.
+Criterion". Numbers that are only drawn in its figures are not included.
 """
 
 from __future__ import annotations

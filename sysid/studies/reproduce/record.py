@@ -21,9 +21,9 @@ FORMAT: Final = "mecanum-reproduce/1"
 
 
 def reproduction_json(found: Reproduction) -> dict[str, Any]:
-    """Return everything found as a JSON object; what is not finite is null.
+    """Return all results as a JSON object, with null for infinite and missing numbers.
 
-    Curves are rounded to six significant digits, figures are not.
+    Curves are rounded to six significant digits, single numbers are not.
     """
     laws = {
         name: {
@@ -69,7 +69,7 @@ def reproduction_json(found: Reproduction) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Turn dataclasses, mappings and arrays into what JSON knows; not finite becomes null."""
+    """Return a value as JSON can hold it, like `mecanum_env.files.plain_json`, but with arrays rounded."""
     if isinstance(value, Rate):
         return {
             "count": value.count,

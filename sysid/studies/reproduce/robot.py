@@ -32,7 +32,7 @@ class RobotDrive:
     loss: float
     """(commanded - steady) / commanded of the body."""
     wheel_loss: float
-    """The same of the mean wheel speed: what is lost before the floor."""
+    """(commanded - steady) / commanded of the mean wheel speed: the loss before the floor."""
     paper_loss: float
     rise_s: float
     """10 to 90 % of the body's speed."""
@@ -41,7 +41,7 @@ class RobotDrive:
     fall_s: float
     """90 to 10 % of the body's speed after the stop."""
     peak_acceleration: float
-    """Of the body while starting, over the 0.1 s in which it gains most [unit/s]."""
+    """Largest mean acceleration of the body over 0.1 s while starting [unit/s]."""
     time_s: FloatArray
     """Every 0.01 s, shape (n,)."""
     body: FloatArray
@@ -72,7 +72,7 @@ def robot_drives(model: Model, plant: RobotPlant = "rollers") -> list[RobotDrive
 def robot_drive(
     model: Model, name: str, v_rpm: float, vc_rpm: float, plant: RobotPlant = "rollers"
 ) -> RobotDrive:
-    """Simulate one drive and read off its figures.
+    """Simulate one drive and return its metrics.
 
     Args:
         model: wheel and robot.
@@ -89,7 +89,7 @@ def robot_drive(
     commanded = float(command_to_twist(v, 0.0, vc, model.robot)[axis]) * scale
     time, body, wheels = path.time_s, path.twist[:, axis] * scale, np.mean(np.abs(path.wheels_rpm), axis=1)
     going, stopping = time <= HOLD_S, time >= HOLD_S
-    # Rollers make the speed ripple; that is no noise to widen the bands by.
+    # The ripple of the rollers is not noise; it must not widen the settling band.
     up = step_metrics(time[going], body[going], 0.0, commanded, noise_rpm=0.0)
     turned = step_metrics(time[going], wheels[going], 0.0, abs(v) + abs(vc), noise_rpm=0.0)
     down = step_metrics(time[stopping], body[stopping], up.steady_rpm, 0.0, step_time_s=HOLD_S, noise_rpm=0.0)

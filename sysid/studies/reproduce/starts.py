@@ -1,7 +1,4 @@
-"""How often a method gets there from random starts: success, usable and stable shares with intervals.
-
-Time and peak memory of each method, measured in one run (Table 2).
-"""
+"""What a method reaches from random starts (section 4.1), and what it costs in time and memory (Table 2)."""
 
 from __future__ import annotations
 
@@ -16,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.law.coefficients import stability_margins
+from mecanum_env.statistics import wilson_interval
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators import Estimate, Options, estimate
 from sysid.fit.estimators.interface import SUCCESS_RATIO
@@ -25,8 +23,7 @@ from sysid.studies.reproduce.data import DataSets
 from sysid.studies.reproduce.published import OPTIMAL_COST_RPM2
 
 USABLE_RMS_RPM: Final = math.sqrt(OPTIMAL_COST_RPM2)
-"""Usable: as near to the fitted data as the paper's own optimum, whose H is 21.80 rpm^2."""
-_NORMAL_95: Final = 1.959963984540054
+"""Largest rms that counts as usable: that of the paper's own optimum, H = 21.80 rpm^2."""
 
 
 @dataclass(frozen=True)
@@ -40,42 +37,31 @@ class Rate:
 
     @property
     def share(self) -> float:
-        """The share itself."""
+        """Share of the trials that count."""
         return self.count / self.of
 
 
 @dataclass(frozen=True, eq=False)
 class StartRates:
-    """Where all starts of one method led."""
+    """The outcomes of all starts of one method."""
 
     method: str
     starts: int
     success: Rate
-    """rms within 5 % of the best rms that any method reached with a stable law; stable or not."""
+    """The rms is within 5 % of the best rms of any stable law; the law may be unstable."""
     usable: Rate
-    """rms at most `USABLE_RMS_RPM`; stable or not."""
+    """The rms is at most `USABLE_RMS_RPM`; the law may be unstable."""
     stable: Rate
     success_and_stable: Rate
     usable_and_stable: Rate
     unstable_starts: Rate
-    """Starting points that were unstable laws."""
+    """Starting points that are unstable laws."""
     diverged: Rate
-    """Ended with an rms above the largest command: worse than a wheel that stands still."""
+    """Ended with an rms above the largest command: worse than predicting a wheel at rest."""
     out_of_iterations: Rate
-    """Still descending at the limit of iterations."""
+    """Still descending when the iterations were used up."""
     rms_rpm: FloatArray
-    """Of every start, sorted, infinite where it diverged, shape (starts,)."""
-
-
-def wilson(count: int, of: int) -> Rate:
-    """Return `count` out of `of` with its 95 % interval (E. B. Wilson, J. Am. Stat. Assoc. 22, 1927)."""
-    z2 = _NORMAL_95**2
-    share = count / of
-    middle = (share + z2 / (2 * of)) / (1 + z2 / of)
-    half = _NORMAL_95 * math.sqrt(share * (1 - share) / of + z2 / (4 * of * of)) / (1 + z2 / of)
-    # At 0 and at all the bound is exact; rounding must not put it beside the share.
-    low = 0.0 if count == 0 else middle - half
-    return Rate(count, of, low, 1.0 if count == of else middle + half)
+    """Sorted rms of all starts, infinite for those that diverged, shape (starts,)."""
 
 
 def best_rms(estimates: list[Estimate]) -> float:
@@ -84,13 +70,13 @@ def best_rms(estimates: list[Estimate]) -> float:
 
 
 def start_rates(name: str, found: Estimate, best_rms_rpm: float, largest_rpm: float) -> StartRates:
-    """Count where the starts led.
+    """Count the outcomes of all starts of a method.
 
     Args:
-        name: of the contender.
+        name: name of the contender.
         found: its estimate.
-        best_rms_rpm: what success is measured against.
-        largest_rpm: largest command of the data, beyond which a result counts as diverged.
+        best_rms_rpm: the rms that success is measured against.
+        largest_rpm: largest command of the data; a larger rms counts as diverged.
     """
     starts = found.starts
     rms = np.array([start.rms_rpm for start in starts])
@@ -99,7 +85,8 @@ def start_rates(name: str, found: Estimate, best_rms_rpm: float, largest_rpm: fl
     initial = np.array([start.initial[:3] for start in starts])
 
     def rate(which: npt.ArrayLike) -> Rate:
-        return wilson(int(np.count_nonzero(np.asarray(which, bool))), len(starts))
+        count = int(np.count_nonzero(np.asarray(which, bool)))
+        return Rate(count, len(starts), *wilson_interval(count, len(starts)))
 
     return StartRates(
         method=name,
@@ -117,26 +104,26 @@ def start_rates(name: str, found: Estimate, best_rms_rpm: float, largest_rpm: fl
 
 
 ORDER_CHOSEN = "output-error, order chosen"
-"""Output error as `sysid.fit` runs it: from its own start, with the choice of order that no other makes."""
+"""Output error as `sysid.fit` runs it: from its own start, including its choice of the law's order."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What one identification costs: one start, from the runs to the law."""
+    """Cost of one identification from one start, from the runs to the law."""
 
     label: str
     repeats: int
     mean_s: float
-    """Processor time: other programs on the machine do not count."""
+    """Mean processor time; other programs on the machine do not count."""
     median_s: float
     longest_s: float
     mean_wall_s: float
     diverged: int
-    """Repeats that ended without a finite error, at once."""
+    """Repeats that ended early without a finite error."""
     mean_iterations: float
-    """Of the others."""
+    """Mean iterations of the other repeats."""
     peak_memory_mib: float
-    """Of Python objects and arrays, in a further call that is not timed."""
+    """Peak memory of Python objects and arrays, in a further call that is not timed."""
 
 
 def measure_costs(
@@ -147,7 +134,7 @@ def measure_costs(
     Args:
         data: the recordings.
         effort: repeats, iterations and ranges.
-        seed: of the starts; repeat k takes the kth, as all methods do.
+        seed: seed of the starts; repeat k of every method takes the kth start.
         progress: called with the name of each method.
     """
     costs = {}
@@ -171,7 +158,7 @@ def measure_costs(
 
 
 def _cost(label: str, work: Callable[[int], Estimate | None], repeats: int) -> Cost:
-    memory = peak_memory_mib(lambda: work(0))  # first: what the first call loads is no cost of the method
+    memory = peak_memory_mib(lambda: work(0))  # First, since loading modules is no cost of the method.
     done, processor, wall = [], [], []
     for index in range(repeats):
         began, began_wall = time.process_time(), time.perf_counter()

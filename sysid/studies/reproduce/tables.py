@@ -1,4 +1,4 @@
-"""The experiment as tables of strings, for the page and for Markdown alike."""
+"""The results of the experiment as tables of strings, for the page and for Markdown."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from mecanum_env.markdown import markdown_table
 from sysid.studies.reproduce import published
 from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS
 from sysid.studies.reproduce.experiment import Reproduction
@@ -15,16 +16,21 @@ from sysid.studies.reproduce.starts import USABLE_RMS_RPM, Rate, StartRates
 from sysid.studies.reproduce.why import Section, comparisons, percent
 
 EQUAL = 1e-3
-"""Two rms that differ by less are equal: chance moves one of 300 samples by 4 %."""
+"""Relative difference below which two rms values count as equal; chance moves one of 300 samples
+by 4 %."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows of cells, the first row being the head."""
+    """Rows of cells; the first row is the head."""
 
     title: str
     rows: tuple[tuple[str, ...], ...]
     note: str = ""
+
+    def markdown(self) -> str:
+        """Return the rows as Markdown."""
+        return markdown_table(self.rows[0], self.rows[1:])
 
 
 def verdict(found: Reproduction) -> str:
@@ -44,7 +50,7 @@ def verdict(found: Reproduction) -> str:
 
 
 def best_on(found: Reproduction) -> str:
-    """Say on how many data sets output error is best, and by how much it is behind elsewhere."""
+    """Return a sentence: on how many data sets output error is best, and how far it is behind elsewhere."""
     behind = [errors.rms_rpm[OURS] / min(errors.rms_rpm.values()) for errors in found.errors]
     best = sum(excess <= 1.0 + EQUAL for excess in behind)
     return (
@@ -54,13 +60,13 @@ def best_on(found: Reproduction) -> str:
 
 
 def ratio(large: float, small: float) -> str:
-    """Return how many times `large` is of `small`, as "12 times"."""
+    """Return the ratio of `large` to `small` as text, such as "12 times"."""
     value = large / small
     return f"{value:.0f} times" if value >= 10.0 else f"{value:.1f} times"
 
 
 def starts_table(found: Reproduction) -> Table:
-    """Return success and stability from random starts, the ten of the experiment and many."""
+    """Return success and stability from the ten random starts of the paper and from many."""
     few, lots = published.STARTS, next(iter(found.many_starts.values())).starts
     head = (
         "method",
@@ -97,7 +103,7 @@ def starts_table(found: Reproduction) -> Table:
 
 
 def fates_table(found: Reproduction) -> Table:
-    """Return what became of the starts."""
+    """Return the outcomes of the random starts."""
     head = (
         "method",
         "unstable at the start",
@@ -144,7 +150,7 @@ def law_table(found: Reproduction) -> Table:
     return Table(
         "The laws",
         (head, *rows),
-        f"The best of {published.STARTS} starts, with which all further figures are made. Period 1/120 s.",
+        f"The best of {published.STARTS} starts, used for all further results. Period 1/120 s.",
     )
 
 
@@ -183,13 +189,13 @@ def metric_table(found: Reproduction) -> Table:
     return Table(
         "Steady-state error, rise and settling",
         (head, *rows),
-        "Relative errors, negative = too slow. A linear law has the same figures at every speed; settling "
-        "counts whole ticks of 8.3 ms. The target is no linear system: speed by speed below.",
+        "Relative errors, negative = too slow. The metrics of a linear law do not depend on the speed; "
+        "settling counts whole ticks of 8.3 ms. The target is not linear: the next table shows it by speed.",
     )
 
 
 def speed_table(found: Reproduction) -> Table:
-    """Return the target's step figures and every method's error, speed by speed (Fig. 4)."""
+    """Return the target's step metrics and every method's error by speed (Fig. 4)."""
     target = found.target
     sets = [errors for errors in found.errors if errors.role == "test"]
     head = (
@@ -212,8 +218,7 @@ def speed_table(found: Reproduction) -> Table:
     return Table(
         "Test steps, speed by speed",
         (head, *rows),
-        "Measured figures are those of the mean of five repeats; the true ones are the wheel's own, "
-        "without sensor.",
+        "Measured values are those of the mean of five repeats; true values are those of the wheel itself.",
     )
 
 
@@ -315,13 +320,13 @@ def robot_table(found: Reproduction) -> Table:
 
 
 def comparison_table(found: Reproduction, section: Section) -> Table:
-    """Return one section's figures of the paper beside ours, and why they differ."""
+    """Return the paper's numbers of one section beside ours, and why they differ."""
     rows = tuple((c.quantity, c.paper, c.ours, c.why) for c in comparisons(found) if c.section == section)
     return Table("Beside the paper", (("", "paper", "here", "why they differ"), *rows))
 
 
 def number(value: float) -> str:
-    """Return a figure of any `value`: three decimals at most, huge and infinite ones as such."""
+    """Return a `value` as text with at most three decimals; large and infinite values are marked."""
     if not math.isfinite(value):
         return "infinite" if value > 0 else "none"
     if abs(value) >= 1e4:

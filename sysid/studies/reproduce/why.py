@@ -1,4 +1,4 @@
-"""Our figures beside the paper's, and where they differ, why: sentences made of measured facts."""
+"""Our results beside the paper's, and why they differ: sentences that contain measured numbers."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ Section = Literal["starts", "metrics", "beyond", "trials", "cost", "robot"]
 
 @dataclass(frozen=True)
 class Comparison:
-    """One figure of the paper's text beside ours."""
+    """One number of the paper's text beside ours."""
 
     section: Section
     quantity: str
     paper: str
     ours: str
     why: str
-    """Why they differ; empty where they agree."""
+    """Why they differ; empty if they agree."""
 
 
 def comparisons(found: Reproduction) -> list[Comparison]:
@@ -46,7 +46,7 @@ def comparisons(found: Reproduction) -> list[Comparison]:
 
 
 def percent(share: float, digits: int = 0) -> str:
-    """Return a `share` in per cent, with so many `digits` after the point."""
+    """Return a `share` in per cent with a number of `digits` after the point."""
     return f"{100.0 * share:.{digits}f} %"
 
 
@@ -187,7 +187,7 @@ def _why_error(name: str, found: Reproduction) -> str:
 
 
 def _published_remainder() -> float:
-    """Return how short of 1 the published law, normalised, is 120 ticks after a unit step."""
+    """Return 1 minus the response of the normalised published law 120 ticks after a unit step."""
     return float(1.0 - paper_model().wheel.law.simulate(np.ones(120))[-1])
 
 

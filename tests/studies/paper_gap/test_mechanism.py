@@ -1,4 +1,4 @@
-"""What each suspect can and cannot do to the paper's figures, on the simulated drives."""
+"""What each suspect can and cannot do to the paper's drive_metrics, on the simulated drives."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from mecanum_env.law.metrics import step_metrics
 from mecanum_env.simulator import BodyCommands, drive
 from mecanum_env.units import RAD_S_PER_RPM
-from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, figures, loss_and_rise, turn_losses
+from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, drive_metrics, loss_and_rise, turn_losses
 from sysid.studies.paper_gap.sets import Fitter
 
 HOLD_S = 1.2
@@ -17,7 +17,7 @@ SPEEDS_RPM = np.array([10.0, 40.0, 80.0, 130.0])
 
 
 def with_effects(model, **effects):
-    return figures(replace(model, effects=effects), hold_s=HOLD_S)
+    return drive_metrics(replace(model, effects=effects), hold_s=HOLD_S)
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def packaged():
 
 @pytest.fixture(scope="module")
 def plain(packaged):
-    return figures(packaged, hold_s=HOLD_S)
+    return drive_metrics(packaged, hold_s=HOLD_S)
 
 
 def test_loss_and_rise_are_read_off_the_measured_speed(packaged):
@@ -91,13 +91,13 @@ def test_one_ceiling_cannot_lose_at_80_what_the_paper_loses_and_still_reach_what
 
 def test_what_acts_on_wheels_slows_a_turn_as_it_slows_driving(packaged):
     model = replace(packaged, effects={"coulomb_friction": {"torque_n_m": 0.8}})
-    straight = figures(model, hold_s=HOLD_S).losses[STRAIGHT]
+    straight = drive_metrics(model, hold_s=HOLD_S).losses[STRAIGHT]
     turning = turn_losses(model, SPEEDS_RPM) - turn_losses(packaged, SPEEDS_RPM)
     assert turning == pytest.approx(straight, abs=0.02)
 
 
 def test_a_fit_finds_sizes_that_were_put_in(packaged):
-    """Fitted to all six printed figures, a gain ends where it leaves least."""
+    """Fitted to all six printed drive_metrics, a gain ends where it leaves least."""
     fitter = Fitter(packaged)
     found = fitter.fit(fitter.start(fitter.empty(), "speed_gain"))
     (values,) = found.values.values()

@@ -15,13 +15,12 @@ from sysid.studies.reproduce.charts import charts
 from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, WITH_STARTS
 from sysid.studies.reproduce.pages import (
     chapters,
-    markdown_table,
     reproduction_markdown,
     write_reproduction_page,
     write_reproduction_plots,
 )
 from sysid.studies.reproduce.record import FORMAT, reproduction_json
-from sysid.studies.reproduce.tables import Table, number
+from sysid.studies.reproduce.tables import number
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +62,7 @@ def test_markdown_holds_every_table_and_picture(quick):
     for chapter in chapters(quick):
         assert f"## {chapter.title}" in text
         for table in chapter.tables:
-            assert markdown_table(table) in text
+            assert table.markdown() in text
 
 
 def test_the_committed_results_are_of_this_command(quick):
@@ -75,11 +74,6 @@ def test_the_committed_results_are_of_this_command(quick):
     committed = path.read_text(encoding="utf-8")
     assert headings(committed) == headings(reproduction_markdown(quick, "reproduce"))
     assert all((path.parent / name).exists() for name in re.findall(r"\]\((reproduce/.*\.png)\)", committed))
-
-
-def test_a_markdown_table_escapes_bars():
-    table = Table("", (("a", "b"), ("|z|", "2")))
-    assert markdown_table(table) == "| a | b |\n|---|---|\n| \\|z\\| | 2 |"
 
 
 @pytest.mark.parametrize(

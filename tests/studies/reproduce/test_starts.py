@@ -4,23 +4,9 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
-from scipy.stats import binomtest
 
 from sysid.studies.reproduce.contenders import CONTENDERS, OURS, QUICK, identify, identify_from, shared_starts
-from sysid.studies.reproduce.starts import USABLE_RMS_RPM, wilson
-
-
-@given(st.integers(1, 2000), st.data())
-def test_wilson_intervals_are_scipys(of, draw):
-    count = draw.draw(st.integers(0, of))
-    expected = binomtest(count, of).proportion_ci(method="wilson")
-    rate = wilson(count, of)
-    assert rate.share == count / of
-    assert rate.low == pytest.approx(expected.low, abs=1e-12)
-    assert rate.high == pytest.approx(expected.high, abs=1e-12)
-    assert rate.low <= rate.share <= rate.high
+from sysid.studies.reproduce.starts import USABLE_RMS_RPM
 
 
 def test_usable_is_the_papers_own_optimum():

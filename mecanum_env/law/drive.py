@@ -27,7 +27,6 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
-from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
@@ -113,13 +112,6 @@ class DriveParameters:
             raise InputError(
                 f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"
             )
-
-    @staticmethod
-    def from_wheel(wheel: Wheel, delay_s: float = 0.0) -> DriveParameters:
-        """Build the parameters of a model's wheel, with the delay [s] of its `command_latency`."""
-        return DriveParameters(
-            wheel.law, wheel.command_period_s, wheel.command_quantum_rpm, wheel.saturation_rpm, delay_s
-        )
 
 
 @dataclass(frozen=True)

@@ -13,10 +13,10 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import asset_path, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
 from mecanum_env.model.json_fields import mapping, numbers
 from mecanum_env.model.model import Model, Robot, Wheel
 from mecanum_env.model.uncertainty import uncertainty_from_dict

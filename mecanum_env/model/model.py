@@ -7,10 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,10 @@ class Wheel:
         _require("wheel.command_period_s", self.command_period_s, 0.0, strict=True)
         _require("wheel.command_quantum_rpm", self.command_quantum_rpm, 0.0)
         _require("wheel.saturation_rpm", self.saturation_rpm, 0.0, strict=True, finite=False)
+
+    def drive_parameters(self) -> DriveParameters:
+        """Return the drive of this wheel without any effect."""
+        return DriveParameters(self.law, self.command_period_s, self.command_quantum_rpm, self.saturation_rpm)
 
 
 @dataclass(frozen=True)

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any, Final
 
-from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
 from mecanum_env.model.json_fields import mapping, number, require_known
 from mecanum_env.model.model import Robot
 

@@ -34,7 +34,7 @@ def ramp_means(drive: DriveParameters, commands, ticks):
 )
 def test_the_input_is_the_mean_of_the_ramp(commands, limit, delay):
     drive = replace(
-        DriveParameters.from_wheel(paper_model().wheel),
+        paper_model().wheel.drive_parameters(),
         acceleration_rpm_s=limit,
         delay_s=delay,
         command_period_s=1 / 60,  # two ticks
@@ -46,7 +46,7 @@ def test_the_input_is_the_mean_of_the_ramp(commands, limit, delay):
 
 
 def test_a_ramp_lags_half_a_tick_behind_its_own_start():
-    drive = replace(DriveParameters.from_wheel(paper_model().wheel), acceleration_rpm_s=120.0)
+    drive = replace(paper_model().wheel.drive_parameters(), acceleration_rpm_s=120.0)
     found = latched_commands(drive, np.array([0.0]), np.array([6.0]), 8)
     # 1 rpm a tick: what it is in the middle of each.
     assert found == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.0, 6.0])
@@ -54,7 +54,7 @@ def test_a_ramp_lags_half_a_tick_behind_its_own_start():
 
 def test_a_ramp_that_ends_within_a_tick_rests_for_the_remainder():
     wheel = replace(paper_model().wheel, command_quantum_rpm=0.0)
-    drive = replace(DriveParameters.from_wheel(wheel), acceleration_rpm_s=120.0)
+    drive = replace(wheel.drive_parameters(), acceleration_rpm_s=120.0)
     found = latched_commands(drive, np.array([0.0]), np.array([1.5]), 3)
     # Half a tick on the way, at 1.25 rpm in the mean, and half a tick there.
     assert found == pytest.approx([0.5, (1.25 + 1.5) / 2, 1.5])

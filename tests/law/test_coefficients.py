@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from mecanum_env.errors import InputError, UnstableLawError
 from mecanum_env.law import LawState, WheelLaw
-from mecanum_env.law.coefficients import stability_margins
+from mecanum_env.law.stability import stability_margins
 
 STABLE_POLES = st.tuples(st.floats(-0.95, 0.95), st.floats(-0.95, 0.95), st.floats(-0.95, 0.95))
 COMMANDS = arrays(float, st.integers(1, 40), elements=st.floats(-135, 135))

@@ -2,11 +2,11 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.coefficients import stability_margins
 from mecanum_env.law.stability import (
     POLE_LIMIT,
     free_coordinates,
     stabilised_abc,
+    stability_margins,
     stable_abc,
     stable_abc_jacobian,
 )

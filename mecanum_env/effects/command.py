@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from mecanum_env.effects.definition import Effect, Parameter, Values, usual_ceiling_rpm
-from mecanum_env.law.drive import DriveParameters, longest_delay_s
+from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 
@@ -22,14 +22,6 @@ _LIMIT: Final = (1e-6, math.inf)
 def _longest_delay(model: Model) -> float:
     # A physics step is no longer than a tick of the law.
     return longest_delay_s(model.wheel.command_period_s, model.wheel.law.sample_period_s)
-
-
-def _delay(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
-    return replace(drive, delay_s=values["delay_s"])
-
-
-def _deadband(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
-    return replace(drive, deadband_rpm=values["threshold_rpm"])
 
 
 def _limit_speed(
@@ -68,14 +60,14 @@ EFFECTS: Final = (
                 "delay_s", "s", 0.0, (0.0, 0.3), scan=(0.005, 0.02, 0.05, 0.1, 0.2), largest=_longest_delay
             ),
         ),
-        summary="A latched command acts later.",
-        signature="Every rise and fall moves later by the same time; speeds reached stay the same. "
+        summary="A latched command takes effect later.",
+        signature="Every rise and fall comes later by the same time; the speeds reached are unchanged. "
         "On a bench log the same as sensor_latency.",
         direct_check=TIME_STAMPS,
         realistic=lambda _: {"delay_s": 0.05},
         shifts_time=True,
         undone_by="prediction",
-        change_drive=_delay,
+        change_drive=lambda drive, values, _: replace(drive, delay_s=values["delay_s"]),
     ),
     Effect(
         name="body_speed_limit",
@@ -85,7 +77,7 @@ EFFECTS: Final = (
             Parameter("v_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
             Parameter("vc_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
         ),
-        summary="V and VC are limited each, before the kinematics.",
+        summary="V and VC are each limited, before the kinematics.",
         signature="All wheels stop rising together, in the ratio of the command; the direction is kept.",
         direct_check=_CONTROLLER_LOG,
         realistic=lambda model: {
@@ -105,7 +97,7 @@ EFFECTS: Final = (
             for name in ("v_rpm_s", "vc_rpm_s")
         ),
         summary="V (as a vector) and VC change no faster than this, before the kinematics.",
-        signature="Ramps instead of steps, on all wheels together; what is reached stays the same.",
+        signature="Ramps instead of steps, on all wheels together; the speeds reached are unchanged.",
         direct_check=_CONTROLLER_LOG,
         realistic=lambda _: {"v_rpm_s": 500.0, "vc_rpm_s": 500.0},
         absent_from=("bench",),
@@ -120,11 +112,11 @@ EFFECTS: Final = (
                 "threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40), stepwise=True
             ),
         ),
-        summary="Wheel commands below a threshold do nothing; those above are not changed.",
-        signature="No motion for small commands, no error for large ones; a diagonal loses its slow wheels.",
+        summary="Wheel commands below a threshold do nothing; larger ones are unchanged.",
+        signature="No motion for small commands, no error for large ones; slow wheels of a diagonal stand.",
         direct_check="the smallest command that makes the motor draw current",
         realistic=lambda _: {"threshold_rpm": 6.0},
         undone_by="command",
-        change_drive=_deadband,
+        change_drive=lambda drive, values, _: replace(drive, deadband_rpm=values["threshold_rpm"]),
     ),
 )

@@ -22,7 +22,7 @@ PlantKind = Literal["bench", "rollers", "planar"]
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
 Station = Literal["command", "body_command", "set_point", "load", "transmission", "body", "sensor"]
 """Where on the way from command to log an effect acts: path and timing of the command; limits on V, theta and
-VC; each wheel's set-point; what loads the drive; motor to wheel; robot and floor; measurement."""
+VC; each wheel's setpoint; what loads the drive; motor to wheel; robot and floor; measurement."""
 Remedy = Literal["command", "observation", "prediction"]
 """How a controller can undo an effect: by other commands, by corrected observations, by predicting ahead."""
 

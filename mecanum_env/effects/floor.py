@@ -25,10 +25,6 @@ def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind
             joint.solimp_friction = [0.999, 0.9999, 0.001, 0.5, 2.0]
 
 
-def _grip(model: Model, values: Values) -> Model:
-    return replace(model, robot=replace(model.robot, friction=values["friction"]))
-
-
 def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     """Tilt gravity, so that the floor stays level in the world's coordinates."""
     slope, heading = math.radians(values["slope_deg"]), math.radians(values["heading_deg"])
@@ -55,7 +51,7 @@ EFFECTS: Final = (
             Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.01)),
         ),
         summary="Friction in the rollers' own bearings, constant and in proportion to their speed.",
-        signature="Sideways motion loses, straight motion (on rollers that do not turn) does not.",
+        signature="Sideways motion loses speed; straight motion, in which rollers hardly turn, does not.",
         direct_check="the force that pushes the robot sideways, with a spring balance",
         realistic=lambda _: {"torque_n_m": 0.02},
         absent_from=("bench",),
@@ -77,12 +73,14 @@ EFFECTS: Final = (
             ),
         ),
         summary="The floor grips with this coefficient instead of the model's.",
-        signature="Wheels spin or slide in hard starts and stops; gentle ones are not changed.",
+        signature="Wheels spin or slide in hard starts and stops; gentle ones are unchanged.",
         direct_check="the force at which the robot with locked wheels slides, with a spring balance",
         realistic=lambda model: {"friction": 0.5 * model.robot.friction},
         absent_from=("bench",),
         refused_by=("planar",),
-        change_model=_grip,
+        change_model=lambda model, values: replace(
+            model, robot=replace(model.robot, friction=values["friction"])
+        ),
     ),
     Effect(
         name="floor_slope",
@@ -100,7 +98,7 @@ EFFECTS: Final = (
             ),
         ),
         summary="The floor falls towards this heading in the world.",
-        signature="Speed is lost uphill and gained downhill: it goes with the heading in the world.",
+        signature="Speed is lost uphill and gained downhill, depending on the heading in the world.",
         direct_check="the floor, with a level",
         realistic=lambda _: {"slope_deg": 2.0},
         absent_from=("bench",),

@@ -19,10 +19,6 @@ _WHEELS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
 _CURRENT: Final = "the motor's current at several steady speeds and at break-away"
 
 
-def _coulomb(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
-    return replace(drive, coulomb_n_m=values["torque_n_m"])
-
-
 def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     damping = values["damping_n_m_s_rad"]
     for joint in spec.joints:
@@ -48,21 +44,17 @@ def _stiction(drive: DriveParameters, values: Values, wheel: str | None) -> Driv
     return replace(drive, breakaway_n_m=values["breakaway_n_m"], stribeck_rad_s=speed)
 
 
-def _backlash(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
-    return replace(drive, gap_rad=math.radians(values["gap_deg"]))
-
-
 EFFECTS: Final = (
     Effect(
         name="backlash",
         station="transmission",
         acts_on="between motor and wheel",
         parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 20.0), scan=(0.5, 1, 2, 4, 8, 16)),),
-        summary="The motor turns through a gap before it drives the wheel the other way.",
-        signature="A dead time after each reversal of the torque; steady motion is not changed.",
+        summary="The motor turns through a gap before it drives the wheel in the other direction.",
+        signature="A dead time after each reversal of the torque; steady motion is unchanged.",
         direct_check="how far a wheel turns by hand while its motor is held",
         realistic=lambda _: {"gap_deg": 4.0},
-        change_drive=_backlash,
+        change_drive=lambda drive, values, _: replace(drive, gap_rad=math.radians(values["gap_deg"])),
     ),
     Effect(
         name="coulomb_friction",
@@ -70,14 +62,14 @@ EFFECTS: Final = (
         acts_on="wheel joint",
         parameters=(Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0)),),
         summary="A constant torque against the wheel's motion, which holds a wheel at rest.",
-        signature="The same rpm lost at every speed (torque / servo), so the relative loss falls with speed; "
-        "with an integrating drive only at starts and reversals.",
+        signature="The same loss in rpm at every speed (torque / servo), so the relative loss falls with "
+        "speed; with integral action in the drive it shows only at starts and reversals.",
         direct_check=_CURRENT,
         realistic=lambda _: {"torque_n_m": 0.3},
         depends_on_integral=True,
         undone_by="command",
         load=lambda values: Load(coulomb_n_m=values["torque_n_m"]),
-        change_drive=_coulomb,
+        change_drive=lambda drive, values, _: replace(drive, coulomb_n_m=values["torque_n_m"]),
     ),
     Effect(
         name="stiction",
@@ -87,7 +79,7 @@ EFFECTS: Final = (
             Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0), scan=(0.05, 0.1, 0.2, 0.4, 0.8)),
             Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0),
         ),
-        summary="Friction beyond coulomb_friction near rest: breakaway exp(-(speed / stribeck)^2).",
+        summary="Friction near rest beyond coulomb_friction: breakaway exp(-(speed / stribeck)^2).",
         signature="Small commands do not start the wheel; large ones are reached as without it.",
         direct_check=_CURRENT,
         realistic=lambda _: {"breakaway_n_m": 0.3},
@@ -100,7 +92,7 @@ EFFECTS: Final = (
         acts_on="wheel joint",
         parameters=(Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.5)),),
         summary="A torque against the wheel's motion in proportion to its speed.",
-        signature="The same relative loss at every speed; with an integrating drive none.",
+        signature="The same relative loss at every speed; none with integral action in the drive.",
         direct_check=_CURRENT,
         realistic=lambda _: {"damping_n_m_s_rad": 0.05},
         depends_on_integral=True,

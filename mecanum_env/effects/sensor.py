@@ -46,33 +46,9 @@ def _factor(name: str, values: Values) -> float:
     return values["wheel"] if name.startswith("speed_") else values.get(_SCALED.get(name, ""), 1.0)
 
 
-def _scale(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
-    return {name: channel * _factor(name, values) for name, channel in channels.items()}
-
-
-def _unscale(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
-    # A scale of 0 leaves nothing to restore.
-    return {name: channel / (_factor(name, values) or 1.0) for name, channel in channels.items()}
-
-
-def _bias(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
-    return {name: channel + values.get(name, 0.0) for name, channel in channels.items()}
-
-
-def _unbias(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
-    return {name: channel - values.get(name, 0.0) for name, channel in channels.items()}
-
-
-def _mount_yaw(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
+def _in_turned_frame(channels: Channels, angle_deg: float) -> dict[str, FloatArray]:
     """Turn velocity and path, which keeps the measured pose the integral of the measured velocity."""
-    return _in_turned_frame(channels, math.radians(values["angle_deg"]))
-
-
-def _mount_straight(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
-    return _in_turned_frame(channels, -math.radians(values["angle_deg"]))
-
-
-def _in_turned_frame(channels: Channels, angle: float) -> dict[str, FloatArray]:
+    angle = math.radians(angle_deg)
     cos, sin = math.cos(angle), math.sin(angle)
     shown = dict(channels)
     for x, y in (("vx_m_s", "vy_m_s"), ("x_m", "y_m")):
@@ -88,22 +64,22 @@ EFFECTS: Final = (
         station="sensor",
         acts_on="geometry",
         parameters=(Parameter("angle_deg", "deg", 0.0, (-30.0, 30.0), (-360.0, 360.0)),),
-        summary="The frame that is measured is turned on the body by this angle, counter-clockwise positive.",
-        signature="Straight commands give a sideways part in proportion to speed; rotation is not changed.",
+        summary="The measured frame is turned on the body by this angle, counter-clockwise positive.",
+        signature="Straight commands show a sideways part in proportion to speed; rotation is unchanged.",
         direct_check="the angle between sensor and chassis",
         realistic=lambda _: {"angle_deg": 5.0},
         absent_from=("bench",),
         undone_by="observation",
-        restore_channels=_mount_straight,
-        change_channels=_mount_yaw,
+        restore_channels=lambda _, channels, values: _in_turned_frame(channels, -values["angle_deg"]),
+        change_channels=lambda _, channels, values: _in_turned_frame(channels, values["angle_deg"]),
     ),
     Effect(
         name="sensor_latency",
         station="sensor",
         acts_on="sensor",
         parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3), scan=_TIMES_S),),
-        summary="All measured channels show what was this long ago.",
-        signature="Everything measured moves later by the same time; values reached stay the same.",
+        summary="All measured channels show the values of this long ago.",
+        signature="Everything measured comes later by the same time; the values reached are unchanged.",
         direct_check=TIME_STAMPS,
         realistic=lambda _: {"delay_s": 0.05},
         shifts_time=True,
@@ -115,8 +91,8 @@ EFFECTS: Final = (
         station="sensor",
         acts_on="sensor",
         parameters=(Parameter("time_constant_s", "s", 0.0, (0.0, 0.3), scan=_TIMES_S),),
-        summary="All measured channels pass a filter of first order.",
-        signature="Slower, rounder rises and falls without overshoot; values reached stay the same.",
+        summary="All measured channels pass a first-order filter.",
+        signature="Slower, rounder rises and falls without overshoot; the values reached are unchanged.",
         direct_check="the sensor's filter, in its settings or data sheet",
         realistic=lambda _: {"time_constant_s": 0.1},
         shifts_time=True,
@@ -135,8 +111,13 @@ EFFECTS: Final = (
         direct_check="the sensor against another: a tachometer, a tape, full turns by hand",
         realistic=lambda _: {"linear": 0.9, "yaw": 0.9},
         undone_by="observation",
-        restore_channels=_unscale,
-        change_channels=_scale,
+        # A scale of 0 leaves nothing to restore.
+        restore_channels=lambda _, channels, values: {
+            name: channel / (_factor(name, values) or 1.0) for name, channel in channels.items()
+        },
+        change_channels=lambda _, channels, values: {
+            name: channel * _factor(name, values) for name, channel in channels.items()
+        },
     ),
     Effect(
         name="sensor_bias",
@@ -148,12 +129,16 @@ EFFECTS: Final = (
             Parameter("yaw_rate_rad_s", "rad/s", 0.0, (-0.5, 0.5), _ANY),
         ),
         summary="A constant is added to measured velocities.",
-        signature="The same offset at all times, standing still included; the measured pose contradicts it.",
+        signature="The same offset at all times, also at rest; the measured pose contradicts it.",
         direct_check="the sensor while the robot stands still",
         realistic=lambda _: {"vx_m_s": 0.05, "vy_m_s": 0.05, "yaw_rate_rad_s": 0.1},
         absent_from=("bench",),
         undone_by="observation",
-        restore_channels=_unbias,
-        change_channels=_bias,
+        restore_channels=lambda _, channels, values: {
+            name: channel - values.get(name, 0.0) for name, channel in channels.items()
+        },
+        change_channels=lambda _, channels, values: {
+            name: channel + values.get(name, 0.0) for name, channel in channels.items()
+        },
     ),
 )

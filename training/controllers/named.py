@@ -98,9 +98,8 @@ def make_controller(
         if not base or base.endswith(SUFFIX):
             raise InputError(f"controller {name!r}: must be one name or path with {SUFFIX} behind it, once")
         predicts = base in _PREDICTS
-        undone = {key: CATALOGUE[key].undone_by for key in model.effects}
-        left = {k: v for k, v in model.effects.items() if predicts and undone[k] == "prediction"}
-        ideal = replace(model, effects=left)
+        left = {n: v for n, v in model.effects.items() if CATALOGUE[n].undone_by == "prediction"}
+        ideal = replace(model, effects=left if predicts else {})
         inner = make_controller(base, ideal, arena=arena, row=row, seed=seed)
         controller = Compensated(inner, model, foresees=predicts)
     elif name in CONTROLLERS:

@@ -1,4 +1,4 @@
-"""The definitions, and what they promise of every effect alike."""
+"""The definitions of the catalogue, and what holds for every effect."""
 
 import re
 from dataclasses import replace
@@ -51,7 +51,7 @@ def test_parameters_are_consistent(base, name, parameter):
     assert parameter.valid[0] <= low < high <= parameter.valid[1]
     neutral = parameter.neutral_in(base)
     assert parameter.valid[0] <= neutral <= parameter.valid[1]
-    # What is searched begins, ends or passes through neutral, unless neutral is "no limit".
+    # The search range contains the neutral value, unless that is "no limit".
     assert low <= neutral <= high or neutral == np.inf
     assert all(low <= value <= high for value in parameter.scan or ())
     assert parameter.name in EFFECT_PARAMETERS[name]

@@ -38,17 +38,14 @@ class Geometry(Protocol):
     @property
     def wheel_radius_m(self) -> float:
         """Radius of a wheel [m]."""
-        ...
 
     @property
     def half_wheelbase_m(self) -> float:
         """Half the distance between the axles [m]."""
-        ...
 
     @property
     def half_track_m(self) -> float:
         """Half the distance between left and right wheels [m]."""
-        ...
 
 
 def yaw_arm_m(geometry: Geometry) -> float:

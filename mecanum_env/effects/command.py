@@ -113,7 +113,7 @@ EFFECTS: Final = (
             ),
         ),
         summary="Wheel commands below a threshold do nothing; larger ones are unchanged.",
-        signature="No motion for small commands, no error for large ones; in diagonal motion slow wheels stand.",
+        signature="No motion for small commands, no error for large ones; diagonals lose their slow wheels.",
         direct_check="the smallest command that makes the motor draw current",
         realistic=lambda _: {"threshold_rpm": 6.0},
         undone_by="command",

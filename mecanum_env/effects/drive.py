@@ -10,6 +10,8 @@ from mecanum_env.effects.definition import Effect, Parameter, usual_ceiling_rpm
 from mecanum_env.kinematics import WHEELS
 
 _POSITIVE: Final = (1e-6, math.inf)
+_LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
+_RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
 
 
 EFFECTS: Final = (
@@ -72,14 +74,7 @@ EFFECTS: Final = (
         station="set_point",
         acts_on="drive",
         parameters=(
-            Parameter(
-                "limit_rpm",
-                "rpm",
-                "wheel.saturation_rpm",
-                (10.0, 200.0),
-                _POSITIVE,
-                scan=(40, 60, 80, 100, 120, 150),
-            ),
+            Parameter("limit_rpm", "rpm", "wheel.saturation_rpm", (10.0, 200.0), _POSITIVE, scan=_LIMITS_RPM),
             Parameter("softness_rpm", "rpm", 0.0, (0.0, 60.0)),
         ),
         summary="Each wheel's command is clipped; a soft knee begins this far below the limit.",
@@ -96,14 +91,7 @@ EFFECTS: Final = (
         station="set_point",
         acts_on="drive",
         parameters=(
-            Parameter(
-                "limit_rpm_s",
-                "rpm/s",
-                math.inf,
-                (50.0, 5000.0),
-                _POSITIVE,
-                scan=(100, 200, 400, 800, 1600, 3200),
-            ),
+            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), _POSITIVE, scan=_RATES_RPM_S),
         ),
         summary="Each wheel's command changes no faster than this.",
         signature="Ramps instead of steps, longer for larger steps; the speeds reached are unchanged.",

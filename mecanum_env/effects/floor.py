@@ -30,11 +30,7 @@ def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) 
     slope, heading = math.radians(values["slope_deg"]), math.radians(values["heading_deg"])
     g = -float(spec.option.gravity[2])
     along = math.sin(slope)
-    spec.option.gravity = [
-        g * along * math.cos(heading),
-        g * along * math.sin(heading),
-        -g * math.cos(slope),
-    ]
+    spec.option.gravity = [g * along * math.cos(heading), g * along * math.sin(heading), -g * math.cos(slope)]
 
 
 def _slope_in_turned_axes(values: Values, yaw_rad: float) -> Values:
@@ -64,12 +60,7 @@ EFFECTS: Final = (
         acts_on="floor contact",
         parameters=(
             Parameter(
-                "friction",
-                "1",
-                "robot.friction",
-                (0.02, 1.2),
-                (1e-3, 10.0),
-                scan=(0.05, 0.1, 0.2, 0.3, 0.5),
+                "friction", "1", "robot.friction", (0.02, 1.2), (1e-3, 10.0), scan=(0.05, 0.1, 0.2, 0.3, 0.5)
             ),
         ),
         summary="The floor grips with this coefficient instead of the model's.",

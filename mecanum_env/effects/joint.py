@@ -31,12 +31,9 @@ def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind
         gears = [spec.actuator(name).gear for name in _WHEELS]
         rows = np.array([[gear[0], gear[1], gear[5]] for gear in gears])
         forward, sideways, yaw = damping * np.diag(rows.T @ rows)
-        for name, share in (
-            ("base_x", float(forward + sideways) / 2),
-            ("base_y", float(forward + sideways) / 2),
-            ("base_yaw", float(yaw)),
-        ):
-            spec.joint(name).damping[0] += share
+        mean = (forward + sideways) / 2
+        for name, share in (("base_x", mean), ("base_y", mean), ("base_yaw", yaw)):
+            spec.joint(name).damping[0] += float(share)
 
 
 def _stiction(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:

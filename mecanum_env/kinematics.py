@@ -9,10 +9,10 @@ Applications 113(3), 2015):
     w_rl = (vx + vy - k wz) / R        w_rr = (vx - vy + k wz) / R
 
 The command of the robot is V [rpm], theta [deg], VC [rpm]: vx = V cos(theta) and vy = V sin(theta) in wheel
-rpm, and VC is added as -, +, -, +. The paper does not print its Eq. 1; whether its V carries a factor sqrt(2)
-is unknown. `COMMAND_GAIN` is the one place where that would change.
+rpm, and VC is added as -, +, -, +. The paper does not print its Eq. 1, so whether its V carries a factor
+sqrt(2) is unknown; `COMMAND_GAIN` is the one place to change that.
 
-Every function works on arrays with any leading axes.
+All functions work on arrays with any leading axes.
 """
 
 from __future__ import annotations
@@ -26,29 +26,26 @@ from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 WHEELS: Final = ("fl", "fr", "rl", "rr")
 COMMAND_GAIN: Final = 1.0
-"""Wheel rpm per rpm of V; ours, see the module docstring."""
+"""Wheel speed per V [rpm/rpm]; an assumption of this project, see the module docstring."""
 
 # Rows fl, fr, rl, rr; columns: forward, left, counter-clockwise.
 _MIXING: Final = np.array([[1.0, -1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0]])
 
 
 class Geometry(Protocol):
-    """What the kinematics need of a robot; `mecanum_env.model.Robot` has it."""
+    """Dimensions that the kinematics need; `mecanum_env.model.Robot` has them."""
 
     @property
     def wheel_radius_m(self) -> float:
         """Radius of a wheel [m]."""
-        ...
 
     @property
     def half_wheelbase_m(self) -> float:
         """Half the distance between the axles [m]."""
-        ...
 
     @property
     def half_track_m(self) -> float:
         """Half the distance between left and right wheels [m]."""
-        ...
 
 
 def yaw_arm_m(geometry: Geometry) -> float:
@@ -66,15 +63,15 @@ def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: np
 
 
 def body_to_wheels(body_rpm: npt.ArrayLike) -> FloatArray:
-    """Return wheel speeds (..., 4) of a body command (forward, left, counter-clockwise), (..., 3), in rpm."""
+    """Return wheel speeds [rpm], (..., 4), of body commands (forward, left, turn) [rpm], shape (..., 3)."""
     wheels: FloatArray = np.asarray(body_rpm, float) @ _MIXING.T
     return wheels
 
 
 def wheels_to_body(wheels_rpm: npt.ArrayLike) -> FloatArray:
-    """Return the body command (forward, left, counter-clockwise), (..., 3), of wheel speeds (..., 4), in rpm.
+    """Return body commands (forward, left, turn) [rpm], (..., 3), of wheel speeds [rpm], shape (..., 4).
 
-    Four wheels have one motion more than the body has; that part (wheels working against each other) is
+    The one motion of four wheels that the body cannot follow (front against rear wheels) is
     dropped, as by the pseudo-inverse.
     """
     # The columns of the mixing matrix are orthogonal.
@@ -85,11 +82,11 @@ def wheels_to_body(wheels_rpm: npt.ArrayLike) -> FloatArray:
 def wheels_to_command(wheels_rpm: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return V >= 0 [rpm], theta in (-180, 180] [deg] and VC [rpm], shapes (...), of wheel speeds (..., 4).
 
-    What of the wheels' motion the body cannot have is dropped (`wheels_to_body`). Where V is 0, so is theta.
+    Wheel motion that the body cannot follow is dropped, see `wheels_to_body`. If V is 0, so is theta.
     """
     body = wheels_to_body(wheels_rpm)
     v = np.hypot(body[..., 0], body[..., 1]) / COMMAND_GAIN
-    # Adding 0.0 turns -0.0 into 0.0, which arctan2 would take for a direction (-180 or 180 degrees).
+    # Adding 0.0 turns -0.0 into 0.0; arctan2 would give it a direction (-180 or 180 degrees).
     theta = np.rad2deg(np.arctan2(body[..., 1] + 0.0, body[..., 0] + 0.0))
     return v, theta, body[..., 2]
 
@@ -111,21 +108,24 @@ def wheels_to_twist(wheels_rpm: npt.ArrayLike, geometry: Geometry) -> FloatArray
 def command_to_twist(
     v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: npt.ArrayLike, geometry: Geometry
 ) -> FloatArray:
-    """Return the body twist (..., 3) that a command asks for, without saturation or dynamics."""
+    """Return the body twist (vx, vy [m/s], wz [rad/s]), (..., 3), that a command asks for on a geometry.
+
+    Saturation and dynamics are left out.
+    """
     return wheels_to_twist(command_to_wheels(v_rpm, theta_deg, vc_rpm), geometry)
 
 
 def twist_to_command(twist: npt.ArrayLike, geometry: Geometry) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return V [rpm], theta [deg], VC [rpm], shapes (...), that ask for a body twist (..., 3)."""
+    """Return the command V [rpm], theta [deg], VC [rpm], shapes (...), for a body twist, shape (..., 3)."""
     return wheels_to_command(twist_to_wheels(twist, geometry))
 
 
 def round_command(
     v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: npt.ArrayLike, quantum_rpm: float = 1.0
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Round a command to what the robot takes: V and VC to the quantum [rpm], theta to 1 degree.
+    """Round V and VC to multiples of the quantum [rpm] and theta to 1 degree, as the robot does.
 
-    A quantum of 0 means that the platform takes real numbers; nothing is rounded then.
+    A quantum of 0 means that the platform takes real numbers: nothing is rounded.
     """
     v, theta, vc = (np.asarray(x, float) for x in (v_rpm, theta_deg, vc_rpm))
     if quantum_rpm == 0.0:
@@ -134,13 +134,13 @@ def round_command(
 
 
 def clip_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
-    """Clip each wheel to +-limit [rpm] by itself, as the hardware does; the direction of motion may bend."""
+    """Clip each wheel by itself to +-limit [rpm], as the hardware does; the direction may change."""
     clipped: FloatArray = np.clip(np.asarray(wheels_rpm, float), -limit_rpm, limit_rpm)
     return clipped
 
 
 def scale_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
-    """Scale all four wheels by one factor until none is beyond +-limit [rpm]; the direction is kept."""
+    """Scale all four wheels by one factor into +-limit [rpm]; the direction is kept."""
     wheels = np.asarray(wheels_rpm, float)
     largest = np.max(np.abs(wheels), axis=-1, keepdims=True)
     factor = np.divide(limit_rpm, largest, out=np.ones_like(largest), where=largest > limit_rpm)

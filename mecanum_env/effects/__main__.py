@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from mecanum_env.cli import run
-from mecanum_env.effects.table import markdown_table
+from mecanum_env.effects import catalogue_table
 
 
 def main() -> None:
@@ -11,7 +11,7 @@ def main() -> None:
 
     Example: python -m mecanum_env.effects
     """
-    print(markdown_table(), end="")
+    print(catalogue_table())
 
 
 if __name__ == "__main__":

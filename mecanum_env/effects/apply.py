@@ -1,4 +1,4 @@
-"""Putting a model's effects into a simulation; always in the order of the chain."""
+"""Putting a model's effects into a simulation, always in the order of the chain."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import replace
 import mujoco
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.effects.definition import Channels, Effect, PlantKind
+from mecanum_env.effects.definition import Channels, Effect, Load, PlantKind
 from mecanum_env.errors import EffectRefusedError, InputError
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
@@ -18,21 +18,21 @@ from mecanum_env.units import FloatArray
 
 
 def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
-    """Yield the model's effects that are not neutral, with all their parameters."""
+    """Yield the effects of a model that are not neutral, each with all its parameters."""
     for name, effect in CATALOGUE.items():
         if name in model.effects and not effect.is_neutral(model.effects[name], model):
             yield effect, effect.complete(model.effects[name], model)
 
 
 def check_effects(model: Model, plant: PlantKind) -> None:
-    """Refuse a model with an effect that a plant would leave out, or with a value it cannot have.
+    """Refuse a model with an effect that a plant cannot simulate, or with an impossible value.
 
     Args:
-        model: its effects count.
-        plant: where they are to act.
+        model: model whose effects are checked.
+        plant: simulated system that is to show them.
 
     Raises:
-        EffectRefusedError: an effect that is not simulated (there).
+        EffectRefusedError: an effect that is not simulated at all, or not on this plant.
         InputError: a parameter out of range.
     """
     for effect, values in active_effects(model):
@@ -48,23 +48,22 @@ def check_effects(model: Model, plant: PlantKind) -> None:
                 "remove it from the model file to simulate without it"
             )
         for parameter in effect.parameters:
-            value, (low, high) = values[parameter.name], parameter.valid
-            if not parameter.simulated and value != parameter.neutral_in(model):
-                raise InputError(f"effects.{effect.name}.{parameter.name}: not simulated yet, leave it out")
-            endless = math.isinf(value) and value != parameter.neutral_in(model)
-            if not low <= value <= high or endless:
-                raise InputError(
-                    f"effects.{effect.name}.{parameter.name} = {value:g}, "
-                    f"must be a number {low:g} .. {high:g}"
-                )
+            where, value = f"effects.{effect.name}.{parameter.name}", values[parameter.name]
+            (low, high), neutral = parameter.valid, parameter.neutral_in(model)
+            if not parameter.simulated and value != neutral:
+                raise InputError(f"{where}: not simulated yet, leave it out")
+            if not low <= value <= high or (math.isinf(value) and value != neutral):
+                raise InputError(f"{where} = {value:g}, must be a number {low:g} .. {high:g}")
 
 
 def changed_model(model: Model, plant: PlantKind) -> Model:
-    """Return the model with the effects that are other numbers in its sections put there, unlisted.
+    """Return the model with those effects written into its sections that only change numbers there.
+
+    These effects are no longer listed in the result.
 
     Args:
-        model: as read from its file.
-        plant: where the effects are to act.
+        model: the model as read from its file.
+        plant: simulated system on which the effects are to act.
 
     Raises:
         EffectRefusedError: as `check_effects`, or an effect that acts before the wheels' commands.
@@ -86,12 +85,12 @@ def changed_model(model: Model, plant: PlantKind) -> Model:
 
 
 def change_spec(spec: mujoco.MjSpec, model: Model, plant: PlantKind) -> None:
-    """Write the effects that are MuJoCo's own parts into the finished spec of a plant.
+    """Write the effects that MuJoCo itself can express into the finished spec of a plant.
 
     Args:
-        spec: written in place.
-        model: the one it was made from, as `changed_model` returned it.
-        plant: what the spec is.
+        spec: spec to change in place.
+        model: model that the spec was made from, as returned by `changed_model`.
+        plant: the system that the spec describes.
     """
     for effect, values in active_effects(model):
         if effect.change_spec is not None and effect.acts_in(plant):
@@ -99,17 +98,17 @@ def change_spec(spec: mujoco.MjSpec, model: Model, plant: PlantKind) -> None:
 
 
 def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParameters:
-    """Return the drive of one wheel, with the effects that act in it.
+    """Return the drive of one wheel with the effects that act in it.
 
     Args:
-        model: wheel and effects.
-        wheel_name: fl, fr, rl or rr; None for the common one.
+        model: model with the wheel and its effects.
+        wheel_name: fl, fr, rl or rr; None for the common drive.
 
     Raises:
-        InputError: an effect asks for what a drive cannot do; the message names the effect.
+        InputError: an effect needs something that a drive cannot do; the message names the effect.
     """
     law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
-    drive = DriveParameters.from_wheel(replace(model.wheel, law=law))
+    drive = replace(model.wheel, law=law).drive_parameters()
     for effect, values in active_effects(model):
         if effect.change_drive is not None:
             with _named(effect):
@@ -117,19 +116,29 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
     return drive
 
 
+def added_load(model: Model) -> Load:
+    """Return what the effects of a model add to the robot's mass and to the friction of each wheel."""
+    loads = (effect.load(values) for effect, values in active_effects(model) if effect.load is not None)
+    return sum(loads, start=Load())
+
+
 def without_sensors(model: Model) -> Model:
-    """Return the model without the effects that act on the measurement only: what happens is the same."""
-    kept = {n: values for n, values in model.effects.items() if not CATALOGUE[n].measured_only}
+    """Return the model without the effects that only change the measurement: it moves the same."""
+    kept = {
+        name: values
+        for name, values in model.effects.items()
+        if CATALOGUE[name].changes_motion or not CATALOGUE[name].simulated
+    }
     return replace(model, effects=kept)
 
 
 def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
-    """Return what the sensors make of a motion.
+    """Return the channels of a motion as the model's sensors show them.
 
     Args:
-        model: its effects count.
-        time_s: uniform clock (n,) [s].
-        channels: column of a log -> true values (n,) on that clock.
+        model: model with the effects of its sensors.
+        time_s: uniform clock [s], shape (n,).
+        channels: column of a log -> true values on that clock, shape (n,).
     """
     shown = dict(channels)
     for effect, values in active_effects(model):
@@ -138,9 +147,19 @@ def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, 
     return shown
 
 
+def in_turned_axes(model: Model, yaw_rad: float) -> Model:
+    """Return the model with directions in the world counted from axes that are turned by `yaw_rad`."""
+    turned = {
+        name: effect.turned(values, yaw_rad)
+        for name, values in model.effects.items()
+        if (effect := CATALOGUE[name]).turned is not None
+    }
+    return replace(model, effects={**model.effects, **turned}) if turned and yaw_rad != 0.0 else model
+
+
 @contextmanager
 def _named(effect: Effect) -> Iterator[None]:
-    """Say in an error within the block which effect it is about."""
+    """Name the effect in any input error of the block."""
     try:
         yield
     except InputError as error:

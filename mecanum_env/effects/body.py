@@ -1,19 +1,21 @@
-"""Effects of the body: what it carries and where its weight is."""
+"""Effects of the body: what it carries, where its weight is, and dimensions that differ from the model's."""
 
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, Final
+from dataclasses import replace
+from typing import Final
 
-from mecanum_env.effects.definition import Effect, Parameter, PlantKind, Values
+import mujoco
 
-if TYPE_CHECKING:
-    import mujoco
-
-    from mecanum_env.model import Model
+from mecanum_env.effects.definition import Effect, Load, Parameter, PlantKind, Values
+from mecanum_env.model import Model
 
 PAYLOAD_DENSITY_KG_M3: Final = 1000.0
-"""A payload is a solid cube of this density; what it adds to the yaw inertia is small beside the robot's."""
+"""Density of the solid cube that stands for a payload; its yaw inertia is small beside the robot's."""
+_WEIGHT: Final = "the load under each wheel, on a scale"
+_ANY: Final = (-math.inf, math.inf)
+_FACTOR: Final = (0.1, 10.0)
 
 
 def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
@@ -29,35 +31,83 @@ def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind
 
 
 def _com_offset(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
-    """Move the base, and further than the whole, since wheels and rocker stay where they are."""
+    """Move the base's centre of mass further than asked for, since wheels and rocker stay where they are."""
     base = spec.body("base")
     lever = model.robot.mass_kg / float(base.mass)
     x, y, z = (float(v) for v in base.ipos)
     base.ipos = [x + lever * values["x_m"], y + lever * values["y_m"], z]
 
 
-PAYLOAD: Final = Effect(
-    name="payload",
-    acts_on="body",
-    parameters=(
-        Parameter("mass_kg", "kg", 0.0, (0.0, 30.0)),
-        Parameter("height_m", "m", None, (0.0, 0.6), (0.0, 2.0), default=0.2),
-    ),
-    summary="A mass in the middle of the base, its centre this high above the floor.",
-    signature="Slower to rise and to stop where torque or servo yield; the speed reached is the same.",
-    absent_from=("bench",),
-    change_spec=_payload,
-)
+def _radius(model: Model, values: Values) -> Model:
+    robot = model.robot
+    return replace(model, robot=replace(robot, wheel_radius_m=robot.wheel_radius_m * values["scale"]))
 
-COM_OFFSET: Final = Effect(
-    name="com_offset",
-    acts_on="body",
-    parameters=(
-        Parameter("x_m", "m", 0.0, (-0.1, 0.1), (-math.inf, math.inf)),
-        Parameter("y_m", "m", 0.0, (-0.1, 0.1), (-math.inf, math.inf)),
+
+def _track(model: Model, values: Values) -> Model:
+    """Scale both lengths alike: only their sum counts for the motion."""
+    robot, scale = model.robot, values["scale"]
+    wheelbase, track = robot.half_wheelbase_m * scale, robot.half_track_m * scale
+    return replace(model, robot=replace(robot, half_wheelbase_m=wheelbase, half_track_m=track))
+
+
+EFFECTS: Final = (
+    Effect(
+        name="payload",
+        station="body",
+        acts_on="body",
+        parameters=(
+            Parameter("mass_kg", "kg", 0.0, (0.0, 30.0)),
+            Parameter("height_m", "m", None, (0.0, 0.6), (0.0, 2.0), default=0.2),
+        ),
+        summary="A mass in the middle of the base, with its centre at this height above the floor.",
+        signature="Slower starts and stops if torque or servo yield; the speed reached is unchanged.",
+        direct_check=_WEIGHT,
+        realistic=lambda model: {"mass_kg": 0.25 * model.robot.mass_kg},
+        absent_from=("bench",),
+        load=lambda values: Load(mass_kg=values["mass_kg"]),
+        change_spec=_payload,
     ),
-    summary="The whole robot's centre of mass lies off the middle of its wheels.",
-    signature="Hard starts and stops turn the robot, one way in starting and the other in stopping.",
-    absent_from=("bench",),
-    change_spec=_com_offset,
+    Effect(
+        name="com_offset",
+        station="body",
+        acts_on="body",
+        parameters=(
+            Parameter("x_m", "m", 0.0, (-0.1, 0.1), _ANY),
+            Parameter("y_m", "m", 0.0, (-0.1, 0.1), _ANY),
+        ),
+        summary="The robot's centre of mass lies off the middle of its wheels.",
+        signature="Hard starts and stops turn the robot, in opposite directions.",
+        direct_check=_WEIGHT,
+        realistic=lambda _: {"x_m": 0.03, "y_m": 0.03},
+        absent_from=("bench",),
+        understated_by=("planar",),
+        change_spec=_com_offset,
+    ),
+    Effect(
+        name="wheel_radius",
+        station="body",
+        acts_on="geometry",
+        parameters=(Parameter("scale", "1", 1.0, (0.8, 1.2), _FACTOR),),
+        summary="The wheels are larger than the model says by this factor.",
+        signature="Body velocity is off in proportion in every direction and in rotation; "
+        "wheel speeds are not.",
+        direct_check="how far a wheel rolls in ten turns, with a tape",
+        realistic=lambda _: {"scale": 0.97},
+        absent_from=("bench",),
+        undone_by="command",
+        change_model=_radius,
+    ),
+    Effect(
+        name="track_width",
+        station="body",
+        acts_on="geometry",
+        parameters=(Parameter("scale", "1", 1.0, (0.7, 1.4), _FACTOR),),
+        summary="half_wheelbase + half_track is larger than the model says by this factor.",
+        signature="Only rotation is off, by 1 / scale.",
+        direct_check="wheelbase and track, with a tape",
+        realistic=lambda _: {"scale": 1.1},
+        absent_from=("bench",),
+        undone_by="command",
+        change_model=_track,
+    ),
 )

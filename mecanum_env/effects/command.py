@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
-from mecanum_env.effects.definition import Effect, Parameter, Values
+from mecanum_env.effects.definition import Effect, Parameter, Values, usual_ceiling_rpm
+from mecanum_env.law.drive import longest_delay_s
+from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 
-if TYPE_CHECKING:
-    from mecanum_env.law.drive import DriveParameters
+TIME_STAMPS: Final = (
+    "when a command is sent, when the drive acts and when a sensor reads, by time stamps of one clock"
+)
+"""Direct check of any delay."""
+_CONTROLLER_LOG: Final = "the command that reaches the drives, in the controller's own log"
+_LIMIT: Final = (1e-6, math.inf)
 
 
-def _delay(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
-    return replace(drive, delay_s=values["delay_s"])
-
-
-def _deadband(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
-    return replace(drive, deadband_rpm=values["threshold_rpm"])
+def _longest_delay(model: Model) -> float:
+    # A physics step is no longer than a tick of the law.
+    return longest_delay_s(model.wheel.command_period_s, model.wheel.law.sample_period_s)
 
 
 def _limit_speed(
-    body: FloatArray,
-    previous: FloatArray,
-    values: Values,
-    seconds: float,
+    body: FloatArray, previous: FloatArray, values: Values, seconds: float
 ) -> tuple[FloatArray, FloatArray]:
     limited = body.copy()
     speed = math.hypot(body[0], body[1])
@@ -44,57 +44,79 @@ def _limit_acceleration(
         length, most = math.hypot(*change[part]), rate * seconds
         if length > 0.0:
             share = min(1.0, most / length)
-            # A straight ramp until the end is reached, as far as the limit goes.
+            # A straight ramp that ends at the request, or as far towards it as the limit allows.
             end[part] = previous[part] + share * change[part] if share < 1.0 else body[part]
             mean[part] = end[part] - 0.5 * share * min(1.0, length / most) * change[part]
     return end, mean
 
 
-_LIMIT: Final = (1e-6, math.inf)
-
-COMMAND_LATENCY: Final = Effect(
-    name="command_latency",
-    acts_on="command",
-    parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3), scan=(0.005, 0.02, 0.05, 0.1, 0.2)),),
-    summary="A latched command acts later.",
-    signature="Every rise and fall moves later by the same time; speeds reached stay the same. On a bench "
-    "log the same as sensor_latency.",
-    change_drive=_delay,
-)
-
-COMMAND_DEADBAND: Final = Effect(
-    name="command_deadband",
-    acts_on="command",
-    parameters=(
-        Parameter("threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40), stepwise=True),
+EFFECTS: Final = (
+    Effect(
+        name="command_latency",
+        station="command",
+        acts_on="command",
+        parameters=(
+            Parameter(
+                "delay_s", "s", 0.0, (0.0, 0.3), scan=(0.005, 0.02, 0.05, 0.1, 0.2), largest=_longest_delay
+            ),
+        ),
+        summary="A latched command takes effect later.",
+        signature="Every rise and fall comes later by the same time; the speeds reached are unchanged. "
+        "On a bench log the same as sensor_latency.",
+        direct_check=TIME_STAMPS,
+        realistic=lambda _: {"delay_s": 0.05},
+        shifts_time=True,
+        undone_by="prediction",
+        change_drive=lambda drive, values, _: replace(drive, delay_s=values["delay_s"]),
     ),
-    summary="Wheel commands below a threshold do nothing; those above are not changed.",
-    signature="No motion for small commands, no error for large ones; a diagonal loses its slow wheels.",
-    change_drive=_deadband,
-)
-
-BODY_SPEED_LIMIT: Final = Effect(
-    name="body_speed_limit",
-    acts_on="command, on V and VC",
-    parameters=(
-        Parameter("v_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
-        Parameter("vc_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
+    Effect(
+        name="body_speed_limit",
+        station="body_command",
+        acts_on="command, on V and VC",
+        parameters=(
+            Parameter("v_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
+            Parameter("vc_rpm", "rpm", math.inf, (5.0, 200.0), _LIMIT, scan=(20, 40, 60, 80, 100, 120, 150)),
+        ),
+        summary="V and VC are each limited, before the kinematics.",
+        signature="All wheels stop rising together, in the ratio of the command; the direction is kept.",
+        direct_check=_CONTROLLER_LOG,
+        realistic=lambda model: {
+            "v_rpm": 0.8 * usual_ceiling_rpm(model),
+            "vc_rpm": 0.6 * usual_ceiling_rpm(model),
+        },
+        absent_from=("bench",),
+        undone_by="command",
+        limit_body=_limit_speed,
     ),
-    summary="V and VC are limited each, before the kinematics.",
-    signature="All wheels stop rising together, in the ratio of the command; the direction is kept.",
-    absent_from=("bench",),
-    limit_body=_limit_speed,
-)
-
-BODY_ACCELERATION_LIMIT: Final = Effect(
-    name="body_acceleration_limit",
-    acts_on="command, on V and VC",
-    parameters=(
-        Parameter("v_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), _LIMIT, scan=(50, 100, 200, 400, 800, 1600)),
-        Parameter("vc_rpm_s", "rpm/s", math.inf, (20.0, 3000.0), _LIMIT, scan=(50, 100, 200, 400, 800, 1600)),
+    Effect(
+        name="body_acceleration_limit",
+        station="body_command",
+        acts_on="command, on V and VC",
+        parameters=tuple(
+            Parameter(name, "rpm/s", math.inf, (20.0, 3000.0), _LIMIT, scan=(50, 100, 200, 400, 800, 1600))
+            for name in ("v_rpm_s", "vc_rpm_s")
+        ),
+        summary="V (as a vector) and VC change no faster than this, before the kinematics.",
+        signature="Ramps instead of steps, on all wheels together; the speeds reached are unchanged.",
+        direct_check=_CONTROLLER_LOG,
+        realistic=lambda _: {"v_rpm_s": 500.0, "vc_rpm_s": 500.0},
+        absent_from=("bench",),
+        limit_body=_limit_acceleration,
     ),
-    summary="V (as a vector) and VC change no faster than this, before the kinematics.",
-    signature="Ramps instead of steps, on all wheels together; what is reached stays the same.",
-    absent_from=("bench",),
-    limit_body=_limit_acceleration,
+    Effect(
+        name="command_deadband",
+        station="set_point",
+        acts_on="command",
+        parameters=(
+            Parameter(
+                "threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40), stepwise=True
+            ),
+        ),
+        summary="Wheel commands below a threshold do nothing; larger ones are unchanged.",
+        signature="No motion for small commands, no error for large ones; diagonals lose their slow wheels.",
+        direct_check="the smallest command that makes the motor draw current",
+        realistic=lambda _: {"threshold_rpm": 6.0},
+        undone_by="command",
+        change_drive=lambda drive, values, _: replace(drive, deadband_rpm=values["threshold_rpm"]),
+    ),
 )

@@ -1,8 +1,7 @@
-"""What an effect is: its parameters, what it looks like in data, and what it changes in the simulation.
+"""What an effect is: its parameters, its traces in data, and the functions that put it into a simulation.
 
-One `Effect` says everything about it; simulator, file format, documentation and whoever searches for effects
-read it from there. Its `change_...` functions are where it acts; an effect has one or several, and one
-without any is named in the catalogue but refused by the simulator.
+One `Effect` says everything about an effect; simulator, gap search, controllers, certificates and
+documentation read it from there. An effect with none of the functions at its end is known but not simulated.
 """
 
 from __future__ import annotations
@@ -10,22 +9,25 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Final, Literal
 
+import mujoco
+
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 
-if TYPE_CHECKING:
-    import mujoco
-
-    from mecanum_env.law.drive import DriveParameters
-    from mecanum_env.model import Model
-
 PlantKind = Literal["bench", "rollers", "planar"]
-"""One free wheel; the robot on its rollers; the robot that slides without slip."""
+"""Simulated system: one free wheel; the robot on its rollers; the robot that slides without slip."""
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
+Station = Literal["command", "body_command", "set_point", "load", "transmission", "body", "sensor"]
+"""Where on the way from command to log an effect acts: path and timing of the command; limits on V, theta and
+VC; each wheel's setpoint; what loads the drive; motor to wheel; robot and floor; measurement."""
+Remedy = Literal["command", "observation", "prediction"]
+"""How a controller can undo an effect: by other commands, by corrected observations, by predicting ahead."""
 
-SPEED_UNITS: Final = ("rpm", "rpm/s")
-"""Of parameters whose sizes go with how fast a robot is."""
+_SPEED_UNITS: Final = ("rpm", "rpm/s")
+"""Units of parameters whose search range is proportional to the robot's speed."""
 Values = Mapping[str, float]
 """Parameter name -> value."""
 Channels = Mapping[str, FloatArray]
@@ -37,27 +39,28 @@ class Parameter:
     """One number of an effect."""
 
     name: str
-    """With its unit, as in the model file."""
+    """Name in the model file, with the unit."""
     unit: str
     neutral: float | str | None
-    """The value at which it changes nothing; a string names the model's own value ("robot.friction"); None
-    for one that matters only beside another (the height of a payload)."""
+    """Value at which the effect changes nothing; a string names a number of the model ("robot.friction").
+    None: the parameter only matters beside another one, as the height of a payload does."""
     bounds: tuple[float, float]
-    """Where a search looks, on a robot about as fast as the packaged one; see `scaled`."""
+    """Range of a search on a robot about as fast as the packaged one; see `scaled`."""
     valid: tuple[float, float] = (0.0, math.inf)
-    """What the simulator takes, ends included; infinity itself only where that is neutral."""
+    """Range that the simulator accepts, both ends included; infinity itself only where it is neutral."""
     default: float = 0.0
-    """The value where the model file leaves it out, if `neutral` is None."""
+    """Value if the model file leaves the parameter out and `neutral` is None."""
     scan: tuple[float, ...] | None = None
-    """Values to try one by one, where the response has no useful gradient (thresholds)."""
-
+    """Values to try one by one, if the response has no useful gradient (thresholds)."""
     stepwise: bool = False
-    """The response jumps where it passes a command, and is flat in between."""
+    """The response jumps where the value passes a command, and is flat in between."""
     simulated: bool = True
-    """False: named in the contract, but refused unless neutral."""
+    """False: the name is reserved, but values other than the neutral one are refused."""
+    largest: Callable[[Model], float] | None = None
+    """Largest value that a simulation of the given model can represent, if that is below `bounds`."""
 
     def neutral_in(self, model: Model) -> float:
-        """Return the value that a model without it has: neutral, the model's own, or the default."""
+        """Return the value that means "no effect" in a model: `neutral`, the model's own, or `default`."""
         if self.neutral is None:
             return self.default
         if isinstance(self.neutral, str):
@@ -66,45 +69,86 @@ class Parameter:
         return self.neutral
 
     def scaled(self, factor: float) -> Parameter:
-        """Return the parameter with bounds and scan for a robot `factor` times as fast as the packaged one.
+        """Return the parameter as a search needs it on a robot `factor` times as fast as the packaged one.
 
-        What is no speed or acceleration stays as it is; and so does what the simulator takes.
+        Only speeds and accelerations are scaled; `valid` stays.
         """
-        if factor == 1.0 or self.unit not in SPEED_UNITS:
+        if factor == 1.0 or self.unit not in _SPEED_UNITS:
             return self
         low, high = self.bounds
         scan = None if self.scan is None else tuple(factor * value for value in self.scan)
         return replace(self, bounds=(max(self.valid[0], factor * low), factor * high), scan=scan)
 
 
-ChangeModel = Callable[["Model", Values], "Model"]
-"""Return the model with other numbers in its sections."""
-ChangeSpec = Callable[["mujoco.MjSpec", Values, "Model", PlantKind], None]
-"""Write into the generated MuJoCo model; the `Model` is the one that it was generated from."""
-ChangeDrive = Callable[["DriveParameters", Values, str | None], "DriveParameters"]
-"""Return a wheel's drive with other numbers; the wheel is fl .. rr, or None for the common one."""
-LimitBody = Callable[[FloatArray, FloatArray, Values, float], tuple[FloatArray, FloatArray]]
-"""Return the body command (forward, left, turn) [rpm] that follows the previous one after some time [s], and
-its mean over that time."""
-ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
-"""Return channels as measured, given the uniform clock [s] they lie on and what they truly are."""
-
-
 @dataclass(frozen=True)
+class Load:
+    """What effects add to the robot's mass and to the friction of each wheel."""
+
+    mass_kg: float = 0.0
+    coulomb_n_m: float = 0.0
+    damping_n_m_s_rad: float = 0.0
+
+    def __add__(self, other: Load) -> Load:
+        return Load(
+            self.mass_kg + other.mass_kg,
+            self.coulomb_n_m + other.coulomb_n_m,
+            self.damping_n_m_s_rad + other.damping_n_m_s_rad,
+        )
+
+
+ChangeModel = Callable[[Model, Values], Model]
+"""Return the model with other numbers in its sections."""
+ChangeSpec = Callable[[mujoco.MjSpec, Values, Model, PlantKind], None]
+"""Change the finished MuJoCo spec of a plant in place; the `Model` is the one it was generated from."""
+ChangeDrive = Callable[[DriveParameters, Values, str | None], DriveParameters]
+"""Return the changed drive of a wheel (fl .. rr, or None for the common one)."""
+LimitBody = Callable[[FloatArray, FloatArray, Values, float], tuple[FloatArray, FloatArray]]
+"""Return the limited body command (forward, left, turn) [rpm] after some time [s], and its mean over that
+time, given the requested and the previous one, shape (3,)."""
+ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
+"""Return the channels as measured, given their uniform clock [s], shape (n,), and their true values."""
+
+
+@dataclass(frozen=True, kw_only=True)
 class Effect:
     """A named departure from the ideal robot."""
 
     name: str
+    station: Station
     acts_on: str
+    """The part it acts on, in words."""
     parameters: tuple[Parameter, ...]
     summary: str
     """What it is, one line."""
     signature: str
     """What it looks like in data, one line."""
+    direct_check: str = ""
+    """What to measure to see it without a model, as the object of "measure ..."; empty: nothing is known."""
+    realistic: Callable[[Model], Values] | None = None
+    """Size that a robot in use may well have, for certificates; None: certificates leave the effect out."""
+
     absent_from: tuple[PlantKind, ...] = ()
-    """Plants without the part it acts on: there it changes nothing, rightly (a payload on the bench)."""
+    """Plants without the part it acts on, where it rightly changes nothing (a payload on the bench)."""
     refused_by: tuple[PlantKind, ...] = ()
     """Plants that have the part but cannot express the effect: they refuse the model."""
+    understated_by: tuple[PlantKind, ...] = ()
+    """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
+    shifts_time: bool = False
+    """It moves everything behind it later, so that responses measured without it no longer hold."""
+    depends_on_integral: bool = False
+    """A drive with integral action shows it quite differently, so that a search tries both."""
+    bench_twins: tuple[str, ...] = ()
+    """Effects that no bench log separates from this one, even side by side: only the product shows."""
+
+    undone_by: Remedy | None = None
+    """How a compensating controller undoes it; None: it is left alone."""
+    restore_channels: ChangeChannels | None = None
+    """Inverse of `change_channels`, if it needs only the present sample."""
+    load: Callable[[Values], Load] | None = None
+    """Its part of mass and wheel friction, for predictions and inverses without MuJoCo."""
+    turned: Callable[[Values, float], Values] | None = None
+    """For an effect with a direction in the world: its values in axes turned by some yaw [rad]."""
+
     change_model: ChangeModel | None = None
     change_spec: ChangeSpec | None = None
     change_drive: ChangeDrive | None = None
@@ -112,31 +156,34 @@ class Effect:
     change_channels: ChangeChannels | None = None
 
     @property
-    def simulated(self) -> bool:
-        """Whether any plant simulates it."""
-        hooks = (self.change_model, self.change_spec, self.change_drive, self.limit_body)
-        return any(hook is not None for hook in (*hooks, self.change_channels))
+    def changes_motion(self) -> bool:
+        """Whether it changes what happens, and not only what is measured of it."""
+        functions = (self.change_model, self.change_spec, self.change_drive, self.limit_body)
+        return any(function is not None for function in functions)
 
     @property
-    def measured_only(self) -> bool:
-        """Whether it acts on the measurement and leaves the motion alone."""
-        hooks = (self.change_model, self.change_spec, self.change_drive, self.limit_body)
-        return self.change_channels is not None and all(hook is None for hook in hooks)
+    def simulated(self) -> bool:
+        """Whether any plant simulates it."""
+        return self.changes_motion or self.change_channels is not None
 
     def acts_in(self, plant: PlantKind) -> bool:
-        """Return whether it changes something on the plant."""
+        """Return whether it changes anything on the plant."""
         return self.simulated and plant not in (*self.absent_from, *self.refused_by)
 
-    def complete(self, values: Values, model: Model) -> dict[str, float]:
-        """Return all parameters, those that the model file leaves out at neutral or default.
+    def fully_in(self, plant: PlantKind) -> bool:
+        """Return whether a plant simulates all that it changes there."""
+        return plant not in (*self.refused_by, *self.understated_by)
 
-        Args:
-            values: as the model file has them.
-            model: whose own values may be neutral.
-        """
+    def complete(self, values: Values, model: Model) -> dict[str, float]:
+        """Return all parameters; what the `values` of a model file leave out is neutral in the model."""
         return {p.name: values.get(p.name, p.neutral_in(model)) for p in self.parameters}
 
     def is_neutral(self, values: Values, model: Model) -> bool:
         """Return whether the values change nothing in a model."""
         full = self.complete(values, model)
         return all(full[p.name] == p.neutral_in(model) for p in self.parameters if p.neutral is not None)
+
+
+def usual_ceiling_rpm(model: Model) -> float:
+    """Return the model's saturation [rpm], at most 135 rpm (the packaged robot's), to derive sizes from."""
+    return min(model.wheel.saturation_rpm, 135.0)

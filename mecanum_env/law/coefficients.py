@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, UnstableLawError
+from mecanum_env.law.stability import stability_margins
 from mecanum_env.units import FloatArray
 
 COEFFICIENTS: Final = ("A", "B", "C", "D", "E", "F")
@@ -23,9 +24,9 @@ COEFFICIENTS: Final = ("A", "B", "C", "D", "E", "F")
 
 @dataclass(frozen=True)
 class LawState:
-    """What the law remembers between ticks, all in rpm: w(k), w(k-1), w(k-2), r(k-1), r(k-2).
+    """Memory of the law between ticks [rpm]: w(k), w(k-1), w(k-2), r(k-1), r(k-2).
 
-    Fields may be arrays of one common shape, one entry a wheel or run.
+    Fields may be arrays of one common shape, with one entry for each wheel or run.
     """
 
     w0: npt.ArrayLike = 0.0
@@ -36,13 +37,13 @@ class LawState:
 
     @staticmethod
     def steady(speed_rpm: npt.ArrayLike) -> LawState:
-        """Return the state of a wheel that has followed a constant command for long (unit DC gain)."""
+        """Return the state of a wheel that has settled at a speed [rpm], if the law has unit DC gain."""
         return LawState(speed_rpm, speed_rpm, speed_rpm, speed_rpm, speed_rpm)
 
 
 @dataclass(frozen=True)
 class WheelLaw:
-    """Coefficients A-F (dimensionless) and the period `sample_period_s` [s] at which the law ticks.
+    """Coefficients A-F (dimensionless) of a law that ticks every `sample_period_s` [s].
 
     Raises:
         InputError: a coefficient is not finite, or the period is not positive.
@@ -71,7 +72,7 @@ class WheelLaw:
 
     @staticmethod
     def from_coefficients(coefficients: npt.ArrayLike, sample_period_s: float) -> WheelLaw:
-        """Build the law that ticks every `sample_period_s` [s] from six coefficients in the order A-F.
+        """Build a law from its six coefficients in the order A-F.
 
         Raises:
             InputError: not six numbers, or as for the law itself.
@@ -84,7 +85,7 @@ class WheelLaw:
 
     @property
     def dc_gain(self) -> float:
-        """Steady speed over constant command; 1 for a drive with integral action, nan for a pole at z = 1."""
+        """Steady speed over constant command: 1 with integral action, nan with a pole at z = 1."""
         denominator = 1.0 - self.A - self.B - self.C
         return (self.D + self.E + self.F) / denominator if denominator != 0.0 else math.nan
 
@@ -97,7 +98,7 @@ class WheelLaw:
 
     @property
     def margins(self) -> FloatArray:
-        """The four closed-form stability margins, shape (4,); see `stability_margins`."""
+        """The four stability margins, shape (4,); see `mecanum_env.law.stability.stability_margins`."""
         return stability_margins([self.A, self.B, self.C])
 
     @property
@@ -120,15 +121,15 @@ class WheelLaw:
         return self
 
     def normalised(self) -> WheelLaw:
-        """Return the law with E moved so that A+B+C+D+E+F = 1, the unit DC gain its derivation implies."""
+        """Return the law with E changed so that A+B+C+D+E+F = 1: unit DC gain, as its derivation implies."""
         e = 1.0 - (self.A + self.B + self.C + self.D + self.F)
         return WheelLaw(self.A, self.B, self.C, self.D, e, self.F, self.sample_period_s)
 
     def tick(self, state: LawState, command_rpm: npt.ArrayLike) -> tuple[FloatArray, LawState]:
-        """Advance one sample: return w(k+1) [rpm] and the next state for r(k) = `command_rpm`.
+        """Advance one tick: return w(k+1) [rpm] and the next state for r(k) = `command_rpm`.
 
-        The order of the additions is part of the definition: the C plugin repeats it, and the tests hold
-        the two equal bit for bit.
+        The order of the additions is part of the definition: the C plugin repeats it, and tests hold the two
+        equal bit for bit.
         """
         w0, w1, w2 = (np.asarray(x, float) for x in (state.w0, state.w1, state.w2))
         r0, r1, r2 = (np.asarray(x, float) for x in (command_rpm, state.r1, state.r2))
@@ -136,9 +137,9 @@ class WheelLaw:
         return after, LawState(after, w0, w1, r0, r1)
 
     def simulate(self, command_rpm: npt.ArrayLike, initial: LawState | None = None) -> FloatArray:
-        """Free-run the law: return w(0..N), shape (..., N+1), for commands r(0..N-1), shape (..., N), in rpm.
+        """Return the speeds w(0..N) [rpm], shape (..., N+1), for commands r(0..N-1) [rpm], shape (..., N).
 
-        w(0) is the initial state's speed; the default starts at rest. Leading axes are independent runs;
+        w(0) is the speed of the `initial` state; None starts at rest. Leading axes are independent runs;
         those of the commands and of the state's fields are broadcast against each other.
         """
         commands = np.asarray(command_rpm, float)
@@ -151,14 +152,3 @@ class WheelLaw:
         for k in range(commands.shape[-1]):
             speeds[..., k + 1], state = self.tick(state, commands[..., k])
         return speeds
-
-
-def stability_margins(abc: npt.ArrayLike) -> FloatArray:
-    """Return the four margins, shape (..., 4), of coefficients `abc` = (A, B, C), shape (..., 3).
-
-    All four are positive exactly when z^3 - A z^2 - B z - C has its roots inside the unit circle: the
-    Routh-Hurwitz conditions b0, b2, b3, (b2 b1 - b3 b0)/b2 > 0 after the bilinear transformation, cleared of
-    denominators.
-    """
-    a, b, c = np.moveaxis(np.asarray(abc, float), -1, 0)
-    return np.stack([1 - a - b - c, 3 + a + b - 3 * c, 1 + a - b + c, 1 + b + a * c - c * c], axis=-1)

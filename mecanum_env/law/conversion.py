@@ -1,21 +1,22 @@
-"""The wheel law at another sample period.
+"""Conversion of a wheel law to another sample period.
 
-A law with the command held over each tick is the zero-order-hold sampling of a continuous system
+A law whose command is held over each tick is the zero-order-hold sampling of a continuous system
 
     dx/dt = Ac x + bc r,   w = (1 0 0) x,   exp([[Ac, bc], [0, 0]] t) = [[Ad, bd], [0, 1]] =: M,
 
-with (Ad, bd) the law in observer form. Another period t' = p t therefore has M' = M^p = exp(p log M), whose
-three poles and first three samples of the impulse response give A-F back. Commands that are held over
-ticks of both laws then give the same speeds at all common times.
+with (Ad, bd) the law in observer form. Another period t' = p t has M' = M^p = exp(p log M), whose three poles
+and first three samples of the impulse response give A-F. Commands that are held over ticks of both laws then
+give the same speeds at all common times.
 
-M^p is real for a whole p (slower by a whole factor: always exact) and wherever M has a real logarithm: no
-pole on the non-positive real axis. Such a pole alternates in sign from tick to tick (or is a pure delay of
-one tick), which no continuous system does; `approximate=True` then finds the nearest stable law.
+M^p is real for a whole p (slower by a whole factor: always exact) and if M has a real logarithm, which it has
+without poles on the non-positive real axis. Such a pole alternates in sign from tick to tick (or is a pure
+delay of one tick), which no continuous system does; `approximate=True` then finds the nearest stable law.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -27,24 +28,24 @@ from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.metrics import step_response
 from mecanum_env.units import FloatArray
 
-_WHOLE = 1e-9  # periods such as 1/120 and 1/60 are not exact doubles
-_ON_THE_AXIS = 1e-9
-_LARGEST_REFLECTION = 1.0 - 1e-9
-_LONGEST_FIT_TICKS = 2_000
+_WHOLE: Final = 1e-9  # periods such as 1/120 and 1/60 are not exact doubles
+_ON_THE_AXIS: Final = 1e-9
+_LARGEST_REFLECTION: Final = 1.0 - 1e-9
+_LONGEST_FIT_TICKS: Final = 2_000
 
 
 def convert_law(law: WheelLaw, sample_period_s: float, *, approximate: bool = False) -> WheelLaw:
     """Return the law that ticks every `sample_period_s` [s] and gives the speeds of `law` at common times.
 
-    Exact for commands held over the ticks of both laws, DC gain included. Going to a slower law and back is
-    exact too, as long as no pole turns by more than half a revolution per tick of the slower one (aliasing).
+    Exact, DC gain included, for commands that are held over the ticks of both laws. Conversion to a slower
+    law and back is exact if no pole turns by more than half a revolution per tick of the slower one
+    (aliasing).
 
     Args:
         law: a stable law.
-        sample_period_s: the new period, above 0.
-        approximate: where no exact law exists, return the one whose step response is nearest in least
-            squares to that of `law` (straight lines between its ticks, as the drive ramps), with the same DC
-            gain and stable by construction, instead of raising.
+        sample_period_s: new period [s], above 0.
+        approximate: if no exact law exists, return the stable law of the same DC gain whose step response is
+            nearest in least squares to that of `law` (linear between its ticks), instead of raising.
 
     Raises:
         UnstableLawError: `law` is unstable.
@@ -72,7 +73,7 @@ def convert_law(law: WheelLaw, sample_period_s: float, *, approximate: bool = Fa
 
 
 def _held_matrix(law: WheelLaw) -> FloatArray:
-    """Return [[Ad, bd], [0, 1]] in observer form; poles and zeros that cancel at z = 0 are dropped first."""
+    """Return [[Ad, bd], [0, 1]] in observer form, without poles and zeros that cancel at z = 0."""
     poles, zeros = [law.A, law.B, law.C], [law.D, law.E, law.F]
     while len(poles) > 1 and poles[-1] == 0.0 and zeros[-1] == 0.0:
         poles.pop()
@@ -86,7 +87,7 @@ def _held_matrix(law: WheelLaw) -> FloatArray:
 
 
 def _law_of_matrix(matrix: FloatArray, sample_period_s: float) -> WheelLaw:
-    """Read A-F off [[Ad, bd], [0, 1]]: the characteristic polynomial, and the impulse response by it."""
+    """Return the law of [[Ad, bd], [0, 1]] from its characteristic polynomial and impulse response."""
     transition, state = matrix[:-1, :-1], matrix[:-1, -1]
     abc = np.zeros(3)
     abc[: len(state)] = -np.real(np.poly(transition))[1:]
@@ -96,7 +97,7 @@ def _law_of_matrix(matrix: FloatArray, sample_period_s: float) -> WheelLaw:
         state = transition @ state
     d, e, f = impulse
     e, f = e - abc[0] * d, f - abc[0] * e - abc[1] * d
-    if len(state) < 3:  # what cancelled before cancels still; leave no rounding error in its place
+    if len(state) < 3:  # these poles and zeros cancelled; a rounding error must not bring them back
         f = 0.0
     if len(state) < 2:
         e = 0.0
@@ -104,10 +105,10 @@ def _law_of_matrix(matrix: FloatArray, sample_period_s: float) -> WheelLaw:
 
 
 def _nearest_law(law: WheelLaw, sample_period_s: float) -> WheelLaw:
-    """Match the step response by least squares over three reflection coefficients (tanh of free numbers).
+    """Fit the step response by least squares over three reflection coefficients (tanh of free numbers).
 
-    For given poles the response is linear in D, E, F, of which the DC gain leaves two free: these are solved
-    for inside (variable projection), so the search has three dimensions and a good start.
+    For given poles the response is linear in D, E, F, of which the DC gain leaves two free. They are solved
+    for inside (variable projection), so the search has three dimensions.
     """
     slowest = max(abs(law.poles[0]), 1e-3)
     horizon_s = law.sample_period_s * (10 + math.log(1e-6) / math.log(slowest))
@@ -121,7 +122,7 @@ def _nearest_law(law: WheelLaw, sample_period_s: float) -> WheelLaw:
         abc = -_polynomial(np.tanh(free))[1:]
         return _with_best_zeros(abc, target, law.dc_gain, sample_period_s)
 
-    # The poles in the way keep their decay and lose their sign.
+    # As a start, the poles in the way keep their decay and lose their sign.
     ratio = sample_period_s / law.sample_period_s
     start = np.array([_power_of_pole(complex(p), ratio) for p in law.poles])
     reflections = _reflections(np.real(np.poly(start)))
@@ -145,7 +146,7 @@ def _power_of_pole(pole: complex, ratio: float) -> complex:
 
 
 def _with_best_zeros(abc: FloatArray, target: FloatArray, dc_gain: float, period_s: float) -> WheelLaw:
-    """Return the law with poles from `abc`, that DC gain, and D, E of the best step response."""
+    """Return the law with these A, B, C and DC gain whose D, E fit the target step response best."""
     total = dc_gain * (1.0 - float(np.sum(abc)))  # D + E + F
     delayed = step_response(WheelLaw.from_coefficients([*abc, 1.0, 0.0, 0.0], period_s), len(target) - 1)
     basis = np.stack([np.concatenate([np.zeros(k), delayed[: len(delayed) - k]]) for k in range(3)], axis=1)
@@ -155,7 +156,7 @@ def _with_best_zeros(abc: FloatArray, target: FloatArray, dc_gain: float, period
 
 
 def _polynomial(reflections: npt.ArrayLike) -> FloatArray:
-    """Return the monic polynomial with these reflection coefficients: below 1 in size, roots inside."""
+    """Return the monic polynomial of reflection coefficients; if all are below 1, its roots are inside."""
     polynomial = np.ones(1)
     for k in np.asarray(reflections, float):
         grown = np.append(polynomial, 0.0)

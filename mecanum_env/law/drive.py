@@ -1,18 +1,16 @@
-"""The whole drive in front of the servo: latched, rounded, limited and delayed command, law, setpoint ramp.
+"""The drive of one wheel in front of its servo: from the command that is sent to the speed setpoint.
 
-This is the reference for the plugin (mecanum_env/plugin/mecanum_wheel.c), which the tests hold equal to it
-bit for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
+This is the reference for the plugin (mecanum_env/plugin/mecanum_wheel.c), which tests hold equal to it bit
+for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
 
-- Latch j is due at the first substep with n h >= j T, T the command period. u_j is the command rounded, then
-  shaped by what the drive does to it: dead band, gain, limit (`received_command`).
-- Law tick k is due at the first substep with n h >= k tau, tau the sample period. Its input r(k) is the mean
-  over the tick of the command delayed by `delay_s`, as far as it was latched by k tau; so a delay acts
-  continuously, and without one r(k) is simply the last latched command. With an acceleration limit r(k) is
-  the mean over the tick of a continuous ramp that follows the delayed command at the limit.
+- Latch j is due at the first substep with n h >= j T, with T the command period. The latched command is
+  rounded, then changed by dead band, gain and limit (`received_command`).
+- Law tick k is due at the first substep with n h >= k tau, with tau the sample period. Its input r(k) is the
+  mean over the tick of the command delayed by `delay_s`, as far as it was latched by k tau. So the response
+  is continuous in the delay, and without one r(k) is the last latched command. With an acceleration limit
+  r(k) is the mean over the tick of a continuous ramp that follows the delayed command at the limit.
 - The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
-  starts: the ramp adds no delay.
-
-A clock may be early by 1e-9 of its period, which absorbs the rounding of n h.
+  starts: the interpolation adds no delay.
 """
 
 from __future__ import annotations
@@ -27,30 +25,29 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
-from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
-"""A clock may be early by this part of its period."""
+"""Share of its period by which a clock may be early; it absorbs the rounding of n h."""
 ABSURD_RPM: Final = 1e10
-"""Commands beyond this, and NaN, count as 0, as they do for MuJoCo's own actuators."""
+"""Commands beyond this [rpm], and NaN, count as 0, as they do for MuJoCo's own actuators."""
 RING: Final = 32
-"""Latched commands remembered; bounds the delay to RING - 3 command periods less a timestep."""
+"""Number of latched commands that a drive remembers; it bounds the delay, see `longest_delay_s`."""
 
 
 def longest_delay_s(command_period_s: float, timestep_s: float = 0.0) -> float:
-    """Return the longest delay of a command [s] that a drive can remember.
+    """Return the longest delay of a command [s] that a drive can represent.
 
     Args:
-        command_period_s: of the robot [s].
-        timestep_s: of the physics that runs the plugin [s].
+        command_period_s: command period of the robot [s].
+        timestep_s: timestep of the physics that runs the plugin [s]; 0 without one.
     """
     return (RING - 3) * command_period_s - timestep_s
 
 
 @dataclass(frozen=True)
 class DriveParameters:
-    """The law and what happens to a command before it.
+    """The law, and what the drive does to a command before and after it.
 
     Raises:
         InputError: a value out of range, or a delay of more than RING - 3 command periods.
@@ -58,87 +55,71 @@ class DriveParameters:
 
     law: WheelLaw
     command_period_s: float
-    """The robot latches its command this often [s]."""
+    """Period at which the robot latches its command [s]."""
     command_quantum_rpm: float = 0.0
     """Commands are rounded to multiples of this [rpm], halves to even; 0: not rounded."""
     saturation_rpm: float = math.inf
     """Commands are clipped to +- this [rpm]."""
     delay_s: float = 0.0
-    """A latched command acts this much later [s]."""
+    """Time from the latch to the effect of a command [s]."""
     deadband_rpm: float = 0.0
-    """Smaller commands count as 0 [rpm]."""
+    """Commands smaller than this count as 0 [rpm]."""
     gain: float = 1.0
-    """Commands are multiplied by this."""
+    """Factor on every command."""
     reverse_ratio: float = 1.0
-    """Commands to turn backwards are multiplied by this too."""
+    """Further factor on negative commands."""
     drop_per_s: float = 0.0
-    """Part of the gain that is lost in each second [1/s]."""
+    """Share of the gain that is lost in each second [1/s]."""
     softness_rpm: float = 0.0
-    """The saturation begins this far below its limit, with a parabola that reaches it as far above [rpm]."""
+    """The saturation begins this far below its limit [rpm]; see `saturated`."""
     acceleration_rpm_s: float = math.inf
-    """The command changes no faster than this [rpm/s]."""
+    """Largest rate of change of the law's input [rpm/s]."""
     gap_rad: float = 0.0
-    """Between motor and wheel [rad]. This and what follows is behind the setpoint: in the plugin only."""
+    """Backlash between motor and wheel [rad]. From here on: behind the setpoint, in the plugin only."""
     breakaway_n_m: float = 0.0
-    """Friction of the wheel's bearing that a moving wheel does not feel [N m]."""
+    """Friction torque of the wheel's bearing at rest beyond that in motion [N m]."""
     stribeck_rad_s: float = 0.0
-    """Speed at which it has lost 63 % of it [rad/s]."""
+    """Speed at which 63 % of the breakaway torque is gone [rad/s]."""
     coulomb_n_m: float = 0.0
-    """Friction of the wheel's bearing at any speed [N m]."""
+    """Friction torque of the wheel's bearing at any speed [N m]."""
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.command_period_s) and self.command_period_s > 0.0):
-            raise InputError(f"command_period_s = {self.command_period_s}, must be a finite number above 0")
-        if not (math.isfinite(self.command_quantum_rpm) and self.command_quantum_rpm >= 0.0):
-            raise InputError(
-                f"command_quantum_rpm = {self.command_quantum_rpm}, must be finite and not below 0"
-            )
-        if not self.saturation_rpm > 0.0:
-            raise InputError(f"saturation_rpm = {self.saturation_rpm}, must be above 0 (infinite: no limit)")
+        for name in ("command_period_s", "gain", "reverse_ratio"):
+            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+                raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
-            *("deadband_rpm", "drop_per_s", "softness_rpm"),
+            *("command_quantum_rpm", "deadband_rpm", "drop_per_s", "softness_rpm"),
             *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
-        for name in ("gain", "reverse_ratio"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
-                raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
-        if not self.acceleration_rpm_s > 0.0:
-            raise InputError(
-                f"acceleration_rpm_s = {self.acceleration_rpm_s}, must be above 0 (infinite: no limit)"
-            )
+        for name in ("saturation_rpm", "acceleration_rpm_s"):
+            if not getattr(self, name) > 0.0:
+                raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
         longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
                 f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"
             )
 
-    @staticmethod
-    def from_wheel(wheel: Wheel, delay_s: float = 0.0) -> DriveParameters:
-        """Build the parameters of a model's wheel, with the delay [s] of its `command_latency`."""
-        return DriveParameters(
-            wheel.law, wheel.command_period_s, wheel.command_quantum_rpm, wheel.saturation_rpm, delay_s
-        )
-
 
 @dataclass(frozen=True)
 class DriveState:
-    """What a drive remembers between substeps; arrays share their leading axes (...), one entry a wheel."""
+    """Memory of a drive between substeps; arrays share their leading axes (...), one entry for each wheel."""
 
     substeps: int = 0
     ticks: int = 0
     latches: int = 0
     law: LawState = field(default_factory=LawState)
-    """`law.w0` = w(k+1) and `law.w1` = w(k) are the ends of the current ramp [rpm]."""
+    """`law.w0` = w(k+1) and `law.w1` = w(k) are the ends of the current line [rpm]."""
     commands: FloatArray = field(default_factory=lambda: np.zeros(RING))
     """The last latched commands [rpm], shape (..., RING), the newest last."""
     ramp: npt.ArrayLike = 0.0
-    """The command behind the acceleration limit at the end of the current tick [rpm], shape (...)."""
+    """Value of the acceleration-limited command at the end of the current tick [rpm], shape (...)."""
 
     @staticmethod
     def steady(speed_rpm: npt.ArrayLike) -> DriveState:
-        """Return the state of a drive that has followed a constant command [rpm] for long."""
+        """Return the state of a drive that has settled at a constant command [rpm]."""
         speed = np.asarray(speed_rpm, float)
         commands = np.repeat(speed[..., None], RING, axis=-1)
         return DriveState(law=LawState.steady(speed), commands=commands, ramp=speed)
@@ -147,15 +128,12 @@ class DriveState:
 def received_command(
     parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
 ) -> FloatArray:
-    """Return what the drive makes of latched commands [rpm].
-
-    NaN counts as 0; then rounding to the quantum, dead band, gain (in reverse another one, and less as time
-    goes on) and saturation.
+    """Return latched commands after rounding, dead band, gain and saturation [rpm]; NaN counts as 0.
 
     Args:
-        parameters: of the drive.
-        command_rpm: the commands [rpm].
-        seconds: since the start, at which each acts, of a shape that fits.
+        parameters: parameters of the drive.
+        command_rpm: latched commands [rpm].
+        seconds: time since the start at which each takes effect [s], of a shape that broadcasts.
     """
     command = np.asarray(command_rpm, float)
     command = np.where(np.abs(command) <= ABSURD_RPM, command, 0.0)
@@ -169,12 +147,12 @@ def received_command(
 
 
 def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) -> FloatArray:
-    """Limit commands to +-limit [rpm], bent towards it by a parabola from `softness_rpm` below it on."""
+    """Limit commands to +-limit [rpm], along a parabola from `softness_rpm` below it to as much above it."""
     command, knee = command_rpm, min(softness_rpm, limit_rpm)
     if knee > 0.0 and math.isfinite(limit_rpm):
         beyond = np.abs(command) - (limit_rpm - knee)
-        on_it = np.clip(beyond, 0.0, 2.0 * knee)  # where it counts; further out the square may overflow
-        bent = np.copysign(limit_rpm - knee + beyond - on_it * on_it / (4.0 * knee), command)
+        on_knee = np.clip(beyond, 0.0, 2.0 * knee)  # further out the square may overflow
+        bent = np.copysign(limit_rpm - knee + beyond - on_knee * on_knee / (4.0 * knee), command)
         command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
     limited: FloatArray = np.minimum(np.maximum(command, -limit_rpm), limit_rpm)
     return limited
@@ -187,18 +165,18 @@ def law_inputs(
     latches: npt.ArrayLike,
     start: int,
 ) -> FloatArray:
-    """Return the delayed command's mean over each tick k [rpm], shape (..., K), before an acceleration limit.
+    """Return the mean of the delayed command over each tick [rpm], shape (..., K), before a ramp.
 
     Args:
-        parameters: of the drive.
-        ticks: which k, shape (K,).
+        parameters: parameters of the drive.
+        ticks: numbers k of the ticks, shape (K,).
         latched_rpm: commands in order of latching, shape (..., J).
-        latches: how many commands are latched by each tick, shape (K,) or one number.
-        start: the j of the first of `latched_rpm`; earlier commands equal it.
+        latches: number of commands that are latched by each tick, shape (K,) or one number.
+        start: number j of the first of `latched_rpm`; earlier commands equal it.
     """
     total = np.zeros((*latched_rpm.shape[:-1], np.size(ticks)))
-    for part, command in _held(parameters, ticks, latched_rpm, latches, start):
-        total = total + part * command
+    for share, command in _held(parameters, ticks, latched_rpm, latches, start):
+        total = total + share * command
     return total
 
 
@@ -208,33 +186,33 @@ def ramped_inputs(
     latched_rpm: FloatArray,
     latches: npt.ArrayLike,
     start: int,
-    before: npt.ArrayLike,
+    ramp_rpm: npt.ArrayLike,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return r(k) [rpm], shape (..., K), and the ramp's end [rpm], shape (...).
+    """Return the law's inputs r(k) [rpm], shape (..., K), and the ramp's value at the end [rpm], shape (...).
 
-    The ramp follows the delayed command and moves by at most the acceleration limit times a tick in a tick;
-    r(k) is its mean over the tick. Without a limit it is the command itself, and r(k) that of `law_inputs`.
+    The ramp follows the delayed command at the acceleration limit; r(k) is its mean over the tick. Without a
+    limit the ramp is the command itself, and r(k) that of `law_inputs`.
 
     Args:
-        parameters: of the drive.
-        ticks: which k, shape (K,), one after the other.
+        parameters: parameters of the drive.
+        ticks: consecutive numbers k of the ticks, shape (K,).
         latched_rpm: commands in order of latching, shape (..., J).
-        latches: how many commands are latched by each tick, shape (K,) or one number.
-        start: the j of the first of `latched_rpm`; earlier commands equal it.
-        before: where the ramp begins [rpm], shape (...).
+        latches: number of commands that are latched by each tick, shape (K,) or one number.
+        start: number j of the first of `latched_rpm`; earlier commands equal it.
+        ramp_rpm: value of the ramp at the first tick [rpm], shape (...).
     """
-    most = parameters.acceleration_rpm_s * parameters.law.sample_period_s
+    limit = parameters.acceleration_rpm_s * parameters.law.sample_period_s  # change in one tick
     held = list(_held(parameters, ticks, latched_rpm, latches, start))
-    if math.isinf(most):
+    if math.isinf(limit):
         inputs = law_inputs(parameters, ticks, latched_rpm, latches, start)
-        return inputs, held[-1][1][..., -1] if inputs.shape[-1] else np.asarray(before, float)
-    inputs, ramp = np.zeros((*latched_rpm.shape[:-1], np.size(ticks))), np.asarray(before, float)
+        return inputs, held[-1][1][..., -1] if inputs.shape[-1] else np.asarray(ramp_rpm, float)
+    inputs, ramp = np.zeros((*latched_rpm.shape[:-1], np.size(ticks))), np.asarray(ramp_rpm, float)
     for k in range(inputs.shape[-1]):
-        for parts, commands in held:
-            part, command = parts[k], commands[..., k]
-            end = np.minimum(np.maximum(command, ramp - most * part), ramp + most * part)
-            way, ramp = end - ramp, end
-            inputs[..., k] += part * end - way * np.abs(way) / (2 * most)
+        for shares, commands in held:
+            share, command = shares[k], commands[..., k]
+            end = np.minimum(np.maximum(command, ramp - limit * share), ramp + limit * share)
+            change, ramp = end - ramp, end
+            inputs[..., k] += share * end - change * np.abs(change) / (2 * limit)
     return inputs, ramp
 
 
@@ -245,9 +223,10 @@ def _held(
     latches: npt.ArrayLike,
     start: int,
 ) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield the delayed commands that act within ticks, in order: parts (K,) of a tick, commands (..., K).
+    """Yield the delayed commands that are held within the ticks, in order of time.
 
-    A tick in which fewer act than in others has parts of 0 at the end.
+    Each item has the shares (K,) of the ticks for which commands (..., K) are held. If one tick has fewer
+    commands than another, its last shares are 0.
     """
     tau, period, delay = parameters.law.sample_period_s, parameters.command_period_s, parameters.delay_s
     t = np.asarray(ticks, float) * tau
@@ -255,11 +234,11 @@ def _held(
     j = np.minimum(np.floor((t - delay) / period + EPS), latest)
     done = np.zeros(t.shape)
     while True:
-        which = np.clip(j - start, 0, latched_rpm.shape[-1] - 1).astype(np.intp)
+        index = np.clip(j - start, 0, latched_rpm.shape[-1] - 1).astype(np.intp)
         arrival = (j + 1.0) * period + delay
         arrives = (j + 1.0 <= latest) & (arrival < t + tau)
         until = np.where(arrives, (arrival - t) / tau, 1.0)
-        yield until - done, latched_rpm[..., which]
+        yield until - done, latched_rpm[..., index]
         if not arrives.any():
             return
         done, j = until, np.where(arrives, j + 1.0, j)
@@ -271,10 +250,10 @@ def step_drive(
     """Advance one substep: return the setpoint at its end [rpm], shape (...), and the next state.
 
     Args:
-        parameters: of the drive.
-        state: at the substep's start.
-        command_rpm: the command now [rpm], shape (...).
-        timestep: of the physics [s]; the same at every call.
+        parameters: parameters of the drive.
+        state: state at the start of the substep.
+        command_rpm: present command [rpm], shape (...).
+        timestep: timestep of the physics [s], the same at every call.
     """
     tau, period = parameters.law.sample_period_s, parameters.command_period_s
     now = state.substeps * timestep
@@ -291,8 +270,8 @@ def step_drive(
         _, law = parameters.law.tick(law, r[..., 0])
         ticks += 1
     w0, w1 = np.asarray(law.w0, float), np.asarray(law.w1, float)
-    part = ((state.substeps + 1) * timestep - (ticks - 1) * tau) / tau
-    setpoint = w1 + (w0 - w1) * min(max(part, 0.0), 1.0)
+    share = ((state.substeps + 1) * timestep - (ticks - 1) * tau) / tau
+    setpoint = w1 + (w0 - w1) * min(max(share, 0.0), 1.0)
     return setpoint, DriveState(state.substeps + 1, ticks, latches, law, commands, ramp)
 
 
@@ -304,13 +283,13 @@ def simulate_drive(
 ) -> FloatArray:
     """Return the setpoints at the end of each substep [rpm], shape (..., n).
 
-    The same as `step_drive` again and again, with a Python loop over law ticks only.
+    The result of repeated `step_drive`, with a Python loop over law ticks only.
 
     Args:
-        parameters: of the drive.
-        command_rpm: the command at each substep [rpm], shape (..., n); leading axes are wheels or runs.
-        timestep: of the physics [s].
-        initial_rpm: the steady speed before the start [rpm], shape (...).
+        parameters: parameters of the drive.
+        command_rpm: command at each substep [rpm], shape (..., n); leading axes are wheels or runs.
+        timestep: timestep of the physics [s].
+        initial_rpm: steady speed before the start [rpm], shape (...).
     """
     tau, period = parameters.law.sample_period_s, parameters.command_period_s
     command = np.asarray(command_rpm, float)
@@ -318,16 +297,16 @@ def simulate_drive(
     times = np.arange(n + 1) * timestep
     latched_at = _first_substeps(period, times[:n])
     ticked_at = _first_substeps(tau, times[:n])
-    before = np.broadcast_to(np.asarray(initial_rpm, float), command.shape[:-1])
+    initial = np.broadcast_to(np.asarray(initial_rpm, float), command.shape[:-1])
     acts_at = np.arange(latched_at.size) * period + parameters.delay_s
     received = received_command(parameters, command[..., latched_at], acts_at)
-    latched = np.concatenate([before[..., None], received], axis=-1)
+    latched = np.concatenate([initial[..., None], received], axis=-1)
     latches = np.searchsorted(latched_at, ticked_at, side="right")
-    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, before)
-    w = parameters.law.simulate(r, LawState.steady(before))
+    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, initial)
+    w = parameters.law.simulate(r, LawState.steady(initial))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
-    part = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
-    setpoints: FloatArray = w[..., k] + (w[..., k + 1] - w[..., k]) * part
+    share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
+    setpoints: FloatArray = w[..., k] + (w[..., k + 1] - w[..., k]) * share
     return setpoints
 
 
@@ -338,15 +317,15 @@ def latched_commands(
     n_ticks: int,
     initial_rpm: float = 0.0,
 ) -> FloatArray:
-    """Return r(k) [rpm], shape (n_ticks,), of a logged command: all that comes before the law.
+    """Return the law's inputs r(k) [rpm], shape (n_ticks,), for a logged command.
 
     Args:
-        parameters: of the drive.
-        time_s: when each command was given [s], shape (N,), increasing; the first is the run's time 0.
-        command_rpm: the commands [rpm], shape (N,), each held until the next. NaN is a missing sample: the
-            one before holds on; before the first there is `initial_rpm`.
-        n_ticks: how many law ticks.
-        initial_rpm: the steady command before the run [rpm], which a delay lets act a little longer.
+        parameters: parameters of the drive.
+        time_s: increasing times of the commands [s], shape (N,); the run starts at the first.
+        command_rpm: commands [rpm], shape (N,), each held until the next one. NaN is a missing sample: the
+            previous command holds on, or `initial_rpm` before the first one.
+        n_ticks: number of law ticks.
+        initial_rpm: steady command before the run [rpm].
 
     Raises:
         InputError: an empty log, or arrays of different shapes.
@@ -358,17 +337,17 @@ def latched_commands(
         )
     tau, period = parameters.law.sample_period_s, parameters.command_period_s
     given = ~np.isnan(command)
-    # Command j is the last one given by j T; index 0 stands for "none yet".
+    # Latch j takes the last command given by j T; index 0 stands for "none yet".
     count = math.floor(max(n_ticks - 1, 0) * tau / period + EPS) + 1
-    which = np.searchsorted(time[given] - time[0], np.arange(count) * period + EPS * period, side="right")
+    index = np.searchsorted(time[given] - time[0], np.arange(count) * period + EPS * period, side="right")
     acts_at = np.arange(count) * period + parameters.delay_s
-    received = received_command(parameters, np.concatenate([[0.0], command[given]])[which], acts_at)
-    latched = np.concatenate([[initial_rpm], np.where(which == 0, initial_rpm, received)])
+    received = received_command(parameters, np.concatenate([[0.0], command[given]])[index], acts_at)
+    latched = np.concatenate([[initial_rpm], np.where(index == 0, initial_rpm, received)])
     return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, initial_rpm)[0]
 
 
 def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:
-    """Return, for each multiple of the period up to the last time, the first substep at or after it."""
+    """Return the first substep at or after each multiple of the period, up to the last of `times` (n,)."""
     count = math.floor(times[-1] / period + EPS) + 2 if times.size else 0
     due = np.arange(count) * period - EPS * period
     first: npt.NDArray[np.intp] = np.searchsorted(times, due, side="left")

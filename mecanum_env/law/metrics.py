@@ -1,9 +1,9 @@
 """Step metrics: rise, settling, overshoot and steady-state error of a measured or simulated step response.
 
-The definitions are the paper's where its text gives them (section 4.2): rise from 10 to 90 % of the change,
-settling to within 2 % of it for good, both against the response's *own* steady value. Its Eq. 22 is not
-printed; a relative steady-state error of -4.41e-8 for a law that creeps up from below (ours, exactly
-normalised, is 4.46e-8 short after 120 ticks) tells the sign: (steady - command) / command, negative = short.
+Definitions follow the paper (section 4.2): rise from 10 to 90 % of the change, settling to within 2 % of it
+for good, both against the response's *own* steady value. Its Eq. 22 is not printed, but its relative
+steady-state error of -4.41e-8 for a law that approaches from below (ours, exactly normalised, is 4.46e-8
+short after 120 ticks) implies (steady - command) / command: negative means too slow.
 """
 
 from __future__ import annotations
@@ -20,28 +20,31 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
 
-SETTLING_BAND: Final = 0.02
-_NOISE_SIGMAS: Final = 5.0  # 1,000 samples of white noise leave it once in 1,700 times; of 4, once in 16
+_SETTLING_BAND: Final = 0.02
+"""Half-width of the settling band, relative to the change."""
+_NOISE_SIGMAS: Final = 5.0
+"""1,000 samples of white noise leave this band with a probability of 1/1,700; a band of 4 with 1/16."""
 _LONGEST_TICKS: Final = 1_000_000
 _TRANSIENT_LEFT: Final = 1e-12
+"""Share of the transient at which a simulated response counts as steady."""
 
 
 @dataclass(frozen=True)
 class StepMetrics:
-    """What a step response did; nan where it never got there."""
+    """Metrics of one step response; nan for a level that was never reached."""
 
     rise_time_s: float
-    """From 10 to 90 % of the change, crossings interpolated between samples [s]."""
+    """Time from 10 to 90 % of the change, interpolated between samples [s]."""
     settling_time_s: float
-    """From the step to the first sample from which on all lie within the settling band [s]."""
+    """Time from the step to the first sample after which all lie within the settling band [s]."""
     overshoot: float
-    """Largest excursion beyond the steady value over the change; 0.05 = 5 %. 0 where noise explains it."""
+    """Largest excursion beyond the steady value, relative to the change; 0 if noise explains it."""
     relative_steady_state_error: float
-    """(steady - command) / command: negative = the wheel stays short. nan for a command of 0."""
+    """(steady - command) / command: negative means too slow; nan for a command of 0."""
     steady_rpm: float
-    """Mean speed over the last part of the response."""
+    """Mean speed over the last part of the response [rpm]."""
     settling_band_rpm: float
-    """Half-width of the band used: 2 % of the change, or 5 standard deviations of the noise where larger."""
+    """Half-width of the band [rpm]: 2 % of the change, or 5 standard deviations of the noise if larger."""
 
 
 def step_metrics(
@@ -57,15 +60,15 @@ def step_metrics(
     """Measure one step response.
 
     Args:
-        time_s: strictly increasing sample times, shape (N,); those before `step_time_s` are ignored.
-        speed_rpm: wheel speed, shape (N,); nan marks a missing sample.
-        start_rpm: speed from which the step starts.
-        command_rpm: commanded speed after the step.
-        step_time_s: when the command changed.
+        time_s: strictly increasing sample times [s], shape (N,); those before `step_time_s` are ignored.
+        speed_rpm: wheel speed [rpm], shape (N,); nan marks a missing sample.
+        start_rpm: speed before the step [rpm].
+        command_rpm: commanded speed after the step [rpm].
+        step_time_s: time of the step [s].
         steady_share: the steady value is the mean over this last share of the time after the step (at least
             one sample).
-        noise_rpm: standard deviation of the measurement noise; None estimates it from the
-            differences of neighbouring samples in the steady part, 0 is right for a simulation.
+        noise_rpm: standard deviation of the measurement noise [rpm]; None estimates it from differences of
+            neighbouring samples in the steady part, 0 is right for a simulation.
 
     Raises:
         InputError: shapes differ, times do not increase, or no sample follows the step.
@@ -75,11 +78,11 @@ def step_metrics(
     steady = float(np.mean(steady_part))
     noise = _noise_of(steady_part) if noise_rpm is None else noise_rpm
     change = steady - start_rpm
-    band = max(SETTLING_BAND * abs(change), _NOISE_SIGMAS * noise)
+    band = max(_SETTLING_BAND * abs(change), _NOISE_SIGMAS * noise)
     error = (steady - command_rpm) / command_rpm if command_rpm != 0.0 else math.nan
     if abs(change) <= _NOISE_SIGMAS * noise or change == 0.0:  # it never moved
         return StepMetrics(math.nan, math.nan, math.nan, error, steady, band)
-    # 0 at the start, 1 at the steady value, whichever way the step goes; the step itself is a sample.
+    # 0 at the start, 1 at the steady value, for steps up and down; the step itself is a sample.
     progress = np.concatenate([[0.0], (speed - start_rpm) / change])
     clock = np.concatenate([[0.0], time - step_time_s])
     excess = max(float(np.max(progress)) - 1.0, 0.0)
@@ -96,9 +99,9 @@ def step_metrics(
 def law_step_metrics(law: WheelLaw, command_rpm: float = 1.0, duration_s: float | None = None) -> StepMetrics:
     """Return the metrics of a law's own response to a step from rest to `command_rpm`.
 
-    Times and overshoot are those of the whole transient (until 1e-12 of it is left). `duration_s` None takes
-    the steady value at its end too, so that the steady-state error is that of the DC gain; a number takes it
-    after that time, as the paper does after 1 s.
+    Times and overshoot are those of the whole transient, until 1e-12 of it is left. With `duration_s` None
+    the steady value is taken there too, so that the steady-state error is that of the DC gain; a number takes
+    the steady value after that time, as the paper does after 1 s.
 
     Raises:
         UnstableLawError: the law is unstable and has no steady value.
@@ -121,7 +124,7 @@ def law_step_metrics(law: WheelLaw, command_rpm: float = 1.0, duration_s: float 
 def step_response(law: WheelLaw, ticks: int) -> FloatArray:
     """Return w(0..`ticks`), shape (ticks + 1,), for a unit step at tick 0 from rest.
 
-    The same numbers as `WheelLaw.simulate` up to rounding, in compiled code for long horizons.
+    Equal to `WheelLaw.simulate` up to rounding, but in compiled code for long horizons.
     """
     response: FloatArray = lfilter(
         [0.0, law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C], np.ones(ticks + 1)
@@ -132,7 +135,7 @@ def step_response(law: WheelLaw, ticks: int) -> FloatArray:
 def _ticks_until_steady(law: WheelLaw) -> int:
     slowest = abs(law.require_stable().poles[0])
     decay = math.log(_TRANSIENT_LEFT) / math.log(slowest) if slowest > 0.0 else 0.0
-    # Ten ticks more for the zeros; a triple pole decays later than its magnitude tells, hence the factor.
+    # Ten more ticks for the zeros; the factor is for a triple pole, which decays later than a single one.
     return min(10 + math.ceil(1.5 * decay), _LONGEST_TICKS)
 
 
@@ -151,9 +154,9 @@ def _usable(
 
 
 def _noise_of(steady_part: FloatArray) -> float:
-    """Estimate white noise from neighbouring differences: a slow drift or ringing hardly enters.
+    """Return the standard deviation of white noise from differences of neighbours, which drift hardly enters.
 
-    Mean square, not a median: most differences of a speed rounded to 1 rpm are exactly 0.
+    A root mean square, no median: most differences of a speed rounded to 1 rpm are exactly 0.
     """
     if len(steady_part) < 3:
         return 0.0

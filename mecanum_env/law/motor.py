@@ -1,4 +1,4 @@
-"""The wheel law from, and back to, a DC motor under a discrete PID controller.
+"""The wheel law of a DC motor under a discrete PID controller, and the motor of a law.
 
 Motor with gear ratio N (motor turns per wheel turn), seen from the wheel speed w: the torque balance
 J dW/dt + b W = Kt i and the circuit L di/dt + R i + Ke W = u, with W = N w, give after eliminating i
@@ -22,8 +22,8 @@ Subtract the motor equation at k-1 from that at k, insert the controller and sol
 The numerators sum to P: A+B+C+D+E+F = 1 for every motor and gain, hence unit DC gain and five free numbers.
 Without inductance a2 = S = 0, which is the reduced-order motor: C = -F, and C = F = 0 if also Kd = 0.
 
-Backwards, a law fixes a2, a1, a0 and the three gains up to one common factor (volts never appear in it); the
-motor voltage at one steady wheel speed gives that factor, and R, Kt, Ke then give L, J and b.
+In the other direction a law determines a2, a1, a0 and the three gains up to one common factor, since it holds
+no volts. The motor voltage at one steady wheel speed gives that factor; R, Kt and Ke then give L, J and b.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _UNIT_GAIN_TOLERANCE: Final = 1e-9
 
 @dataclass(frozen=True)
 class Motor:
-    """A DC motor with its gear and load, all but the gear on the motor's side of it, in SI units.
+    """A DC motor with gear and load in SI units; all but the gear refer to the motor's side.
 
     Raises:
         InputError: a constant is negative, not finite, or 0 where the motor could not work.
@@ -62,19 +62,13 @@ class Motor:
     """N, motor turns per wheel turn, above 0."""
 
     def __post_init__(self) -> None:
-        _require_constants(
-            positive={
-                "resistance": self.resistance,
-                "torque_constant": self.torque_constant,
-                "inertia": self.inertia,
-                "gear": self.gear,
-            },
-            not_negative={
-                "inductance": self.inductance,
-                "back_emf": self.back_emf,
-                "damping": self.damping,
-            },
+        _require_positive(
+            resistance=self.resistance,
+            torque_constant=self.torque_constant,
+            inertia=self.inertia,
+            gear=self.gear,
         )
+        _require_not_negative(inductance=self.inductance, back_emf=self.back_emf, damping=self.damping)
 
 
 @dataclass(frozen=True)
@@ -91,17 +85,17 @@ class Pid:
 
 @dataclass(frozen=True)
 class LumpedDrive:
-    """What a law tells of its drive: u = a2 w'' + a1 w' + a0 w, w the wheel speed [rad/s], and the gains.
+    """The drive as its law determines it: u = a2 w'' + a1 w' + a0 w of wheel speed w [rad/s], and gains.
 
-    Seen through the law alone, all six numbers share one unknown factor.
+    The law alone leaves one common factor of all six numbers open.
     """
 
     a0: float
     """Motor voltage per steady wheel speed [V s/rad]."""
     a1: float
-    """[V s^2/rad]"""
+    """Voltage per wheel acceleration [V s^2/rad]."""
     a2: float
-    """[V s^3/rad]"""
+    """Voltage per wheel jerk [V s^3/rad]."""
     pid: Pid
 
 
@@ -148,24 +142,23 @@ def lumped_from_law(law: WheelLaw, steady_volts_s_rad: float = 1.0) -> LumpedDri
 
     Args:
         law: a law of unit DC gain (`WheelLaw.normalised`).
-        steady_volts_s_rad: motor voltage over wheel speed [V s/rad] when running steadily, a measurement that
-            a multimeter gives; 1 leaves all six numbers relative to it.
+        steady_volts_s_rad: motor voltage over wheel speed at steady speed [V s/rad], as a multimeter gives
+            it; 1 leaves all six numbers relative to it.
 
     Raises:
-        InputError: the six coefficients do not sum to 1, or their a0 is not positive, so that no passive
-            motor under PID has this law, or `steady_volts_s_rad` is not a finite number above 0.
+        InputError: the six coefficients do not sum to 1; a0 is not positive, so that no passive motor under
+            PID has this law; or `steady_volts_s_rad` is not a finite number above 0.
     """
     total = float(sum(law.coefficients))
     if abs(total - 1.0) > _UNIT_GAIN_TOLERANCE:
         raise InputError(
             f"A+B+C+D+E+F = {total:.9g}, must be 1 for a motor under PID; use law.normalised() first"
         )
-    _require_constants(positive={"steady_volts_s_rad": steady_volts_s_rad}, not_negative={})
+    _require_positive(steady_volts_s_rad=steady_volts_s_rad)
     t = law.sample_period_s
-    # In units of P.
     s = law.C + law.F
     q = law.B + law.E + s
-    a0, a1, a2 = 1.0 + q + s, (1.0 - s) * t, s * t**2
+    a0, a1, a2 = 1.0 + q + s, (1.0 - s) * t, s * t**2  # all in units of P
     if a0 <= 0.0:
         raise InputError(
             f"a0 = {a0:.6g} in units of P, must be above 0; no passive motor under PID has this law"
@@ -188,27 +181,25 @@ def drive_from_law(
     steady_volts_s_rad: float,
     gear: float = 1.0,
 ) -> tuple[Motor, Pid]:
-    """Return the motor and controller of a law, given what a multimeter and the data sheet tell of the motor.
+    """Return the motor and controller of a law from constants that a multimeter and a data sheet give.
 
     The steady voltage gives b = Kt (a0/N - Ke)/R. Eliminating L = Kt a2/(N J) leaves
-    R J^2 - (Kt a1/N) J + Kt a2 b/N = 0; its two roots exchange the electrical and the mechanical time
-    constant, L/R and J/b. The larger J is taken: the electrical side is the faster one.
+    R J^2 - (Kt a1/N) J + Kt a2 b/N = 0. Its two roots exchange the electrical and the mechanical time
+    constant, L/R and J/b; the larger J is taken, since the electrical side is the faster one.
 
     Args:
         law: a law of unit DC gain.
         resistance: R [ohm].
         torque_constant: Kt [N m/A].
         back_emf: Ke [V s/rad].
-        steady_volts_s_rad: motor voltage over *wheel* speed [V s/rad] when running steadily without load.
+        steady_volts_s_rad: motor voltage over *wheel* speed at steady speed without load [V s/rad].
         gear: N, motor turns per wheel turn.
 
     Raises:
-        InputError: as `lumped_from_law`; or no real, passive motor with these constants has this law.
+        InputError: as `lumped_from_law`, or no real, passive motor with these constants has this law.
     """
-    _require_constants(
-        positive={"resistance": resistance, "torque_constant": torque_constant, "gear": gear},
-        not_negative={"back_emf": back_emf},
-    )
+    _require_positive(resistance=resistance, torque_constant=torque_constant, gear=gear)
+    _require_not_negative(back_emf=back_emf)
     drive = lumped_from_law(law, steady_volts_s_rad)
     damping = torque_constant * (drive.a0 / gear - back_emf) / resistance
     if damping < -1e-12 * torque_constant * back_emf / resistance:
@@ -231,10 +222,13 @@ def drive_from_law(
     return motor, drive.pid
 
 
-def _require_constants(positive: dict[str, float], not_negative: dict[str, float]) -> None:
-    for name, value in positive.items():
+def _require_positive(**constants: float) -> None:
+    for name, value in constants.items():
         if not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{name} = {value}, must be a finite number above 0")
-    for name, value in not_negative.items():
+
+
+def _require_not_negative(**constants: float) -> None:
+    for name, value in constants.items():
         if not (math.isfinite(value) and value >= 0.0):
             raise InputError(f"{name} = {value}, must be a finite number, 0 or above")

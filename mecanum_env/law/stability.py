@@ -1,13 +1,14 @@
-"""Coordinates in which every point is a stable wheel law (Schur-Cohn, or reflection, coefficients).
+"""The stable region of the coefficients (A, B, C): margins, free coordinates, constraints, nearest point.
 
-Any three numbers t map to (A, B, C): k_i = tanh(t_i) are the reflection coefficients of a monic polynomial
-with no root outside the unit circle (Levinson's step-up recursion; Jury and Schur-Cohn), and its roots are
-then multiplied by `POLE_LIMIT`, so that all stay inside by a margin that double precision still resolves.
+**Margins.** Four polynomials that are all positive exactly inside the region (`stability_margins`).
 
-The stable region of (A, B, C): its closed constraints, their gradients and the exact nearest point.
+**Free coordinates.** Any three numbers t map to a stable (A, B, C): k_i = tanh(t_i) are the reflection
+coefficients of a monic polynomial without roots outside the unit circle (Levinson's step-up recursion; Jury
+and Schur-Cohn), whose roots are then multiplied by `POLE_LIMIT`.
 
-The boundary of the region has three faces. With a root at z = 1 or at z = -1 the other two roots range over
-the stable quadratics, a triangle, and the map to (A, B, C) is linear: two plane triangles. With a pair
+**Constraints.** For methods that search (A, B, C) itself: the closed region in which no pole exceeds
+`FEASIBLE_POLE`. Its boundary has three faces. With a root at z = 1 or at z = -1 the other two roots range
+over the stable quadratics, a triangle, and the map to (A, B, C) is linear: two plane triangles. With a pair
 exp(+-i angle) and a real root s it is A = c + s, B = -1 - c s, C = s for c = 2 cos(angle): a bilinear patch,
 whose nearest point is a search over c alone. So the nearest point is found globally although the region is
 not convex.
@@ -20,21 +21,44 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.law.coefficients import stability_margins
 from mecanum_env.units import FloatArray
 
 POLE_LIMIT: Final = 1.0 - 2e-5
-"""Largest pole magnitude. Three poles there make 1-A-B-C = 8e-15, just above what rounding leaves."""
+"""Largest pole magnitude in free coordinates. Three such poles make 1-A-B-C = 8e-15, just above rounding."""
+FEASIBLE_POLE: Final = 1.0 - 1e-4
+"""Largest pole magnitude of a feasible law. Three such poles leave a margin of 1e-12, far above rounding."""
 
 _LARGEST_REFLECTION: Final = 1.0 - 1e-9
-_SCALES: Final = POLE_LIMIT ** np.arange(1, 4)
+_COORDINATE_SCALES: Final = POLE_LIMIT ** np.arange(1, 4)
+_CONSTRAINT_SCALES: Final = FEASIBLE_POLE ** np.arange(1, 4)
+_ROUNDING: Final = 1e-13
+_TRIANGLES: Final = np.array(
+    [
+        # Vertices: (z - 1)(z - p)(z - q) and (z + 1)(z - p)(z - q) with p and q at +1 or -1.
+        [[3.0, -3.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, 1.0]],
+        [[1.0, 1.0, -1.0], [-1.0, 1.0, 1.0], [-3.0, -3.0, -1.0]],
+    ]
+)
+_GRID: Final = np.linspace(-2.0, 2.0, 81)
+_GOLDEN: Final = 0.5 * (np.sqrt(5.0) - 1.0)
+
+
+def stability_margins(abc: npt.ArrayLike) -> FloatArray:
+    """Return the four margins, shape (..., 4), of coefficients `abc` = (A, B, C), shape (..., 3).
+
+    All four are positive exactly when z^3 - A z^2 - B z - C has its roots inside the unit circle: the
+    Routh-Hurwitz conditions b0, b2, b3, (b2 b1 - b3 b0)/b2 > 0 after the bilinear transformation, cleared of
+    denominators.
+    """
+    a, b, c = np.moveaxis(np.asarray(abc, float), -1, 0)
+    return np.stack([1 - a - b - c, 3 + a + b - 3 * c, 1 + a - b + c, 1 + b + a * c - c * c], axis=-1)
 
 
 def stable_abc(t: npt.ArrayLike) -> FloatArray:
     """Return the stable (A, B, C), shape (..., 3), of free coordinates t, shape (..., 3)."""
     k1, k2, k3 = np.moveaxis(np.tanh(np.asarray(t, float)), -1, 0)
     first = k1 * (1.0 + k2)
-    return np.asarray(-np.stack([first + k3 * k2, k2 + k3 * first, k3], axis=-1) * _SCALES)
+    return np.asarray(-np.stack([first + k3 * k2, k2 + k3 * first, k3], axis=-1) * _COORDINATE_SCALES)
 
 
 def stable_abc_jacobian(t: npt.ArrayLike) -> FloatArray:
@@ -47,15 +71,15 @@ def stable_abc_jacobian(t: npt.ArrayLike) -> FloatArray:
             [0.0, 0.0, 1.0],
         ]
     )
-    return np.asarray(_SCALES[:, None] * by_reflection * (1.0 - k * k))
+    return np.asarray(_COORDINATE_SCALES[:, None] * by_reflection * (1.0 - k * k))
 
 
 def free_coordinates(abc: npt.ArrayLike) -> FloatArray:
     """Return the coordinates t, shape (3,), of a stable (A, B, C): the inverse of `stable_abc`.
 
-    A triple outside the region gives the nearest reflection coefficients inside, hence always finite numbers.
+    Reflection coefficients of a triple outside the region are clipped, so that the result is always finite.
     """
-    a1, a2, a3 = -np.asarray(abc, float) / _SCALES
+    a1, a2, a3 = -np.asarray(abc, float) / _COORDINATE_SCALES
     limit = _LARGEST_REFLECTION
     k3 = float(np.clip(a3, -limit, limit))
     scale = 1.0 - k3 * k3
@@ -65,9 +89,9 @@ def free_coordinates(abc: npt.ArrayLike) -> FloatArray:
 
 
 def stabilised_abc(abc: npt.ArrayLike, largest_pole: float = 0.995) -> FloatArray:
-    """Return `abc` = (A, B, C) with poles outside the unit circle reflected, none above `largest_pole`.
+    """Return `abc` = (A, B, C) with poles reflected into the unit circle and none above `largest_pole`.
 
-    A reflected pole keeps its frequency; this is how an unstable start becomes a usable one.
+    A reflected pole keeps its frequency. This turns an unstable start of a search into a usable one.
     """
     coefficients = np.nan_to_num(np.asarray(abc, float), nan=0.0, posinf=0.0, neginf=0.0)
     poles = np.roots([1.0, *(-coefficients)]).astype(complex)
@@ -80,33 +104,17 @@ def stabilised_abc(abc: npt.ArrayLike, largest_pole: float = 0.995) -> FloatArra
     return np.asarray(-np.real(np.poly(poles))[1:])
 
 
-FEASIBLE_POLE: Final = 1.0 - 1e-4
-"""Largest pole magnitude of a feasible law. Three poles there leave a margin of 1e-12, far above rounding."""
-
-_CONSTRAINT_SCALES: Final = FEASIBLE_POLE ** np.arange(1, 4)
-_TRIANGLES: Final = np.array(
-    [
-        # Vertices are triple choices of roots at +1 and -1, so (z - 1)(z - p)(z - q) and (z + 1)(z - p)(z -
-        # q).
-        [[3.0, -3.0, 1.0], [1.0, 1.0, -1.0], [-1.0, 1.0, 1.0]],
-        [[1.0, 1.0, -1.0], [-1.0, 1.0, 1.0], [-3.0, -3.0, -1.0]],
-    ]
-)
-_GRID: Final = np.linspace(-2.0, 2.0, 81)
-_GOLDEN: Final = 0.5 * (np.sqrt(5.0) - 1.0)
-
-
 def violations(abc: npt.ArrayLike) -> FloatArray:
-    """Return g, shape (..., 4), of (A, B, C), shape (..., 3).
+    """Return the constraints g, shape (..., 4), of (A, B, C), shape (..., 3).
 
-    All are <= 0 exactly when no pole exceeds `FEASIBLE_POLE`. They are minus the Routh-Hurwitz margins
-    (`stability_margins`) of the law with its poles divided by it.
+    All are <= 0 exactly when no pole exceeds `FEASIBLE_POLE`: minus the `stability_margins` after division of
+    the poles by it.
     """
     return np.asarray(-stability_margins(np.asarray(abc, float) / _CONSTRAINT_SCALES))
 
 
 def violation_gradients(abc: npt.ArrayLike) -> FloatArray:
-    """Return dg/d(A, B, C), shape (..., 4, 3)."""
+    """Return the gradients dg/d(A, B, C), shape (..., 4, 3), of `violations` at `abc`, shape (..., 3)."""
     scaled = np.asarray(abc, float) / _CONSTRAINT_SCALES
     a, _, c = np.moveaxis(scaled, -1, 0)
     result = np.empty((*scaled.shape[:-1], 4, 3))
@@ -119,13 +127,14 @@ def violation_gradients(abc: npt.ArrayLike) -> FloatArray:
 
 def feasible(abc: npt.ArrayLike) -> npt.NDArray[np.bool_]:
     """Return whether no pole of (A, B, C), shape (..., 3), exceeds `FEASIBLE_POLE` up to rounding."""
-    return np.asarray(np.all(violations(abc) <= 1e-13, axis=-1))
+    return np.asarray(np.all(violations(abc) <= _ROUNDING, axis=-1))
 
 
 def nearest_feasible(abc: npt.ArrayLike) -> FloatArray:
     """Return the nearest feasible (A, B, C), shape (S, 3), of finite points, shape (S, 3).
 
-    Distances are measured after division by `FEASIBLE_POLE` to the power 1, 2, 3: Euclidean to 3 in 10,000.
+    Distances are measured after division by `FEASIBLE_POLE` to the power 1, 2, 3, so they are Euclidean to
+    3 in 10,000.
     """
     points = np.array(abc, float)
     outside = ~feasible(points)
@@ -138,7 +147,7 @@ def nearest_feasible(abc: npt.ArrayLike) -> FloatArray:
 
 
 def _on_triangle(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return the nearest points, shape (S, 3), of a plane triangle with `corners`, shape (3, 3)."""
+    """Return the nearest points, shape (S, 3), on a plane triangle with `corners`, shape (3, 3)."""
     edges = corners[[1, 2]] - corners[0]
     inner = (points - corners[0]) @ np.linalg.pinv(edges)  # (S, 2): coordinates along the two edges
     inside = np.all(inner >= 0.0, axis=1) & (np.sum(inner, axis=1) <= 1.0)
@@ -155,10 +164,10 @@ def _on_triangle(points: FloatArray, corners: FloatArray) -> FloatArray:
 
 
 def _on_patch(points: FloatArray) -> FloatArray:
-    """Return the nearest points, shape (S, 3), of the face with a pair of roots on the unit circle."""
+    """Return the nearest points, shape (S, 3), on the face with a pair of roots on the unit circle."""
 
     def at(c: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the square distance and the best real root for c, both of c's shape (S, n)."""
+        """Return the squared distance and the best real root s for c, all of shape (S, n)."""
         a, b, third = points[:, :1], points[:, 1:2], points[:, 2:]
         s = np.clip(((a - c) - c * (b + 1.0) + third) / (2.0 + c * c), -1.0, 1.0)
         return (c + s - a) ** 2 + (-1.0 - c * s - b) ** 2 + (s - third) ** 2, s
@@ -167,7 +176,7 @@ def _on_patch(points: FloatArray) -> FloatArray:
     middle = _GRID[np.argmin(at(grid)[0], axis=1)][:, None]
     step = _GRID[1] - _GRID[0]
     low, high = np.maximum(middle - step, -2.0), np.minimum(middle + step, 2.0)
-    for _ in range(60):  # Golden section: 0.618**60 of the grid's step is below rounding.
+    for _ in range(60):  # golden section: 0.618**60 of a grid step is below rounding
         left, right = high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)
         smaller = at(left)[0] < at(right)[0]
         low, high = np.where(smaller, low, left), np.where(smaller, right, high)

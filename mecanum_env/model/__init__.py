@@ -1,6 +1,6 @@
 """`model.json`: the contract between fit, simulator, environment and gap workflow."""
 
-from mecanum_env.effects import EFFECT_PARAMETERS
+from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
 from mecanum_env.model.file import (
     FORMAT,
     model_from_dict,

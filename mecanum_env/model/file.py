@@ -1,6 +1,6 @@
-"""The JSON object of a model: section 2 of FORMATS.md, format "mecanum-model/1".
+"""Model files, format "mecanum-model/1": model to JSON object and back, read and written whole or not at all.
 
-Reading and writing model files, whole or not at all.
+docs/model-file.md lists the fields.
 """
 
 from __future__ import annotations
@@ -13,15 +13,18 @@ from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import asset_path, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
-from mecanum_env.model.json_fields import mapping, numbers
+from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
+from mecanum_env.model.json_checks import mapping, numbers, uncertainty_from_dict
 from mecanum_env.model.model import Model, Robot, Wheel
-from mecanum_env.model.uncertainty import uncertainty_from_dict
 
 FORMAT: Final = "mecanum-model/1"
+_SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
+_LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
+_WHEEL_FIELDS: Final = tuple(f.name for f in fields(Wheel) if f.name != "law")
+_ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
 
 
 def model_to_dict(model: Model) -> dict[str, Any]:
@@ -30,8 +33,7 @@ def model_to_dict(model: Model) -> dict[str, Any]:
     value: dict[str, Any] = {
         "format": FORMAT,
         "wheel": {
-            **_coefficients(wheel.law),
-            "sample_period_s": wheel.law.sample_period_s,
+            **{name: getattr(wheel.law, name) for name in _LAW_FIELDS},
             **{name: _infinite_as_null(getattr(wheel, name)) for name in _WHEEL_FIELDS},
             **model.extra.get("wheel", {}),
         },
@@ -48,7 +50,9 @@ def model_to_dict(model: Model) -> dict[str, Any]:
         **{name: item for name, item in model.extra.items() if name not in _SECTIONS},
     }
     if model.wheels:
-        value["wheels"] = {name: _coefficients(law) for name, law in model.wheels.items()}
+        value["wheels"] = {
+            wheel: {name: getattr(law, name) for name in COEFFICIENTS} for wheel, law in model.wheels.items()
+        }
     return value
 
 
@@ -69,6 +73,10 @@ def model_from_dict(value: Any) -> Model:
     extra = {name: item for name, item in top.items() if name not in _SECTIONS}
     values = numbers("wheel", wheel_section, (*_LAW_FIELDS, *_WHEEL_FIELDS), null=("saturation_rpm",))
     law = _law("wheel", {name: values.pop(name) for name in _LAW_FIELDS if name in values})
+    wheels = {}
+    for name, section in mapping("wheels", top.get("wheels", {})).items():
+        coefficients = numbers(f"wheels.{name}", section, COEFFICIENTS)
+        wheels[name] = _law(f"wheels.{name}", {**coefficients, "sample_period_s": law.sample_period_s})
     return Model(
         wheel=Wheel(law, **values),
         robot=robot_from_dict(robot_section),
@@ -79,25 +87,16 @@ def model_from_dict(value: Any) -> Model:
         uncertainty=dict(uncertainty_from_dict(top.get("uncertainty", {}))),
         provenance=dict(mapping("provenance", top.get("provenance", {}))),
         extra=extra | {k: v for k, v in (("wheel", wheel_extra), ("robot", robot_extra)) if v},
-        wheels={
-            name: _law(
-                f"wheels.{name}",
-                {
-                    **numbers(f"wheels.{name}", coefficients, COEFFICIENTS),
-                    "sample_period_s": law.sample_period_s,
-                },
-            )
-            for name, coefficients in mapping("wheels", top.get("wheels", {})).items()
-        },
+        wheels=wheels,
     )
 
 
 def robot_from_dict(value: Any) -> Robot:
-    """Build the robot from a partial JSON object `value`; packaged values fill in what is absent.
+    """Build a robot from a partial JSON object `value`; the packaged robot's values fill in what is absent.
 
-    What is packaged is the packaged robot's. Of another whose mass, wheelbase and track are all given, the
-    yaw inertia of a solid plate stands until it is measured or fitted; and where mass and wheel radius are,
-    the torque limit is no less than accelerates it as hard as the packaged robot's does that.
+    Two of them are adapted to another robot. If mass, wheelbase and track are given, the yaw inertia is that
+    of a solid plate. If mass and wheel radius are given, the torque limit is raised so that the robot
+    accelerates at least as hard as the packaged one.
 
     Raises:
         InputError: an unknown name, or a value out of range.
@@ -106,54 +105,13 @@ def robot_from_dict(value: Any) -> Robot:
     if given.get("rollers_per_wheel", math.nan).is_integer():
         given["rollers_per_wheel"] = int(given["rollers_per_wheel"])
     robot = Robot(**given)
-    if "torque_limit_n_m" not in given and all(name in given for name in _FORCE):
+    if "torque_limit_n_m" not in given and {"mass_kg", "wheel_radius_m"} <= given.keys():
         larger = robot.mass_kg * robot.wheel_radius_m / (Robot.mass_kg * Robot.wheel_radius_m)
         robot = replace(robot, torque_limit_n_m=max(1.0, larger) * Robot.torque_limit_n_m)
-    if "yaw_inertia_kg_m2" not in given and all(name in given for name in _PLATE):
+    plate = {"mass_kg", "half_wheelbase_m", "half_track_m"}
+    if "yaw_inertia_kg_m2" not in given and plate <= given.keys():
         robot = replace(robot, yaw_inertia_kg_m2=robot.plate_yaw_inertia_kg_m2)
     return robot
-
-
-_LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
-_WHEEL_FIELDS: Final = ("command_period_s", "command_quantum_rpm", "saturation_rpm")
-_ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
-_PLATE: Final = ("mass_kg", "half_wheelbase_m", "half_track_m")
-_FORCE: Final = ("mass_kg", "wheel_radius_m")
-_SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
-
-
-def _coefficients(law: WheelLaw) -> dict[str, float]:
-    return {name: getattr(law, name) for name in COEFFICIENTS}
-
-
-def _law(where: str, numbers: Mapping[str, float]) -> WheelLaw:
-    missing = [name for name in _LAW_FIELDS if name not in numbers]
-    if missing:
-        raise InputError(f'"{where}" lacks {", ".join(missing)}')
-    try:
-        return WheelLaw(**numbers).require_stable()
-    except InputError as error:
-        raise type(error)(f'"{where}": {error}') from error
-
-
-def _effect(name: str, parameters: Any) -> Mapping[str, float]:
-    """Read an effect's parameters; a name that is not known is left for `Model` to refuse."""
-    known = EFFECT_PARAMETERS.get(name)
-    where = f"effects.{name}"
-    return (
-        dict(mapping(where, parameters)) if known is None else numbers(where, parameters, known, null=known)
-    )
-
-
-def _split(where: str, value: Any, known: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Split a section into our names (misspelt ones too, to be refused) and those of other programs."""
-    section = mapping(where, value)
-    ours = {name: item for name, item in section.items() if name in known or did_you_mean(name, known)}
-    return ours, {name: item for name, item in section.items() if name not in ours}
-
-
-def _infinite_as_null(value: float) -> float | None:
-    return None if math.isinf(value) else value
 
 
 def read_model(path: str | os.PathLike[str]) -> Model:
@@ -163,7 +121,6 @@ def read_model(path: str | os.PathLike[str]) -> Model:
         InputError: no such file, not JSON, another format, a missing, misspelt or impossible value.
         UnstableLawError: the wheel law is unstable; the message lists the poles.
     """
-    path = Path(path)
     value = _read_json(path, "make a model with `python -m sysid.fit LOGS`")
     try:
         return model_from_dict(value)
@@ -172,12 +129,11 @@ def read_model(path: str | os.PathLike[str]) -> Model:
 
 
 def read_robot(path: str | os.PathLike[str]) -> Robot:
-    """Read a JSON file with any of the keys of a model's "robot" section; packaged values fill in the rest.
+    """Read a robot from a JSON file at `path` with any of the keys of a model's "robot" section.
 
     Raises:
         InputError: no such file, not JSON, an unknown name or an impossible value.
     """
-    path = Path(path)
     value = _read_json(path, "it holds any keys of a model's robot section, such as wheel_radius_m")
     try:
         return robot_from_dict(value)
@@ -186,7 +142,7 @@ def read_robot(path: str | os.PathLike[str]) -> Robot:
 
 
 def write_model(model: Model, path: str | os.PathLike[str]) -> None:
-    """Write a model to a path, whole or not at all, in full precision: `read_model` gives it back equal.
+    """Write a model to a path in full precision, whole or not at all: `read_model` returns it unchanged.
 
     Raises:
         UnstableLawError: a law is unstable, and `read_model` would refuse it.
@@ -202,13 +158,40 @@ def paper_model() -> Model:
     return read_model(asset_path("models/paper.json"))
 
 
+def _law(where: str, numbers: Mapping[str, float]) -> WheelLaw:
+    missing = [name for name in _LAW_FIELDS if name not in numbers]
+    if missing:
+        raise InputError(f'"{where}" lacks {", ".join(missing)}')
+    try:
+        return WheelLaw(**numbers).require_stable()
+    except InputError as error:
+        raise type(error)(f'"{where}": {error}') from error
+
+
+def _effect(name: str, parameters: Any) -> Mapping[str, float]:
+    """Read an effect's parameters; an unknown name is left for `Model` to refuse."""
+    known, where = EFFECT_PARAMETERS.get(name), f"effects.{name}"
+    return mapping(where, parameters) if known is None else numbers(where, parameters, known, null=known)
+
+
+def _split(where: str, value: Any, known: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Split a section into known names (misspelt ones too, to be refused) and those of other programs."""
+    section = mapping(where, value)
+    ours = {name: item for name, item in section.items() if name in known or did_you_mean(name, known)}
+    return ours, {name: item for name, item in section.items() if name not in ours}
+
+
+def _infinite_as_null(value: float) -> float | None:
+    return None if math.isinf(value) else value
+
+
 def _refuse_constant(name: str) -> float:
     raise InputError(f"{name} is not valid JSON; an absent limit is null")
 
 
-def _read_json(path: Path, hint: str) -> Any:
+def _read_json(path: str | os.PathLike[str], hint: str) -> Any:
     try:
-        text = path.read_text(encoding="utf-8")
+        text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror}); {hint}") from error
     except UnicodeDecodeError as error:

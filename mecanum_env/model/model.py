@@ -1,4 +1,4 @@
-"""What a model holds: the identified wheel, the robot around it, the effects found, and their origin."""
+"""The data of a model: the identified wheel, the robot around it, its effects, and where they come from."""
 
 from __future__ import annotations
 
@@ -7,19 +7,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from mecanum_env.effects import EFFECT_PARAMETERS
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
 
 
 @dataclass(frozen=True)
 class Wheel:
-    """The identified wheel: its law and what happens to a command before it."""
+    """The identified wheel law and the processing of a command in front of it."""
 
     law: WheelLaw
     command_period_s: float = 0.1
-    """The robot latches its command this often [s]."""
+    """Period at which the robot latches its command [s]."""
     command_quantum_rpm: float = 1.0
     """Commands are rounded to multiples of this [rpm]; 0: not rounded."""
     saturation_rpm: float = 135.0
@@ -30,22 +31,26 @@ class Wheel:
         _require("wheel.command_quantum_rpm", self.command_quantum_rpm, 0.0)
         _require("wheel.saturation_rpm", self.saturation_rpm, 0.0, strict=True, finite=False)
 
+    def drive_parameters(self) -> DriveParameters:
+        """Return the drive of this wheel without any effect."""
+        return DriveParameters(self.law, self.command_period_s, self.command_quantum_rpm, self.saturation_rpm)
+
 
 @dataclass(frozen=True)
 class Robot:
     """The robot around the wheels.
 
-    The defaults are this project's own: the paper does not print dimensions, mass, servo or friction in its
-    text. A ruler, a scale and `python -m sysid.fit --robot FILE` replace them.
+    The defaults are this project's own: the paper's text prints no dimensions, mass, servo or friction.
+    Replace them by measurements with `python -m sysid.fit LOGS --robot FILE`.
     """
 
     wheel_radius_m: float = 0.0762
     half_wheelbase_m: float = 0.18
     half_track_m: float = 0.20
     mass_kg: float = 20.0
-    """All of it, wheels and rollers included."""
+    """Total mass, wheels and rollers included."""
     yaw_inertia_kg_m2: float = 0.9
-    """All of it, about the vertical through the centre."""
+    """Total moment of inertia about the vertical axis through the centre."""
     rollers_per_wheel: int = 10
     servo_n_m_s_rad: float = 5.0
     """Torque per wheel-speed error [N m s/rad]: how stiffly the drive holds the law's speed under load."""
@@ -56,21 +61,20 @@ class Robot:
 
     1.5 is the most that starts this robot on this floor without a wheel spinning: it takes 28 N along the
     roller, and the axle that the start unloads can hold 29 N. The paper's law asks for 10 N m at its steepest
-    (a step to 130 rpm); more torque gives wheelspin, not speed, and a path that hangs on the time step. The
-    free wheel needs 0.8 N m.
+    (a step to 130 rpm), but more torque gives wheelspin instead of speed, and a path that depends on the time
+    step. The free wheel needs 0.8 N m.
     """
     friction: float = 0.8
     """Coulomb coefficient between roller and floor."""
 
     @property
     def plate_yaw_inertia_kg_m2(self) -> float:
-        """Yaw inertia that a solid plate of the robot's mass, wheelbase and track has: m (a^2 + b^2) / 3."""
+        """Yaw inertia of a solid plate with the robot's mass, wheelbase and track: m (a^2 + b^2) / 3."""
         return self.mass_kg * (self.half_wheelbase_m**2 + self.half_track_m**2) / 3.0
 
     def __post_init__(self) -> None:
-        for name in ("wheel_radius_m", "half_wheelbase_m", "half_track_m", "mass_kg", "yaw_inertia_kg_m2"):
-            _require(f"robot.{name}", getattr(self, name), 0.0, strict=True)
-        for name in ("servo_n_m_s_rad", "torque_limit_n_m", "friction"):
+        positive = ("wheel_radius_m", "half_wheelbase_m", "half_track_m", "mass_kg", "yaw_inertia_kg_m2")
+        for name in (*positive, "servo_n_m_s_rad", "torque_limit_n_m", "friction"):
             _require(f"robot.{name}", getattr(self, name), 0.0, strict=True)
         _require("robot.servo_integral_n_m_rad", self.servo_integral_n_m_rad, 0.0)
         if not 4 <= self.rollers_per_wheel <= 24 or self.rollers_per_wheel != int(self.rollers_per_wheel):
@@ -81,7 +85,7 @@ class Robot:
 
 @dataclass(frozen=True)
 class Model:
-    """Everything a simulator needs to know; the fields are the sections of the file.
+    """Everything that a simulator needs; the fields are the sections of the file.
 
     Raises:
         InputError: an effect, parameter or wheel that does not exist, or a value that is not a number.
@@ -93,10 +97,10 @@ class Model:
     uncertainty: Mapping[str, Any] = field(default_factory=dict)
     provenance: Mapping[str, Any] = field(default_factory=dict)
     extra: Mapping[str, Any] = field(default_factory=dict)
-    """Fields of the file that this version does not know, kept on writing: top-level ones by their name,
-    those inside a section under "wheel" and "robot"."""
+    """Unknown fields of the file, which are written back: top-level ones by their name, those inside a
+    section under "wheel" and "robot"."""
     wheels: Mapping[str, WheelLaw] = field(default_factory=dict)
-    """Laws of single wheels by name (fl, fr, rl, rr), where they differ from `wheel.law`; ask `law_of`."""
+    """Laws of single wheels (fl, fr, rl, rr) that differ from `wheel.law`; see `law_of`."""
 
     def __post_init__(self) -> None:
         for name, parameters in self.effects.items():
@@ -105,8 +109,8 @@ class Model:
                     f"effects.{name}: no such effect{did_you_mean(name, EFFECT_PARAMETERS)}; "
                     f"known: {', '.join(EFFECT_PARAMETERS)}"
                 )
+            known = EFFECT_PARAMETERS[name]
             for key, value in parameters.items():
-                known = EFFECT_PARAMETERS[name]
                 if key not in known:
                     raise InputError(f"effects.{name}.{key}: no such parameter; known: {', '.join(known)}")
                 _require(f"effects.{name}.{key}", value, -math.inf, strict=True, finite=False)
@@ -119,7 +123,7 @@ class Model:
                 )
 
     def law_of(self, wheel_name: str) -> WheelLaw:
-        """Return the law of one wheel: its own where `wheels` has one, else the common one.
+        """Return the law of one wheel: its own if `wheels` has one, else the common one.
 
         Raises:
             InputError: `wheel_name` is not fl, fr, rl or rr.
@@ -128,7 +132,7 @@ class Model:
         return self.wheels.get(wheel_name, self.wheel.law)
 
     def with_effect(self, name: str, **parameters: float) -> Model:
-        """Return a copy with the effect `name` added or replaced, with these `parameters`.
+        """Return a copy in which the effect `name` is added or replaced, with these `parameters`.
 
         Raises:
             InputError: no effect or parameter has that name, or a value is not a number.

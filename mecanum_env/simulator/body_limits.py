@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.kinematics import WHEELS, body_to_wheels, wheels_to_body
 from mecanum_env.law.drive import EPS, RING, law_inputs
@@ -25,10 +26,9 @@ def limits_body(model: Model) -> bool:
 
 def wheel_side(model: Model) -> Model:
     """Return the model of what comes after the limits: drives that take a command at each tick, as it is."""
-    before = {effect.name for effect, _ in active_effects(model) if effect.limit_body is not None}
-    before.add("command_latency")
     wheel = replace(model.wheel, command_period_s=model.wheel.law.sample_period_s, command_quantum_rpm=0.0)
-    left = {name: values for name, values in model.effects.items() if name not in before}
+    before = ("command", "body_command")
+    left = {name: v for name, v in model.effects.items() if CATALOGUE[name].station not in before}
     return replace(model, wheel=wheel, effects=left)
 
 

@@ -18,10 +18,10 @@ from typing import Any, Literal
 
 import numpy as np
 
-from mecanum_env.effects import CATALOGUE, EFFECT_PARAMETERS
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
-from mecanum_env.model import Model, Robot
+from mecanum_env.model import EFFECT_PARAMETERS, Model, Robot
 from mecanum_env.units import FloatArray
 
 Range = tuple[float, float]

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import check_effects, measured, without_sensors
+from mecanum_env.effects.apply import check_effects, in_turned_axes, measured, without_sensors
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
@@ -105,11 +105,7 @@ def in_run_frame(model: Model, start: Start) -> Model:
         model: whose floor may slope.
         start: the run's yaw counts.
     """
-    slope = model.effects.get("floor_slope")
-    if slope is None or start.yaw_rad == 0.0:
-        return model
-    heading = slope.get("heading_deg", 0.0) - math.degrees(start.yaw_rad)
-    return replace(model, effects={**model.effects, "floor_slope": {**slope, "heading_deg": heading}})
+    return in_turned_axes(model, start.yaw_rad)
 
 
 def predict(

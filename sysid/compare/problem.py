@@ -41,11 +41,6 @@ _COHERENT: Final = 1.5
 """What unknown angles leave differs from draw to draw by a third of it or so: few wheels, few runs."""
 _HARDLY: Final = (1e-3, -1e-3, 2e-3)
 """Changes of the wheels' speed that no log shows."""
-OF_THE_ROLLERS: Final = frozenset(
-    [name for name, effect in CATALOGUE.items() if "planar" in effect.refused_by]
-    + ["com_offset", "weak_servo"]
-)
-"""Effects that act by how rollers bear on the floor: the planar plant lacks them, or shows half of them."""
 
 T = TypeVar("T")
 U = TypeVar("U")
@@ -108,7 +103,8 @@ class ResidualProblem:
 
     def is_quick(self, effects: Sequence[str]) -> bool:
         """Return whether `quick_residual` is less work than `residual`, and tells what `effects` change."""
-        return self._planar is not None and not OF_THE_ROLLERS.intersection(effects)
+        known = [CATALOGUE[name] for name in effects if name]
+        return self._planar is not None and all(effect.fully_in("planar") for effect in known)
 
     def quick_ones(self, owners: Sequence[str]) -> Mask:
         """Return of which parameters `quick_residual` tells what they change, (p,).

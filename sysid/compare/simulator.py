@@ -13,6 +13,7 @@ from typing import Final
 import mujoco
 import numpy as np
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import without_sensors
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
@@ -97,8 +98,9 @@ class Simulator:
     def _simulate(self, model: Model) -> list[Motion]:
         situations = self.observations.situations
         how = situations[0].runs[0].level, self.study.timestep_s, self.study.plant
-        # Only a floor that slopes makes the compiled model depend on where a run starts.
-        common = None if "floor_slope" in model.effects else compile_for(model, *how)
+        # A direction in the world makes the compiled model depend on where a run starts.
+        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
+        common = None if by_heading else compile_for(model, *how)
         alike: dict[Hashable, list[int]] = {}
         for index, situation in enumerate(situations):
             alike.setdefault(_moves(situation, model.wheel.command_period_s), []).append(index)

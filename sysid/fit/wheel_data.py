@@ -13,7 +13,6 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.drive import RING, DriveParameters, latched_commands
-from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
 from sysid.fit.command_path import CommandPath
 from sysid.fit.estimators import WheelRun
@@ -128,7 +127,7 @@ def _drive(path: CommandPath) -> DriveParameters:
     period = path.command_period_s if path.latched else path.sample_period_s
     pass_through = WheelLaw(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, path.sample_period_s)
     # Rounding happened before the kinematics, where the robot does it.
-    return DriveParameters.from_wheel(Wheel(pass_through, period, 0.0, path.saturation_rpm))
+    return DriveParameters(pass_through, period, 0.0, path.saturation_rpm)
 
 
 def _initial_speed(ticks: FloatArray, speed_rpm: FloatArray, sigma_rpm: float) -> float:

@@ -16,7 +16,7 @@ ROUND_S = 0.8
 BENCH_TIME = np.arange(0.0, 1.5, 0.01)
 BENCH_COMMAND = np.select([BENCH_TIME < 0.4, BENCH_TIME < 0.9], [60.0, -100.0], 10.0)
 
-# A size at which each parameter shows, where half way from neutral to the search's bound would not do.
+# Sizes at which a parameter shows clearly, where three quarters of the search range would not do.
 CLEAR = {
     ("speed_saturation", "limit_rpm"): 30.0,
     ("low_grip", "friction"): 0.1,
@@ -25,7 +25,7 @@ CLEAR = {
     ("body_speed_limit", "vc_rpm"): 20.0,
     ("command_deadband", "threshold_rpm"): 25.0,
 }
-# What another parameter must be for this one to matter.
+# Other parameters that are needed for this one to matter.
 BESIDE = {
     ("payload", "height_m"): {"mass_kg": 20.0},
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
@@ -35,14 +35,14 @@ BESIDE = {
 
 
 def clear_value(name: str, parameter: str) -> float:
-    """Return a value of a parameter at which an effect is clearly there."""
+    """Return a value of a parameter at which its effect is clearly visible."""
     found = next(p for p in CATALOGUE[name].parameters if p.name == parameter)
     low, high = found.bounds
     return CLEAR.get((name, parameter), low + 0.75 * (high - low))
 
 
 def clear_model(name: str, parameter: str | None = None) -> Model:
-    """Return the paper's model with an effect at a clear size, by its first parameter where none is named."""
+    """Return the paper's model with a clearly visible effect, by its first parameter if none is named."""
     parameter = CATALOGUE[name].parameters[0].name if parameter is None else parameter
     beside = BESIDE.get((name, parameter), {})
     return paper_model().with_effect(name, **beside, **{parameter: clear_value(name, parameter)})

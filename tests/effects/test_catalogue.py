@@ -1,4 +1,4 @@
-"""The definitions, and what they promise of every effect alike."""
+"""The definitions of the catalogue, and what holds for every effect."""
 
 import re
 from dataclasses import replace
@@ -9,12 +9,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mecanum_env.effects import CATALOGUE, EFFECT_PARAMETERS, PLANTS, apply
+from mecanum_env.effects import CATALOGUE, PLANTS, apply, catalogue_table
 from mecanum_env.effects.apply import active_effects, changed_model
-from mecanum_env.effects.table import markdown_table
 from mecanum_env.errors import InputError
 from mecanum_env.mjcf import robot_spec
-from mecanum_env.model import model_from_dict, model_to_dict, paper_model, read_model, write_model
+from mecanum_env.model import (
+    EFFECT_PARAMETERS,
+    model_from_dict,
+    model_to_dict,
+    paper_model,
+    read_model,
+    write_model,
+)
 
 from .conftest import acting, channels, clear_model, clear_value
 
@@ -36,7 +42,7 @@ def test_the_chain_is_in_the_order_of_the_contract():
 
 
 def test_the_documentation_holds_the_catalogue():
-    assert markdown_table() in (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
+    assert catalogue_table() in (ROOT / "docs" / "effects.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(("name", "parameter"), ALL)
@@ -45,7 +51,7 @@ def test_parameters_are_consistent(base, name, parameter):
     assert parameter.valid[0] <= low < high <= parameter.valid[1]
     neutral = parameter.neutral_in(base)
     assert parameter.valid[0] <= neutral <= parameter.valid[1]
-    # What is searched begins, ends or passes through neutral, unless neutral is "no limit".
+    # The search range contains the neutral value, unless that is "no limit".
     assert low <= neutral <= high or neutral == np.inf
     assert all(low <= value <= high for value in parameter.scan or ())
     assert parameter.name in EFFECT_PARAMETERS[name]

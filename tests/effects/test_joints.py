@@ -25,8 +25,8 @@ def slipped_deg(model, base, command, start, end):
 @pytest.mark.parametrize("gap", [1.0, 4.0, 15.0])
 def test_each_reversal_costs_the_gap_and_the_first_start_half_of_it(base, gap):
     model = base.with_effect("backlash", gap_deg=gap)
-    # How far the motor turns before the wheel follows; then the wheel must catch up, and inertia / servo
-    # times the jump in speed is lost too.
+    # The motor turns through the gap before the wheel follows. Then the wheel must catch up, which costs
+    # inertia / servo times the jump in speed as well.
     assert slipped_deg(model, base, STAIRS, 0.0, 0.5) == pytest.approx(-gap / 2, rel=0.02, abs=0.05)
     assert slipped_deg(model, base, STAIRS, 0.5, 1.0) == pytest.approx(0.0, abs=1e-3)
     assert slipped_deg(model, base, STAIRS, 1.0, 1.5) == pytest.approx(gap, rel=0.02, abs=0.15)
@@ -138,22 +138,22 @@ def test_a_wheel_sticks_as_long_as_it_can_and_then_needs_less_to_go_on(sticky):
 
 @pytest.fixture
 def integrating(base):
-    """Return a drive with an integral that a wound up one would show for long."""
+    """Return a drive with integral action that unwinds slowly."""
     return replace(base, robot=replace(base.robot, servo_integral_n_m_rad=25.0))
 
 
 def test_the_integral_does_not_wind_up_in_the_gap(base, integrating):
-    """The motor follows the law there, so nothing is left to be unwound: all is as without an integral."""
+    """The motor follows the law in the gap, so the wheel moves as without integral action."""
     loose, plain = (
         replay_bench(m.with_effect("backlash", gap_deg=15.0), TIME, STAIRS) for m in (integrating, base)
     )
     assert np.max(np.abs(loose - plain)) < 0.5
-    # In the gap the two differ least of all, and no reversal leaves more than the blow of its teeth.
+    # In the gap the two hardly differ; outside, only by the impact at the end of it.
     assert np.max(np.abs((loose - plain)[(TIME > 1.0) & (TIME < 1.03)])) < 0.05
 
 
 def test_in_the_gap_the_motor_gives_up_what_the_load_had_asked_for(integrating):
-    """Charged by friction, the integral is emptied by the unloaded motor: the wheel is back at its speed."""
+    """The unloaded motor empties the integral that friction has charged: the wheel returns to its speed."""
     model = integrating.with_effect("coulomb_friction", torque_n_m=0.3).with_effect("backlash", gap_deg=10.0)
     speed = replay_bench(model, TIME, STAIRS)
     for end, command in ((0.5, 30.0), (1.0, 60.0), (1.5, -60.0)):
@@ -161,7 +161,7 @@ def test_in_the_gap_the_motor_gives_up_what_the_load_had_asked_for(integrating):
 
 
 def test_on_a_slope_friction_holds_a_robot_or_slows_its_creep(base, steady):
-    """With friction beyond the slope's pull the wheels stand still and do not tremble; else they creep."""
+    """Wheels stand perfectly still if the friction exceeds the slope's pull, and creep otherwise."""
     need = base.robot.mass_kg * 9.81 * np.sin(np.radians(5.0)) * base.robot.wheel_radius_m / 4
     slope = base.with_effect("floor_slope", slope_deg=5.0, heading_deg=0.0)
     for plant in ("rollers", "planar"):

@@ -119,7 +119,7 @@ def test_a_high_payload_tips_weight_backwards_in_a_start(base, steady):
 
 @pytest.mark.parametrize("plant", ["rollers", "planar"])
 def test_a_weight_to_the_left_turns_a_start_left_and_a_stop_right(base, plant):
-    # With grip to spare: a wheel that the weight has left and that slips turns the robot more.
+    # With more grip than needed: an unloaded wheel that slips would turn the robot further.
     model = replace(base, robot=replace(base.robot, friction=2.0))
     commands = BodyCommands.from_rows([(0, 40, 0, 0), (0.7, 0, 0, 0)])
     path = drive(model.with_effect("com_offset", y_m=0.03), commands, 1.0, plant=plant)
@@ -159,15 +159,12 @@ def test_a_wider_track_slows_rotation_only(base, steady, plant, command, ratio):
 @pytest.mark.parametrize("heading", [0, 90, 180, -45])
 def test_a_slope_pulls_downhill_in_the_world(base, steady, plant, heading):
     model = base.with_effect("floor_slope", slope_deg=4.0, heading_deg=heading)
-    # 0.2 s apart: while it stands, gravity m g sin(slope) is held by the servos' droop.
     path, level = (steady(m, 0, 0, 0, plant=plant) for m in (model, base))
     moved = path.pose[-1, :2] - level.pose[-1, :2]
     downhill = np.array([np.cos(np.deg2rad(heading)), np.sin(np.deg2rad(heading))])
     assert moved @ downhill > 1e-3
-    assert (
-        abs(moved @ downhill[::-1] * 1.0 - (moved @ downhill) * (downhill @ downhill[::-1]))
-        < 0.1 * moved @ downhill
-    )
+    assert np.linalg.norm(moved - (moved @ downhill) * downhill) < 0.1 * moved @ downhill
+    # At rest the servos' droop holds gravity, m g sin(slope).
     weight = base.robot.mass_kg * 9.81 * np.sin(np.deg2rad(4.0))
     radius = base.robot.wheel_radius_m
     creep = weight * radius / 4 / base.robot.servo_n_m_s_rad * radius
@@ -200,7 +197,7 @@ def test_a_weak_servo_rises_later_under_load_only(base, steady):
 
 
 def test_effects_compose(base, steady):
-    """Friction's droop, larger wheels and a payload at once: each has its own effect still."""
+    """The friction's droop, larger wheels and a payload act at once, each as it does alone."""
     model = (
         base.with_effect("coulomb_friction", torque_n_m=0.3)
         .with_effect("wheel_radius", scale=1.1)

@@ -9,7 +9,7 @@ import pytest
 
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.drive import DriveParameters, latched_commands
-from mecanum_env.model import Model, Wheel, paper_model
+from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import RobotPlant, drive
 from sysid.fit.plant_prediction import BODY_VELOCITY, commands_of
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
@@ -40,7 +40,7 @@ def bench_run(
     command = np.where(time < offset_s - 1e-9, 0.0, np.asarray(levels, float)[index])
     ticks = int(np.ceil(seconds / law.sample_period_s))
     period = 0.1 if offset_s == 0.0 else law.sample_period_s
-    path = DriveParameters.from_wheel(Wheel(law, period, 0.0, ceiling_rpm), delay_s)
+    path = DriveParameters(law, period, 0.0, ceiling_rpm, delay_s)
     r = latched_commands(path, time, command, ticks)
     speed = np.interp(time / law.sample_period_s, np.arange(ticks + 1), law.simulate(r))
     speed = speed + noise_rpm * rng.standard_normal(speed.size)

@@ -1,4 +1,4 @@
-"""The acceleration limit, whose input to the law is the mean of one continuous ramp, and the soft ceiling."""
+"""The acceleration limit, a continuous ramp whose mean is the law's input, and the soft saturation."""
 
 from dataclasses import replace
 
@@ -34,29 +34,29 @@ def ramp_means(drive: DriveParameters, commands, ticks):
 )
 def test_the_input_is_the_mean_of_the_ramp(commands, limit, delay):
     drive = replace(
-        DriveParameters.from_wheel(paper_model().wheel),
+        paper_model().wheel.drive_parameters(),
         acceleration_rpm_s=limit,
         delay_s=delay,
         command_period_s=1 / 60,  # two ticks
     )
     ticks = 6
     found = latched_commands(drive, np.arange(3) / 60, np.array(commands, float), ticks)
-    # A change between ticks is known only from the tick after it was sent, hence whole ticks above.
+    # A change between two ticks acts from the next tick on, hence whole ticks above.
     np.testing.assert_allclose(found, ramp_means(drive, commands, ticks), atol=0.3)
 
 
 def test_a_ramp_lags_half_a_tick_behind_its_own_start():
-    drive = replace(DriveParameters.from_wheel(paper_model().wheel), acceleration_rpm_s=120.0)
+    drive = replace(paper_model().wheel.drive_parameters(), acceleration_rpm_s=120.0)
     found = latched_commands(drive, np.array([0.0]), np.array([6.0]), 8)
-    # 1 rpm a tick: what it is in the middle of each.
+    # The ramp rises by 1 rpm per tick; its mean is the value in the middle of the tick.
     assert found == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5, 5.5, 6.0, 6.0])
 
 
 def test_a_ramp_that_ends_within_a_tick_rests_for_the_remainder():
     wheel = replace(paper_model().wheel, command_quantum_rpm=0.0)
-    drive = replace(DriveParameters.from_wheel(wheel), acceleration_rpm_s=120.0)
+    drive = replace(wheel.drive_parameters(), acceleration_rpm_s=120.0)
     found = latched_commands(drive, np.array([0.0]), np.array([1.5]), 3)
-    # Half a tick on the way, at 1.25 rpm in the mean, and half a tick there.
+    # Half a tick on the ramp, with a mean of 1.25 rpm, and half a tick at the end.
     assert found == pytest.approx([0.5, (1.25 + 1.5) / 2, 1.5])
 
 

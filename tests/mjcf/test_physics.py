@@ -8,7 +8,7 @@ import pytest
 from tqdm import tqdm
 
 from mecanum_env.kinematics import command_to_wheels
-from mecanum_env.law.drive import DriveParameters, simulate_drive
+from mecanum_env.law.drive import simulate_drive
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S, robot_spec
 from mecanum_env.mjcf.geometry import sideways_ratio
 from mecanum_env.units import RAD_S_PER_RPM
@@ -113,7 +113,7 @@ def wheel_speeds(model, drive: str) -> np.ndarray:
     mj_model = robot_spec(model, drive=drive, visuals=False).compile()
     data = start(mj_model)
     steps = round(0.3 / mj_model.opt.timestep)
-    setpoints = simulate_drive(DriveParameters.from_wheel(model.wheel), np.full(steps, 130.0), 1 / 480)
+    setpoints = simulate_drive(model.wheel.drive_parameters(), np.full(steps, 130.0), 1 / 480)
     speeds = np.empty(steps)
     for i, setpoint in enumerate(setpoints * RAD_S_PER_RPM):
         data.ctrl[:] = 130.0 if drive == "plugin" else setpoint

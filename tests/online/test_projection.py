@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.coefficients import stability_margins
+from mecanum_env.law.stability import stability_margins
 from sysid.online import OnlineOptions
 from sysid.online.projection import contracted, feasible_start, feasible_step, law_of, poles_within
 

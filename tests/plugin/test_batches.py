@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from mujoco import batch, rollout
 
-from mecanum_env.law.drive import DriveParameters, simulate_drive
+from mecanum_env.effects.apply import drive_parameters
+from mecanum_env.law.drive import simulate_drive
 from mecanum_env.plugin.layout import STATE, state_slice, write_parameters
 from mecanum_env.units import RAD_S_PER_RPM
 
@@ -64,7 +65,7 @@ def alone(models, controls):
 def test_each_model_runs_its_own_law(models, free_model, variants, controls):
     for mjmodel, variant, control in zip(models, variants, controls, strict=True):
         data = mujoco.MjData(mjmodel)
-        parameters = DriveParameters.from_wheel(free_model(**variant).wheel, variant["delay_s"])
+        parameters = drive_parameters(free_model(**variant))
         expected = simulate_drive(parameters, control.T, mjmodel.opt.timestep).T * RAD_S_PER_RPM
         for command, setpoints in zip(control, expected, strict=True):
             data.ctrl[:] = command

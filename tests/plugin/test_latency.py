@@ -26,7 +26,7 @@ delays = st.floats(0.0, 0.35)
 seeds = st.integers(0, 2**32 - 1)
 
 
-PAPER = DriveParameters.from_wheel(paper_model().wheel)
+PAPER = paper_model().wheel.drive_parameters()
 
 
 @pytest.fixture

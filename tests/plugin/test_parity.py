@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.effects.apply import drive_parameters
-from mecanum_env.law.drive import DriveParameters, DriveState, simulate_drive, step_drive
+from mecanum_env.law.drive import DriveState, simulate_drive, step_drive
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import COMMANDS, RING, STATE, state_slice
 from mecanum_env.plugin.state import drive_state
@@ -100,7 +100,7 @@ def test_motion_equals_a_native_velocity_servo_fed_per_substep(compile_wheels, f
     model = free_model(delay_s, torque_limit_n_m=50.0)  # never reached
     commands = np.repeat(np.random.default_rng(3).uniform(-150.0, 150.0, (30, 2)), 48, axis=0)
     setpoints, speeds, _ = run(compile_wheels(model, n=2), commands)
-    reference = simulate_drive(DriveParameters.from_wheel(model.wheel, delay_s), commands.T, 1 / 480).T
+    reference = simulate_drive(drive_parameters(model), commands.T, 1 / 480).T
     np.testing.assert_array_equal(setpoints, reference * RAD_S_PER_RPM)
     native = compile_wheels(model, n=2, native=True)
     data = mujoco.MjData(native)

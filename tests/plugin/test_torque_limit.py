@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.drive import DriveParameters, simulate_drive
+from mecanum_env.law.drive import simulate_drive
 from mecanum_env.model import Robot, paper_model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, write_parameters
 from mecanum_env.plugin.state import drive_state, set_steady
@@ -73,7 +73,7 @@ def test_a_free_wheel_does_not_ring_after_saturation(compile_wheels, free_model)
     model = free_model(torque_limit_n_m=0.3)
     n = 240
     plugin = drive(compile_wheels(model), np.full(n, 130.0))
-    setpoints = simulate_drive(DriveParameters.from_wheel(model.wheel), np.full(n, 130.0), STEP)
+    setpoints = simulate_drive(model.wheel.drive_parameters(), np.full(n, 130.0), STEP)
     native = drive(compile_wheels(model, native=True), setpoints * RAD_S_PER_RPM)
     assert turns(native) > 10
     assert turns(plugin) <= 2  # over the law's own overshoot and back
@@ -109,7 +109,7 @@ def test_no_limit_is_a_native_servo_without_one(compile_wheels, free_model, limi
     native.actuator_forcelimited[0] = False
     commands = np.repeat([130.0, -130.0, 130.0], 48)
     loads = np.repeat([0.0, 8.0, -8.0], 48)
-    setpoints = simulate_drive(DriveParameters.from_wheel(model.wheel), commands, STEP) * RAD_S_PER_RPM
+    setpoints = simulate_drive(model.wheel.drive_parameters(), commands, STEP) * RAD_S_PER_RPM
     np.testing.assert_allclose(
         drive(unlimited, commands, loads), drive(native, setpoints, loads), rtol=0.0, atol=1e-12
     )

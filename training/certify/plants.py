@@ -136,35 +136,10 @@ def realistic_sizes(model: Model) -> dict[str, dict[str, float]]:
     Args:
         model: what counts in shares is a share of its own numbers.
     """
-    ceiling = min(model.wheel.saturation_rpm, 135.0)
     return {
-        "command_latency": {"delay_s": 0.05},
-        "body_speed_limit": {"v_rpm": 0.8 * ceiling, "vc_rpm": 0.6 * ceiling},
-        "body_acceleration_limit": {"v_rpm_s": 500.0, "vc_rpm_s": 500.0},
-        "command_deadband": {"threshold_rpm": 6.0},
-        "speed_gain": {"gain": 0.9},
-        "wheel_gain_mismatch": {"gain_fl": 0.92, "gain_rr": 1.05},
-        "direction_asymmetry": {"reverse_ratio": 0.9},
-        "battery_sag": {"drop_per_s": 0.01},
-        "speed_saturation": {"limit_rpm": 0.8 * ceiling, "softness_rpm": 20.0},
-        "acceleration_limit": {"limit_rpm_s": 600.0},
-        "weak_servo": {"servo_n_m_s_rad": 0.2 * model.robot.servo_n_m_s_rad},
-        "backlash": {"gap_deg": 4.0},
-        "coulomb_friction": {"torque_n_m": 0.3},
-        "stiction": {"breakaway_n_m": 0.3},
-        "viscous_friction": {"damping_n_m_s_rad": 0.05},
-        "roller_friction": {"torque_n_m": 0.02},
-        "low_grip": {"friction": 0.5 * model.robot.friction},
-        "payload": {"mass_kg": 0.25 * model.robot.mass_kg},
-        "com_offset": {"x_m": 0.03, "y_m": 0.03},
-        "wheel_radius": {"scale": 0.97},
-        "track_width": {"scale": 1.1},
-        "floor_slope": {"slope_deg": 2.0},
-        "mount_yaw": {"angle_deg": 5.0},
-        "sensor_latency": {"delay_s": 0.05},
-        "sensor_lowpass": {"time_constant_s": 0.1},
-        "sensor_scale": {"linear": 0.9, "yaw": 0.9},
-        "sensor_bias": {"vx_m_s": 0.05, "vy_m_s": 0.05, "yaw_rate_rad_s": 0.1},
+        name: dict(effect.realistic(model))
+        for name, effect in CATALOGUE.items()
+        if effect.realistic is not None
     }
 
 

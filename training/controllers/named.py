@@ -8,6 +8,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
 from mecanum_env.tankendo.arena import Arena
@@ -21,9 +22,8 @@ from training.controllers.tracking import Proportional, Smith
 
 SUFFIX: Final = "+compensated"
 """Behind a name: the controller within `Compensated`."""
-_LATENCY: Final = ("command_latency",)
-_LEFT: Final[Mapping[str, tuple[str, ...]]] = {"smith": _LATENCY, "lqr": _LATENCY, "mpc": _LATENCY}
-"""Effects that a controller deals with itself, better than a compensation around it could."""
+_PREDICTS: Final = ("smith", "lqr", "mpc")
+"""Controllers that predict over delays themselves, better than a compensation around them could."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +97,11 @@ def make_controller(
         base = name.removesuffix(SUFFIX)
         if not base or base.endswith(SUFFIX):
             raise InputError(f"controller {name!r}: must be one name or path with {SUFFIX} behind it, once")
-        left = {key: value for key, value in model.effects.items() if key in _LEFT.get(base, ())}
-        ideal = replace(model, effects=left)
+        predicts = base in _PREDICTS
+        left = {n: v for n, v in model.effects.items() if CATALOGUE[n].undone_by == "prediction"}
+        ideal = replace(model, effects=left if predicts else {})
         inner = make_controller(base, ideal, arena=arena, row=row, seed=seed)
-        controller = Compensated(inner, model, foresees=base in _LEFT)
+        controller = Compensated(inner, model, foresees=predicts)
     elif name in CONTROLLERS:
         controller = CONTROLLERS[name](Given(model, arena, row, seed))
     elif name and (Path(name).suffix == ".npz" or Path(name).is_dir()):

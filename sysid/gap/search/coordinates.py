@@ -10,7 +10,6 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
-from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 
@@ -19,10 +18,6 @@ _WIDE: Final = 20.0
 INTEGRAL: Final = "servo_integral_n_m_rad"
 INTEGRAL_BOUNDS: Final = (1.0, 500.0)
 """Of the drive's integral action [N m/rad], where friction is tried on a drive that has one."""
-FRICTION: Final = ("coulomb_friction", "stiction", "viscous_friction")
-"""Effects that look quite different on a drive with integral action."""
-BENCH_RIDGES: Final = (frozenset({"speed_gain", "sensor_scale"}),)
-"""Effects that a bench log cannot tell apart even side by side: only the product of the two numbers shows."""
 
 
 @dataclass(frozen=True)
@@ -122,13 +117,17 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float =
     present = base.effects.get(effect.name, {})
     neutral = present.get(parameter.name, parameter.neutral_in(base))
     low, high = parameter.scaled(scale).bounds
-    if effect.name == "command_latency":
-        # A physics step is no longer than a tick of the law.
-        high = min(high, longest_delay_s(base.wheel.command_period_s, base.wheel.law.sample_period_s))
+    if parameter.largest is not None:
+        high = min(high, parameter.largest(base))
     if math.isfinite(neutral):
         # What the model has already may lie outside of where a search looks.
         low, high = min(low, neutral), max(high, neutral)
     return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
+
+
+def bench_twins(names: Sequence[str]) -> bool:
+    """Return whether two effects of a set, by their `names`, cannot be separated in any bench log."""
+    return any(twin in names for name in names for twin in CATALOGUE[name].bench_twins)
 
 
 def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:

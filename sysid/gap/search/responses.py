@@ -19,7 +19,6 @@ from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.coordinates import (
-    FRICTION,
     Coordinate,
     EffectSet,
     coordinate,
@@ -98,7 +97,7 @@ def _trials(
                 for beside in scanned(other, second, scale):
                     both = np.array([place, beside])
                     trials.append((_set(effect, [one, second]), both, linear, abs(place - neutral)))
-    if effect.name in FRICTION:
+    if effect.depends_on_integral:
         trials += _with_integral(base, effect, scale)
     return trials
 

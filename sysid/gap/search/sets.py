@@ -13,17 +13,16 @@ from typing import Final
 
 import numpy as np
 
+from mecanum_env.effects import CATALOGUE
 from sysid.compare.descent import Minimum, explored
 from sysid.compare.fitted import Fitted, fit, marginal_function, unchanged
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.search.coordinates import BENCH_RIDGES, EffectSet
+from sysid.gap.search.coordinates import EffectSet, bench_twins
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 
 EMPTY: Final = EffectSet((), ())
 _ROUNDING: Final = 1e-6  # of a square sum
 _HOPE: Final = 0.5
-_SHIFTS: Final = frozenset(("command_latency", "sensor_latency", "sensor_lowpass"))
-"""What moves everything in time."""
 _FAR: Final = 4.0  # of what chance leaves: much is missing
 _NEAR: Final = 0.2  # of what an effect explains: another may miss so much in the screen
 
@@ -76,8 +75,7 @@ class Search:
         Not by one that does what an effect of the set does already, whatever the command.
         """
         found = growths(self.problem.base, parent, self._library_at(parent), self.problem.study.scale)
-        ridges = BENCH_RIDGES if self.problem.bench else ()
-        return [g for g in found if not any(ridge <= set(g.candidate.names) for ridge in ridges)]
+        return [g for g in found if not (self.problem.bench and bench_twins(g.candidate.names))]
 
     def swap(self, chosen: Fitted[EffectSet]) -> None:
         """Fit the sets that differ from a `chosen` one in one effect and may explain as much.
@@ -140,7 +138,8 @@ class Search:
 
         What an effect does before a delay is another response, and tells nothing of what the set leaves.
         """
-        if parent.cost < _FAR * self.problem.size or not _SHIFTS.intersection(parent.names):
+        shifted = any(CATALOGUE[name].shifts_time for name in parent.names)
+        if parent.cost < _FAR * self.problem.size or not shifted:
             return self.library
         key = parent.names, parent.candidate.integral
         if key not in self._behind:

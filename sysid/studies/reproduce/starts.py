@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.law.coefficients import stability_margins
+from mecanum_env.law.stability import stability_margins
 from mecanum_env.statistics import wilson_interval
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators import Estimate, Options, estimate

@@ -8,11 +8,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.coefficients import stability_margins
 from mecanum_env.law.stability import (
     FEASIBLE_POLE,
     feasible,
     nearest_feasible,
+    stability_margins,
     stable_abc,
     violation_gradients,
     violations,

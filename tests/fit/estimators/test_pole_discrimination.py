@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.coefficients import stability_margins
-from mecanum_env.law.stability import FEASIBLE_POLE
+from mecanum_env.law.stability import FEASIBLE_POLE, stability_margins
 from sysid.fit.estimators import Options, WheelRun, estimate
 from sysid.fit.estimators.gradient import (
     magnitude_excess,

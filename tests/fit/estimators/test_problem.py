@@ -5,7 +5,7 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.law import LawState, WheelLaw
-from mecanum_env.law.drive import DriveParameters, latched_commands
+from mecanum_env.law.drive import latched_commands
 from sysid.fit.estimators import WheelRun
 from sysid.fit.estimators.interface import shifted_command
 from sysid.fit.estimators.problem import stack
@@ -104,7 +104,7 @@ def test_shifting_by_whole_ticks_moves_the_command():
 def test_the_fractional_shift_is_what_the_drive_does(paper):
     command = np.repeat([0.0, 50.0, 120.0, 20.0], 12)
     times = np.arange(4) * 0.1
-    plain = DriveParameters.from_wheel(paper.wheel)
+    plain = paper.wheel.drive_parameters()
     for delay in (0.0, 0.004, 1 / 120, 0.0371):
         drive = replace(plain, delay_s=delay)
         expected = latched_commands(drive, times, [0.0, 50.0, 120.0, 20.0], 48)

@@ -10,9 +10,8 @@ from mecanum_env.model import paper_model
 from mecanum_env.simulator.robot import RobotSession
 from mecanum_env.tankendo import command_to_action
 from mecanum_env.tankendo.vector import TankendoVectorEnv
-from training.controllers.compensation.compensated import COMPENSATED, Compensated
-from training.controllers.compensation.drive_inverse import INVERTED, DriveInverse
-from training.controllers.compensation.sense_inverse import CORRECTED
+from training.controllers.compensation.compensated import Compensated
+from training.controllers.compensation.drive_inverse import DriveInverse
 from training.controllers.named import SUFFIX, make_controller
 
 COMMANDS = ((12, 0, 0), (40, 0, 0), (40, 90, 0), (30, -120, 10), (75, 180, 0), (0, 0, 25))
@@ -203,4 +202,3 @@ def test_a_controller_that_foresees_is_left_the_latency():
 def test_says_what_it_leaves_alone():
     model = robot_with({"backlash": {"gap_deg": 2.0}, "speed_gain": {"gain": 0.9}})
     assert Compensated(Passing([(0, 0, 0)]), model).left_alone == ("backlash",)
-    assert set(COMPENSATED) == {"command_latency", *INVERTED, *CORRECTED}

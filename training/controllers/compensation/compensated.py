@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Sensors
-from training.controllers.compensation.drive_inverse import INVERTED, DriveInverse
-from training.controllers.compensation.sense_inverse import CORRECTED, SenseInverse
+from training.controllers.compensation.drive_inverse import DriveInverse
+from training.controllers.compensation.sense_inverse import SenseInverse
 from training.controllers.interface import Command, Controller
-
-COMPENSATED: Final = ("command_latency", *INVERTED, *CORRECTED)
-"""Effects that it compensates; all others of a model it leaves alone (`Compensated.left_alone`)."""
 
 
 class Compensated:
@@ -45,7 +40,7 @@ class Compensated:
         self._senses = SenseInverse(model, delay_s, foresees)
         self._period_s = model.wheel.command_period_s
         self._late_s = drive_parameters(model).delay_s
-        self.left_alone = tuple(e.name for e, _ in active_effects(model) if e.name not in COMPENSATED)
+        self.left_alone = tuple(e.name for e, _ in active_effects(model) if e.undone_by is None)
         """Names of the model's effects that nothing is done about."""
         self._steps = 0
 

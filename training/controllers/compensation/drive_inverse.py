@@ -13,12 +13,13 @@ band cannot give at once is made up for by the following commands (error diffusi
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, drive_parameters
+from mecanum_env.effects.apply import active_effects, added_load, drive_parameters
 from mecanum_env.kinematics import (
     WHEELS,
     body_to_wheels,
@@ -35,13 +36,6 @@ from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from training.controllers.interface import Command
 
-INVERTED: Final = (
-    *("body_speed_limit", "command_deadband", "speed_gain", "wheel_gain_mismatch", "direction_asymmetry"),
-    *("battery_sag", "speed_saturation", "weak_servo", "coulomb_friction", "viscous_friction"),
-    *("wheel_radius", "track_width"),
-)
-"""Effects that this inverts."""
-_GEOMETRY: Final = ("wheel_radius", "track_width", "weak_servo")  # other numbers in the robot's section
 _ITERATIONS: Final = 20
 _CLOSE_RPM: Final = 0.02  # commands are whole numbers
 _HUGE_RPM: Final = 1e6
@@ -68,34 +62,29 @@ class DriveInverse:
     """The inverse of one robot's drives.
 
     Args:
-        model: wheel, robot and effects; those of `INVERTED` count.
+        model: wheel, robot and effects; those that commands undo count.
     """
 
     def __init__(self, model: Model) -> None:
-        effects = {effect.name: (effect, values) for effect, values in active_effects(model)}
-        self.is_needed = any(name in effects for name in INVERTED)
+        effects = [pair for pair in active_effects(model) if pair[0].undone_by == "command"]
+        self.is_needed = bool(effects)
         """Whether any effect is there to invert; without one commands are left alone."""
         self._limit_rpm = model.wheel.saturation_rpm
         # V, theta and VC are rounded, not the wheels' shares of them.
         self._drives = [replace(drive_parameters(model, w), command_quantum_rpm=0.0) for w in WHEELS]
         self._smooth = [replace(drive, deadband_rpm=0.0) for drive in self._drives]
         changed = model
-        for name in _GEOMETRY:
-            if name in effects:
-                effect, values = effects[name]
-                assert effect.change_model is not None
+        for effect, values in effects:
+            if effect.change_model is not None:
                 changed = effect.change_model(changed, values)
         self._nominal: Robot = model.robot
         self._robot: Robot = changed.robot
-        self._friction = _friction(
-            changed.robot,
-            effects["coulomb_friction"][1]["torque_n_m"] if "coulomb_friction" in effects else 0.0,
-            effects["viscous_friction"][1]["damping_n_m_s_rad"] if "viscous_friction" in effects else 0.0,
-        )
-        limits = effects["body_speed_limit"][1] if "body_speed_limit" in effects else {}
+        load = added_load(model)
+        self._friction = _friction(changed.robot, load.coulomb_n_m, load.damping_n_m_s_rad)
+        limits: Mapping[str, float] = next((v for e, v in effects if e.name == "body_speed_limit"), {})
         self._v_rpm = min(limits.get("v_rpm", math.inf), FULL_V_RPM)
         self._vc_rpm = min(limits.get("vc_rpm", math.inf), FULL_VC_RPM)
-        self._sticks = "command_deadband" in effects
+        self._sticks = any(drive.deadband_rpm > 0.0 for drive in self._drives)
         self.reset()
 
     def reset(self) -> None:

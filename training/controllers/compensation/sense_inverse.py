@@ -12,7 +12,6 @@ The numbers are those of `mecanum_env.tankendo.observation`, by index.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
@@ -27,9 +26,6 @@ from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
 from training.controllers.prediction.observed_motion import OwnMotion, seen_from
 
-CORRECTED: Final = ("sensor_bias", "sensor_scale", "mount_yaw", "sensor_latency", "sensor_lowpass")
-"""Effects on sensors that this takes out."""
-_FILTERS: Final = ("sensor_latency", "sensor_lowpass")
 _CHANNELS: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
 _KEPT: Final = 40  # observations; several times the longest delay or filter
 _OWN, _HELD, _PLACE, _HEADING = slice(10, 13), slice(13, 16), slice(16, 18), slice(18, 20)
@@ -40,23 +36,20 @@ class SenseInverse:
     """Corrects the observations of one robot.
 
     Args:
-        model: wheel, robot and effects; those of `CORRECTED` and `command_latency` count.
+        model: wheel, robot and effects; those that `undone_by` assigns to observations, and latency.
         delay_s: how late the sensors are by nature [s].
         foresees: leave `command_latency` to the controller.
     """
 
     def __init__(self, model: Model, delay_s: float = Sensors.delay_s, foresees: bool = False) -> None:
-        effects = {effect.name: values for effect, values in active_effects(model)}
+        effects = [pair for pair in active_effects(model) if pair[0].undone_by == "observation"]
         self._late_s = drive_parameters(model).delay_s
         self._seen_s = delay_s
-        self._bias = effects.get("sensor_bias", {})
-        self._scale = effects.get("sensor_scale", {})
-        self._angle = math.radians(effects.get("mount_yaw", {}).get("angle_deg", 0.0))
-        filters: dict[str, Mapping[str, float]] = {
-            name: model.effects[name] for name in _FILTERS if name in effects
-        }
+        # Against the order of the chain; a filter's inverse would need the past, see `_unfilter`.
+        self._restorers = [(e.restore_channels, v) for e, v in reversed(effects) if e.restore_channels]
+        filters = {e.name: v for e, v in effects if e.restore_channels is None}
         self._filters = replace(model, effects=filters) if filters else None
-        self.corrects = any(name in effects for name in CORRECTED)
+        self.corrects = bool(effects)
         """Whether any sensor has an error to take out."""
         self._brings_forward = self._late_s > 0.0 and not foresees
         self.is_needed = self.corrects or self._brings_forward
@@ -105,15 +98,11 @@ class SenseInverse:
         return shown
 
     def _correct(self, shown: FloatArray) -> None:
-        own = shown[_OWN]
-        own -= [self._bias.get(name, 0.0) for name in _CHANNELS[:3]]
-        linear, yaw = self._scale.get("linear", 1.0), self._scale.get("yaw", 1.0)
-        # A scale of 0 left nothing to correct.
-        own /= [linear or 1.0, linear or 1.0, yaw or 1.0]
-        if self._angle != 0.0:
-            cos, sin = math.cos(self._angle), math.sin(self._angle)
-            for pair in (shown[10:12], shown[_PLACE]):
-                pair[:] = cos * pair[0] - sin * pair[1], sin * pair[0] + cos * pair[1]
+        names, now = _CHANNELS[:5], np.zeros(1)
+        channels = dict(zip(names, np.r_[shown[_OWN], shown[_PLACE]][:, None], strict=True))
+        for restore, values in self._restorers:
+            channels = restore(now, channels, values)
+        shown[_OWN], shown[_PLACE] = np.split(np.concatenate([channels[name] for name in names]), [3])
         if self._filters is not None:
             self._unfilter(shown)
 

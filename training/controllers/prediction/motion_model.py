@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, drive_parameters
+from mecanum_env.effects.apply import active_effects, added_load, drive_parameters
 from mecanum_env.kinematics import WHEELS, command_to_wheels, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import EPS, received_command
@@ -147,14 +147,12 @@ class _Friction:
 
 def _as_it_is(model: Model) -> tuple[Robot, _Friction | None]:
     """Return the robot with the effects that change its numbers, and the friction of its wheels."""
-    changed, mass, coulomb, damping = model, 0.0, 0.0, 0.0
+    changed, load = model, added_load(model)
     for effect, values in active_effects(model):
         if effect.change_model is not None:
             changed = effect.change_model(changed, values)
-        mass += values["mass_kg"] if effect.name == "payload" else 0.0
-        coulomb += values["torque_n_m"] if effect.name == "coulomb_friction" else 0.0
-        damping += values["damping_n_m_s_rad"] if effect.name == "viscous_friction" else 0.0
-    robot = replace(changed.robot, mass_kg=changed.robot.mass_kg + mass)
+    robot = replace(changed.robot, mass_kg=changed.robot.mass_kg + load.mass_kg)
+    coulomb, damping = load.coulomb_n_m, load.damping_n_m_s_rad
     return robot, _Friction(coulomb, damping) if coulomb > 0.0 or damping > 0.0 else None
 
 

@@ -1,12 +1,14 @@
+"""The stable region of the wheel law: margins, free coordinates, shape."""
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.coefficients import stability_margins
 from mecanum_env.law.stability import (
     POLE_LIMIT,
     free_coordinates,
     stabilised_abc,
+    stability_margins,
     stable_abc,
     stable_abc_jacobian,
 )
@@ -14,6 +16,27 @@ from mecanum_env.law.stability import (
 coordinates = st.tuples(*[st.floats(-40.0, 40.0)] * 3)
 moderate = st.tuples(*[st.floats(-3.0, 3.0)] * 3)
 anything = st.tuples(*[st.floats(-10.0, 10.0)] * 3)
+
+
+def test_margins_agree_with_the_roots():
+    triples = np.random.default_rng(0).uniform(-3.2, 3.2, (100_000, 3))
+    companion = np.zeros((len(triples), 3, 3))
+    companion[:, 0] = triples
+    companion[:, 1, 0] = companion[:, 2, 1] = 1.0
+    radius = np.max(np.abs(np.linalg.eigvals(companion)), axis=1)
+    stable = np.all(stability_margins(triples) > 0.0, axis=1)
+    clear = np.abs(radius - 1.0) > 1e-9
+    assert np.array_equal(stable[clear], radius[clear] < 1.0)
+    assert 1_000 < np.count_nonzero(stable) < 99_000
+    assert np.count_nonzero(clear) > 99_900
+
+
+def test_the_stable_region_is_not_convex():
+    ends = -np.array([np.poly([0.9] * 3)[1:], np.poly([-0.9] * 3)[1:]])
+    assert np.all(stability_margins(ends) > 0.0)
+    middle = np.mean(ends, axis=0)
+    assert not np.all(stability_margins(middle) > 0.0)
+    assert np.max(np.abs(np.roots([1.0, *-middle]))) > 1.0
 
 
 @given(coordinates)

@@ -32,7 +32,8 @@ from mecanum_env.model import Model, read_robot
 from sysid.compare.subset import deciding, quiet
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.pipeline import Fit
-from sysid.gap.report.wording import (
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.wording import (
     amount,
     concentrations,
     interval_text,
@@ -42,7 +43,6 @@ from sysid.gap.report.wording import (
     unit_of,
     verdict_sentence,
 )
-from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
 

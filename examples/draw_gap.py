@@ -18,8 +18,8 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.files import atomic_path
 from mecanum_env.model import read_model
-from sysid.gap.report.wording import verdict_sentence
 from sysid.gap.result import Difference, GapReport, Overlay, Region
+from sysid.gap.wording import verdict_sentence
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
 from sysid.progress import stage_bar

@@ -13,8 +13,7 @@ from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable
 from mecanum_env.model import read_model
 from sysid.gap.checks import require_valid
-from sysid.gap.report.output import FILES, write_study
-from sysid.gap.report.table import gap_table
+from sysid.gap.report.output import FILES, gap_table, write_study
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset

@@ -12,10 +12,10 @@ from mecanum_env.model import Model, Robot
 from mecanum_env.simulator.bench import replay_bench
 from sysid.compare.noise import Noise
 from sysid.gap.design.direct_checks import DIRECT, what_to_measure
-from sysid.gap.design.experiment import Rival, design, power, separation
+from sysid.gap.design.experiment import Rival, design_separating, power, separation
+from sysid.gap.design.next_experiment import design_for_untestable
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
 from sysid.gap.design.trial import EFFORT, DesignEffort, ExperimentConditions, Trial, command_of
-from sysid.gap.design.what_next import design_for_untestable
 from sysid.gap.result import GapOptions
 from sysid.gap.search.chance import NEVER
 from sysid.gap.search.scores import FORMULA_ERROR
@@ -91,7 +91,9 @@ def test_the_same_seed_gives_the_same_experiment_whatever_the_jobs(
     weak = ExperimentConditions(
         "bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 8.0}, {"speed_rpm": "repeats"}), None
     )
-    one, two = (design(paper, rivals(paper), weak, BENCH, seed=3, jobs=jobs).experiment for jobs in (1, 2))
+    one, two = (
+        design_separating(paper, rivals(paper), weak, BENCH, seed=3, jobs=jobs).experiment for jobs in (1, 2)
+    )
     assert one is not None
     assert two is not None
     assert one.power == two.power < 0.999  # so that it had to be improved, at random
@@ -99,7 +101,7 @@ def test_the_same_seed_gives_the_same_experiment_whatever_the_jobs(
 
 
 def test_the_experiment_separates_better_than_a_step(paper: Model):
-    found = design(paper, rivals(paper), SPEED, BENCH).experiment
+    found = design_separating(paper, rivals(paper), SPEED, BENCH).experiment
     assert found is not None
     step = np.concatenate([np.zeros((2, 1)), np.full((56, 1), 60.0), np.zeros((2, 1))])
     designed, plain = (
@@ -149,7 +151,7 @@ def test_power_is_that_of_the_truth_worst_off():
 )
 def test_exact_twins_get_no_experiment_but_what_to_measure(paper: Model, one, other, needed: str):
     twins = [Rival((name,), paper.with_effect(name, **values)) for name, values in (one, other)]
-    found = design(paper, twins, SPEED, BENCH)
+    found = design_separating(paper, twins, SPEED, BENCH)
     assert found.experiment is None
     assert "No command" in found.why
     assert needed in found.why
@@ -172,7 +174,7 @@ def test_a_robot_experiment_stays_in_the_field_and_spins_no_wheel(
     slope = paper.with_effect("floor_slope", slope_deg=1.0, heading_deg=0.0)
     offset = paper.with_effect("com_offset", x_m=0.02, y_m=0.0)
     both = [Rival(("floor_slope",), slope), Rival(("com_offset",), offset)]
-    found = design(paper, both, setting, ROBOT).experiment
+    found = design_separating(paper, both, setting, ROBOT).experiment
     assert found is not None
     assert found.power > 0.9
     assert list(found.columns) == ["command_v_rpm", "command_theta_deg", "command_vc_rpm"]

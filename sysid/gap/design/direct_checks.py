@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from sysid.gap.report.wording import listed
+from sysid.gap.wording import listed
 
 _DELAYS: Final = (
     "when a command is sent, when the drive acts and when a sensor reads, by time stamps of one clock"

@@ -38,10 +38,10 @@ from sysid.gap.design.trial import (
     command_of,
     search,
 )
-from sysid.gap.report.wording import amount, listed, set_name
 from sysid.gap.result import Experiment
 from sysid.gap.search.chance import NEVER
 from sysid.gap.search.scores import FORMULA_ERROR
+from sysid.gap.wording import amount, listed, set_name
 from sysid.logs.runs import UNITS, Level
 
 _LEAST_POWER: Final = 0.1
@@ -74,7 +74,7 @@ class Design:
     why: str
 
 
-def design(
+def design_separating(
     base: Model,
     candidates: Sequence[Rival],
     setting: ExperimentConditions,

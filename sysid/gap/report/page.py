@@ -8,11 +8,12 @@ from typing import Any, Final
 
 from mecanum_env.report import report_available, write_page
 from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure, was_changed
-from sysid.gap.report.table import next_step
-from sysid.gap.report.wording import (
+from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
+from sysid.gap.wording import (
     closed_share,
     concentrations,
     interval_text,
+    next_step,
     number,
     place_name,
     set_name,
@@ -21,7 +22,6 @@ from sysid.gap.report.wording import (
     unit_of,
     verdict_sentence,
 )
-from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
 _MOST_OVERLAYS: Final = 6

@@ -10,8 +10,8 @@ import numpy as np
 
 from mecanum_env.report import figure
 from mecanum_env.units import FloatArray
-from sysid.gap.report.wording import number
 from sysid.gap.result import Experiment, GapReport, Overlay, Region
+from sysid.gap.wording import number
 from sysid.logs.runs import UNITS
 
 MEASURED, BEFORE, AFTER, COMMAND = "#8a8a8a", "#c8102e", "#0b7a75", "#1f4e79"

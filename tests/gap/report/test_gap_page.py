@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from sysid.gap.report.output import gap_table
 from sysid.gap.report.page import write_gap_report
 from sysid.gap.report.plots import heat_figure, heat_scale
-from sysid.gap.report.table import gap_table
-from sysid.gap.report.wording import verdict_sentence
 from sysid.gap.result import Difference, GapReport
+from sysid.gap.wording import verdict_sentence
 
 VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
 Drawn = Callable[[Path], tuple[int, int, list[str]]]

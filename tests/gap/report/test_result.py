@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sysid.gap.report.output import gap_json
-from sysid.gap.report.table import gap_table
-from sysid.gap.report.wording import closure, concentrations, interval_text, number, sizes, verdict_sentence
+from sysid.gap.report.output import gap_json, gap_table
 from sysid.gap.result import Difference, FoundEffect, GapReport, Interval
+from sysid.gap.wording import closure, concentrations, interval_text, number, sizes, verdict_sentence
 
 VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
 CONTRACT = {

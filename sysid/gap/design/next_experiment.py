@@ -20,7 +20,7 @@ from sysid.compare.fitted import Fitted
 from sysid.compare.observations import Observations
 from sysid.compare.prediction import POSE
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.design.experiment import Design, Rival, design, experiment_of, level_of
+from sysid.gap.design.experiment import Design, Rival, design_separating, experiment_of, level_of
 from sysid.gap.design.sequences import Limits
 from sysid.gap.design.trial import (
     EFFORT,
@@ -31,11 +31,11 @@ from sysid.gap.design.trial import (
     Worth,
     search,
 )
-from sysid.gap.report.wording import listed, set_name
 from sysid.gap.result import Untestable
 from sysid.gap.search.coordinates import coordinate
 from sysid.gap.search.decide import Decision
 from sysid.gap.search.scores import ScoredSet
+from sysid.gap.wording import listed, set_name
 from sysid.logs import BenchCommand, BodyCommand, Run
 from sysid.logs.runs import Level
 
@@ -142,7 +142,7 @@ _MOST: Final[dict[Level, int]] = {"bench": 6, "robot": 4}
 """Candidates that one experiment is designed for, the best ones: each costs simulations."""
 
 
-def what_next(
+def design_next_experiment(
     problem: ResidualProblem,
     decision: Decision,
     improved: Model,
@@ -190,7 +190,9 @@ def _separating(
         common = replace(best, effects=kept)
     without = min(j.fitted.cost for j in decision.judged if set(j.names) == set(shared) or not j.names)
     rivals = [_rival(base, judged, without, decision.inflation) for judged in tied]
-    found = design(base, rivals, setting, limits, common=common, seed=seed, jobs=problem.study.jobs)
+    found = design_separating(
+        base, rivals, setting, limits, common=common, seed=seed, jobs=problem.study.jobs
+    )
     left = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
     if found.experiment is None or not left:
         return found

@@ -10,6 +10,7 @@ from typing import Final
 from mecanum_env.effects import CATALOGUE
 from sysid.gap.result import Difference, GapReport, Interval, Region
 
+NEXT_FILE: Final = "next_experiment.csv"
 WHEEL_LAW: Final = "wheel_law"
 """Stands among the sets of effects for the law fitted again."""
 SURE: Final = 0.01
@@ -72,6 +73,26 @@ def verdict_sentence(report: GapReport) -> str:
         f"The model lacks {sets}, and these logs cannot tell which: with the first the difference on "
         f"untouched runs falls {fall}."
     )
+
+
+def next_step(report: GapReport) -> str:
+    """Return what to do now, in a sentence."""
+    experiment = report.next_experiment
+    if experiment is not None:
+        gives = "names the truth" if experiment.candidates else "shows what these logs could not"
+        return (
+            f"run {NEXT_FILE} ({experiment.duration_s:.3g} s, three times; {gives} with a "
+            f"probability of {experiment.power:.0%}), add the logs and study again"
+        )
+    if report.verdict == "no_gap":
+        return "nothing to do; harder or longer runs may show what these do not"
+    if report.verdict == "named":
+        return "use the new model.json; study again with it to see whether anything is left"
+    if report.verdict == "ambiguous":
+        return "record other commands; these cannot tell the candidates apart"
+    if law_is_best(report):
+        return "fit the wheel again with these logs (python -m sysid.fit), then study the new model"
+    return "look at the worst runs on the page; the regions say what the robot was doing"
 
 
 def law_is_best(report: GapReport) -> bool:

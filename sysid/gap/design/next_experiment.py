@@ -1,7 +1,4 @@
-"""The experiment that shows as many as can be of the effects that the logs so far could not.
-
-What a study asks for next: from its decision to the experiment that would settle it.
-"""
+"""What a study asks for next: an experiment to settle its decision, or to show what its logs could not."""
 
 from __future__ import annotations
 
@@ -20,16 +17,15 @@ from sysid.compare.fitted import Fitted
 from sysid.compare.observations import Observations
 from sysid.compare.prediction import POSE
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.design.experiment import Design, Rival, design_separating, experiment_of, level_of
+from sysid.gap.design.experiment import Design, Rival, design_separating, experiment_of
 from sysid.gap.design.sequences import Limits
 from sysid.gap.design.trial import (
-    EFFORT,
     CommandKind,
     ExperimentConditions,
     JudgedSequence,
     Trial,
-    Worth,
-    search,
+    Value,
+    best_sequence,
 )
 from sysid.gap.result import Untestable
 from sysid.gap.search.coordinates import coordinate
@@ -40,87 +36,108 @@ from sysid.logs import BenchCommand, BodyCommand, Run
 from sysid.logs.runs import Level
 
 _TYPICAL: Final = 0.3
-"""Size that should show, as the part of the way from neutral to the further bound of a search."""
+"""Size of an effect that should show, as a share of the way from its neutral value to the farther bound."""
 _MOST_UNTESTABLE: Final[dict[Level, int]] = {"bench": 8, "robot": 4}
 """Effects that one experiment is designed for, the first in the chain: each costs simulations."""
+_MOST_CANDIDATES: Final[dict[Level, int]] = {"bench": 6, "robot": 4}
+"""Candidates that one experiment is designed for, those of best score: each costs simulations."""
 _LEAST_POWER: Final = 0.5
-"""With which an effect must show to be worth an experiment."""
+"""Probability with which an effect must show to be worth an experiment."""
+
+
+def design_next_experiment(
+    problem: ResidualProblem,
+    decision: Decision,
+    improved: Model,
+    untestable: Sequence[Untestable],
+    threshold: float,
+) -> Design:
+    """Return the experiment that separates tied candidates, or else shows what the logs could not.
+
+    Args:
+        problem: the model, the logs and the study's settings.
+        decision: the decision of the search.
+        improved: the model with the effects found.
+        untestable: effects that the logs could not show.
+        threshold: reduction of the sum of squares that counts as seen.
+    """
+    conditions = conditions_of(problem, decision.inflation)
+    limits = limits_of(problem.base, problem.observations)
+    if decision.verdict == "ambiguous":
+        return _separating(problem.base, decision, conditions, limits)
+    names = [effect.name for effect in untestable] if decision.verdict in ("named", "no_gap") else []
+    return design_for_untestable(improved, names, conditions, limits, threshold)
 
 
 def design_for_untestable(
     model: Model,
     effects: Sequence[str],
-    setting: ExperimentConditions,
+    conditions: ExperimentConditions,
     limits: Limits,
-    *,
     threshold: float,
-    scale: float = 1.0,
-    seed: int = 0,
-    jobs: int = 1,
 ) -> Design:
-    """Return the experiment on which most of some effects, were they there, would be expected to show.
+    """Return the experiment on which as many of the effects as possible would show, if they were there.
 
     Args:
-        model: with what was found.
-        effects: names of those that the logs could not show.
-        setting: how the experiment will be recorded.
-        limits: of the robot.
-        threshold: gain of square sum that counts as seen.
-        scale: of bounds in rpm and rpm/s, from `sysid.compare.study`.
-        seed: of the random sequences and changes.
-        jobs: sequences simulated at a time; changes the time taken, not the result.
+        model: the model with the effects found.
+        effects: names of the effects that the logs could not show.
+        conditions: how the experiment will be recorded.
+        limits: commands that the robot can execute.
+        threshold: reduction of the sum of squares that counts as seen.
     """
-    plant: PlantKind = "bench" if setting.kind == "bench" else "rollers"
-    there = [CATALOGUE[name] for name in effects if CATALOGUE[name].acts_in(plant)]
-    rivals = [_typical(model, effect, scale) for effect in there[: _MOST_UNTESTABLE[level_of(setting)]]]
+    study, level = conditions.study, conditions.level
+    plant: PlantKind = "bench" if level == "bench" else study.plant
+    acting = [CATALOGUE[name] for name in effects if CATALOGUE[name].acts_in(plant)]
+    rivals = [_typical(model, effect, study.scale) for effect in acting[: _MOST_UNTESTABLE[level]]]
     if not rivals:
         return Design(None, "")
-    shown: list[int] = []
+    visible: list[int] = []
 
     def judge(rows: FloatArray, thorough: bool) -> JudgedSequence | None:
-        z = visibility(Trial(model, rows, setting, rough=not thorough), rivals, threshold, thorough=thorough)
+        trial = Trial(model, rows, conditions, coarse=not thorough)
+        z = visibility(trial, rivals, threshold, thorough=thorough)
         return None if z is None else JudgedSequence(rows, z)
 
-    def worth_of(found: Sequence[JudgedSequence]) -> Worth | None:
-        best = np.max([j.z for j in found], axis=0)
-        shown[:] = np.flatnonzero(best >= norm.ppf(_LEAST_POWER)).tolist()
-        return (lambda j: float(norm.ppf(np.mean(norm.cdf(j.z[shown]))))) if shown else None
+    def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
+        best_z = np.max([one.z for one in judged], axis=0)
+        visible[:] = np.flatnonzero(best_z >= norm.ppf(_LEAST_POWER)).tolist()
+        return (lambda one: float(norm.ppf(np.mean(norm.cdf(one.z[visible]))))) if visible else None
 
-    best = search(limits, judge, worth_of, EFFORT[level_of(setting)], seed=seed, jobs=jobs)
+    best = best_sequence(limits, judge, value_of, seed=study.seed, jobs=study.jobs)
     if best is None:
         which = listed([rival.names[0] for rival in rivals], "or")
         return Design(None, f"No command within the robot's limits would show {which} here.")
-    seen = [i for i in shown if best.z[i] >= norm.ppf(_LEAST_POWER)]
+    seen = [i for i in visible if best.z[i] >= norm.ppf(_LEAST_POWER)]
     which = listed([rivals[i].names[0] for i in seen])
     why = f"These logs could not show {which}; these commands would, were they there in a size to matter."
     drawn = [Rival((), model), *(rivals[i] for i in seen)]
     power = float(norm.cdf(min(best.z[i] for i in seen)))
-    return Design(experiment_of(model, best.rows, drawn, setting, (), power, why), why)
+    return Design(experiment_of(model, best.rows, drawn, conditions, (), power, why), why)
 
 
 def visibility(
     trial: Trial, rivals: Sequence[Rival], threshold: float, *, thorough: bool
 ) -> FloatArray | None:
-    """Return z (p,) for each effect, which shows with probability Phi(z); None if nothing can be predicted.
+    """Return z (p,) of each effect, which shows with probability Phi(z); None if the model is unpredictable.
 
-    An effect that cannot be predicted does not show.
+    An effect whose prediction depends on details does not show.
 
     Args:
-        trial: of the sequence.
-        rivals: the model with each effect.
-        threshold: gain of square sum that counts as seen.
-        thorough: whether what the law's own parameters could hide is taken off.
+        trial: the sequence under the conditions of the experiment.
+        rivals: the model with each of the effects.
+        threshold: reduction of the sum of squares that counts as seen.
+        thorough: whether differences that uncertain parameters could hide are taken off.
     """
     without = trial.whitened(trial.base)
     if without is None or not trial.predictable(trial.base, without):
         return None
     if thorough:
-        trial.with_law(without)
+        trial.add_law_columns(without)
     z = []
     for rival in rivals:
-        shown = trial.whitened(rival.model)
-        hidden = shown is None or (thorough and not trial.predictable(rival.model, shown))
-        square = 0.0 if shown is None or hidden else trial.square(shown - without)
+        prediction, square = trial.whitened(rival.model), 0.0
+        if prediction is not None and (not thorough or trial.predictable(rival.model, prediction)):
+            square = trial.squared_distance(prediction - without)
         z.append(math.sqrt(square) - math.sqrt(threshold))
     return np.array(z)
 
@@ -138,51 +155,9 @@ def _typical(model: Model, effect: Effect, scale: float) -> Rival:
     return Rival((effect.name,), model.with_effect(effect.name, **values))
 
 
-_MOST: Final[dict[Level, int]] = {"bench": 6, "robot": 4}
-"""Candidates that one experiment is designed for, the best ones: each costs simulations."""
-
-
-def design_next_experiment(
-    problem: ResidualProblem,
-    decision: Decision,
-    improved: Model,
-    untestable: Sequence[Untestable],
-    threshold: float,
-    *,
-    seed: int = 0,
-) -> Design:
-    """Return the experiment that tells tied candidates apart, or else shows what the logs could not.
-
-    Args:
-        problem: the model and the logs.
-        decision: as taken.
-        improved: the model with what was found.
-        untestable: effects that the logs could not show.
-        threshold: gain of square sum that counts as seen.
-        seed: of the search.
-    """
-    setting = _setting(problem, decision.inflation)
-    limits = _limits(problem.base, problem.observations)
-    if decision.verdict == "ambiguous":
-        return _separating(problem, decision, setting, limits, seed)
-    names = [effect.name for effect in untestable] if decision.verdict in ("named", "no_gap") else []
-    return design_for_untestable(
-        improved,
-        names,
-        setting,
-        limits,
-        threshold=threshold,
-        scale=problem.study.scale,
-        seed=seed,
-        jobs=problem.study.jobs,
-    )
-
-
-def _separating(
-    problem: ResidualProblem, decision: Decision, setting: ExperimentConditions, limits: Limits, seed: int
-) -> Design:
-    tied = decision.candidates[: _MOST[level_of(setting)]]
-    base, shared = problem.base, [n for n in tied[0].names if all(n in judged.names for judged in tied)]
+def _separating(base: Model, decision: Decision, conditions: ExperimentConditions, limits: Limits) -> Design:
+    tied = decision.candidates[: _MOST_CANDIDATES[conditions.level]]
+    shared = [name for name in tied[0].names if all(name in judged.names for judged in tied)]
     common = base
     if shared:
         best = tied[0].fitted.candidate.model(base, tied[0].fitted.place)
@@ -190,39 +165,43 @@ def _separating(
         common = replace(best, effects=kept)
     without = min(j.fitted.cost for j in decision.judged if set(j.names) == set(shared) or not j.names)
     rivals = [_rival(base, judged, without, decision.inflation) for judged in tied]
-    found = design_separating(
-        base, rivals, setting, limits, common=common, seed=seed, jobs=problem.study.jobs
-    )
-    left = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
-    if found.experiment is None or not left:
+    found = design_separating(base, rivals, conditions, limits, common=common)
+    others = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
+    if found.experiment is None or not others:
         return found
-    why = f"{found.why} {listed(left)} fit{'s' * (len(left) == 1)} as well and may remain."
+    why = f"{found.why} {listed(others)} fit{'s' * (len(others) == 1)} as well and may remain."
     return Design(replace(found.experiment, why=why), why)
 
 
-def _rival(base: Model, judged: ScoredSet, without: float, inflation: float) -> Rival:
+def _rival(base: Model, judged: ScoredSet, cost_without: float, inflation: float) -> Rival:
     fitted = judged.fitted
-    explained = max(0.0, without - fitted.cost) / inflation
+    explained = max(0.0, cost_without - fitted.cost) / inflation
     model = fitted.candidate.model(base, fitted.place)
     return Rival(judged.names, model, _plausible(base, fitted, inflation), judged.score, explained)
 
 
 def _plausible(base: Model, fitted: Fitted[Any], inflation: float) -> tuple[Model, ...]:
-    """Return the candidate one standard deviation off along each axis of its covariance, in bounds."""
+    """Return the candidate one standard deviation off along each axis of its covariance, within bounds."""
     values, vectors = np.linalg.eigh(fitted.covariance(inflation))
     found = []
     for step in (np.sqrt(np.maximum(values, 0.0)) * vectors).T:
-        ways = [np.clip(fitted.place + sign * step, 0.0, 1.0) for sign in (1.0, -1.0)]
-        place = max(ways, key=lambda way: float(np.linalg.norm(way - fitted.place)))
-        found.append(fitted.candidate.model(base, place))
+        ends = [np.clip(fitted.place + sign * step, 0.0, 1.0) for sign in (1.0, -1.0)]
+        farther = max(ends, key=lambda end: float(np.linalg.norm(end - fitted.place)))
+        found.append(fitted.candidate.model(base, farther))
     return tuple(found)
 
 
-def _setting(problem: ResidualProblem, inflation: float) -> ExperimentConditions:
+def conditions_of(problem: ResidualProblem, inflation: float) -> ExperimentConditions:
+    """Return conditions like those of the logs so far, simulated with the settings of the study.
+
+    Args:
+        problem: the model, the logs and the study's settings.
+        inflation: residual variance of the best fit relative to the expected one.
+    """
     observations, whitener = problem.observations, problem.whitener
     runs = [run for situation in observations.situations for run in situation.runs]
     sigma = {
-        name: value / math.sqrt(1.0 if name in POSE else _share(observations, name))
+        name: value / math.sqrt(1.0 if name in POSE else _fresh_share(observations, name))
         for name, value in whitener.noise.sigma.items()
     }
     return ExperimentConditions(
@@ -232,11 +211,12 @@ def _setting(problem: ResidualProblem, inflation: float) -> ExperimentConditions
         noise=replace(whitener.noise, sigma=sigma),
         error=whitener.error,
         inflation=inflation,
+        study=problem.study,
     )
 
 
-def _share(observations: Observations, channel: str) -> float:
-    """Return the part of the rows that hold a new sample of a channel: slow sensors repeat theirs."""
+def _fresh_share(observations: Observations, channel: str) -> float:
+    """Return the share of rows with a new sample of a channel: slow sensors repeat theirs."""
     blocks = [block for block in observations.blocks if block.channel == channel]
     rows = sum(run.time_s.size for b in blocks for run in observations.situations[b.situation].runs)
     return sum(float(block.weight.sum()) for block in blocks) / rows
@@ -248,11 +228,16 @@ def _kind(run: Run) -> CommandKind:
     return "body" if isinstance(run.command, BodyCommand) else "wheels"
 
 
-def _limits(model: Model, observations: Observations) -> Limits:
+def limits_of(model: Model, observations: Observations) -> Limits:
+    """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs.
+
+    Args:
+        model: its command quantum, period, ceiling and geometry count.
+        observations: the runs whose commands count if the model has no ceiling.
+    """
     limit = model.wheel.saturation_rpm
     runs = [situation.runs[0] for situation in observations.situations]
     if not math.isfinite(limit):
-        # Nothing says what the robot takes but what it was given.
         limit = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in runs)
     geometry = None if runs[0].level == "bench" else model.robot
     return Limits(limit, model.wheel.command_quantum_rpm, model.wheel.command_period_s, geometry)

@@ -186,7 +186,7 @@ class GapReport:
     candidates: tuple[tuple[str, ...], ...]
     """Every smallest set that explains the data equally well, the adopted one first."""
     gap: Difference
-    """On test runs, which no decision has seen."""
+    """On the runs that `held_out` and `unseen` tell of."""
     channels: Mapping[str, Difference]
     where: tuple[Region, ...]
     """Largest shares first."""
@@ -213,5 +213,9 @@ class GapReport:
     """The runs that were worst before."""
     empirical: EmpiricalTerm | None
     provenance: Mapping[str, Any]
+    held_out: Split = "test"
+    """Split of the runs compared in `gap`, `channels`, `where`, `overlays`: "test", or what stood in for it."""
+    unseen: bool = True
+    """Whether those runs took no part in the decision."""
     trusted: bool = True
     """Whether what a right model would leave is known: else a difference may be noise or not."""

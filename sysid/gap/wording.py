@@ -64,15 +64,21 @@ def verdict_sentence(report: GapReport) -> str:
             f"There is a gap that no effect of the catalogue explains, alone or with others: model and "
             f"measurement differ by {differ}{_noise(gap)}{where}."
         )
-    fall = f"from {number(gap.before)} to {amount(gap.after, gap.unit)}{_noise(gap)}"
+    verb = "falls" if gap.after <= gap.before else "rises"
+    change = (
+        f"the difference on {compared_runs(report)} {verb} from {number(gap.before)} to "
+        f"{amount(gap.after, gap.unit)}{_noise(gap)}"
+    )
     if report.verdict == "named":
         names = listed([found.name for found in report.effects])
-        return f"The model lacks {names}: with {_it(report)} the difference on untouched runs falls {fall}."
+        return f"The model lacks {names}: with {_it(report)} {change}."
     sets = listed([set_name(names) for names in report.candidates], "or")
-    return (
-        f"The model lacks {sets}, and these logs cannot tell which: with the first the difference on "
-        f"untouched runs falls {fall}."
-    )
+    return f"The model lacks {sets}, and these logs cannot tell which: with the first {change}."
+
+
+def compared_runs(report: GapReport) -> str:
+    """Return which runs the differences of a report are of, such as "unseen test runs"."""
+    return "unseen test runs" if report.unseen else f"{report.held_out} runs (also used to decide)"
 
 
 def next_step(report: GapReport) -> str:

@@ -240,6 +240,8 @@ def _report(
             ).hexdigest(),
             "version": mecanum_env.__version__,
         },
+        held_out=split,
+        unseen=split == "test" and len(runs) < len(dataset.runs),
         trusted=study.floor.trusted,
     )
 

@@ -20,6 +20,7 @@ from sysid.gap.wording import (
     amount,
     closed_share,
     closure,
+    compared_runs,
     concentrations,
     count,
     interval_text,
@@ -62,7 +63,7 @@ def gap_table(report: GapReport) -> str:
 def _gap(report: GapReport) -> str:
     closed = closed_share(report.gap) if report.effects else "-"
     end = f"; {closed} of what is above noise is gone" if closed != "-" else ""
-    return f"{_change(report.gap)} on runs that no decision has seen{end}"
+    return f"{_change(report.gap)} on {compared_runs(report)}{end}"
 
 
 def _change(gap: Difference) -> str:
@@ -134,6 +135,7 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "effects": report.effects,
             "candidates": report.candidates,
             "gap": {**vars(report.gap), "closed": closure(report.gap)},
+            "held_out": report.held_out,
             "p_value": report.p_value,
             "channels": report.channels,
             "where": report.where,

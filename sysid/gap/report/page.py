@@ -11,6 +11,7 @@ from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, o
 from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
 from sysid.gap.wording import (
     closed_share,
+    compared_runs,
     concentrations,
     interval_text,
     next_step,
@@ -56,6 +57,7 @@ def write_gap_report(report: GapReport, path: Path) -> bool:
         sentence=verdict_sentence(report),
         step=next_step(report),
         gap=_gap_row("together", report.gap),
+        runs=compared_runs(report),
         changed=was_changed(report),
         channels=[_gap_row(name, channel) for name, channel in report.channels.items()],
         effects=[_effect(found) for found in report.effects],

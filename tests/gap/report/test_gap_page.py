@@ -81,6 +81,16 @@ def test_a_browser_without_network_draws_every_plot(pages: dict[str, Path], draw
     assert console == []
 
 
+def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path: Path):
+    pytest.importorskip("plotly", reason="the report extra is not installed")
+    seen = replace(named, held_out="validation", unseen=False)
+    assert write_gap_report(seen, tmp_path / "seen.html")
+    text = words(tmp_path / "seen.html")
+    assert "before, on validation runs (also used to decide)" in text
+    assert "simulated on validation runs (also used to decide)" in text
+    assert "test runs" not in text
+
+
 def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: Path):
     pytest.importorskip("plotly", reason="the report extra is not installed")
     unknown = Difference("rpm", 3.0, 1.0, None)

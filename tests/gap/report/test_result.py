@@ -1,19 +1,23 @@
 """gap.json, the sentence and the ten lines: the contract, and the same words everywhere."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from mecanum_env.model import paper_model
+from sysid.gap import GapOptions, analyse
 from sysid.gap.report.output import gap_json, gap_table
 from sysid.gap.result import Difference, FoundEffect, GapReport, Interval
 from sysid.gap.wording import closure, concentrations, interval_text, number, sizes, verdict_sentence
+from sysid.logs import Dataset, Split
 
 VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
 CONTRACT = {
     "format", "verdict", "effects", "candidates", "gap", "channels", "where", "untestable", "next_experiment",
-    "evidence", "provenance",
+    "evidence", "provenance", "held_out",
 }  # fmt: skip
 
 
@@ -87,6 +91,42 @@ def test_the_sentences_name_what_was_found(every_report: dict[str, GapReport]):
     assert "cannot tell which" in said["ambiguous"]
     assert said["no_gap"].startswith("No gap")
     assert "There is a gap" in said["unexplained"]
+
+
+def test_the_words_say_which_runs_the_differences_are_of(named: GapReport):
+    assert "on unseen test runs falls from" in verdict_sentence(named)
+    assert "on unseen test runs" in gap_table(named).splitlines()[1]
+    assert gap_json(named)["held_out"] == "test"
+    for split in ("validation", "fit", "test"):
+        seen = replace(named, held_out=split, unseen=False)
+        assert f"on {split} runs (also used to decide) falls from" in verdict_sentence(seen)
+        assert "unseen" not in gap_table(seen)
+        assert gap_json(seen)["held_out"] == split
+
+
+@pytest.mark.parametrize(
+    ("splits", "held_out", "unseen"),
+    [
+        (("fit", "validation", "test"), "test", True),
+        (("fit", "validation", "validation"), "validation", False),
+        (("fit", "fit", "fit"), "fit", False),
+        (("test", "test", "test"), "test", False),  # then test runs decide
+    ],
+)
+def test_a_study_tells_which_runs_stand_in_for_missing_test_runs(
+    bench_logs: Callable[..., Dataset], splits: tuple[Split, ...], held_out: str, unseen: bool
+):
+    renamed = dict(zip(("fit", "validation", "test"), splits, strict=True))
+    logs = bench_logs(paper_model(), repeats=1)
+    runs = tuple(replace(run, split=renamed[run.split]) for run in logs.runs)
+    options = GapOptions(only=("speed_gain",), max_effects=1, next_experiment=False)
+    report = analyse(replace(logs, runs=runs), paper_model(), options)
+    assert (report.held_out, report.unseen) == (held_out, unseen)
+
+
+def test_an_error_that_rises_is_not_said_to_fall(named: GapReport):
+    sentence = verdict_sentence(replace(named, gap=Difference("rpm", 2.0, 3.0, 1.0)))
+    assert "rises from 2 to 3 rpm" in sentence
 
 
 def test_what_may_be_noise_or_not_is_not_called_noise(no_gap: GapReport):

@@ -1,4 +1,4 @@
-"""What a study says in words: one sentence for terminal, page and JSON alike."""
+"""What a study says in words: the sentences that all its outputs share, and how values are written."""
 
 from __future__ import annotations
 
@@ -11,12 +11,14 @@ from mecanum_env.effects import CATALOGUE
 from sysid.gap.result import Difference, GapReport, Interval, Region
 
 NEXT_FILE: Final = "next_experiment.csv"
+"""File with the commands of the next experiment."""
 WHEEL_LAW: Final = "wheel_law"
-"""Stands among the sets of effects for the law fitted again."""
+"""Name among the sets of effects that stands for the wheel law, fitted again."""
 SURE: Final = 0.01
-"""Probability of chance below which a difference is one, however small."""
+"""p-value below which a difference is significant, however small it is."""
 _CONCENTRATED: Final = 0.1
-"""A region stands out if its share of the error is so much above its share of the samples."""
+"""A region stands out if its share of the error exceeds its share of the samples by this."""
+_SPEED_UNITS: Final = ("rpm", "m/s", "rad/s")
 
 
 @dataclass(frozen=True)
@@ -25,60 +27,54 @@ class Concentration:
 
     region: Region
     sample_share: float
-    """Part of the samples of the same dimension that lie in it."""
+    """Share of the dimension's samples that lie in the region."""
 
     @property
     def excess(self) -> float:
-        """How much more of the error than of the samples it holds."""
+        """Share of the error minus share of the samples."""
         return self.region.share - self.sample_share
 
 
 def verdict_sentence(report: GapReport) -> str:
     """Return what a study found, in one sentence."""
     gap = report.gap
-    differ = amount(gap.before, gap.unit)
+    differ = f"model and measurement differ by {with_share(gap.before, gap)}"
     if report.verdict == "no_gap" and report.p_value <= SURE:
         return (
-            f"No gap worth a name: model and measurement differ by {differ}; what the effects could take off "
-            f"is sure (p = {report.p_value:.2g}) but too little to matter."
+            f"No gap worth a name: {differ}; what the effects could remove is significant "
+            f"(p = {report.p_value:.2g}) but too little to matter."
         )
     if report.verdict == "no_gap" and not report.trusted:
         return (
-            f"No effect of the catalogue is seen: model and measurement differ by {differ}, and how much of "
-            f"that is noise is not known (p = {report.p_value:.2g})."
+            f"No effect of the catalogue is seen: {differ}, and how much of that is noise is not known "
+            f"(p = {report.p_value:.2g})."
         )
     if report.verdict == "no_gap":
         return (
-            f"No gap: model and measurement differ by {differ}, which noise and the model's own uncertainty "
-            f"explain (p = {report.p_value:.2g})."
+            f"No gap: {differ}, which noise and the model's own uncertainty explain "
+            f"(p = {report.p_value:.2g})."
         )
     if report.verdict == "unexplained" and law_is_best(report):
         return (
             "There is a gap that the wheel law fitted again explains better than any effect of the catalogue "
-            f"does: model and measurement differ by {differ}{_noise(gap)}."
+            f"does: {differ}{_noise(gap)}."
         )
     if report.verdict == "unexplained":
         places = concentrations(report, most=1)
         where = f", most of all in {place_name(places[0].region)}" if places else ""
         return (
-            f"There is a gap that no effect of the catalogue explains, alone or with others: model and "
-            f"measurement differ by {differ}{_noise(gap)}{where}."
+            f"There is a gap that no effect of the catalogue explains, alone or with others: {differ}"
+            f"{_noise(gap)}{where}."
         )
-    verb = "falls" if gap.after <= gap.before else "rises"
     change = (
-        f"the difference on {compared_runs(report)} {verb} from {number(gap.before)} to "
-        f"{amount(gap.after, gap.unit)}{_noise(gap)}"
+        f"the difference on {compared_runs(report)} {'falls' if gap.after <= gap.before else 'rises'} from "
+        f"{number(gap.before)} to {with_share(gap.after, gap)}{_noise(gap)}"
     )
     if report.verdict == "named":
-        names = listed([found.name for found in report.effects])
-        return f"The model lacks {names}: with {_it(report)} {change}."
+        them = "it" if len(report.effects) == 1 else "them"
+        return f"The model lacks {listed([e.name for e in report.effects])}: with {them} {change}."
     sets = listed([set_name(names) for names in report.candidates], "or")
     return f"The model lacks {sets}, and these logs cannot tell which: with the first {change}."
-
-
-def compared_runs(report: GapReport) -> str:
-    """Return which runs the differences of a report are of, such as "unseen test runs"."""
-    return "unseen test runs" if report.unseen else f"{report.held_out} runs (also used to decide)"
 
 
 def next_step(report: GapReport) -> str:
@@ -101,33 +97,44 @@ def next_step(report: GapReport) -> str:
     return "look at the worst runs on the page; the regions say what the robot was doing"
 
 
+def compared_runs(report: GapReport) -> str:
+    """Return which runs the differences of a report are of, such as "unseen test runs"."""
+    return "unseen test runs" if report.unseen else f"{report.held_out} runs (also used to decide)"
+
+
 def law_is_best(report: GapReport) -> bool:
     """Return whether the wheel's own law, fitted again, did better than every set of effects."""
     return bool(report.evidence) and report.evidence[0].effects == (WHEEL_LAW,)
 
 
 def closure(gap: Difference) -> float | None:
-    """Return the part of a gap above the noise floor that was closed; None where nothing was above it."""
+    """Return the share of a gap above the noise floor that was closed; None if nothing was above it."""
     floor = gap.noise_floor or 0.0
     if not (math.isfinite(gap.after) and gap.before > floor):
         return None
     return (gap.before - gap.after) / (gap.before - floor)
 
 
-def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...]:
-    """Return where the error of the worst channel stands out, at most one region a dimension.
+def closed_share(gap: Difference) -> str:
+    """Return the closure of a gap in percent; an error below the noise floor counts as 100%."""
+    closed = closure(gap)
+    return "-" if closed is None else f"{min(closed, 1.0):.0%}"
 
-    The worst channel is the one furthest above its noise (above the error that is left, where no noise is
-    known). Wheels are compared across channels.
+
+def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...]:
+    """Return where the error of the worst channel stands out, at most one region per dimension.
+
+    The worst channel has the largest error relative to its noise, or relative to the error that is left if no
+    noise is known. Regions of the dimension "wheel" compare channels and are always considered.
 
     Args:
-        report: of the study.
-        most: how many regions at most.
+        report: results of the study.
+        most: largest number of regions.
     """
     if not report.where:
         return ()
-    there = {region.channel for region in report.where}
-    worst = max(sorted(there), key=lambda name: _excess(report.channels.get(name)))
+    channels = sorted({region.channel for region in report.where})
+    worst = max(channels, key=lambda name: _excess(report.channels.get(name)))
     best: dict[str, Concentration] = {}
     for found in _with_sample_share(report.where):
         region = found.region
@@ -139,18 +146,10 @@ def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...
     return tuple(sorted(clear, key=lambda found: -found.excess)[:most])
 
 
-def closed_share(gap: Difference) -> str:
-    """Return `closure` of a gap in percent; what lies below the noise by chance counts as all of it."""
-    closed = closure(gap)
-    return "-" if closed is None else f"{min(closed, 1.0):.0%}"
-
-
 def place_name(region: Region) -> str:
     """Return a region in words, such as "speed_rpm, phase reversal"."""
-    name = (
-        region.region if region.region.startswith(region.dimension) else f"{region.dimension} {region.region}"
-    )
-    return f"{region.channel}, {name}"
+    name = region.region
+    return f"{region.channel}, {name if name.startswith(region.dimension) else f'{region.dimension} {name}'}"
 
 
 def set_name(effects: Sequence[str]) -> str:
@@ -162,9 +161,8 @@ def set_name(effects: Sequence[str]) -> str:
 
 def summary_of(effect: str) -> tuple[str, str]:
     """Return what an `effect` is and what it looks like in data, one line each."""
-    if effect in CATALOGUE:
-        return CATALOGUE[effect].summary, CATALOGUE[effect].signature
-    return "", ""
+    known = CATALOGUE.get(effect)
+    return ("", "") if known is None else (known.summary, known.signature)
 
 
 def unit_of(effect: str, parameter: str) -> str:
@@ -175,34 +173,59 @@ def unit_of(effect: str, parameter: str) -> str:
 
 
 def sizes(effect: str, values: Mapping[str, float]) -> str:
-    """Return parameters with units in a line, such as "gap_deg 2.1 deg".
+    """Return parameters with their units in a line, such as "gap_deg 2.1 deg".
 
     Args:
-        effect: whose they are.
+        effect: name of the effect.
         values: parameter -> value.
     """
     return ", ".join(f"{name} {amount(value, unit_of(effect, name))}" for name, value in values.items())
 
 
+def with_share(value: float, gap: Difference) -> str:
+    """Return an rms error with its share of the motion, such as "23 rpm (12% of the rms speed)".
+
+    Args:
+        value: rms error, in the unit of `gap`.
+        gap: difference whose motion is known; without it the error stands alone.
+    """
+    share = percent_of_motion(value, gap)
+    kind = "speed" if gap.unit in _SPEED_UNITS else "motion"
+    return amount(value, gap.unit) + (f" ({share} of the rms {kind})" if share else "")
+
+
+def percent_of_motion(value: float, gap: Difference) -> str:
+    """Return an rms error in percent of the rms motion; empty if that is zero or not known.
+
+    Args:
+        value: rms error, in the unit of `gap`.
+        gap: difference whose motion is known.
+    """
+    if not gap.motion or not math.isfinite(value):
+        return ""
+    share = value / gap.motion
+    return f"{share:.0%}" if share >= 0.1 else f"{share:.1%}"
+
+
 def amount(value: float | None, unit: str) -> str:
-    """Return a value with its unit to three digits; a dash where there is none."""
+    """Return a value with its unit to three digits; a dash for None and NaN."""
     text = number(value)
     return text if text == "-" or not unit else f"{text} {unit}"
 
 
 def number(value: float | None) -> str:
-    """Return a value to three digits; a dash where there is none."""
+    """Return a value to three digits; a dash for None and NaN."""
     if value is None or math.isnan(value):
         return "-"
     return f"{value:.0f}" if 1000.0 <= abs(value) < 1e6 else f"{value:.3g}"
 
 
 def interval_text(estimate: Interval, unit: str) -> tuple[str, str]:
-    """Return an estimate with its unit and its interval, to as many digits as the interval is wide.
+    """Return an estimate and its interval, with two digits for the width of the interval.
 
     Args:
         estimate: value and interval.
-        unit: of it.
+        unit: unit of the value, or empty.
     """
     width = estimate.high - estimate.low
     if not (0.0 < width < math.inf):
@@ -213,7 +236,7 @@ def interval_text(estimate: Interval, unit: str) -> tuple[str, str]:
 
 
 def count(many: int, what: str) -> str:
-    """Return how many there are of `what`, such as "1 note", "2 notes"."""
+    """Return a number of things, such as "1 note" or "2 notes"."""
     return f"{many} {what}" + ("" if many == 1 else "s")
 
 
@@ -222,13 +245,9 @@ def listed(words: Sequence[str], last: str = "and") -> str:
 
     Args:
         words: at least one.
-        last: stands before the last one.
+        last: conjunction before the last word.
     """
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
-
-
-def _it(report: GapReport) -> str:
-    return "it" if len(report.effects) == 1 else "them"
 
 
 def _noise(gap: Difference) -> str:
@@ -243,12 +262,9 @@ def _excess(channel: Difference | None) -> float:
 
 
 def _with_sample_share(where: Sequence[Region]) -> list[Concentration]:
-    """Return every region beside its share of the samples of its dimension."""
+    """Return every region with its share of the samples of its dimension."""
+    keys = [(r.dimension, "" if r.dimension == "wheel" else r.channel) for r in where]
     totals: dict[tuple[str, str], int] = {}
-    for region in where:
-        totals[_dimension(region)] = totals.get(_dimension(region), 0) + region.samples
-    return [Concentration(region, region.samples / max(totals[_dimension(region)], 1)) for region in where]
-
-
-def _dimension(region: Region) -> tuple[str, str]:
-    return region.dimension, "" if region.dimension == "wheel" else region.channel
+    for key, region in zip(keys, where, strict=True):
+        totals[key] = totals.get(key, 0) + region.samples
+    return [Concentration(r, r.samples / max(totals[key], 1)) for key, r in zip(keys, where, strict=True)]

@@ -236,7 +236,7 @@ def interval_text(estimate: Interval, unit: str) -> tuple[str, str]:
 
 
 def count(many: int, what: str) -> str:
-    """Return a number of things, such as "1 note" or "2 notes"."""
+    """Return `many` of `what` in words, such as "1 note" or "2 notes"."""
     return f"{many} {what}" + ("" if many == 1 else "s")
 
 

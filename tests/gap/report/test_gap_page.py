@@ -88,7 +88,7 @@ def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path:
     text = words(tmp_path / "seen.html")
     assert "before, on validation runs (also used to decide)" in text
     assert "simulated on validation runs (also used to decide)" in text
-    assert "test runs" not in text
+    assert "unseen" not in text
 
 
 def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: Path):
@@ -100,7 +100,7 @@ def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: 
     )  # fmt: skip
     assert write_gap_report(bare, tmp_path / "bare.html")
     text = words(tmp_path / "bare.html")
-    assert "no repeats tell it" in text
+    assert "the logs have no repeats" in text
     assert "Nothing odd was noticed." in text
     assert len(gap_table(bare).splitlines()) >= 3
 

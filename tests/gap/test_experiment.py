@@ -18,8 +18,8 @@ from sysid.compare.prediction import Start, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.study import Study
 from sysid.compare.whitening import Whitener
-from sysid.gap.design.direct_checks import DIRECT, what_to_measure
-from sysid.gap.design.experiment import Rival, design_separating, power, separation
+from sysid.gap.design.direct_checks import DIRECT
+from sysid.gap.design.experiment import Rival, design_separating, power, separation, what_to_measure
 from sysid.gap.design.next_experiment import conditions_of, design_for_untestable
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
 from sysid.gap.design.trial import EFFORT, DesignEffort, ExperimentConditions, Trial, command_of

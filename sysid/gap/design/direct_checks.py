@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Final
-
-from sysid.gap.wording import listed
 
 _DELAYS: Final = (
     "when a command is sent, when the drive acts and when a sensor reads, by time stamps of one clock"
@@ -44,26 +42,3 @@ DIRECT: Final[Mapping[str, str]] = {
     "sensor_bias": "the sensor while the robot stands still",
 }
 """Effect -> what to measure."""
-
-_GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
-    "the wheels' speeds": ("speed_fl_rpm", "speed_fr_rpm", "speed_rl_rpm", "speed_rr_rpm"),
-    "the body's velocity": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
-    "the pose": ("x_m", "y_m", "yaw_rad"),
-}
-
-
-def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> str:
-    """Return, as the end of a sentence, what besides `channels` would tell sets of effects apart.
-
-    Args:
-        sets: names of effects; what they share is no matter.
-        channels: measured so far.
-    """
-    shared = set(sets[0]).intersection(*sets[1:])
-    checks = dict.fromkeys(DIRECT[n] for names in sets for n in names if n not in shared and n in DIRECT)
-    missing = [what for what, names in _GROUPS.items() if not set(names) & set(channels)]
-    if tuple(channels) == ("speed_rpm",):
-        missing = ["the body of the whole robot on the floor"]
-    ways = [f"measure {'; or '.join(checks)}"] if checks else []
-    ways += [f"log {listed(missing)} too"] if missing else []
-    return "; or ".join(ways) if ways else "measure with a second, independent sensor"

@@ -15,7 +15,7 @@ sequence with the largest z of the worst pair: a T-optimal design (Atkinson and 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Final
@@ -27,7 +27,7 @@ from scipy.stats import norm
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.prediction import POSE
-from sysid.gap.design.direct_checks import what_to_measure
+from sysid.gap.design.direct_checks import DIRECT
 from sysid.gap.design.sequences import Limits
 from sysid.gap.design.trial import (
     ExperimentConditions,
@@ -47,6 +47,12 @@ _LEAST_POWER: Final = 0.1
 """A pair that no sequence separates with this probability counts as inseparable by commands."""
 _LEAST_Z: Final = -50.0
 """z of two identical predictions."""
+_CHANNEL_GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
+    "the wheels' speeds": ("speed_fl_rpm", "speed_fr_rpm", "speed_rl_rpm", "speed_rr_rpm"),
+    "the body's velocity": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
+    "the pose": ("x_m", "y_m", "yaw_rad"),
+}
+"""Channels that a robot may measure in addition, by what they are called in a sentence."""
 
 Pairs = npt.NDArray[np.bool_]
 
@@ -103,8 +109,7 @@ def design_separating(
         separable[:] = _separable(np.max([one.z for one in judged], axis=0), count)
         return (lambda one: float(np.min(one.z[separable]))) if np.any(separable) else None
 
-    study = conditions.study
-    best = best_sequence(limits, judge, value_of, seed=study.seed, jobs=study.jobs)
+    best = best_sequence(limits, judge, value_of, conditions.study)
     inseparable = _inseparable(names, separable, conditions)
     if best is None:
         return Design(None, inseparable or _only_slipping(names, conditions))
@@ -221,6 +226,23 @@ def _inseparable(names: Sequence[tuple[str, ...]], separable: Pairs, conditions:
             f"{listed(conditions.channels)}: {what_to_measure(sets, conditions.channels)}."
         )
     return " ".join(sentences)
+
+
+def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> str:
+    """Return, as the end of a sentence, what besides `channels` would tell sets of effects apart.
+
+    Args:
+        sets: names of effects; those that all sets share are left out.
+        channels: measured so far.
+    """
+    shared = set(sets[0]).intersection(*sets[1:])
+    checks = dict.fromkeys(DIRECT[n] for names in sets for n in names if n not in shared and n in DIRECT)
+    missing = [what for what, names in _CHANNEL_GROUPS.items() if not set(names) & set(channels)]
+    if tuple(channels) == ("speed_rpm",):
+        missing = ["the body of the whole robot on the floor"]
+    ways = [f"measure {'; or '.join(checks)}"] if checks else []
+    ways += [f"log {listed(missing)} too"] if missing else []
+    return "; or ".join(ways) if ways else "measure with a second, independent sensor"
 
 
 def _only_slipping(names: Sequence[tuple[str, ...]], conditions: ExperimentConditions) -> str:

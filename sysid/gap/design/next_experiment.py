@@ -103,7 +103,7 @@ def design_for_untestable(
         visible[:] = np.flatnonzero(best_z >= norm.ppf(_LEAST_POWER)).tolist()
         return (lambda one: float(norm.ppf(np.mean(norm.cdf(one.z[visible]))))) if visible else None
 
-    best = best_sequence(limits, judge, value_of, seed=study.seed, jobs=study.jobs)
+    best = best_sequence(limits, judge, value_of, study)
     if best is None:
         which = listed([rival.names[0] for rival in rivals], "or")
         return Design(None, f"No command within the robot's limits would show {which} here.")

@@ -90,9 +90,9 @@ class Trial:
         self, base: Model, rows: FloatArray, conditions: ExperimentConditions, *, coarse: bool = False
     ) -> None:
         self.base, self.conditions = base, conditions
-        study = conditions.study
-        faster = coarse and conditions.level == "robot" and study.timestep_s is None
-        self._timestep_s = TRAINING_TIMESTEP_S if faster else study.timestep_s
+        self._study = conditions.study
+        if coarse and conditions.level == "robot" and self._study.timestep_s is None:
+            self._study = replace(self._study, timestep_s=TRAINING_TIMESTEP_S)
         step = max(conditions.interval_s, FINEST_S)
         samples = round(len(rows) * base.wheel.command_period_s / step)
         time = np.asarray(np.arange(samples + 1) * step, float)
@@ -120,7 +120,7 @@ class Trial:
         if run.level == "robot":
             run = self._run(run.command, run.time_s, (*self.conditions.channels, *POSE))
         try:
-            compiled = compile_for(physics, run.level, self._timestep_s, self.conditions.study.plant)
+            compiled = compile_for(physics, run.level, self._study.timestep_s, self._study.plant)
             channels = shown(model, run, Start(), motion_of(physics, run, Start(), compiled))
         except MecanumError:
             return None
@@ -240,9 +240,7 @@ def best_sequence(
     limits: Limits,
     judge: Judge,
     value_of: Callable[[Sequence[JudgedSequence]], Value | None],
-    *,
-    seed: int = 0,
-    jobs: int = 1,
+    study: Study,
 ) -> JudgedSequence | None:
     """Return the best sequence found; None if none is of any value.
 
@@ -251,19 +249,18 @@ def best_sequence(
 
     Args:
         limits: commands that the robot can execute.
-        judge: judges one sequence; called from `jobs` threads.
+        judge: judges one sequence; called from `study.jobs` threads.
         value_of: derives from the library's judged sequences the value to maximise; None if there is none.
-        seed: seed of the random sequences and changes.
-        jobs: sequences judged at a time; the result does not depend on it.
+        study: its seed is that of the random sequences and changes.
     """
-    rng, effort = np.random.default_rng(seed), EFFORT[limits.level]
+    rng, effort = np.random.default_rng(study.seed), EFFORT[limits.level]
 
     def judge_all(sequences: Sequence[FloatArray], thorough: bool) -> list[JudgedSequence]:
-        if jobs == 1:
+        if study.jobs == 1:
             judged = [judge(rows, thorough) for rows in sequences]
         else:
             # Threads suffice: MuJoCo releases the interpreter lock while it steps.
-            with ThreadPoolExecutor(jobs) as pool:
+            with ThreadPoolExecutor(study.jobs) as pool:
                 judged = list(pool.map(lambda rows: judge(rows, thorough), sequences))
         return [one for one in judged if one is not None]
 

@@ -124,8 +124,7 @@ def closed_share(gap: Difference) -> str:
 def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...]:
     """Return where the error of the worst channel stands out, at most one region per dimension.
 
-    The worst channel has the largest error relative to its noise, or relative to the error that is left if no
-    noise is known. Regions of the dimension "wheel" compare channels and are always considered.
+    Regions of the dimension "wheel" compare channels and are always considered.
 
     Args:
         report: results of the study.
@@ -133,8 +132,7 @@ def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...
     """
     if not report.where:
         return ()
-    channels = sorted({region.channel for region in report.where})
-    worst = max(channels, key=lambda name: _excess(report.channels.get(name)))
+    worst = worst_channel(report)
     best: dict[str, Concentration] = {}
     for found in _with_sample_share(report.where):
         region = found.region
@@ -144,6 +142,21 @@ def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...
             best[region.dimension] = found
     clear = [found for found in best.values() if found.excess > _CONCENTRATED]
     return tuple(sorted(clear, key=lambda found: -found.excess)[:most])
+
+
+def worst_channel(report: GapReport) -> str:
+    """Return the channel with the largest error relative to its noise, or to the error left without repeats.
+
+    Args:
+        report: results of a study, with at least one region.
+    """
+
+    def excess(name: str) -> float:
+        channel = report.channels[name]
+        scale = channel.noise_floor or channel.after
+        return channel.before / scale if scale > 0.0 else channel.before
+
+    return max(sorted({region.channel for region in report.where}), key=excess)
 
 
 def place_name(region: Region) -> str:
@@ -252,13 +265,6 @@ def listed(words: Sequence[str], last: str = "and") -> str:
 
 def _noise(gap: Difference) -> str:
     return "" if gap.noise_floor is None else f", where noise alone gives {number(gap.noise_floor)}"
-
-
-def _excess(channel: Difference | None) -> float:
-    if channel is None:
-        return -math.inf
-    scale = channel.noise_floor or channel.after
-    return channel.before / scale if scale > 0.0 else channel.before
 
 
 def _with_sample_share(where: Sequence[Region]) -> list[Concentration]:

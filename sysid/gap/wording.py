@@ -88,6 +88,8 @@ def next_step(report: GapReport) -> str:
         )
     if report.verdict == "no_gap":
         return "nothing to do; harder or longer runs may show what these do not"
+    if report.verdict == "named" and report.gap.after > report.gap.before:
+        return "let more logs confirm the new model.json before using it: on these runs its error is larger"
     if report.verdict == "named":
         return "use the new model.json; study again with it to see whether anything is left"
     if report.verdict == "ambiguous":
@@ -116,9 +118,11 @@ def closure(gap: Difference) -> float | None:
 
 
 def closed_share(gap: Difference) -> str:
-    """Return the closure of a gap in percent; an error below the noise floor counts as 100%."""
+    """Return the closure of a gap in percent, 100% if the noise floor is reached, "none" if the gap grew."""
     closed = closure(gap)
-    return "-" if closed is None else f"{min(closed, 1.0):.0%}"
+    if closed is None:
+        return "-"
+    return "none" if closed < 0.0 else f"{min(closed, 1.0):.0%}"
 
 
 def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...]:

@@ -176,8 +176,10 @@ def test_a_channel_without_samples_has_no_difference():
 
 
 def test_an_error_that_rises_is_not_said_to_fall(named: GapReport):
-    sentence = verdict_sentence(replace(named, gap=Difference("rpm", 2.0, 3.0, 1.0)))
-    assert "rises from 2 to 3 rpm" in sentence
+    worse = replace(named, gap=Difference("rpm", 2.0, 3.0, 1.0))
+    assert "rises from 2 to 3 rpm" in verdict_sentence(worse)
+    assert "none of what is above noise is gone" in gap_table(worse)
+    assert "let more logs confirm the new model.json" in gap_table(worse)
 
 
 def test_what_may_be_noise_or_not_is_not_called_noise(no_gap: GapReport):

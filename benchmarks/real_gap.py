@@ -33,6 +33,7 @@ from mecanum_env.model import Model, read_robot
 from sysid.compare.subset import deciding, quiet
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.pipeline import Fit
+from sysid.gap.report.output import gap_json
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.wording import (
     amount,
@@ -131,10 +132,12 @@ def main(
         shown = [f"## {name}", f"{how} {took:.0f} s.", *page(done)]
         print("\n\n".join(shown), flush=True)
         parts += shown
-        results[name] = [round_json(one) for one in done]
-    text = "\n\n".join(parts) + "\n"
+        results[name] = [
+            {"error": one.error} if one.report is None else {"seconds": one.seconds, **gap_json(one.report)}
+            for one in done
+        ]
     if markdown is not None:
-        write_text(markdown, text)
+        write_text(markdown, "\n\n".join(parts) + "\n")
     if out is not None:
         write_json(out, results)
 
@@ -261,23 +264,6 @@ def whole(made: Sequence[GapReport]) -> str:
         for name in first.channels
     ]
     return f"All studies together removed of the rms error on {compared_runs(last)}: {', '.join(share)}."
-
-
-def round_json(one: Round) -> dict[str, Any]:
-    """Return one study for the JSON file."""
-    if one.report is None:
-        return {"error": one.error}
-    report = one.report
-    return {
-        "seconds": one.seconds,
-        "verdict": report.verdict,
-        "candidates": report.candidates,
-        "effects": {
-            f.name: {p: [i.value, i.low, i.high] for p, i in f.parameters.items()} for f in report.effects
-        },
-        "channels": {n: {"before": c.before, "after": c.after} for n, c in report.channels.items()},
-        "notes": report.notes,
-    }
 
 
 if __name__ == "__main__":

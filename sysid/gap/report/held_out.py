@@ -47,7 +47,6 @@ class Comparison:
     """Some runs, measured and simulated before and after."""
 
     split: Split
-    runs: tuple[Run, ...]
     samples: tuple[Samples, ...]
 
     def by_channel(self) -> dict[str, list[Samples]]:
@@ -100,7 +99,7 @@ def compare(
         repeat = repeats.get(run.group, 0)
         repeats[run.group] = repeat + 1
         samples += samples_of(run, b, a, repeat)
-    return Comparison(split, tuple(runs), tuple(samples))
+    return Comparison(split, tuple(samples))
 
 
 def differences(dataset: Dataset, comparison: Comparison) -> tuple[Difference, dict[str, Difference]]:
@@ -147,21 +146,19 @@ def overlays(comparison: Comparison) -> tuple[Overlay, ...]:
         scale = max(rms(np.concatenate([p.errors()[0] for p in parts])), 1e-12)
         ranked += [(-rms(p.errors()[0]) / scale, p.run, name, p) for p in parts if p.repeat == 0]
     worst = sorted(ranked, key=lambda entry: entry[:3])[:_OVERLAYS]
-    return tuple(_overlay(comparison.split, part) for *_, part in worst)
-
-
-def _overlay(split: Split, part: Samples) -> Overlay:
-    command = part.command.at(part.time_s)
-    return Overlay(
-        file=part.run,
-        split=split,
-        channel=part.channel,
-        unit=UNITS[part.channel],
-        time_s=part.time_s,
-        measured=part.measured,
-        before=part.before,
-        after=part.after,
-        command=command[:, 0] if UNITS[part.channel] == "rpm" else None,
+    return tuple(
+        Overlay(
+            file=part.run,
+            split=comparison.split,
+            channel=name,
+            unit=UNITS[name],
+            time_s=part.time_s,
+            measured=part.measured,
+            before=part.before,
+            after=part.after,
+            command=part.command.at(part.time_s)[:, 0] if UNITS[name] == "rpm" else None,
+        )
+        for _, _, name, part in worst
     )
 
 

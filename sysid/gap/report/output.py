@@ -17,6 +17,7 @@ from sysid.gap.report.page import write_gap_report
 from sysid.gap.result import Difference, Experiment, FoundEffect, GapReport
 from sysid.gap.wording import (
     NEXT_FILE,
+    Concentration,
     amount,
     closed_share,
     closure,
@@ -44,15 +45,21 @@ _MOST_CHANNELS, _MOST_NAMES, _MOST_LINES = 4, 4, 10
 def gap_table(report: GapReport) -> str:
     """Return what a study found in at most ten lines, the verdict first."""
     several = len(report.candidates) > 1
+    channels = [f"{name} {_change(channel)}" for name, channel in report.channels.items()]
+    adequate = sum(evidence.adequate for evidence in report.evidence)
+    hidden = [effect.name for effect in report.untestable]
     rows = [
         ("gap", _gap(report)),
-        ("channels", _channels(report) if len(report.channels) > 1 else ""),
-        ("where most", _where(report)),
+        ("channels", _shortened(channels, _MOST_CHANNELS) if len(channels) > 1 else ""),
+        ("where most", "; ".join(_place(found) for found in concentrations(report, most=2))),
         ("missing", "; ".join(_effect(found) for found in report.effects)),
         ("tied", " | ".join(map(set_name, report.candidates[:_MOST_NAMES])) if several else ""),
-        ("tried", _tried(report)),
+        ("tried", f"{count(len(report.evidence), 'set')} of effects; explain the data: {adequate}"),
         ("clue", _clue(report)),
-        ("untestable", _untestable(report)),
+        (
+            "untestable",
+            f"{count(len(hidden), 'effect')}: {_shortened(hidden, _MOST_NAMES)}" if hidden else "",
+        ),
         ("noticed", _noticed(report)),
         ("next", next_step(report)),
     ]
@@ -71,29 +78,15 @@ def _change(gap: Difference) -> str:
     return f"{number(gap.before)} -> {amount(gap.after, gap.unit)}{floor}"
 
 
-def _channels(report: GapReport) -> str:
-    return _shortened(
-        [f"{name} {_change(channel)}" for name, channel in report.channels.items()], _MOST_CHANNELS
-    )
-
-
-def _where(report: GapReport) -> str:
-    return "; ".join(
-        f"{place_name(found.region)}: "
-        f"{found.region.share:.0%} of the error in {found.sample_share:.0%} of the samples"
-        for found in concentrations(report, most=2)
-    )
+def _place(found: Concentration) -> str:
+    share = f"{found.region.share:.0%} of the error in {found.sample_share:.0%} of the samples"
+    return f"{place_name(found.region)}: {share}"
 
 
 def _effect(found: FoundEffect) -> str:
     texts = {name: interval_text(p, unit_of(found.name, name)) for name, p in found.parameters.items()}
     values = ", ".join(f"{name} {value} ({interval})" for name, (value, interval) in texts.items())
     return f"{found.name} {values}, in {found.selection_frequency:.0%} of resamples"
-
-
-def _tried(report: GapReport) -> str:
-    adequate = sum(evidence.adequate for evidence in report.evidence)
-    return f"{count(len(report.evidence), 'set')} of effects; explain the data: {adequate}"
 
 
 def _clue(report: GapReport) -> str:
@@ -105,11 +98,6 @@ def _clue(report: GapReport) -> str:
     ]
     added = ", added to the model" if report.empirical.adopted else ""
     return f"{'; '.join(parts)}: by regression, not physics{added}"
-
-
-def _untestable(report: GapReport) -> str:
-    names = [effect.name for effect in report.untestable]
-    return f"{count(len(names), 'effect')}: {_shortened(names, _MOST_NAMES)}" if names else ""
 
 
 def _noticed(report: GapReport) -> str:

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.report import report_available, write_page
+from mecanum_env.report import write_page
 from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure, was_changed
 from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
 from sysid.gap.wording import (
@@ -32,15 +32,13 @@ _EVIDENCE_SHOWN, _EVIDENCE_FOLDED = 10, 60
 _MOST_CANDIDATES: Final = 6
 
 
-def write_gap_report(report: GapReport, path: Path) -> bool:
-    """Write the page of a study; return False, writing nothing, without the `report` extra.
+def write_gap_report(report: GapReport, path: Path) -> None:
+    """Write the page of a study, which takes the `report` extra.
 
     Args:
         report: results of the study.
         path: file to write.
     """
-    if not report_available():
-        return False
     experiment = report.next_experiment
     overlays = {f"run{i}": overlay_figure(overlay) for i, overlay in enumerate(report.overlays)}
     figures: dict[str, Mapping[str, Any]] = dict(overlays)
@@ -85,7 +83,6 @@ def write_gap_report(report: GapReport, path: Path) -> bool:
         notes=report.notes,
         provenance=[(name, str(value)) for name, value in report.provenance.items()],
     )
-    return True
 
 
 def _difference_row(name: str, gap: Difference) -> dict[str, Any]:

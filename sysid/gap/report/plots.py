@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -125,28 +125,27 @@ def _heat(
 ) -> dict[str, Any]:
     channels = [name for name in UNITS if name in scale]
     regions = {(r.channel, r.dimension, r.region): r for r in report.where}
-    cells: list[list[float | None]] = []
-    hover: list[list[str]] = []
-    for row in rows:
-        found = [regions.get((channel, *row)) for channel in channels]
-        cells.append([
-            None if r is None else (r.rms_after if after else r.rms) / scale[r.channel] for r in found
-        ])  # fmt: skip
-        hover.append(["" if r is None else f"{r.share:.0%} of the error, {r.samples} samples" for r in found])
+    found = [[regions.get((channel, *row)) for channel in channels] for row in rows]
+
+    def table(of: Callable[[Region], Any], empty: Any) -> list[list[Any]]:
+        return [[empty if region is None else of(region) for region in row] for row in found]
+
+    def error(region: Region) -> float:
+        return (region.rms_after if after else region.rms) / scale[region.channel]
+
     return {
-        "type": "heatmap", "x": channels, "y": [_row_name(*row) for row in rows],
-        "z": cells, "coloraxis": "coloraxis", "xgap": 2, "ygap": 2, "customdata": hover,
-        "text": [[_cell(cell) for cell in row] for row in cells],
-        "texttemplate": "%{text}", "textfont": {"size": 11},
-    }  # fmt: skip
-
-
-def _row_name(dimension: str, region: str) -> str:
-    return region if region.startswith(dimension) else f"{dimension} · {region}"
-
-
-def _cell(value: float | None) -> str:
-    return "" if value is None else f"{value:.2g}" if value < 100.0 else f"{value:.0f}"
+        "type": "heatmap",
+        "x": channels,
+        "y": [name if name.startswith(dimension) else f"{dimension} · {name}" for dimension, name in rows],
+        "z": table(error, None),
+        "text": table(lambda r: f"{error(r):.2g}" if error(r) < 100.0 else f"{error(r):.0f}", ""),
+        "customdata": table(lambda r: f"{r.share:.0%} of the error, {r.samples} samples", ""),
+        "texttemplate": "%{text}",
+        "textfont": {"size": 11},
+        "coloraxis": "coloraxis",
+        "xgap": 2,
+        "ygap": 2,
+    }
 
 
 def _rule(row: int, right: float) -> dict[str, Any]:
@@ -179,15 +178,13 @@ def heat_scale(report: GapReport) -> tuple[dict[str, float], str]:
 def experiment_figure(experiment: Experiment) -> Figure:
     """Return the commands of the next experiment, and below them what each candidate predicts."""
     end = experiment.duration_s
-    panels: list[tuple[str, list[dict[str, Any]]]] = []
     commands = [
         _line([*experiment.time_s, end], [*values, values[-1]], name, colour, shape="hv")
         for (name, values), colour in zip(experiment.columns.items(), _COMMANDS, strict=False)
     ]
-    panels.append(("command", commands))
-    if experiment.predicted_time_s is not None:
-        for i, channel in enumerate(_most_different(experiment)):
-            panels.append((channel, _predictions(experiment, channel, legend=i == 0)))
+    channels = [] if experiment.predicted_time_s is None else _most_different(experiment)
+    panels = [("command", commands)]
+    panels += [(name, _predictions(experiment, name, legend=name == channels[0])) for name in channels]
     traces: list[dict[str, Any]] = []
     layout: dict[str, Any] = {}
     share = 1.0 / len(panels)

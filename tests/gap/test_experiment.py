@@ -1,4 +1,4 @@
-"""The next experiment: within the robot's limits, reproducible, as powerful as it says, and it settles."""
+"""The next experiment: within the robot's limits, reproducible, of the power it states, and decisive."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -44,7 +44,7 @@ def robot_conditions(plant: RobotPlant = "rollers", **sigma: float) -> Experimen
 
 
 def rivals(model: Model, friction_n_m: float = 0.5) -> tuple[Rival, Rival]:
-    """Return friction and the gain that looks like it at 60 rpm, with what is not known of either."""
+    """Return friction and the gain that looks like it at 60 rpm, each with its uncertain parameter."""
 
     def friction(torque: float) -> Model:
         return model.with_effect("coulomb_friction", torque_n_m=torque)

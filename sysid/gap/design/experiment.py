@@ -112,7 +112,11 @@ def design_separating(
     best = best_sequence(limits, judge, value_of, conditions.study)
     inseparable = _inseparable(names, separable, conditions)
     if best is None:
-        return Design(None, inseparable or _only_slipping(names, conditions))
+        only_slipping = (
+            f"The predictions of {listed(list(map(set_name, names)))} differ only on commands that make wheels "
+            f"slip, where no model can be trusted: {what_to_measure(names, conditions.channels)}."
+        )
+        return Design(None, inseparable or only_slipping)
     why = " ".join(filter(None, (_difference(base, best.rows, candidates, conditions), inseparable)))
     least = power(best.z, separable, count)
     return Design(experiment_of(base, best.rows, candidates, conditions, names, least, why), why)
@@ -243,13 +247,6 @@ def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> s
     ways = [f"measure {'; or '.join(checks)}"] if checks else []
     ways += [f"log {listed(missing)} too"] if missing else []
     return "; or ".join(ways) if ways else "measure with a second, independent sensor"
-
-
-def _only_slipping(names: Sequence[tuple[str, ...]], conditions: ExperimentConditions) -> str:
-    return (
-        f"The predictions of {listed(list(map(set_name, names)))} differ only on commands that make wheels "
-        f"slip, where no model can be trusted: {what_to_measure(names, conditions.channels)}."
-    )
 
 
 def _difference(

@@ -48,6 +48,7 @@ def gap_table(report: GapReport) -> str:
     channels = [f"{name} {_change(channel)}" for name, channel in report.channels.items()]
     adequate = sum(evidence.adequate for evidence in report.evidence)
     hidden = [effect.name for effect in report.untestable]
+    hidden_names = _shortened(hidden, _MOST_NAMES)
     rows = [
         ("gap", _gap(report)),
         ("channels", _shortened(channels, _MOST_CHANNELS) if len(channels) > 1 else ""),
@@ -56,10 +57,7 @@ def gap_table(report: GapReport) -> str:
         ("tied", " | ".join(map(set_name, report.candidates[:_MOST_NAMES])) if several else ""),
         ("tried", f"{count(len(report.evidence), 'set')} of effects; explain the data: {adequate}"),
         ("clue", _clue(report)),
-        (
-            "untestable",
-            f"{count(len(hidden), 'effect')}: {_shortened(hidden, _MOST_NAMES)}" if hidden else "",
-        ),
+        ("untestable", f"{count(len(hidden), 'effect')}: {hidden_names}" if hidden else ""),
         ("noticed", _noticed(report)),
         ("next", next_step(report)),
     ]

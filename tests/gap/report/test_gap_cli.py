@@ -28,7 +28,7 @@ def model_file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch, ambiguous: GapReport) -> list[GapOptions]:
-    """Put a report in place of the search, and collect what it was asked for."""
+    """Replace the study by a fixed report, and collect the options it is called with."""
     options: list[GapOptions] = []
 
     def instead(*given: Any) -> GapReport:

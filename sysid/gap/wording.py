@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -72,8 +72,8 @@ def verdict_sentence(report: GapReport) -> str:
     )
     if report.verdict == "named":
         them = "it" if len(report.effects) == 1 else "them"
-        return f"The model lacks {listed([e.name for e in report.effects])}: with {them} {change}."
-    sets = listed([set_name(names) for names in report.candidates], "or")
+        return f"The model lacks {listed(e.name for e in report.effects)}: with {them} {change}."
+    sets = listed(map(set_name, report.candidates), "or")
     return f"The model lacks {sets}, and these logs cannot tell which: with the first {change}."
 
 
@@ -257,14 +257,15 @@ def count(many: int, what: str) -> str:
     return f"{many} {what}" + ("" if many == 1 else "s")
 
 
-def listed(words: Sequence[str], last: str = "and") -> str:
+def listed(words: Iterable[str], last: str = "and") -> str:
     """Return words as a list in a sentence.
 
     Args:
         words: at least one.
         last: conjunction before the last word.
     """
-    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} {last} {words[-1]}"
+    *first, end = words
+    return f"{', '.join(first)} {last} {end}" if first else end
 
 
 def _noise(gap: Difference) -> str:

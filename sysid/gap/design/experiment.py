@@ -113,7 +113,7 @@ def design_separating(
     inseparable = _inseparable(names, separable, conditions)
     if best is None:
         only_slipping = (
-            f"The predictions of {listed(list(map(set_name, names)))} differ only on commands that make wheels "
+            f"The predictions of {listed(map(set_name, names))} differ only on commands that make wheels "
             f"slip, where no model can be trusted: {what_to_measure(names, conditions.channels)}."
         )
         return Design(None, inseparable or only_slipping)
@@ -226,7 +226,7 @@ def _inseparable(names: Sequence[tuple[str, ...]], separable: Pairs, conditions:
     for group in groups:
         sets = [names[i] for i in sorted(group)]
         sentences.append(
-            f"No command within the robot's limits tells {listed(list(map(set_name, sets)), 'or')} apart by "
+            f"No command within the robot's limits tells {listed(map(set_name, sets), 'or')} apart by "
             f"{listed(conditions.channels)}: {what_to_measure(sets, conditions.channels)}."
         )
     return " ".join(sentences)
@@ -260,7 +260,7 @@ def _difference(
     channels = [name for name in conditions.channels if name not in POSE] or conditions.channels
     spread = {name: float(np.max(np.ptp([p[name] for p in predicted], axis=0))) for name in channels}
     name = max(spread, key=lambda channel: spread[channel] / sigma[channel])
-    which = listed([set_name(c.names) for c in candidates])
+    which = listed(set_name(c.names) for c in candidates)
     return (
         f"On these commands the predictions of {which} differ by up to {amount(spread[name], UNITS[name])} "
         f"in {name}, where the noise is {amount(sigma[name], UNITS[name])}."

@@ -105,10 +105,10 @@ def design_for_untestable(
 
     best = best_sequence(limits, judge, value_of, study)
     if best is None:
-        which = listed([rival.names[0] for rival in rivals], "or")
+        which = listed((rival.names[0] for rival in rivals), "or")
         return Design(None, f"No command within the robot's limits would show {which} here.")
     seen = [i for i in visible if best.z[i] >= norm.ppf(_LEAST_POWER)]
-    which = listed([rivals[i].names[0] for i in seen])
+    which = listed(rivals[i].names[0] for i in seen)
     why = f"These logs could not show {which}; these commands would, were they there in a size to matter."
     drawn = [Rival((), model), *(rivals[i] for i in seen)]
     power = float(norm.cdf(min(best.z[i] for i in seen)))

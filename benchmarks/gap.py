@@ -28,8 +28,8 @@ from sysid.compare.prediction import Start, predict
 from sysid.fit import fit_dataset, fitted_model
 from sysid.gap.report.held_out import predicted
 from sysid.gap.report.output import gap_json
-from sysid.gap.report.wording import verdict_sentence
 from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.wording import verdict_sentence
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Run, Split, read_dataset
 from sysid.progress import seconds_of

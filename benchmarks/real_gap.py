@@ -1,13 +1,13 @@
 """What the gap workflow finds in recordings of real robots, as a Markdown page.
 
-A law is fitted to the quiet part of each recording, the model compared with the whole, the effects found
-added, and the improved model compared again, until nothing more is found. Robots are simulated on the planar
-plant: these are no Mecanum robots, and rollers would be wrong as well as slow.
+A law is fitted to the part of each recording with small commands, the model is compared with the whole, and
+the effects found are added; the improved model is studied again until nothing more is found. Robots are
+simulated on the planar plant: these are no Mecanum robots, and rollers would be wrong as well as slow.
 
 Example: python benchmarks/real_gap.py --out out/real_gap.json --markdown docs/results/real_gap.md
 
-The recordings are not part of the repository: MECANUM_REAL_LOGS names their folder. No truth is known here:
-the page says what is found and what is left.
+The recordings are not part of the repository: MECANUM_REAL_LOGS names their folder. Their true effects are
+not known; the page says what is found and what is left.
 """
 
 from __future__ import annotations
@@ -28,12 +28,16 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.errors import MecanumError
 from mecanum_env.files import write_json, write_text
+from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model, read_robot
 from sysid.compare.subset import deciding, quiet
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.pipeline import Fit
-from sysid.gap.report.wording import (
+from sysid.gap.report.output import gap_json
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.wording import (
     amount,
+    compared_runs,
     concentrations,
     interval_text,
     place_name,
@@ -41,20 +45,20 @@ from sysid.gap.report.wording import (
     sizes,
     unit_of,
     verdict_sentence,
+    with_share,
 )
-from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
 
-BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"
+DEFAULT_FOLDER = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/body", "micromouse/duty_left", "micromouse/duty_right",
             "micromouse/closed_loop_left", "micromouse/closed_loop_right")  # fmt: skip
 SECONDS = {"bench": 60.0, "robot": 40.0}
-"""Of the fit and validation runs that decide: a study takes a minute or two of processor time."""
+"""Duration of the runs that decide [s], for which a study takes a minute or two of processor time."""
 FIT_S = 40.0
-"""Of a recording that a law is fitted to where the quiet part will not do."""
+"""Duration of the runs that a law is fitted to [s], if those with small commands do not suffice."""
 SHOWN = 6
-"""Sets in the table of evidence."""
+"""Number of sets in the table of evidence."""
 
 
 @dataclass(frozen=True)
@@ -62,11 +66,11 @@ class Round:
     """One study of a recording."""
 
     report: GapReport | None
-    """None where it could not be made."""
+    """None if the study failed."""
     error: str
-    """Why."""
+    """Why it failed."""
     seconds: float
-    """Of processor time."""
+    """Processor time [s]."""
 
 
 def main(
@@ -81,35 +85,35 @@ def main(
     out: Path | None = None,
     markdown: Path | None = None,
 ) -> None:
-    """Fit and study the recordings and print the page; say so and stop where there are none.
+    """Fit and study the recordings and print the page; without recordings, say so and stop.
 
     Example: python benchmarks/real_gap.py micromouse/duty_left --rounds 1
 
     Args:
-        names: which recordings.
-        starts: of each fit.
-        rounds: studies of each recording at most, each of the model that the one before improved.
-        max_effects: largest set of effects in one study.
-        seconds: of the fit and validation runs that decide; by default `SECONDS`.
-        only: effects to consider; default: all.
-        jobs: simulations at a time.
+        names: Recordings to study, as subfolders.
+        starts: Number of starts of each fit.
+        rounds: Largest number of studies of a recording, each of the model that the one before improved.
+        max_effects: Size of the largest set of effects in one study.
+        seconds: Duration of the fit and validation runs that decide [s]; default 60 (bench), 40 (robot).
+        only: Effects to consider; default: all.
+        jobs: Simulations at a time.
         out: JSON file to write.
-        markdown: file to write the page to.
+        markdown: Markdown file to write the page to.
     """
-    folder = Path(os.environ.get("MECANUM_REAL_LOGS", BESIDE_THE_CHECKOUT))
+    folder = Path(os.environ.get("MECANUM_REAL_LOGS", DEFAULT_FOLDER))
     if not (folder / "husky").is_dir():
         print("no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/")
         return
     parts = [
         "# Results of `python benchmarks/real_gap.py`",
-        "Written by the command itself; do not edit. Recordings of real robots, where no truth is known: "
-        "what the gap workflow finds, and what is left. A law is fitted to a part of each recording, and "
-        "pieces of its fit and validation runs that cover the speeds decide; the test runs are whole and "
-        "were seen by neither. Times are of one processor. The robot is simulated on the planar plant: it is "
-        "no Mecanum robot, and only drives ahead and turns.",
+        "Written by the command itself; do not edit. Recordings of real robots, whose true effects "
+        "are not known: what the gap workflow finds, and what is left. A law is fitted to a part of each "
+        "recording, and pieces of its fit and validation runs that cover the speeds decide; test runs take "
+        "part in neither and are shown whole. Times are of one processor. The robot is simulated on the "
+        "planar plant: it is no Mecanum robot, and only drives ahead and turns.",
     ]
     if only:
-        parts.append(f"Considered were only {', '.join(only)}.")
+        parts.append(f"Only {', '.join(only)} were considered.")
     results: dict[str, Any] = {}
     for name in names:
         data = read_dataset(folder / name)
@@ -128,19 +132,21 @@ def main(
         shown = [f"## {name}", f"{how} {took:.0f} s.", *page(done)]
         print("\n\n".join(shown), flush=True)
         parts += shown
-        results[name] = [round_json(one) for one in done]
-    text = "\n\n".join(parts) + "\n"
+        results[name] = [
+            {"error": one.error} if one.report is None else {"seconds": one.seconds, **gap_json(one.report)}
+            for one in done
+        ]
     if markdown is not None:
-        write_text(markdown, text)
+        write_text(markdown, "\n\n".join(parts) + "\n")
     if out is not None:
         write_json(out, results)
 
 
 def fitted(data: Dataset, robot: Path, starts: int) -> tuple[Model, str]:
-    """Fit a recording, with the robot's known dimensions where a file has them; return how, too.
+    """Fit a recording, with the robot's known dimensions if a file has them; return the model and how.
 
-    To its quiet part, if a law fitted to that settles while a command is held: else something in it (a dead
-    band, say) is no law, and a selection that covers all speeds is fitted.
+    The part with small commands is fitted if its law settles while a command is held; otherwise something in
+    it (a dead band, say) is not linear, and a selection that covers all speeds is fitted.
     """
     options = FitOptions(starts=starts)
     if robot.is_file():
@@ -159,7 +165,7 @@ def fitted(data: Dataset, robot: Path, starts: int) -> tuple[Model, str]:
 
 
 def settles(fit: Fit) -> bool:
-    """Return whether the law's slowest mode dies away while the longest-held command lasts."""
+    """Return whether the time constant of the law's slowest mode is below the longest hold of a command."""
     slowest = float(np.max(np.abs(fit.law.poles)))
     held = max(
         float(np.max(np.diff([*run.command_changes()[0], run.duration_s]))) for run in fit.dataset.runs
@@ -168,13 +174,13 @@ def settles(fit: Fit) -> bool:
 
 
 def part_text(part: Dataset) -> str:
-    """Return how much of a recording this is."""
+    """Return the number and the duration of runs."""
     seconds = sum(run.duration_s for run in part.runs)
     return f"{len(part.runs)} runs or pieces of runs ({seconds:.0f} s)"
 
 
 def studies(data: Dataset, model: Model, options: GapOptions, rounds: int) -> list[Round]:
-    """Study a recording, then the improved model, until nothing more is found."""
+    """Study a recording, then with the improved model again, until nothing more is found."""
     done: list[Round] = []
     for _ in range(rounds):
         try:
@@ -208,7 +214,7 @@ def study(report: GapReport) -> Iterator[str]:
     """Yield the paragraphs of one study."""
     yield verdict_sentence(report)
     if report.effects:
-        yield table(
+        yield markdown_table(
             ("effect", "parameter", "value", "90 % interval", "selected"),
             [
                 (found.name, name, *interval_text(estimate, unit_of(found.name, name)),
@@ -219,14 +225,14 @@ def study(report: GapReport) -> Iterator[str]:
         )  # fmt: skip
     if len(report.candidates) > 1:
         yield "As good: " + "; ".join(set_name(names) for names in report.candidates[1:]) + "."
-    yield table(
+    yield markdown_table(
         ("channel", "before", "after", "removed"),
         [
-            (name, amount(c.before, c.unit), amount(c.after, c.unit), f"{1.0 - c.after / c.before:.0%}")
+            (name, with_share(c.before, c), with_share(c.after, c), f"{1.0 - c.after / c.before:.0%}")
             for name, c in report.channels.items()
         ],
     )
-    yield table(
+    yield markdown_table(
         ("set", "sizes", "score", "validation rms", "test rms"),
         [
             (set_name(e.effects), "; ".join(f"{n}: {sizes(n, v)}" for n, v in e.parameters.items()),
@@ -249,7 +255,7 @@ def study(report: GapReport) -> Iterator[str]:
 
 
 def whole(made: Sequence[GapReport]) -> str:
-    """Return what all studies together removed on the test runs, channel by channel."""
+    """Return what all studies together removed of each channel's error."""
     first, last = made[0], made[-1]
     share = [
         f"{name} {1.0 - last.channels[name].after / first.channels[name].before:.0%} "
@@ -257,30 +263,7 @@ def whole(made: Sequence[GapReport]) -> str:
         f"{amount(last.channels[name].after, last.channels[name].unit)})"
         for name in first.channels
     ]
-    return "All studies together removed of the held-out rms: " + ", ".join(share) + "."
-
-
-def table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> str:
-    """Return a Markdown table."""
-    lines = [head, tuple("---" for _ in head), *rows]
-    return "\n".join("| " + " | ".join(cells) + " |" for cells in lines)
-
-
-def round_json(one: Round) -> dict[str, Any]:
-    """Return one study for the JSON file."""
-    if one.report is None:
-        return {"error": one.error}
-    report = one.report
-    return {
-        "seconds": one.seconds,
-        "verdict": report.verdict,
-        "candidates": report.candidates,
-        "effects": {
-            f.name: {p: [i.value, i.low, i.high] for p, i in f.parameters.items()} for f in report.effects
-        },
-        "channels": {n: {"before": c.before, "after": c.after} for n, c in report.channels.items()},
-        "notes": report.notes,
-    }
+    return f"All studies together removed of the rms error on {compared_runs(last)}: {', '.join(share)}."
 
 
 if __name__ == "__main__":

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from textwrap import fill
 
 from mecanum_env.cli import run
 from mecanum_env.rendering.backend import use_backend
@@ -44,16 +45,14 @@ def demo(out: Path = Path("out")) -> None:
     sigma = figures["noise"]["sigma_rpm"]["speed_rpm"]
     rms, rise, settling = best["rms_rpm"]["test"], best["rise_time_s"], best["settling_time_s"]
     study = json.loads((out / "gap" / "gap.json").read_text(encoding="utf-8"))
-    missing = " and ".join(effect["name"] for effect in study["effects"]) or "nothing"
-    before, after, floor = (study["gap"][key] for key in ("before", "after", "noise_floor"))
     print(f"""
 The wheel was identified from {runs} bench runs of a motor that no third-order law describes exactly:
 {rms:.2f} rpm rms on runs it never saw, where repeats differ by {sigma:.2f} rpm; it rises in {rise:.3f} s
 and settles in {settling:.3f} s, and is stable by construction.
 
-Then something was changed in the drive. Logs made after that say what the model lacks:
-{missing}. With that the difference on untouched runs falls
-from {before:.2f} to {after:.2f} rpm (noise {floor:.2f}). The robot in the video has it too.
+Then something was changed in the drive. From logs made after that, the study concludes:
+{fill(study["sentence"], 100)}
+The robot in the video has it too.
 
 Look at""")
     for path, what in (

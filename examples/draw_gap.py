@@ -2,7 +2,7 @@
 
     python examples/draw_gap.py out/model.json --out docs/images
 
-The pictures of docs/gap.md. It does what `python -m sysid.gap examples/gap_logs --model out/model.json` does.
+The pictures of docs/gap.md, of the study `python -m sysid.gap examples/gap_logs --model out/model.json`.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.files import atomic_path
 from mecanum_env.model import read_model
-from sysid.gap.report.wording import verdict_sentence
-from sysid.gap.result import Difference, GapReport, Overlay, Region
+from mecanum_env.statistics import rms
+from sysid.gap.report.plots import AFTER, BEFORE, COMMAND, MEASURED
+from sysid.gap.result import GapReport, Overlay, Region
+from sysid.gap.wording import verdict_sentence, worst_channel
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
 from sysid.progress import stage_bar
 
 LOGS = Path(__file__).parent / "gap_logs"
-MEASURED, BEFORE, AFTER, COMMAND = "#8a8a8a", "#c8102e", "#0b7a75", "#1f4e79"
 DIMENSIONS = ("phase", "speed", "direction")
 
 
@@ -33,11 +34,11 @@ def draw(model: tyro.conf.Positional[Path], /, logs: Path = LOGS, out: Path = Pa
     """Study logs and write gap_runs.png and gap_where.png.
 
     Args:
-        model: to compare with the logs, from python -m sysid.fit.
-        logs: folder of bench or robot logs.
-        out: folder to write.
+        model: Model to compare with the logs, from python -m sysid.fit.
+        logs: Folder of bench or robot logs.
+        out: Folder to write.
     """
-    with stage_bar(8) as progress:
+    with stage_bar(5) as progress:
         report = analyse(read_dataset(logs), read_model(model), progress=progress)
     print(verdict_sentence(report))
     for name, figure in (("gap_runs.png", runs_figure(report)), ("gap_where.png", where_figure(report))):
@@ -47,11 +48,11 @@ def draw(model: tyro.conf.Positional[Path], /, logs: Path = LOGS, out: Path = Pa
 
 
 def runs_figure(report: GapReport, count: int = 2) -> Any:
-    """Return the figure of the worst run of each of `count` command sequences, and what is missed in it.
+    """Return the figure of the worst run of each of `count` command sequences, and its error below.
 
     Args:
-        report: of the study.
-        count: how many command sequences.
+        report: results of the study.
+        count: number of command sequences.
     """
     from matplotlib.figure import Figure
 
@@ -63,29 +64,29 @@ def runs_figure(report: GapReport, count: int = 2) -> Any:
             upper.step(overlay.time_s, overlay.command, where="post", color=COMMAND, lw=0.8, label="command")
         upper.plot(overlay.time_s, overlay.measured, ".", color=MEASURED, ms=4.0, label="measured")
         for name, values, colour in (("before", overlay.before, BEFORE), ("after", overlay.after, AFTER)):
-            rms = float(np.sqrt(np.nanmean((overlay.measured - values) ** 2)))
-            upper.plot(
-                overlay.time_s, values, color=colour, lw=1.2, label=f"{name}, rms {rms:.2g} {overlay.unit}"
-            )
-            lower.plot(overlay.time_s, overlay.measured - values, color=colour, lw=1.0)
+            error = overlay.measured - values
+            label = f"{name}, rms {rms(error):.2g} {overlay.unit}"
+            upper.plot(overlay.time_s, values, color=colour, lw=1.2, label=label)
+            lower.plot(overlay.time_s, error, color=colour, lw=1.0)
         upper.set_title(f"{overlay.file} ({overlay.split})", fontsize=10, loc="left")
         upper.set_ylabel(f"{overlay.channel} [{overlay.unit}]")
         upper.legend(fontsize=8, frameon=False)
         lower.axhline(0.0, color="#bbbbbb", lw=0.6, zorder=0)
-        lower.set_ylabel(f"missed [{overlay.unit}]")
+        lower.set_ylabel(f"error [{overlay.unit}]")
         lower.set_xlabel("time [s]")
     return figure
 
 
 def where_figure(report: GapReport) -> Any:
-    """Return the figure of one channel's rms error by region, before and after.
+    """Return the figure of the worst channel's rms error by region, before and after.
 
     Args:
-        report: of the study; its worst channel is drawn.
+        report: results of the study.
     """
     from matplotlib.figure import Figure
 
-    channel, difference = max(report.channels.items(), key=lambda item: _excess(item[1]))
+    channel = worst_channel(report)
+    difference = report.channels[channel]
     figure = Figure(figsize=(10.0, 3.4), layout="constrained")
     axes = figure.subplots(1, len(DIMENSIONS), sharex=True)
     for ax, dimension in zip(axes, DIMENSIONS, strict=True):
@@ -105,19 +106,15 @@ def where_figure(report: GapReport) -> Any:
 
 
 def _one_of_each(overlays: Sequence[Overlay], count: int) -> list[Overlay]:
-    """Return the first overlay of each command sequence; a file's name up to the last "_" tells which."""
+    """Return the first overlay of each command sequence, named by the file up to its last "_"."""
     first: dict[str, Overlay] = {}
     for overlay in overlays:
         first.setdefault(overlay.file.rsplit("_", 1)[0], overlay)
     return list(first.values())[:count]
 
 
-def _excess(difference: Difference) -> float:
-    return difference.before / (difference.noise_floor or difference.after)
-
-
 def _speed_of(region: Region) -> float:
-    """Return the first number in a region's name, "above" and "up to" after and before their number."""
+    """Return the first number in a region's name; "up to" sorts before it and "above" after it."""
     words = region.region.split()
     number = next(float(word) for word in words if word.replace(".", "", 1).isdigit())
     return number + {"above": 0.5, "up": -0.5}.get(words[0], 0.0)

@@ -95,7 +95,7 @@ def warning_line(certificate: Certificate) -> str:
 
 def gap_lines(report: GapReport) -> str:
     """Return what a study found: verdict, sizes, twins."""
-    from sysid.gap.report.wording import interval_text, set_name, unit_of, verdict_sentence
+    from sysid.gap.wording import interval_text, set_name, unit_of, verdict_sentence
 
     lines = [f"{report.verdict}: {verdict_sentence(report)}"]
     for found in report.effects:
@@ -110,7 +110,7 @@ def gap_lines(report: GapReport) -> str:
 
 def truth_text(truth: Mapping[str, Mapping[str, float]]) -> str:
     """Return effects with their sizes in words."""
-    from sysid.gap.report.wording import sizes
+    from sysid.gap.wording import sizes
 
     return "; ".join(f"{name} {sizes(name, values)}" for name, values in truth.items())
 

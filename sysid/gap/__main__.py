@@ -1,4 +1,4 @@
-"""Find what a model lacks, by logs: `python -m sysid.gap LOGS --model MODEL`."""
+"""Find what a model lacks, from logs: `python -m sysid.gap LOGS --model MODEL`."""
 
 from __future__ import annotations
 
@@ -13,14 +13,13 @@ from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable
 from mecanum_env.model import read_model
 from sysid.gap.checks import require_valid
-from sysid.gap.report.output import FILES, write_study
-from sysid.gap.report.table import gap_table
+from sysid.gap.report.output import FILES, gap_table, write_study
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
 from sysid.progress import stage_bar
 
-_STAGES: Final = 8
+_STAGES: Final = 6
 
 
 def gap(
@@ -38,7 +37,7 @@ def gap(
     seconds: float | None = None,
     empirical: bool = False,
 ) -> None:
-    """Compare a model with logs; name the effect that it lacks, add it, and show that the gap shrinks.
+    """Compare a model with logs, name the effects that it lacks, add them, and show the gap before and after.
 
     Writes gap.json, model.json with the effects added, report.html and, where it helps, next_experiment.csv.
 
@@ -48,15 +47,15 @@ def gap(
         logs: Folder of bench or robot logs, or one file.
         model: Model to compare with them, from python -m sysid.fit.
         out: Folder to write.
-        seed: Of the simulated thresholds and the bootstrap.
-        level: What the logs must be; auto takes what they are.
+        seed: Seed of the simulated thresholds, the bootstrap and the design of experiments.
+        level: Level that the logs must have; auto accepts both.
         only: Effects to look for; default: all that act on such logs (python -m mecanum_env.effects).
         exclude: Effects not to look for.
-        max_effects: Largest set of effects that is tried.
-        jobs: Simulations at a time; the result is the same with any number.
-        plant: That a robot is simulated with; planar does not slip and is much faster.
-        seconds: Of distinct commands that decide [s]; default 240 on the bench, 60 on the robot.
-        empirical: Where no effect explains the gap, add a correction found by regression to the model.
+        max_effects: Size of the largest set of effects that is tried.
+        jobs: Simulations at a time; results do not depend on it.
+        plant: How a robot is simulated; planar does not slip and is much faster.
+        seconds: Duration of the runs that decide, repeats not counted [s]; default 240 (bench), 60 (robot).
+        empirical: If no effect explains the gap, add a correction found by regression to the model.
     """
     options = GapOptions(
         seed=seed,

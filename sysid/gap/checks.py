@@ -1,6 +1,6 @@
-"""Checks of what a user asks of a study.
+"""Checks before a study: whether the options make sense for the logs, and whether anything moves in the logs.
 
-Whether logs can show a gap at all: a dead sensor would pass for an effect, or stop the arithmetic.
+A dead sensor would pass for an effect, or make the noise zero.
 """
 
 from __future__ import annotations
@@ -16,13 +16,16 @@ from sysid.gap.result import GapOptions
 from sysid.logs import Dataset
 from sysid.logs.runs import Level
 
+_LEAST_SAMPLES: Final = 7
+"""Least number of samples, as for a fit."""
+
 
 def require_valid(options: GapOptions, level: Level) -> None:
     """Refuse options that make no sense for the logs.
 
     Args:
-        options: as given.
-        level: what the logs are.
+        options: options of the study.
+        level: level of the logs.
 
     Raises:
         InputError: another level than that of the logs, a count below 1, no time to decide on, or an effect
@@ -42,14 +45,14 @@ def require_valid(options: GapOptions, level: Level) -> None:
                 )
     for name in options.only:
         if name not in known:
-            raise InputError(f"only {name}: does nothing in {level} logs; there: {', '.join(known)}")
+            raise InputError(f"only {name}: has no effect in {level} logs; use one of: {', '.join(known)}")
         if name in options.exclude:
             raise InputError(f"only {name}: excluded as well; leave out one of the two")
     if not set(known) - set(options.exclude):
         raise InputError(f"exclude: no effect is left to look for; for {level} logs: {', '.join(known)}")
-    for option, count in (("max-effects", options.max_effects), ("jobs", options.jobs)):
-        if count < 1:
-            raise InputError(f"{option} = {count}, must be at least 1")
+    for option, value in (("max-effects", options.max_effects), ("jobs", options.jobs)):
+        if value < 1:
+            raise InputError(f"{option} = {value}, must be at least 1")
     if options.seconds is not None and not options.seconds > 0.0:
         raise InputError(f"seconds = {options.seconds:g}, must be above 0")
     if options.seed < 0:
@@ -60,18 +63,15 @@ def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]
     """Return the effects that act on logs of a level, in the order of the chain.
 
     Args:
-        level: of the logs.
-        plant: that a robot is simulated with.
+        level: level of the logs.
+        plant: how a robot is simulated.
     """
     used: PlantKind = "bench" if level == "bench" else plant
     return tuple(name for name, effect in CATALOGUE.items() if effect.acts_in(used))
 
 
-_LEAST_SAMPLES: Final = 7  # as for a fit
-
-
 def require_movement(dataset: Dataset) -> None:
-    """Check that something moves in the logs.
+    """Refuse logs in which nothing moves.
 
     Args:
         dataset: bench or robot logs.
@@ -79,25 +79,25 @@ def require_movement(dataset: Dataset) -> None:
     Raises:
         InputError: fewer samples than a fit takes, or no measured channel that ever changes.
     """
-    values: dict[str, list[FloatArray]] = {}
+    parts: dict[str, list[FloatArray]] = {}
     for run in dataset.runs:
         for name, channel in run.channels.items():
             if name != "battery_v":
-                values.setdefault(name, []).append(channel[np.isfinite(channel)])
-    measured = {name: np.concatenate(parts) for name, parts in values.items()}
-    samples, runs = sum(one.size for one in measured.values()), f"{len(dataset.runs)} run(s)"
+                parts.setdefault(name, []).append(channel[np.isfinite(channel)])
+    measured = {name: np.concatenate(values) for name, values in parts.items()}
+    samples, runs = sum(values.size for values in measured.values()), f"{len(dataset.runs)} run(s)"
     if samples < _LEAST_SAMPLES:
-        raise InputError(f"{samples} samples in {runs}, at least {_LEAST_SAMPLES} are needed to tell a gap")
-    if any(one.size and np.ptp(one) > 0.0 for one in measured.values()):
+        raise InputError(f"{samples} samples in {runs}, at least {_LEAST_SAMPLES} are needed to find a gap")
+    if any(values.size and np.ptp(values) > 0.0 for values in measured.values()):
         return
-    asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
-    if asked == 0.0:
+    fastest = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
+    if fastest == 0.0:
         raise InputError(
-            f"the command is 0 throughout and nothing moves, so nothing can be learnt from {runs} starting "
-            f"with {dataset.runs[0].file}; record a step from rest"
+            f"the command is 0 throughout and nothing moves in {runs}, the first of which is "
+            f"{dataset.runs[0].file}; record a step from rest"
         )
-    still = " and ".join(f"{name} is {one[0]:g}" for name, one in measured.items() if one.size)
+    still = " and ".join(f"{name} is {values[0]:g}" for name, values in measured.items() if values.size)
     raise InputError(
-        f"{still} in every sample while wheels are commanded up to {asked:g} rpm: a dead sensor or the wrong "
-        "column; check the logs"
+        f"{still} in every sample while wheels are commanded up to {fastest:g} rpm: a dead sensor or the "
+        "wrong column; check the logs"
     )

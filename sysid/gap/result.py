@@ -1,4 +1,4 @@
-"""What a gap study finds: plain records, written to gap.json and drawn on the page."""
+"""Records of a gap study: its options and its results, as written to gap.json and drawn on the page."""
 
 from __future__ import annotations
 
@@ -8,11 +8,13 @@ from dataclasses import dataclass, field
 from typing import Any, Literal
 
 from mecanum_env.model import Model
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.logs import Finding, Split
+from sysid.logs.runs import Level
 
 Verdict = Literal["no_gap", "named", "ambiguous", "unexplained"]
-"""Nothing significant; one smallest set of effects; several that explain equally well; none that does."""
+"""No significant gap; one smallest set of effects explains it; several equally well; none does."""
 
 
 @dataclass(frozen=True)
@@ -20,25 +22,25 @@ class GapOptions:
     """What a user may decide about a study."""
 
     seed: int = 0
-    """Of the simulated thresholds and the bootstrap."""
+    """Seed of the simulated thresholds, the bootstrap and the design of experiments."""
     level: Literal["auto", "bench", "robot"] = "auto"
-    """What the logs must be; auto takes what they are."""
+    """Level that the logs must have; auto accepts both."""
     only: tuple[str, ...] = ()
     """Effects to consider; empty: all that act on this level."""
     exclude: tuple[str, ...] = ()
     """Effects not to consider."""
     max_effects: int = 3
-    """Largest set that is tried."""
+    """Size of the largest set of effects that is tried."""
     jobs: int = 1
-    """Simulations at a time; changes the time taken, not the result."""
-    plant: Literal["rollers", "planar"] = "rollers"
-    """That a robot is simulated with; the planar one does not slip and is much faster."""
+    """Simulations at a time; results do not depend on it."""
+    plant: RobotPlant = "rollers"
+    """How a robot is simulated; the planar plant does not slip and is much faster."""
     seconds: float | None = None
-    """Of distinct commands that decide [s]; None: 240 on the bench, 60 on the robot."""
+    """Duration of the runs that decide, repeats not counted [s]; None: 240 on the bench, 60 on the robot."""
     empirical: bool = False
-    """Where nothing explains the gap, add a correction by regression, which is not physics."""
+    """Whether to add a correction by regression, which is not physics, if no effect explains the gap."""
     next_experiment: bool = True
-    """Design the experiment that would tell tied candidates apart."""
+    """Whether to design the next experiment."""
 
 
 @dataclass(frozen=True)
@@ -56,44 +58,50 @@ class FoundEffect:
 
     name: str
     parameters: Mapping[str, Interval]
-    """By the names of the model file."""
+    """Parameter, by its name in the model file -> estimate."""
     selection_frequency: float
-    """Share of bootstrap resamples of the runs in which the set that was chosen has this effect."""
+    """Share of bootstrap resamples of the command sequences in whose best set the effect is."""
 
     @property
     def intervals(self) -> dict[str, dict[str, float]]:
-        """What a model file keeps of the parameters: value, low, high; not of one that may be infinite."""
+        """What a model file keeps of each parameter: value, low and high, if all are finite."""
         kept = {name: {"value": i.value, "low": i.low, "high": i.high} for name, i in self.parameters.items()}
         return {name: ends for name, ends in kept.items() if all(map(math.isfinite, ends.values()))}
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Root mean square of measured minus simulated."""
+    """Root mean square of measured minus simulated, in one channel or over all."""
 
     unit: str
-    """Of the channel; "sigma": over the noise of each channel."""
+    """Unit of the channel; "sigma" over several channels: standard deviations of each channel's noise."""
     before: float
+    """Rms error of the model as given."""
     after: float
+    """Rms error of the improved model."""
     noise_floor: float | None
-    """What repeats say the noise is; None where there are none."""
+    """Standard deviation of the noise, from all repeats in the logs, test runs included; None without any."""
+    motion: float | None = None
+    """Rms of the measured channel, which says how large an error is; of a pose, from where the run starts."""
 
 
 @dataclass(frozen=True)
 class Region:
-    """Part of the error: one channel in one region of the motion."""
+    """The error of one channel in one part of the motion."""
 
     channel: str
     dimension: str
-    """What divides the samples: phase, speed, direction, time, heading, battery, repeat."""
+    """What divides the samples: phase, speed, direction, time, heading, battery, repeat or wheel."""
     region: str
-    """Which part: "reversal", "80 .. 130 rpm" ..."""
+    """Part of the dimension, such as "reversal" or "80 .. 130 rpm"."""
     rms: float
-    """Before, in the channel's unit."""
+    """Rms error before, in the channel's unit."""
     rms_after: float
+    """Rms error after, in the channel's unit."""
     share: float
-    """Of the channel's squared error before, over all regions of the dimension."""
+    """Share of the channel's squared error before, over all regions of the dimension."""
     samples: int
+    """Number of samples in the region."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +111,7 @@ class Untestable:
     name: str
     reason: str
     smallest_detectable: Mapping[str, float]
-    """Parameter -> size that would be seen with a probability of 90 %; empty where none would."""
+    """Parameter -> size that would be seen with a probability of 90 %; empty if none would."""
 
 
 @dataclass(frozen=True)
@@ -111,26 +119,28 @@ class Evidence:
     """One set of effects, fitted and judged."""
 
     effects: tuple[str, ...]
-    """Empty: the model as it is; ("wheel_law",): its law fitted again."""
+    """Names of the effects; empty: the model as it is; ("wheel_law",): its law fitted again."""
     parameters: Mapping[str, Mapping[str, float]]
     """Effect -> parameter -> value."""
     parameter_count: int
     score: float
-    """-2 log predictive density of each run from the others, less that of the model as it is; lower is
-    better."""
+    """-2 log predictive density of each command sequence given the others, relative to the model as it is;
+    lower is better."""
     misfit: float
-    """Squared error over its expectation under noise, parameter and model error; 1 is as good as can be."""
+    """Squared error relative to its expectation under noise, parameter and model error; 1 is ideal."""
     adequate: bool
-    """Whether `misfit` is what chance allows."""
+    """Whether chance allows this misfit."""
     validation_rms: float
-    """In the unit of the study's gap."""
+    """Rms error on the validation runs, in the unit of the study's gap."""
     test_rms: float
+    """Rms error on the test runs, in the unit of the study's gap."""
     bic: float
+    """Bayesian information criterion."""
 
 
 @dataclass(frozen=True)
 class Overlay:
-    """One run as measured and as simulated before and after, for the page."""
+    """One channel of one run as measured and as simulated before and after; arrays have shape (n,)."""
 
     file: str
     split: Split
@@ -141,26 +151,26 @@ class Overlay:
     before: FloatArray
     after: FloatArray
     command: FloatArray | None
-    """On the same samples where the command has the channel's unit."""
+    """Command at the same times, if it has the channel's unit."""
 
 
 @dataclass(frozen=True)
 class Experiment:
-    """A command sequence that tells tied candidates apart best, or shows what these logs could not."""
+    """A command sequence that separates tied candidates, or shows effects that the logs could not."""
 
     why: str
     candidates: tuple[tuple[str, ...], ...]
-    """What it separates; empty where it is to show effects that the logs could not."""
+    """Sets of effects that it separates; empty if it shows effects that the logs could not."""
     time_s: FloatArray
-    """Times of the commands [s]."""
+    """Times of the commands [s], shape (k,)."""
     columns: Mapping[str, FloatArray]
-    """Command columns of a log -> values, one a command."""
+    """Command column of a log -> values, shape (k,)."""
     duration_s: float
     power: float
-    """Probability that three repeats of it name the truth, whichever candidate it is, or at least leave it
-    alone with those that, as `why` says, no command separates from it."""
+    """Probability that three repeats of it leave the true candidate alone, whichever it is, apart from those
+    that no command separates from it, as `why` says; or that they show each effect that `why` names."""
     predicted: Mapping[str, Mapping[str, FloatArray]] = field(default_factory=dict)
-    """Candidate (joined by " + ") -> channel -> prediction at `predicted_time_s`, to draw."""
+    """Candidate (names joined by " + ") -> channel -> prediction at `predicted_time_s`, to draw."""
     predicted_time_s: FloatArray | None = None
 
 
@@ -169,49 +179,55 @@ class EmpiricalTerm:
     """A readable correction found by regression on the residual: a clue, not physics."""
 
     formula: Mapping[str, str]
-    """Channel -> the sum of terms, with units."""
+    """Channel -> sum of terms with their units."""
     explained: Mapping[str, float]
-    """Channel -> share of the squared residual on held-out runs that it explains."""
+    """Channel -> share of the squared residual that it explains on runs it was not fitted to."""
     adopted: bool
-    """Whether it is part of the improved model's file (`--empirical`)."""
+    """Whether it was added to the improved model (`--empirical`)."""
 
 
 @dataclass(frozen=True)
 class GapReport:
-    """Everything that a study says."""
+    """All results of a study."""
 
     verdict: Verdict
     effects: tuple[FoundEffect, ...]
-    """Added to `model`; empty for no_gap and unexplained."""
+    """Effects that were added to `model`; empty for no_gap and unexplained."""
     candidates: tuple[tuple[str, ...], ...]
     """Every smallest set that explains the data equally well, the adopted one first."""
     gap: Difference
-    """On test runs, which no decision has seen."""
+    """Difference over all channels, on the runs that `held_out` and `unseen` describe."""
     channels: Mapping[str, Difference]
+    """Channel -> difference on the same runs."""
     where: tuple[Region, ...]
-    """Largest shares first."""
+    """Regions of the error on the same runs, largest share first."""
     untestable: tuple[Untestable, ...]
     smallest_detectable: Mapping[str, Mapping[str, float]]
     """Effect -> parameter -> size, for every effect considered that these logs could show."""
     next_experiment: Experiment | None
     evidence: tuple[Evidence, ...]
-    """Best score first."""
+    """Sets of effects, best score first."""
     p_value: float
-    """Of the largest difference between measurement and model, were the model right."""
+    """Probability of a difference at least this large if the model were right."""
     model: Model
-    """With the effects added."""
+    """The model with the effects added."""
     base: Model
-    """As given."""
-    level: Literal["bench", "robot"]
+    """The model as given."""
+    level: Level
     dataset: str
-    """Its name."""
+    """Name of the logs."""
     findings: tuple[Finding, ...]
-    """What the data check noticed."""
+    """What the check of the logs noticed."""
     notes: tuple[str, ...]
     """What was assumed, inferred or could not be told, in sentences."""
     overlays: tuple[Overlay, ...]
-    """The runs that were worst before."""
+    """The runs of largest error before."""
     empirical: EmpiricalTerm | None
     provenance: Mapping[str, Any]
+    """Seed, checksums of data and model, and version."""
+    held_out: Split = "test"
+    """Split of the runs in `gap`, `channels`, `where` and `overlays`: "test", or what stood in for it."""
+    unseen: bool = True
+    """Whether those runs took no part in the decision."""
     trusted: bool = True
-    """Whether what a right model would leave is known: else a difference may be noise or not."""
+    """Whether it is known what a right model would leave; if not, a difference may be noise or not."""

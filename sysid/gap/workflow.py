@@ -25,7 +25,7 @@ from sysid.compare.subset import deciding
 from sysid.compare.whitening import Whitener
 from sysid.gap.checks import known_effects, require_movement, require_valid
 from sysid.gap.design.experiment import Design
-from sysid.gap.design.what_next import what_next
+from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.report.held_out import (
     compare,
     differences,
@@ -210,7 +210,7 @@ def _report(
     unseen = untestable(considered, search.library, detectable, dataset.level)
     asked = Design(None, "")
     if options.next_experiment:
-        asked = what_next(problem, decision, improved, unseen, threshold, seed=options.seed)
+        asked = design_next_experiment(problem, decision, improved, unseen, threshold)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
     return GapReport(
         verdict=decision.verdict,
@@ -240,6 +240,8 @@ def _report(
             ).hexdigest(),
             "version": mecanum_env.__version__,
         },
+        held_out=split,
+        unseen=split == "test" and len(runs) < len(dataset.runs),
         trusted=study.floor.trusted,
     )
 

@@ -26,10 +26,10 @@ def bench(command_rpm: float, speed_rpm: float, samples: int) -> Dataset:
         ),
         (
             bench(0.0, 0.0, 300),
-            "the command is 0 throughout and nothing moves, so nothing can be learnt from 3 run(s) starting "
-            "with run0.csv; record a step from rest",
+            "the command is 0 throughout and nothing moves in 3 run(s), the first of which is run0.csv; "
+            "record a step from rest",
         ),
-        (bench(40.0, 0.0, 2), "6 samples in 3 run(s), at least 7 are needed to tell a gap"),
+        (bench(40.0, 0.0, 2), "6 samples in 3 run(s), at least 7 are needed to find a gap"),
     ],
 )
 def test_logs_in_which_nothing_moves_are_refused(base: Model, logs: Dataset, message: str) -> None:

@@ -8,8 +8,7 @@ import pytest
 
 from mecanum_env.model import Model, read_model
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.gap.report.output import write_study
-from sysid.gap.report.table import gap_table
+from sysid.gap.report.output import gap_table, write_study
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset

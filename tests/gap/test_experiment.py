@@ -1,5 +1,6 @@
-"""The next experiment: within the robot's limits, reproducible, as powerful as it says, and it settles."""
+"""The next experiment: within the robot's limits, reproducible, of the power it states, and decisive."""
 
+from dataclasses import replace
 from itertools import permutations
 
 import numpy as np
@@ -9,28 +10,40 @@ from scipy.stats import norm
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import Model, Robot
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.simulator.bench import replay_bench
 from sysid.compare.noise import Noise
-from sysid.gap.design.direct_checks import what_to_measure
-from sysid.gap.design.experiment import Rival, design, power, separation
+from sysid.compare.observations import observe
+from sysid.compare.prediction import Start, predict
+from sysid.compare.problem import ResidualProblem
+from sysid.compare.study import Study
+from sysid.compare.whitening import Whitener
+from sysid.gap.design.experiment import Rival, design_separating, power, separation, what_to_measure
+from sysid.gap.design.next_experiment import conditions_of, design_for_untestable
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
 from sysid.gap.design.trial import EFFORT, DesignEffort, ExperimentConditions, Trial, command_of
-from sysid.gap.design.what_next import design_for_untestable
 from sysid.gap.result import GapOptions
 from sysid.gap.search.chance import NEVER
 from sysid.gap.search.scores import FORMULA_ERROR
 from sysid.gap.workflow import analyse
-from sysid.logs import BenchCommand, Dataset, Run
+from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
 BENCH = Limits(135.0)
 ROBOT = Limits(135.0, geometry=Robot())
-SPEED = ExperimentConditions(
-    "bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 0.5}, {"speed_rpm": "repeats"}), None
-)
+
+
+def bench_conditions(sigma_rpm: float = 0.5, seed: int = 0, jobs: int = 1) -> ExperimentConditions:
+    noise = Noise({"speed_rpm": sigma_rpm}, {"speed_rpm": "repeats"})
+    return ExperimentConditions("bench", ("speed_rpm",), 0.01, noise, None, Study(seed=seed, jobs=jobs))
+
+
+def robot_conditions(plant: RobotPlant = "rollers", **sigma: float) -> ExperimentConditions:
+    noise = Noise(sigma, dict.fromkeys(sigma, "repeats"))
+    return ExperimentConditions("body", tuple(sigma), 0.02, noise, None, Study(plant))
 
 
 def rivals(model: Model, friction_n_m: float = 0.5) -> tuple[Rival, Rival]:
-    """Return friction and the gain that looks like it at 60 rpm, with what is not known of either."""
+    """Return friction and the gain that looks like it at 60 rpm, each with its uncertain parameter."""
 
     def friction(torque: float) -> Model:
         return model.with_effect("coulomb_friction", torque_n_m=torque)
@@ -54,7 +67,7 @@ def sequences(limits: Limits) -> list[np.ndarray]:
 @pytest.mark.parametrize("limits", [BENCH, ROBOT, Limits(97.5, 2.0)])
 def test_every_sequence_is_one_that_the_robot_takes(limits: Limits):
     for rows in sequences(limits):
-        assert len(rows) <= limits.most
+        assert len(rows) <= limits.max_rows
         assert np.all(rows[:2] == 0.0)
         assert np.all(rows[-1] == 0.0)
         speeds = rows if rows.shape[1] == 1 else rows[:, [0, 2]]
@@ -88,10 +101,8 @@ def test_the_same_seed_gives_the_same_experiment_whatever_the_jobs(
     paper: Model, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.setitem(EFFORT, "bench", DesignEffort(4, 2, 3))
-    weak = ExperimentConditions(
-        "bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 8.0}, {"speed_rpm": "repeats"}), None
-    )
-    one, two = (design(paper, rivals(paper), weak, BENCH, seed=3, jobs=jobs).experiment for jobs in (1, 2))
+    noisy = [bench_conditions(8.0, seed=3, jobs=jobs) for jobs in (1, 2)]
+    one, two = (design_separating(paper, rivals(paper), some, BENCH).experiment for some in noisy)
     assert one is not None
     assert two is not None
     assert one.power == two.power < 0.999  # so that it had to be improved, at random
@@ -99,11 +110,11 @@ def test_the_same_seed_gives_the_same_experiment_whatever_the_jobs(
 
 
 def test_the_experiment_separates_better_than_a_step(paper: Model):
-    found = design(paper, rivals(paper), SPEED, BENCH).experiment
+    found = design_separating(paper, rivals(paper), bench_conditions(), BENCH).experiment
     assert found is not None
     step = np.concatenate([np.zeros((2, 1)), np.full((56, 1), 60.0), np.zeros((2, 1))])
     designed, plain = (
-        separation(Trial(paper, rows, SPEED), paper, rivals(paper), thorough=True)
+        separation(Trial(paper, rows, bench_conditions()), paper, rivals(paper), thorough=True)
         for rows in (found.columns["command_rpm"][:, None], step)
     )
     assert np.min(designed) > np.min(plain) + 2.0
@@ -113,31 +124,29 @@ def test_the_experiment_separates_better_than_a_step(paper: Model):
 
 def test_power_is_the_share_of_simulated_experiments_that_leave_the_truth_alone(paper: Model):
     """Draw noise, refit each candidate's parameter, and decide as a study does."""
-    noisy = ExperimentConditions(
-        "bench", ("speed_rpm",), 0.01, Noise({"speed_rpm": 4.0}, {"speed_rpm": "repeats"}), None
-    )
+    noisy = bench_conditions(4.0)
     rows = np.concatenate([np.zeros(2), np.repeat([5.0, -5.0, 90.0, 0.0], 5), np.zeros(2)])[:, None]
     both = rivals(paper)
     trial = Trial(paper, rows, noisy)
     z = separation(trial, paper, both, thorough=True)
     shown = [trial.whitened(rival.model) for rival in both]
-    moved = [trial.columns(p, r.plausible) for p, r in zip(shown, both, strict=True)]
+    moved = [trial.differences(p, r.plausible) for p, r in zip(shown, both, strict=True)]
     rng = np.random.default_rng(0)
     for index, (truth, rival) in enumerate(permutations(range(2))):
-        limit = NEVER**2 + FORMULA_ERROR**2 * trial.square(shown[truth] - trial.whitened(paper))
+        limit = NEVER**2 + FORMULA_ERROR**2 * trial.squared_distance(shown[truth] - trial.whitened(paper))
         alone = 0
         for _ in range(4000):
             measured = shown[truth] + rng.standard_normal(shown[truth].size)
-            cost = [trial.square(measured - shown[i], moved[0], moved[1]) for i in (truth, rival)]
+            cost = [trial.squared_distance(measured - shown[i], moved[0], moved[1]) for i in (truth, rival)]
             alone += cost[1] - cost[0] > limit
         assert 0.2 < norm.cdf(z[index]) < 0.98
         assert alone / 4000 == pytest.approx(norm.cdf(z[index]), abs=0.03)
 
 
 def test_power_is_that_of_the_truth_worst_off():
-    told = np.array([True, True, True, True, False, False])
+    separable = np.array([True, True, True, True, False, False])
     z = norm.ppf([0.99, 0.98, 0.9, 0.95, 0.1, 0.1])
-    assert power(z, told, 3) == pytest.approx(0.85)
+    assert power(z, separable, 3) == pytest.approx(0.85)
 
 
 @pytest.mark.parametrize(
@@ -149,7 +158,7 @@ def test_power_is_that_of_the_truth_worst_off():
 )
 def test_exact_twins_get_no_experiment_but_what_to_measure(paper: Model, one, other, needed: str):
     twins = [Rival((name,), paper.with_effect(name, **values)) for name, values in (one, other)]
-    found = design(paper, twins, SPEED, BENCH)
+    found = design_separating(paper, twins, bench_conditions(), BENCH)
     assert found.experiment is None
     assert "No command" in found.why
     assert needed in found.why
@@ -160,44 +169,73 @@ def test_every_effect_has_a_direct_check():
     assert "tape" in what_to_measure([("wheel_radius",), ("speed_gain",)], ("x_m", "y_m", "yaw_rad"))
 
 
-def test_a_robot_experiment_stays_in_the_field_and_spins_no_wheel(
+def test_a_robot_experiment_stays_in_the_field_and_slips_no_wheel(
     paper: Model, monkeypatch: pytest.MonkeyPatch
 ):
     some = library(ROBOT, np.random.default_rng(0))[4::7]
     monkeypatch.setattr("sysid.gap.design.trial.library", lambda *_: some)
     monkeypatch.setitem(EFFORT, "robot", DesignEffort(2, 1, 1))
-    channels = ("speed_fl_rpm", "vx_m_s", "vy_m_s")
-    noise = Noise(dict(zip(channels, (0.5, 0.01, 0.01), strict=True)), dict.fromkeys(channels, "repeats"))
-    setting = ExperimentConditions("body", channels, 0.02, noise, None)
+    conditions = robot_conditions(speed_fl_rpm=0.5, vx_m_s=0.01, vy_m_s=0.01)
     slope = paper.with_effect("floor_slope", slope_deg=1.0, heading_deg=0.0)
     offset = paper.with_effect("com_offset", x_m=0.02, y_m=0.0)
     both = [Rival(("floor_slope",), slope), Rival(("com_offset",), offset)]
-    found = design(paper, both, setting, ROBOT).experiment
+    found = design_separating(paper, both, conditions, ROBOT).experiment
     assert found is not None
     assert found.power > 0.9
     assert list(found.columns) == ["command_v_rpm", "command_theta_deg", "command_vc_rpm"]
     for shown in found.predicted.values():
         assert max(np.max(np.abs(shown["x_m"])), np.max(np.abs(shown["y_m"]))) < 0.5 * FIELD_M - 0.3
-    trial = Trial(slope, np.stack(list(found.columns.values()), axis=1), setting)
+    trial = Trial(slope, np.stack(list(found.columns.values()), axis=1), conditions)
     assert trial.predictable(slope, trial.whitened(slope))
 
 
 def test_full_reversals_on_the_floor_cannot_be_predicted(paper: Model):
-    setting = ExperimentConditions("body", ("speed_fl_rpm",), 0.02, Noise({"speed_fl_rpm": 0.5}, {}), None)
+    conditions = robot_conditions(speed_fl_rpm=0.5)
     rows = np.repeat([[0.0, 0.0, 0.0], [135.0, 0.0, 0.0], [135.0, 180.0, 0.0], [135.0, 0.0, 0.0]], 8, axis=0)
-    trial = Trial(paper, rows, setting)
+    trial = Trial(paper, rows, conditions)
     assert not trial.predictable(paper, trial.whitened(paper))
+
+
+def test_a_study_without_slip_designs_on_the_planar_plant(paper: Model):
+    rows = np.repeat([[0.0, 0.0, 0.0], [60.0, 45.0, 0.0], [0.0, 0.0, 0.0]], 4, axis=0)
+    trial = Trial(paper, rows, robot_conditions("planar", speed_fl_rpm=0.5), coarse=True)
+    predicted = trial.predict(paper)
+    assert predicted is not None
+    planar = predict(paper, trial.run, Start(), plant="planar")
+    assert np.array_equal(predicted["speed_fl_rpm"], planar["speed_fl_rpm"])
+
+
+def test_the_conditions_of_an_experiment_hold_the_whole_study(paper: Model):
+    """Plant, jobs, time step, seed and scale: a design that lost one would simulate another robot."""
+    observations = observe(Dataset("robot", (planar_run(paper),), ()))
+    noise = Noise({"speed_fl_rpm": 0.5}, {"speed_fl_rpm": "repeats"})
+    study = Study("planar", jobs=2, timestep_s=1 / 480, seed=5)
+    problem = ResidualProblem(paper, Whitener(observations, noise, None), study)
+    assert conditions_of(problem, 1.0).study == problem.study == study
+
+
+def test_slip_effects_are_not_designed_for_without_slip(paper: Model):
+    conditions = robot_conditions("planar", speed_fl_rpm=0.5)
+    found = design_for_untestable(paper, ["roller_friction", "low_grip"], conditions, ROBOT, 12.0)
+    assert (found.experiment, found.why) == (None, "")
 
 
 def test_untestable_effects_get_commands_that_show_them(paper: Model):
     found = design_for_untestable(
-        paper, ["direction_asymmetry", "speed_saturation", "payload"], SPEED, BENCH, threshold=12.0
+        paper, ["direction_asymmetry", "speed_saturation", "payload"], bench_conditions(), BENCH, 12.0
     ).experiment
     assert found is not None
     assert found.power > 0.99
     assert np.min(found.columns["command_rpm"]) < 0.0
     assert "payload" not in found.why
     assert found.candidates == ()
+
+
+def planar_run(model: Model) -> Run:
+    time = np.arange(0.0, 1.0, 0.02)
+    command = BodyCommand(np.full(time.size, 60.0), np.zeros(time.size), np.zeros(time.size))
+    empty = Run("a.csv", "a", "fit", time, command, {"speed_fl_rpm": np.zeros(time.size)})
+    return replace(empty, channels=predict(model, empty, Start(), plant="planar"))
 
 
 def logs_of(model: Model, plans: dict[str, tuple[str, np.ndarray]], seed: int) -> tuple[Run, ...]:

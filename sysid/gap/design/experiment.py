@@ -1,21 +1,21 @@
-"""The next experiment: the command sequence that separates tied candidates best, within the robot's limits.
+"""The experiment that separates tied candidate sets best, within the robot's limits.
 
-A set of effects is dropped when its score is worse than the best one's by more than a limit L
-(`sysid.gap.search.decide`). Where a sequence puts truth and rival a squared distance S apart
-(`sysid.gap.design.trial`), their scores come to differ by about N(S, 4 S) more than they do now:
-the truth, now g behind, is left alone with probability Phi(z),
+A set of effects is dropped if its score is worse than the best one's by more than a limit L
+(`sysid.gap.search.decide`). If a sequence puts truth and rival a squared distance S apart
+(`sysid.gap.design.trial`), the difference of their scores grows by about N(S, 4 S). The truth, whose score is
+now worse by g, remains as the only candidate with probability Phi(z),
 
     z = (S - g - L) / (2 sqrt(S)),    L = NEVER^2 + FORMULA_ERROR^2 E,
 
-E being what the effects explain, in the logs so far and in the new ones. The sequence of the largest z of the
-worst pair is sought: a T-optimal design (Atkinson and Fedorov, Biometrika 62:57, 1975; for several models
-62:289) against the limit of this decision. What refitting could hide is no distance.
+where E is the sum of squares that the effects explain, in the logs so far and in the new ones. Sought is the
+sequence with the largest z of the worst pair: a T-optimal design (Atkinson and Fedorov, Biometrika 62:57,
+1975; for several models 62:289) for the limit of this decision.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Final
@@ -24,162 +24,161 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import norm
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.prediction import POSE
-from sysid.gap.design.direct_checks import what_to_measure
 from sysid.gap.design.sequences import Limits
 from sysid.gap.design.trial import (
-    EFFORT,
     ExperimentConditions,
     JudgedSequence,
     Trial,
-    Worth,
+    Value,
+    best_sequence,
     command_of,
-    search,
 )
-from sysid.gap.report.wording import amount, listed, set_name
 from sysid.gap.result import Experiment
 from sysid.gap.search.chance import NEVER
 from sysid.gap.search.scores import FORMULA_ERROR
-from sysid.logs.runs import UNITS, Level
+from sysid.gap.wording import amount, listed, set_name
+from sysid.logs.runs import UNITS
 
 _LEAST_POWER: Final = 0.1
-"""A pair that no sequence separates with this probability counts as one that no command separates."""
-_NEVER_TOLD: Final = -50.0
-"""z of predictions that are one."""
+"""A pair that no sequence separates with this probability counts as inseparable by commands."""
+_LEAST_Z: Final = -50.0
+"""z of two identical predictions."""
+_CHANNEL_GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
+    "the wheels' speeds": ("speed_fl_rpm", "speed_fr_rpm", "speed_rl_rpm", "speed_rr_rpm"),
+    "the body's velocity": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
+    "the pose": ("x_m", "y_m", "yaw_rad"),
+}
+"""Channels that a robot may measure in addition, by what they are called in a sentence."""
 
 Pairs = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
 class Rival:
-    """A candidate, as fitted to the logs so far."""
+    """A candidate set of effects, as fitted to the logs so far."""
 
     names: tuple[str, ...]
     model: Model
     plausible: tuple[Model, ...] = ()
-    """The same with its parameters one standard deviation off, along each axis of their covariance."""
+    """The model with its parameters one standard deviation off, along each axis of their covariance."""
     score: float = 0.0
-    """On the logs so far; lower is better."""
+    """Score on the logs so far; lower is better."""
     explained: float = 0.0
-    """Square sum on the logs so far that it explains beyond what all candidates have in common."""
+    """Sum of squares on the logs so far that it explains beyond what all candidates have in common."""
 
 
 @dataclass(frozen=True)
 class Design:
-    """An experiment, or none, and why."""
+    """An experiment and what it is for, or why there is none."""
 
     experiment: Experiment | None
     why: str
 
 
-def design(
+def design_separating(
     base: Model,
     candidates: Sequence[Rival],
-    setting: ExperimentConditions,
+    conditions: ExperimentConditions,
     limits: Limits,
     *,
     common: Model | None = None,
-    seed: int = 0,
-    jobs: int = 1,
 ) -> Design:
-    """Return the experiment that tells candidates apart best; none where no command can.
+    """Return the experiment that separates candidates best; none if no command can.
 
     Args:
         base: the model under study.
         candidates: at least two.
-        setting: how the experiment will be recorded.
-        limits: of the robot.
-        common: the base model with what all candidates share; the base model itself by default.
-        seed: of the random sequences and changes.
-        jobs: sequences simulated at a time; changes the time taken, not the result.
+        conditions: how the experiment will be recorded.
+        limits: commands that the robot can execute.
+        common: the base model with the effects that all candidates share; the base model by default.
     """
-    shared = base if common is None else common
-    told = np.zeros(len(candidates) * (len(candidates) - 1), bool)
+    names, count = tuple(c.names for c in candidates), len(candidates)
+    without = base if common is None else common
+    separable = np.zeros(count * (count - 1), bool)
 
     def judge(rows: FloatArray, thorough: bool) -> JudgedSequence | None:
-        trial = Trial(base, rows, setting, rough=not thorough)
-        z = separation(trial, shared, candidates, thorough=thorough)
+        trial = Trial(base, rows, conditions, coarse=not thorough)
+        z = separation(trial, without, candidates, thorough=thorough)
         return None if z is None else JudgedSequence(rows, z)
 
-    def worth_of(found: Sequence[JudgedSequence]) -> Worth | None:
-        told[:] = _told(np.max([j.z for j in found], axis=0), len(candidates))
-        return (lambda j: float(np.min(j.z[told]))) if np.any(told) else None
+    def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
+        separable[:] = _separable(np.max([one.z for one in judged], axis=0), count)
+        return (lambda one: float(np.min(one.z[separable]))) if np.any(separable) else None
 
-    best = search(limits, judge, worth_of, EFFORT[level_of(setting)], seed=seed, jobs=jobs)
-    tied = _tied([c.names for c in candidates], told, setting)
+    best = best_sequence(limits, judge, value_of, conditions.study)
+    inseparable = _inseparable(names, separable, conditions)
     if best is None:
-        return Design(None, tied or _only_spinning([c.names for c in candidates], setting))
-    why = " ".join(filter(None, (_separates(base, best.rows, candidates, setting), tied)))
-    names = tuple(c.names for c in candidates)
-    chance = power(best.z, told, len(candidates))
-    return Design(experiment_of(base, best.rows, candidates, setting, names, chance, why), why)
+        only_slipping = (
+            f"The predictions of {listed(map(set_name, names))} differ only on commands that make wheels "
+            f"slip, where no model can be trusted: {what_to_measure(names, conditions.channels)}."
+        )
+        return Design(None, inseparable or only_slipping)
+    why = " ".join(filter(None, (_difference(base, best.rows, candidates, conditions), inseparable)))
+    least = power(best.z, separable, count)
+    return Design(experiment_of(base, best.rows, candidates, conditions, names, least, why), why)
 
 
 def separation(
     trial: Trial, common: Model, candidates: Sequence[Rival], *, thorough: bool
 ) -> FloatArray | None:
-    """Return z (p,) for each ordered pair of truth and rival; None where one is not predictable.
+    """Return z (p,) of each ordered pair of truth and rival; None if a model cannot be predicted.
 
     Args:
-        trial: of the sequence.
-        common: the base model with what all candidates share.
-        candidates: the pairs are `itertools.permutations` of them.
-        thorough: whether what the law's and the candidates' own parameters could hide is taken off.
+        trial: the sequence under the conditions of the experiment.
+        common: the base model with the effects that all candidates share.
+        candidates: the pairs are their `itertools.permutations`.
+        thorough: whether differences that uncertain parameters could hide are taken off.
     """
     without = trial.whitened(common)
     if without is None or not trial.predictable(common, without):
         return None
-    shown = []
+    predictions = []
     for candidate in candidates:
         prediction = trial.whitened(candidate.model)
         if prediction is None or (thorough and not trial.predictable(candidate.model, prediction)):
             return None
-        shown.append(prediction)
+        predictions.append(prediction)
     if thorough:
-        own = without if common is trial.base else trial.whitened(trial.base)
-        trial.with_law(without if own is None else own)
-    moved = [
-        trial.columns(p, c.plausible if thorough else ()) for p, c in zip(shown, candidates, strict=True)
-    ]
-    explained = [c.explained + trial.square(p - without) for p, c in zip(shown, candidates, strict=True)]
+        of_base = without if common is trial.base else trial.whitened(trial.base)
+        trial.add_law_columns(without if of_base is None else of_base)
+    pairs = list(zip(predictions, candidates, strict=True))
+    hidden = [trial.differences(p, c.plausible if thorough else ()) for p, c in pairs]
+    explained = [c.explained + trial.squared_distance(p - without) for p, c in pairs]
     z = []
     for i, j in permutations(range(len(candidates)), 2):
-        square = trial.square(shown[i] - shown[j], moved[i], moved[j])
+        square = trial.squared_distance(predictions[i] - predictions[j], hidden[i], hidden[j])
         needed = NEVER**2 + FORMULA_ERROR**2 * explained[i] + candidates[i].score - candidates[j].score
-        z.append(max(_NEVER_TOLD, (square - needed) / (2.0 * math.sqrt(max(square, 1e-9)))))
+        z.append(max(_LEAST_Z, (square - needed) / (2.0 * math.sqrt(max(square, 1e-9)))))
     return np.array(z)
 
 
-def power(z: FloatArray, told: Pairs, count: int) -> float:
-    """Return at least how likely the truth stays alone, whichever it is, among those it can be told from.
+def power(z: FloatArray, separable: Pairs, count: int) -> float:
+    """Return a lower bound of the probability that the truth, whichever it is, remains alone.
 
-    Each pair errs with 1 - Phi(z), all rivals of a truth together with no more than the sum.
+    Each pair fails with probability 1 - Phi(z); all rivals of a truth together with at most the sum of these.
 
     Args:
-        z: (p,), as `separation` gives it.
-        told: (p,), the pairs that count.
-        count: of the candidates.
+        z: as `separation` returns it, shape (p,).
+        separable: which pairs count, shape (p,).
+        count: number of candidates.
     """
-    errors = np.zeros(count)
+    failure = np.zeros(count)
     for index, (truth, _) in enumerate(permutations(range(count), 2)):
-        errors[truth] += norm.sf(z[index]) if told[index] else 0.0
-    return float(max(0.0, 1.0 - np.max(errors)))
-
-
-def level_of(setting: ExperimentConditions) -> Level:
-    """Return the level of the logs of a setting."""
-    return "bench" if setting.kind == "bench" else "robot"
+        failure[truth] += norm.sf(z[index]) if separable[index] else 0.0
+    return float(max(0.0, 1.0 - np.max(failure)))
 
 
 def experiment_of(
     base: Model,
     rows: FloatArray,
-    shown: Sequence[Rival],
-    setting: ExperimentConditions,
-    names: tuple[tuple[str, ...], ...],
-    chance: float,
+    drawn: Sequence[Rival],
+    conditions: ExperimentConditions,
+    candidates: tuple[tuple[str, ...], ...],
+    least_power: float,
     why: str,
 ) -> Experiment:
     """Return the record of an experiment.
@@ -187,76 +186,83 @@ def experiment_of(
     Args:
         base: the model under study.
         rows: the sequence.
-        shown: whose predictions to draw.
-        setting: how it will be recorded.
-        names: of the candidates that it separates; none where it shows effects that the logs could not.
-        chance: its power.
+        drawn: candidates whose predictions are drawn.
+        conditions: how it will be recorded.
+        candidates: names of the sets that it separates; none if it shows effects that the logs could not.
+        least_power: its power, or a lower bound.
         why: what it is for.
     """
-    trial = Trial(base, rows, setting)
-    predicted = {set_name(rival.names): trial.channels_of(rival.model) for rival in shown}
+    trial = Trial(base, rows, conditions)
+    predicted = {set_name(rival.names): trial.predict(rival.model) for rival in drawn}
     period = base.wheel.command_period_s
     return Experiment(
         why=why,
-        candidates=names,
+        candidates=candidates,
         time_s=np.round(np.arange(len(rows)) * period, 9),
-        columns=command_of(rows, base, setting.kind).columns(),
+        columns=command_of(rows, base, conditions.kind).columns(),
         duration_s=round(len(rows) * period, 9),
-        power=chance,
+        power=least_power,
         predicted={name: values for name, values in predicted.items() if values is not None},
         predicted_time_s=trial.run.time_s,
     )
 
 
-def _told(best: FloatArray, count: int) -> Pairs:
-    """Return which ordered pairs the best sequence of each separates, either way round."""
+def _separable(best_z: FloatArray, count: int) -> Pairs:
+    """Return which ordered pairs some sequence separates, in either order."""
     pairs = list(permutations(range(count), 2))
-    back = [pairs.index((j, i)) for i, j in pairs]
-    return np.asarray(np.maximum(best, best[back]) >= norm.ppf(_LEAST_POWER))
+    reverse = [pairs.index((j, i)) for i, j in pairs]
+    return np.asarray(np.maximum(best_z, best_z[reverse]) >= norm.ppf(_LEAST_POWER))
 
 
-def _tied(names: Sequence[tuple[str, ...]], told: Pairs, setting: ExperimentConditions) -> str:
-    """Return what no command separates and what would, in a sentence; empty where there is none."""
-    together: list[set[int]] = []
-    for (i, j), separable in zip(permutations(range(len(names)), 2), told, strict=True):
-        if not separable:
-            joined = [group for group in together if group & {i, j}]
-            together = [group for group in together if not group & {i, j}]
-            together.append({i, j}.union(*joined))
+def _inseparable(names: Sequence[tuple[str, ...]], separable: Pairs, conditions: ExperimentConditions) -> str:
+    """Return which candidates no command separates and what would; empty if there are none."""
+    groups: list[set[int]] = []
+    for (i, j), told in zip(permutations(range(len(names)), 2), separable, strict=True):
+        if not told:
+            joined = [group for group in groups if group & {i, j}]
+            groups = [group for group in groups if not group & {i, j}]
+            groups.append({i, j}.union(*joined))
     sentences = []
-    for group in together:
+    for group in groups:
         sets = [names[i] for i in sorted(group)]
-        which = listed([set_name(one) for one in sets], "or")
         sentences.append(
-            f"No command within the robot's limits tells {which} apart by {listed(setting.channels)}: "
-            f"{what_to_measure(sets, setting.channels)}."
+            f"No command within the robot's limits tells {listed(map(set_name, sets), 'or')} apart by "
+            f"{listed(conditions.channels)}: {what_to_measure(sets, conditions.channels)}."
         )
     return " ".join(sentences)
 
 
-def _only_spinning(names: Sequence[tuple[str, ...]], setting: ExperimentConditions) -> str:
-    which = listed([set_name(one) for one in names])
-    return (
-        f"{which} part only on commands that make wheels spin, where no model can be trusted: "
-        f"{what_to_measure(names, setting.channels)}."
-    )
+def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> str:
+    """Return, as the end of a sentence, what besides `channels` would tell sets of effects apart.
+
+    Args:
+        sets: names of effects; those that all sets share are left out.
+        channels: measured so far.
+    """
+    shared = set(sets[0]).intersection(*sets[1:])
+    differing = [CATALOGUE[n] for names in sets for n in names if n not in shared and n in CATALOGUE]
+    checks = dict.fromkeys(effect.direct_check for effect in differing if effect.direct_check)
+    missing = [what for what, names in _CHANNEL_GROUPS.items() if not set(names) & set(channels)]
+    if tuple(channels) == ("speed_rpm",):
+        missing = ["the body of the whole robot on the floor"]
+    ways = [f"measure {'; or '.join(checks)}"] if checks else []
+    ways += [f"log {listed(missing)} too"] if missing else []
+    return "; or ".join(ways) if ways else "measure with a second, independent sensor"
 
 
-def _separates(
-    base: Model, rows: FloatArray, candidates: Sequence[Rival], setting: ExperimentConditions
+def _difference(
+    base: Model, rows: FloatArray, candidates: Sequence[Rival], conditions: ExperimentConditions
 ) -> str:
-    """Return where the candidates' predictions of a sequence part most, in a sentence."""
-    trial = Trial(base, rows, setting)
-    shown = [s for s in (trial.channels_of(c.model) for c in candidates) if s is not None]
-    sigma = setting.noise.sigma
-    spread = {
-        name: float(np.max(np.ptp([s[name] for s in shown], axis=0)))
-        for name in setting.channels
-        if name not in POSE
-    } or {name: float(np.max(np.ptp([s[name] for s in shown], axis=0))) for name in setting.channels}
+    """Return in which channel the candidates' predictions differ most, relative to its noise."""
+    trial = Trial(base, rows, conditions)
+    predicted = [p for p in (trial.predict(c.model) for c in candidates) if p is not None]
+    sigma = conditions.noise.sigma
+    # A difference of poses is the sum of all earlier ones: it is quoted only if nothing else is measured.
+    channels = [name for name in conditions.channels if name not in POSE] or conditions.channels
+    spread = {name: float(np.max(np.ptp([p[name] for p in predicted], axis=0))) for name in channels}
     name = max(spread, key=lambda channel: spread[channel] / sigma[channel])
-    which = listed([set_name(c.names) for c in candidates])
+    which = listed(set_name(c.names) for c in candidates)
     return (
-        f"On these commands the predictions of {which} part by up to {amount(spread[name], UNITS[name])} in "
-        f"{name}, where noise has {amount(sigma[name], UNITS[name])}."
+        f"On these commands the predictions of {which} differ by up to {amount(spread[name], UNITS[name])} "
+        f"in {name}, where the noise is {amount(sigma[name], UNITS[name])}."
     )

@@ -1,8 +1,8 @@
 """Command sequences to choose the next experiment from: structured families, and small random changes.
 
-A sequence is an array of one row a command period: (n, 1) on the bench [rpm], (n, 3) on the robot (V [rpm],
-theta [deg], VC [rpm]). It begins and ends at rest. Every sequence here is one that the robot takes: whole rpm
-and degrees, no wheel beyond its limit, and on the robot a path inside the field from its middle.
+A sequence is an array of one row per command period: (n, 1) on the bench [rpm], (n, 3) on the robot (V [rpm],
+theta [deg], VC [rpm]). It begins and ends at rest, and the robot can execute it: whole rpm and degrees, no
+wheel beyond its limit, and on the robot a path inside the field that starts in its middle.
 """
 
 from __future__ import annotations
@@ -22,50 +22,58 @@ from mecanum_env.kinematics import (
     yaw_arm_m,
 )
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from sysid.logs.runs import Level
 
 FIELD_M: Final = 9.0
-"""Side of the square field."""
+"""Side of the square field [m]: that of the sport."""
 MARGIN_M: Final = 1.0
-"""Of the robot's centre to the edge, on the path that the commands ask for."""
-LONGEST_S: Final = {"bench": 6.0, "robot": 8.0}
+"""Least distance of the robot's centre to the edge [m], on the path that the commands ask for."""
+LONGEST_S: Final[dict[Level, float]] = {"bench": 6.0, "robot": 8.0}
+"""Duration of the longest sequence [s]."""
 _REST: Final = 2
-"""Periods at rest before the first command, and at least as many after the last."""
-_SHARES: Final = (0.04, 0.08, 0.15, 0.35, 0.7, 1.0)
-"""Speeds that are tried, over the limit."""
-_RANDOM: Final = {"bench": 12, "robot": 6}
+"""Command periods at rest before the first command and after the last one, at least."""
+_SPEED_SHARES: Final = (0.04, 0.08, 0.15, 0.35, 0.7, 1.0)
+"""Speeds of the bench profiles, as shares of the limit."""
+_RANDOM: Final[dict[Level, int]] = {"bench": 12, "robot": 6}
+"""Number of random sequences in the library."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What the robot takes."""
+    """Commands that the robot can execute."""
 
     limit_rpm: float
-    """Of each wheel's command, either way."""
+    """Largest command of each wheel, in either direction [rpm]."""
     quantum_rpm: float = 1.0
-    """Commands are multiples of it; 0: any."""
+    """Commands are multiples of this [rpm]; 0: any command."""
     period_s: float = 0.1
+    """Command period [s]."""
     geometry: Geometry | None = None
-    """Of the robot; None on the bench."""
+    """Geometry of the robot; None on the bench."""
 
     @property
-    def most(self) -> int:
+    def level(self) -> Level:
+        """Whether sequences are for the bench or the robot."""
+        return "bench" if self.geometry is None else "robot"
+
+    @property
+    def max_rows(self) -> int:
         """Rows of the longest sequence."""
-        longest = LONGEST_S["bench" if self.geometry is None else "robot"]
-        return int(longest / self.period_s + 1e-9)
+        return int(LONGEST_S[self.level] / self.period_s + 1e-9)
 
 
 def legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
-    """Return a sequence as the robot takes it; None where its path leaves the field.
+    """Return a sequence that the robot can execute; None if its path leaves the field.
 
-    Rows that ask too much of a wheel are slowed down, direction kept; too many rows are cut.
+    Rows that ask too much of a wheel are slowed down without changing their direction; surplus rows are cut.
 
     Args:
-        rows: (n, 1) or (n, 3), without rest before and after.
-        limits: of the robot.
+        rows: commands without the rest before and after, shape (n, 1) or (n, 3).
+        limits: commands that the robot can execute.
     """
-    rows = rows[: limits.most - 2 * _REST]
-    still = np.zeros((_REST, rows.shape[1]))
-    rows = np.concatenate([still, _rounded(rows, limits), still])
+    rows = rows[: limits.max_rows - 2 * _REST]
+    rest = np.zeros((_REST, rows.shape[1]))
+    rows = np.concatenate([rest, _rounded(rows, limits), rest])
     if limits.geometry is not None:
         path = path_m(rows, limits.geometry, limits.period_s)
         if np.max(np.abs(path)) > 0.5 * FIELD_M - MARGIN_M:
@@ -74,12 +82,12 @@ def legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
 
 
 def path_m(rows: FloatArray, geometry: Geometry, period_s: float) -> FloatArray:
-    """Return the way (n, 2) [m] that commands ask for, without dynamics, from the middle, heading along x.
+    """Return the path (n, 2) [m] that commands ask for, without dynamics, from the origin, heading along x.
 
     Args:
-        rows: (n, 3).
-        geometry: of the robot.
-        period_s: of each row.
+        rows: commands, shape (n, 3).
+        geometry: geometry of the robot.
+        period_s: duration of each row [s].
     """
     twist = command_to_twist(rows[:, 0], rows[:, 1], rows[:, 2], geometry) * period_s
     yaw = np.cumsum(twist[:, 2]) - 0.5 * twist[:, 2]
@@ -89,31 +97,31 @@ def path_m(rows: FloatArray, geometry: Geometry, period_s: float) -> FloatArray:
 
 
 def library(limits: Limits, rng: np.random.Generator) -> list[FloatArray]:
-    """Return the structured families and some random holds, each a legal sequence.
+    """Return the structured families and some random sequences, all of them legal.
 
     Args:
-        limits: of the robot.
-        rng: of the random holds.
+        limits: commands that the robot can execute.
+        rng: source of the random sequences.
     """
-    profiles = list(_profiles(limits))
-    raw: list[FloatArray]
     if limits.geometry is None:
-        raw = [profile[:, None] for profile in profiles]
-        raw += [_random_holds(limits, rng) for _ in range(_RANDOM["bench"])]
+        raw = [profile[:, None] for profile in _bench_profiles(limits)]
     else:
-        raw = list(_driven(limits, limits.geometry))
-        raw += [_random_holds(limits, rng) for _ in range(_RANDOM["robot"])]
+        raw = list(_robot_sequences(limits, limits.geometry))
+    raw += [_random_sequence(limits, rng) for _ in range(_RANDOM[limits.level])]
     found = [legal(rows, limits) for rows in raw]
     return [rows for rows in found if rows is not None]
 
 
 def changed(rows: FloatArray, limits: Limits, rng: np.random.Generator) -> FloatArray | None:
-    """Return a sequence with one random change: a level, a boundary, an exchange, a cut or a new hold.
+    """Return a sequence with one random change: a hold scaled, lengthened, exchanged, split or replaced.
 
     Args:
-        rows: legal.
-        limits: of the robot.
-        rng: of the change.
+        rows: a legal sequence.
+        limits: commands that the robot can execute.
+        rng: source of the change.
+
+    Returns:
+        None if the sequence is all rest, or if its path would leave the field.
     """
     edges = np.flatnonzero(np.any(rows[1:] != rows[:-1], axis=1)) + 1
     holds = [(rows[a], int(b - a)) for a, b in pairwise([0, *edges, len(rows)])][1:-1]
@@ -123,7 +131,7 @@ def changed(rows: FloatArray, limits: Limits, rng: np.random.Generator) -> Float
     level, length = holds[at]
     kind = int(rng.integers(5))
     if kind == 0:
-        holds[at] = level * _factors(level.size, rng), length
+        holds[at] = level * _random_factors(level.size, rng), length
     elif kind == 1:
         holds[at] = level, max(1, length + int(rng.choice([-2, -1, 1, 2])))
     elif kind == 2:
@@ -131,9 +139,9 @@ def changed(rows: FloatArray, limits: Limits, rng: np.random.Generator) -> Float
         holds[at], holds[other] = holds[other], holds[at]
     elif kind == 3 and length > 1:
         first = int(rng.integers(1, length))
-        holds[at : at + 1] = [(level, first), (_level(limits, level.size, rng), length - first)]
+        holds[at : at + 1] = [(level, first), (_random_command(limits, level.size, rng), length - first)]
     else:
-        holds[at] = _level(limits, level.size, rng), length
+        holds[at] = _random_command(limits, level.size, rng), length
     return legal(np.concatenate([np.tile(value, (count, 1)) for value, count in holds]), limits)
 
 
@@ -144,7 +152,7 @@ def _rounded(rows: FloatArray, limits: Limits) -> FloatArray:
         most = limit if quantum == 0.0 else np.floor(limit / quantum + 1e-9) * quantum
         return np.asarray(np.clip(whole, -most, most))
     v, theta, vc = round_command(rows[:, 0], rows[:, 1], rows[:, 2], quantum)
-    # The robot's V is a speed; the other way is another direction.
+    # The robot's V is not negative: backwards is another direction.
     theta = np.where(v < 0.0, theta + 180.0, theta)
     v = np.abs(v)
     theta = (theta + 179.0) % 360.0 - 179.0
@@ -155,10 +163,10 @@ def _rounded(rows: FloatArray, limits: Limits) -> FloatArray:
     return np.stack([v, np.where(v == 0.0, 0.0, theta), vc], axis=-1)
 
 
-def _profiles(limits: Limits) -> Iterator[FloatArray]:
-    """Yield one-dimensional profiles [rpm] for the bench."""
-    top, length = limits.limit_rpm, limits.most - 2 * _REST
-    speeds = [share * top for share in _SHARES]
+def _bench_profiles(limits: Limits) -> Iterator[FloatArray]:
+    """Yield speed profiles for the bench (n,) [rpm]."""
+    top, length = limits.limit_rpm, limits.max_rows - 2 * _REST
+    speeds = [share * top for share in _SPEED_SHARES]
     for hold in (3, 6):
         yield _held([v for s in speeds for v in (s, 0.0)], hold)
         yield _held([v for s in speeds[::-1] for v in (s, -s)], hold)
@@ -175,16 +183,16 @@ def _profiles(limits: Limits) -> Iterator[FloatArray]:
     yield np.concatenate([up, up[::-1]])
 
 
-def _driven(limits: Limits, geometry: Geometry) -> Iterator[FloatArray]:
-    """Yield robot sequences: profiles along, across, aslant and turning, and halves at two headings."""
-    top, length = limits.limit_rpm, limits.most - 2 * _REST
+def _robot_sequences(limits: Limits, geometry: Geometry) -> Iterator[FloatArray]:
+    """Yield sequences for the robot: forward, sideways, diagonal, turning, and at two headings in turn."""
+    top, length = limits.limit_rpm, limits.max_rows - 2 * _REST
     shapes = [
         _held([v for s in (0.08, 0.35, 0.7, 1.0) for v in (s * top, 0.0, -s * top, 0.0)], 4),
         _reversals(0.15 * top, 4, length),
         _reversals(0.35 * top, 6, length),
         _chirp(0.25 * top),
         _staircase(max(limits.quantum_rpm, 0.01 * top), 2, length),
-        # Up to the limit and back so slowly that no wheel spins.
+        # Up to the limit and back, so slowly that no wheel slips.
         np.clip(_staircase(0.08 * top, 1, length), -top, top),
         _pulses(0.35 * top, 2, 5, length),
     ]
@@ -230,20 +238,20 @@ def _pulses(speed: float, width: int, gap: int, length: int) -> FloatArray:
 
 
 def _staircase(step: float, hold: int, length: int) -> FloatArray:
-    """Return stairs up from below zero to above and down again."""
+    """Return a staircase from -m to m steps and back (n,) [rpm], with m as large as the length allows."""
     most = max(1, length // (4 * hold))
     up = np.arange(-most, most + 1)
     return _held([*(step * up), *(step * up[::-1])], hold)
 
 
-def _random_holds(limits: Limits, rng: np.random.Generator) -> FloatArray:
-    size, length = (1 if limits.geometry is None else 3), limits.most - 2 * _REST
-    rows = [np.tile(_level(limits, size, rng), (int(rng.integers(1, 9)), 1)) for _ in range(length)]
+def _random_sequence(limits: Limits, rng: np.random.Generator) -> FloatArray:
+    size, length = 1 if limits.geometry is None else 3, limits.max_rows - 2 * _REST
+    rows = [np.tile(_random_command(limits, size, rng), (int(rng.integers(1, 9)), 1)) for _ in range(length)]
     return np.concatenate(rows)[:length]
 
 
-def _level(limits: Limits, size: int, rng: np.random.Generator) -> FloatArray:
-    """Return a random command: small speeds as likely as large ones, now and then rest."""
+def _random_command(limits: Limits, size: int, rng: np.random.Generator) -> FloatArray:
+    """Return a random command: log-uniform speed, and rest in one of ten."""
     if rng.random() < 0.1:
         return np.zeros(size)
     top = limits.limit_rpm
@@ -254,8 +262,8 @@ def _level(limits: Limits, size: int, rng: np.random.Generator) -> FloatArray:
     return np.array([speed, 15.0 * float(rng.integers(24)), turn])
 
 
-def _factors(size: int, rng: np.random.Generator) -> FloatArray:
-    """Return factors on a command's speeds; a direction stays."""
+def _random_factors(size: int, rng: np.random.Generator) -> FloatArray:
+    """Return log-normal factors on the speeds of a command, some negative; 1 for its direction."""
     factors = np.exp(rng.normal(0.0, 0.3, size)) * np.where(rng.random(size) < 0.2, -1.0, 1.0)
     if size == 3:
         factors[1] = 1.0

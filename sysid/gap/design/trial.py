@@ -1,12 +1,11 @@
-"""Looking for the command sequence that tells most: the library first, then random changes of its best.
+"""Trials of command sequences: what one sequence would tell, and the search for the one that tells most.
 
-What a command sequence would tell: how far apart models' predictions of it are, in sigmas.
-
-The distance is that of `sysid.compare.problem`: noise of repeats averaged, and what the model's own error,
-or a change of the models' own parameters within what the logs so far allow, could make of it taken off. With
-d the whitened difference of two predictions and X the columns of all these, scaled to a spread of 1, the
-distance is d' (I + X X')^-1 d. Where several models are tied, the sequence of largest distance tells most
-(T-optimal designs: Atkinson and Fedorov, Biometrika 62:57, 1975).
+What a sequence tells about two models is how far apart their predictions of it are, in standard deviations of
+the noise. The distance is that of `sysid.compare.problem`: repeats are averaged, and what the model's own
+error, or a change of the models' parameters within what the logs so far allow, could produce is taken off.
+With d the whitened difference of two predictions and X the columns of those errors, each scaled to a standard
+deviation of 1, the squared distance is d' (I + X X')^-1 d. If several models are tied, the sequence of
+largest distance tells most (T-optimal designs: Atkinson and Fedorov, Biometrika 62:57, 1975).
 """
 
 from __future__ import annotations
@@ -29,115 +28,28 @@ from sysid.compare.model_error import ModelError
 from sysid.compare.noise import Noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import observe
-from sysid.compare.prediction import POSE, Start, compile_for, motion_of, predict, shown
+from sysid.compare.prediction import POSE, Start, compile_for, motion_of, shown
+from sysid.compare.study import Study
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
 from sysid.logs.runs import Level
 
-
-@dataclass(frozen=True)
-class DesignEffort:
-    """How much is simulated."""
-
-    thorough: int
-    """Sequences of the library that are judged with everything that could hide a difference."""
-    rounds: int
-    changes: int
-    """Random changes a round."""
-
-
-PLENTY: Final = 4.0
-"""A sequence worth this much is not improved: its power is 1 but for a few in 100,000."""
-EFFORT: Final[dict[Level, DesignEffort]] = {"bench": DesignEffort(16, 8, 6), "robot": DesignEffort(4, 2, 4)}
-
-
-@dataclass(frozen=True, eq=False)
-class JudgedSequence:
-    """A sequence and how well it tells."""
-
-    rows: FloatArray
-    z: FloatArray
-    """(p,), one a question: the answer is right with probability Phi(z)."""
-
-
-Judge: TypeAlias = Callable[[FloatArray, bool], JudgedSequence | None]
-"""Judges a sequence, thoroughly or not; None where its outcome cannot be predicted."""
-Worth: TypeAlias = Callable[[JudgedSequence], float]
-"""What a sequence is worth, on the scale of z."""
-
-
-def search(
-    limits: Limits,
-    judge: Judge,
-    worth_of: Callable[[Sequence[JudgedSequence]], Worth | None],
-    effort: DesignEffort,
-    *,
-    seed: int = 0,
-    jobs: int = 1,
-) -> JudgedSequence | None:
-    """Return the best sequence found; None where none is worth anything.
-
-    Args:
-        limits: of the robot.
-        judge: of sequences; called from `jobs` threads.
-        worth_of: says, from the library's best, what a sequence is worth; None if nothing is.
-        effort: how much to simulate.
-        seed: of the random sequences and changes.
-        jobs: sequences judged at a time; changes the time taken, not the result.
-    """
-    rng = np.random.default_rng(seed)
-    quick = _all(judge, library(limits, rng), False, jobs)
-    if not quick or worth_of(quick) is None:
-        return None
-    promising, found = _promising(quick), list[JudgedSequence]()
-    while promising and 2 * len(found) < effort.thorough:
-        found += _all(judge, promising[: effort.thorough], True, jobs)
-        del promising[: effort.thorough]
-    worth = worth_of(found) if found else None
-    if worth is None:
-        return None
-    best = max(found, key=worth)
-    for _ in range(effort.rounds):
-        if worth(best) >= PLENTY:
-            break
-        tried = [changed(best.rows, limits, rng) for _ in range(effort.changes)]
-        new = _all(judge, [rows for rows in tried if rows is not None], True, jobs)
-        best = max([best, *new], key=worth)
-    return best
-
-
-def _promising(found: Sequence[JudgedSequence]) -> list[FloatArray]:
-    """Return the sequences in order: in turn, the best for the worst question and for each question."""
-    every = np.array([j.z for j in found])
-    orders = [np.argsort(-values, kind="stable") for values in (every.min(axis=1), *every.T)]
-    chosen = dict.fromkeys(int(order[rank]) for rank in range(len(found)) for order in orders)
-    return [found[i].rows for i in chosen]
-
-
-def _all(judge: Judge, sequences: Sequence[FloatArray], thorough: bool, jobs: int) -> list[JudgedSequence]:
-    if jobs == 1:
-        found = [judge(rows, thorough) for rows in sequences]
-    else:
-        # Threads: MuJoCo lets go of the interpreter while it steps.
-        with ThreadPoolExecutor(jobs) as pool:
-            found = list(pool.map(lambda rows: judge(rows, thorough), sequences))
-    return [judged for judged in found if judged is not None]
-
-
 REPEATS: Final = 3
-"""Times that an experiment is to be run."""
+"""How often an experiment is to be run."""
 CLEARANCE_M: Final = 0.4
-"""Of the robot's centre to the edge, on the path that a model predicts: half its diagonal and some air."""
+"""Least distance of the robot's centre to the edge [m], on the path that a model predicts: half the robot's
+diagonal and a margin."""
 FINEST_S: Final = 0.02
-"""Samples closer than this count as their mean: a design needs no more, and is found sooner."""
-
+"""Shortest sample interval that is simulated [s]: finer samples are replaced by their means, for speed."""
 PREDICTABLE: Final = 0.2
-"""Root mean square, in sigmas, that a thousandth of the robot's mass may move a prediction by. Where wheels
-spin, details decide, and no model is right: what a sequence seems to tell there is not to be had."""
+"""Rms change of a prediction, in noise standard deviations, that a change of the robot's mass by 1/1000 may
+cause. Beyond it wheels slip, where details decide and no model is right: differences there tell nothing."""
+GOOD_ENOUGH: Final = 4.0
+"""z from which a sequence is not improved further: its power is 1 but for a few in 100,000."""
 
 CommandKind = Literal["bench", "body", "wheels"]
-"""Columns of a log that hold the commands."""
+"""Which columns of a log hold the commands."""
 
 
 @dataclass(frozen=True)
@@ -146,84 +58,91 @@ class ExperimentConditions:
 
     kind: CommandKind
     channels: tuple[str, ...]
-    """Measured, by the columns of a log."""
+    """Measured columns of the log."""
     interval_s: float
-    """Between samples."""
+    """Time between samples [s]."""
     noise: Noise
-    """Of single samples."""
+    """Noise of single samples."""
     error: ModelError | None
-    """Of the model itself."""
+    """Error of the model itself, as its file states it."""
+    study: Study
+    """Plant, time step, seed and jobs of the simulations, and the scale of the catalogue's bounds."""
     inflation: float = 1.0
-    """Of all variances, where the best fit leaves more than expected."""
+    """Factor on all variances: residual variance of the best fit relative to the expected one."""
+
+    @property
+    def level(self) -> Level:
+        """Level of the logs."""
+        return "bench" if self.kind == "bench" else "robot"
 
 
 class Trial:
-    """One command sequence under a setting, ready to compare models on.
+    """One command sequence under given conditions, on which models are compared.
 
     Args:
         base: the model under study, whose own error counts.
-        rows: the sequence, as `sysid.gap.design.sequences` has it.
-        setting: how it will be recorded.
-        rough: simulate the robot with twice the physics step, in half the time.
+        rows: the sequence, as `sysid.gap.design.sequences` defines it.
+        conditions: how it will be recorded.
+        coarse: simulate the robot with twice the physics step, in half the time.
     """
 
     def __init__(
-        self, base: Model, rows: FloatArray, setting: ExperimentConditions, *, rough: bool = False
+        self, base: Model, rows: FloatArray, conditions: ExperimentConditions, *, coarse: bool = False
     ) -> None:
-        self.base, self.setting = base, setting
-        self._timestep_s = TRAINING_TIMESTEP_S if rough else None
-        step = max(setting.interval_s, FINEST_S)
-        count = round(len(rows) * base.wheel.command_period_s / step)
-        time = np.asarray(np.arange(count + 1) * step, float)
-        self.run = self._run(command_of(rows, base, setting.kind, time), time, setting.channels)
-        runs = tuple(self.run for _ in range(REPEATS))
-        self.observations = observe(Dataset("next experiment", runs, ()))
-        fewer = math.sqrt(setting.interval_s / step)
-        sigma = {name: v if name in POSE else v * fewer for name, v in setting.noise.sigma.items()}
-        self.whitener = Whitener(self.observations, replace(setting.noise, sigma=sigma), setting.error)
-        shapes = shape_columns(base, setting.error, self.observations)
+        self.base, self.conditions = base, conditions
+        self._study = conditions.study
+        if coarse and conditions.level == "robot" and self._study.timestep_s is None:
+            self._study = replace(self._study, timestep_s=TRAINING_TIMESTEP_S)
+        step = max(conditions.interval_s, FINEST_S)
+        samples = round(len(rows) * base.wheel.command_period_s / step)
+        time = np.asarray(np.arange(samples + 1) * step, float)
+        self.run = self._run(command_of(rows, base, conditions.kind, time), time, conditions.channels)
+        self.observations = observe(Dataset("next experiment", (self.run,) * REPEATS, ()))
+        averaging = math.sqrt(conditions.interval_s / step)
+        sigma = {
+            name: value if name in POSE else value * averaging
+            for name, value in conditions.noise.sigma.items()
+        }
+        noise = replace(conditions.noise, sigma=sigma)
+        self.whitener = Whitener(self.observations, noise, conditions.error)
+        shapes = shape_columns(base, conditions.error, self.observations)
         columns = [self.whitener.whiten(parts) for parts in shapes]
-        self.own = np.stack(columns, axis=1) if columns else np.zeros((self.whitener.size, 0))
-        """Columns of the model's own error (N, q): its shape; `with_law` adds the law's."""
+        self.nuisance = np.stack(columns, axis=1) if columns else np.zeros((self.whitener.size, 0))
+        """Columns of the model's own error (N, q): the shape of its response; `add_law_columns` adds more."""
 
-    def channels_of(self, model: Model) -> dict[str, FloatArray] | None:
-        """Return what a model predicts at the run's rows, the pose always among it on the robot.
+    def predict(self, model: Model) -> dict[str, FloatArray] | None:
+        """Return what a model predicts: channel -> values at the run's rows; on the robot also the pose.
 
-        None where it cannot be simulated or leaves the field.
-
-        Args:
-            model: wheel, robot and effects.
+        Returns:
+            None if the model cannot be simulated or leaves the field.
         """
+        run, physics = self.run, without_sensors(model)
+        if run.level == "robot":
+            run = self._run(run.command, run.time_s, (*self.conditions.channels, *POSE))
         try:
-            if self.run.level == "bench":
-                return predict(model, self.run, Start())
-            posed = self._run(self.run.command, self.run.time_s, (*self.setting.channels, *POSE))
-            physics = without_sensors(model)
-            compiled = compile_for(physics, "robot", self._timestep_s)
-            channels = shown(model, posed, Start(), motion_of(physics, posed, Start(), compiled))
+            compiled = compile_for(physics, run.level, self._study.timestep_s, self._study.plant)
+            channels = shown(model, run, Start(), motion_of(physics, run, Start(), compiled))
         except MecanumError:
             return None
-        away = max(float(np.max(np.abs(channels[name]))) for name in ("x_m", "y_m"))
-        return channels if away <= 0.5 * FIELD_M - CLEARANCE_M else None
+        if run.level == "bench":
+            return channels
+        farthest = max(float(np.max(np.abs(channels[name]))) for name in ("x_m", "y_m"))
+        return channels if farthest <= 0.5 * FIELD_M - CLEARANCE_M else None
 
     def whitened(self, model: Model) -> FloatArray | None:
-        """Return a model's prediction in sigmas (N,); None where `channels_of` is.
-
-        Args:
-            model: wheel, robot and effects.
-        """
-        channels = self.channels_of(model)
+        """Return a model's whitened prediction (N,); None if `predict` returns None."""
+        channels = self.predict(model)
         if channels is None:
             return None
-        measured = {name: channels[name] for name in self.setting.channels}
+        measured = {name: channels[name] for name in self.conditions.channels}
         return self.whitener.whiten([block.of(self.run, measured) for block in self.observations.blocks])
 
     def predictable(self, model: Model, prediction: FloatArray) -> bool:
-        """Return whether a model's prediction does not hang on details; see `PREDICTABLE`.
+        """Return whether a model's prediction does not depend on details; see `PREDICTABLE`.
 
         Args:
             model: wheel, robot and effects.
-            prediction: its own, whitened (N,).
+            prediction: its whitened prediction (N,).
         """
         if self.run.level == "bench":
             return True
@@ -231,51 +150,50 @@ class Trial:
         other = self.whitened(replace(model, robot=robot))
         return other is not None and float(np.sqrt(np.mean((other - prediction) ** 2))) <= PREDICTABLE
 
-    def with_law(self, base: FloatArray) -> None:
-        """Add the columns of the base model's own parameters to `own`.
+    def add_law_columns(self, prediction: FloatArray) -> None:
+        """Add the columns of the base model's uncertain parameters to `nuisance`.
 
         Args:
-            base: its whitened prediction (N,).
+            prediction: whitened prediction of the base model (N,).
         """
-        columns = self.columns(base, plausible_models(self.base))
-        self.own = np.concatenate([self.own, columns], axis=1)
+        columns = self.differences(prediction, plausible_models(self.base))
+        self.nuisance = np.concatenate([self.nuisance, columns], axis=1)
 
-    def columns(self, at: FloatArray, moved: Sequence[Model]) -> FloatArray:
-        """Return how the predictions of models moved by one sigma differ from that of one, (N, p).
+    def differences(self, prediction: FloatArray, models: Sequence[Model]) -> FloatArray:
+        """Return how the whitened predictions of models differ from a given one, (N, p).
 
         Args:
-            at: whitened prediction of the one that they were moved from (N,).
-            moved: those that cannot be simulated are left out.
+            prediction: the given one (N,).
+            models: a model that cannot be simulated is left out.
         """
-        found = [other - at for other in map(self.whitened, moved) if other is not None]
-        return np.stack(found, axis=1) if found else np.zeros((at.size, 0))
+        found = [other - prediction for other in map(self.whitened, models) if other is not None]
+        return np.stack(found, axis=1) if found else np.zeros((prediction.size, 0))
 
-    def square(self, difference: FloatArray, *hidden: FloatArray) -> float:
-        """Return the square sum of a difference (N,) that `own` and other columns (N, p) cannot explain.
+    def squared_distance(self, difference: FloatArray, *hidden: FloatArray) -> float:
+        """Return the part of a squared difference that `nuisance` and other columns cannot explain.
 
         Args:
-            difference: of two whitened predictions.
-            hidden: columns of the models' own parameters.
+            difference: difference of two whitened predictions (N,).
+            hidden: columns of the models' own parameters, each (N, p).
         """
-        x = np.concatenate([self.own, *hidden], axis=1)
+        x = np.concatenate([self.nuisance, *hidden], axis=1)
         along = x.T @ difference
         left = difference @ difference - along @ np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, along)
-        return max(0.0, float(left)) / self.setting.inflation
+        return max(0.0, float(left)) / self.conditions.inflation
 
     @staticmethod
     def _run(command: Command, time: FloatArray, channels: Sequence[str]) -> Run:
-        nothing = np.zeros(time.size)
-        return Run("next", "next", "fit", time, command, dict.fromkeys(channels, nothing))
+        return Run("next", "next", "fit", time, command, dict.fromkeys(channels, np.zeros(time.size)))
 
 
 def command_of(rows: FloatArray, base: Model, kind: CommandKind, time_s: FloatArray | None = None) -> Command:
-    """Return a sequence as the commands of a log, one a command period, or held at the stamps of a log.
+    """Return a sequence as the commands of a log: one per command period, or held at given stamps.
 
     Args:
-        rows: (n, 1) on the bench, (n, 3) on the robot.
-        base: whose command period and quantum count.
-        kind: which columns the platform takes.
-        time_s: stamps of the log (m,) [s].
+        rows: the sequence, shape (n, 1) on the bench, (n, 3) on the robot.
+        base: model with the command period and quantum.
+        kind: which columns hold the commands.
+        time_s: stamps of the log [s], shape (m,).
     """
     if time_s is not None:
         index = np.floor(time_s / base.wheel.command_period_s + 1e-9).astype(int)
@@ -286,3 +204,88 @@ def command_of(rows: FloatArray, base: Model, kind: CommandKind, time_s: FloatAr
         return BodyCommand(*rows.T)
     wheels, quantum = command_to_wheels(*rows.T), base.wheel.command_quantum_rpm
     return WheelCommand(np.rint(wheels / quantum) * quantum if quantum else wheels)
+
+
+@dataclass(frozen=True)
+class DesignEffort:
+    """How much the search for a sequence simulates."""
+
+    thorough: int
+    """Sequences of the library that are judged thoroughly."""
+    rounds: int
+    """Rounds of random changes to the best sequence."""
+    changes: int
+    """Random changes per round."""
+
+
+EFFORT: Final[dict[Level, DesignEffort]] = {"bench": DesignEffort(16, 8, 6), "robot": DesignEffort(4, 2, 4)}
+
+
+@dataclass(frozen=True, eq=False)
+class JudgedSequence:
+    """A sequence and how well it answers the questions of an experiment."""
+
+    rows: FloatArray
+    z: FloatArray
+    """For each question: the answer is right with probability Phi(z); shape (p,)."""
+
+
+Judge: TypeAlias = Callable[[FloatArray, bool], JudgedSequence | None]
+"""Judges a sequence, thoroughly or not; None if its outcome cannot be predicted."""
+Value: TypeAlias = Callable[[JudgedSequence], float]
+"""What is maximised, on the scale of z."""
+
+
+def best_sequence(
+    limits: Limits,
+    judge: Judge,
+    value_of: Callable[[Sequence[JudgedSequence]], Value | None],
+    study: Study,
+) -> JudgedSequence | None:
+    """Return the best sequence found; None if none is of any value.
+
+    All sequences of the library are judged quickly, the promising ones thoroughly; the best is then improved
+    by random changes.
+
+    Args:
+        limits: commands that the robot can execute.
+        judge: judges one sequence; called from `study.jobs` threads.
+        value_of: derives from the library's judged sequences the value to maximise; None if there is none.
+        study: its seed is that of the random sequences and changes.
+    """
+    rng, effort = np.random.default_rng(study.seed), EFFORT[limits.level]
+
+    def judge_all(sequences: Sequence[FloatArray], thorough: bool) -> list[JudgedSequence]:
+        if study.jobs == 1:
+            judged = [judge(rows, thorough) for rows in sequences]
+        else:
+            # Threads suffice: MuJoCo releases the interpreter lock while it steps.
+            with ThreadPoolExecutor(study.jobs) as pool:
+                judged = list(pool.map(lambda rows: judge(rows, thorough), sequences))
+        return [one for one in judged if one is not None]
+
+    quick = judge_all(library(limits, rng), False)
+    if not quick or value_of(quick) is None:
+        return None
+    promising, found = _promising(quick), list[JudgedSequence]()
+    while promising and 2 * len(found) < effort.thorough:
+        found += judge_all(promising[: effort.thorough], True)
+        del promising[: effort.thorough]
+    value = value_of(found) if found else None
+    if value is None:
+        return None
+    best = max(found, key=value)
+    for _ in range(effort.rounds):
+        if value(best) >= GOOD_ENOUGH:
+            break
+        tried = [changed(best.rows, limits, rng) for _ in range(effort.changes)]
+        best = max([best, *judge_all([rows for rows in tried if rows is not None], True)], key=value)
+    return best
+
+
+def _promising(judged: Sequence[JudgedSequence]) -> list[FloatArray]:
+    """Return the sequences, best first: in turn the next best by the lowest z and by each question's z."""
+    z = np.array([one.z for one in judged])
+    orders = [np.argsort(-values, kind="stable") for values in (z.min(axis=1), *z.T)]
+    chosen = dict.fromkeys(int(order[rank]) for rank in range(len(judged)) for order in orders)
+    return [judged[i].rows for i in chosen]

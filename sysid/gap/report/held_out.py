@@ -1,6 +1,6 @@
-"""How far model and measurement differ before and after, on runs that no decision has seen.
+"""What a study reports beside its verdict: errors before and after, and the evidence for each set of effects.
 
-The evidence behind a verdict: each set of effects with its parameters and its errors.
+Errors are those of test runs, which take no part in the decision; without any, those of the runs that do.
 """
 
 from __future__ import annotations
@@ -15,10 +15,11 @@ import numpy as np
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.simulator import RobotPlant
+from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import observe
-from sysid.compare.prediction import predict
+from sysid.compare.prediction import POSE, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
@@ -32,9 +33,13 @@ from sysid.logs.noise import noise_from_repeats
 from sysid.logs.runs import UNITS
 
 _OVERLAYS: Final = 6
+"""Number of worst runs and channels that are drawn."""
+_MOST_SETS: Final = 12
+"""Sets of effects in the evidence, besides the model as it is and the law fitted again."""
 _HELD_OUT: Final[tuple[Split, ...]] = ("test", "validation", "fit")
+"""Splits that the errors may be of, in order of preference."""
 Channels = Mapping[str, FloatArray]
-"""Channel -> values at the rows of a run."""
+"""Channel -> values at the rows of a run, shape (n,)."""
 
 
 @dataclass(frozen=True)
@@ -42,22 +47,20 @@ class Comparison:
     """Some runs, measured and simulated before and after."""
 
     split: Split
-    """Of the runs."""
-    runs: tuple[Run, ...]
     samples: tuple[Samples, ...]
 
     def by_channel(self) -> dict[str, list[Samples]]:
-        """Return the samples of each channel, in the order of a log's columns."""
+        """Return the samples of each channel that has a finite error, in the order of a log's columns."""
         found: dict[str, list[Samples]] = {}
         for name in UNITS:
-            parts = [part for part in self.samples if part.channel == name]
+            parts = [s for s in self.samples if s.channel == name and np.any(np.isfinite(s.errors()[0]))]
             if parts:
                 found[name] = parts
         return found
 
 
 def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
-    """Return the test runs; where there are none, the validation runs, else the fit runs."""
+    """Return the test runs; if there are none, the validation runs, else the fit runs."""
     split = next(split for split in _HELD_OUT if dataset.split(split))
     return split, dataset.split(split)
 
@@ -65,20 +68,18 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
 def predicted(
     model: Model, runs: Sequence[Run], plant: RobotPlant = "rollers"
 ) -> list[dict[str, FloatArray]]:
-    """Return what a model predicts for each run: channel -> values at its rows, (n,).
+    """Return what a model predicts for each run: channel -> values at its rows, shape (n,).
 
     Args:
         model: wheel, robot and effects.
         runs: bench or robot logs.
-        plant: of the robot.
+        plant: how a robot is simulated.
     """
-    shown = [predict(model, run, plant=plant) for run in runs]
+    found = [predict(model, run, plant=plant) for run in runs]
     correction = correction_of(model)
-    return (
-        shown
-        if correction is None
-        else [correction.added_to(run, one) for run, one in zip(runs, shown, strict=True)]
-    )
+    if correction is None:
+        return found
+    return [correction.added_to(run, channels) for run, channels in zip(runs, found, strict=True)]
 
 
 def compare(
@@ -87,76 +88,78 @@ def compare(
     """Return runs beside their simulations.
 
     Args:
-        split: of the runs.
+        split: split of the runs.
         runs: bench or robot logs.
-        before: one a run, of the model as given.
-        after: one a run, of the improved model.
+        before: predictions of the model as given, one mapping per run.
+        after: predictions of the improved model, one mapping per run.
     """
-    seen: dict[str, int] = {}
+    repeats: dict[str, int] = {}
     samples: list[Samples] = []
     for run, b, a in zip(runs, before, after, strict=True):
-        repeat = seen.get(run.group, 0)
-        seen[run.group] = repeat + 1
+        repeat = repeats.get(run.group, 0)
+        repeats[run.group] = repeat + 1
         samples += samples_of(run, b, a, repeat)
-    return Comparison(split, tuple(runs), tuple(samples))
+    return Comparison(split, tuple(samples))
 
 
 def differences(dataset: Dataset, comparison: Comparison) -> tuple[Difference, dict[str, Difference]]:
-    """Return the gap over all channels, and that of each channel.
+    """Return the gap over all channels, and that of each channel that has samples.
 
-    With several channels the gap is in units of their noise: from repeats, else what is left after.
+    With several channels the gap is in standard deviations of their noise; a channel without repeats is
+    scaled by its error after instead.
 
     Args:
-        dataset: all its repeats give the noise.
-        comparison: of the runs that count.
+        dataset: all its repeats, test runs included, give the noise floor.
+        comparison: the runs whose errors are reported.
     """
     repeats = noise_from_repeats(dataset.runs) or {}
     channels = {}
     for name, parts in comparison.by_channel().items():
         before, after = (np.concatenate(errors) for errors in zip(*(p.errors() for p in parts), strict=True))
         floor = repeats[name].std if name in repeats else None
-        channels[name] = Difference(UNITS[name], _rms(before), _rms(after), floor)
+        motion = rms(np.concatenate([_motion(part) for part in parts]))
+        channels[name] = Difference(UNITS[name], rms(before), rms(after), floor, motion)
     if len(channels) == 1:
         return next(iter(channels.values())), channels
     known = all(channel.noise_floor is not None for channel in channels.values())
-    scaled = [(c.before / s, c.after / s) for c in channels.values() if (s := c.noise_floor or c.after) > 0.0]
+    scaled = [
+        (c.before / s, c.after / s, (c.motion or 0.0) / s)
+        for c in channels.values()
+        if (s := c.noise_floor or c.after) > 0.0
+    ]
     if not scaled:
         return Difference("sigma", 0.0, 0.0, None), channels
-    before_all, after_all = (math.sqrt(float(np.mean(np.square(x)))) for x in zip(*scaled, strict=True))
-    return Difference("sigma", before_all, after_all, 1.0 if known else None), channels
+    before_all, after_all, motion_all = (rms(np.array(values)) for values in zip(*scaled, strict=True))
+    return Difference("sigma", before_all, after_all, 1.0 if known else None, motion_all), channels
+
+
+def _motion(part: Samples) -> FloatArray:
+    """Return the measured values that move: a pose counts from the run's first sample."""
+    values = part.measured[np.isfinite(part.measured)]
+    return values - values[0] if part.channel in POSE else values
 
 
 def overlays(comparison: Comparison) -> tuple[Overlay, ...]:
-    """Return the channels and runs that were worst before, against the spread of all of that channel."""
-    scale = {name: max(_rms(np.concatenate([p.errors()[0] for p in parts])), 1e-12)
-             for name, parts in comparison.by_channel().items()}  # fmt: skip
-    first = [part for part in comparison.samples if part.repeat == 0]
-    worst = sorted(first, key=lambda p: (-_rms(p.errors()[0]) / scale[p.channel], p.run, p.channel))
-    return tuple(_overlay(comparison.split, part) for part in worst[:_OVERLAYS])
-
-
-def _overlay(split: Split, part: Samples) -> Overlay:
-    command = part.command.at(part.time_s)
-    return Overlay(
-        file=part.run,
-        split=split,
-        channel=part.channel,
-        unit=UNITS[part.channel],
-        time_s=part.time_s,
-        measured=part.measured,
-        before=part.before,
-        after=part.after,
-        command=command[:, 0] if UNITS[part.channel] == "rpm" else None,
+    """Return the channels and runs with the largest error before, relative to that of the whole channel."""
+    ranked = []
+    for name, parts in comparison.by_channel().items():
+        scale = max(rms(np.concatenate([p.errors()[0] for p in parts])), 1e-12)
+        ranked += [(-rms(p.errors()[0]) / scale, p.run, name, p) for p in parts if p.repeat == 0]
+    worst = sorted(ranked, key=lambda entry: entry[:3])[:_OVERLAYS]
+    return tuple(
+        Overlay(
+            file=part.run,
+            split=comparison.split,
+            channel=name,
+            unit=UNITS[name],
+            time_s=part.time_s,
+            measured=part.measured,
+            before=part.before,
+            after=part.after,
+            command=part.command.at(part.time_s)[:, 0] if UNITS[name] == "rpm" else None,
+        )
+        for _, _, name, part in worst
     )
-
-
-def _rms(values: FloatArray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if finite.size else 0.0
-
-
-MOST: Final = 12
-"""Sets in the table, beside the model as it is and the law fitted again."""
 
 
 def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEffect, ...]:
@@ -164,7 +167,7 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
 
     Args:
         problem: the model and the runs that decided.
-        decision: the verdict and what it rests on.
+        decision: the decision of the search.
     """
     if decision.chosen is None:
         return ()
@@ -185,53 +188,50 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
 def evidence(
     dataset: Dataset, problem: ResidualProblem, decision: Decision, floor: Floor
 ) -> tuple[Evidence, ...]:
-    """Return the sets that matter, best score first.
+    """Return the sets of effects that matter, best score first.
 
     Args:
-        dataset: its test runs are simulated for the first time here.
+        dataset: its test runs are simulated here, after the decision.
         problem: the model and the runs that decided.
-        decision: the verdict and what it rests on.
+        decision: the decision of the search.
         floor: what is known of the noise.
     """
-    listed = [j for j in decision.judged if j.names][:MOST]
-    listed += [j for j in decision.judged if not j.names]
-    if decision.law is not None:
-        listed.append(decision.law)
+    base = next(judged for judged in decision.judged if not judged.names)
+    shown = [judged for judged in decision.judged if judged.names][:_MOST_SETS]
+    shown += [judged for judged in decision.judged if not judged.names]
+    shown += [] if decision.law is None else [decision.law]
     tests = dataset.split("test")
     test = Simulator(observe(replace(dataset, runs=tests)), problem.study) if tests else None
-    base = next(j for j in decision.judged if not j.names)
     right = expected(problem, *(j.fitted for j in (base, decision.chosen) if j is not None))
 
     def row(judged: ScoredSet) -> Evidence:
         fitted = judged.fitted
         model = fitted.candidate.model(problem.base, fitted.place)
-        p = fitted.candidate.parameter_count
+        parameter_count = fitted.candidate.parameter_count
         return Evidence(
             effects=judged.names,
             parameters=_parameters(judged, model),
-            parameter_count=p,
+            parameter_count=parameter_count,
             score=judged.score - base.score,
             misfit=fitted.cost / problem.size,
             adequate=enough(problem, base.fitted, fitted, floor, right),
             validation_rms=fitted_rms(problem, fitted, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
-            bic=fitted.cost / decision.inflation + p * math.log(problem.size),
+            bic=fitted.cost / decision.inflation + parameter_count * math.log(problem.size),
         )
 
-    return tuple(problem.map(row, sorted(listed, key=lambda j: (j.score, j.names))))
+    return tuple(problem.map(row, sorted(shown, key=lambda judged: (judged.score, judged.names))))
 
 
 def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {name: {} for name in judged.names}
     if isinstance(judged.fitted.candidate, EffectSet):
+        robot = {"servo_integral_n_m_rad": model.robot.servo_integral_n_m_rad}
         for c in judged.fitted.candidate.coordinates:
-            section = (
-                model.effects[c.effect] if c.effect else {c.parameter: model.robot.servo_integral_n_m_rad}
-            )
-            found.setdefault(c.effect or "robot", {})[c.parameter] = section[c.parameter]
+            values = model.effects[c.effect] if c.effect else robot
+            found.setdefault(c.effect or "robot", {})[c.parameter] = values[c.parameter]
     else:
-        law = model.wheel.law
-        found[judged.names[0]] = dict(zip("ABCDEF", law.coefficients.tolist(), strict=True))
+        found[judged.names[0]] = dict(zip("ABCDEF", model.wheel.law.coefficients.tolist(), strict=True))
     return found
 
 

@@ -1,70 +1,145 @@
-"""The files of a study, with the form of `gap.json`: written all or, if one fails, none."""
+"""What a study puts out: ten lines for the terminal, and its files, written all or, if one fails, none."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
 
-from mecanum_env.files import atomic_path, write_json
+from mecanum_env.files import atomic_path, plain_json, write_json
 from mecanum_env.model import write_model
 from mecanum_env.report import report_available
 from mecanum_env.units import FloatArray
 from sysid.gap.report.page import write_gap_report
-from sysid.gap.report.table import NEXT_FILE
-from sysid.gap.report.wording import (
+from sysid.gap.result import Difference, Experiment, FoundEffect, GapReport
+from sysid.gap.wording import (
+    NEXT_FILE,
+    Concentration,
+    amount,
+    closed_share,
     closure,
+    compared_runs,
+    concentrations,
+    count,
+    interval_text,
+    next_step,
+    number,
+    place_name,
+    set_name,
+    unit_of,
     verdict_sentence,
 )
-from sysid.gap.result import Experiment, GapReport
 from sysid.logs.runs import TIME
 from sysid.logs.writer import write_columns
 
 FORMAT: Final = "mecanum-gap/1"
+_RESULT, _MODEL, _PAGE = "gap.json", "model.json", "report.html"
+FILES: Final = (_RESULT, _MODEL, _PAGE, NEXT_FILE)
+"""Every file that a study may write."""
+_MOST_CHANNELS, _MOST_NAMES, _MOST_LINES = 4, 4, 10
+
+
+def gap_table(report: GapReport) -> str:
+    """Return what a study found in at most ten lines, the verdict first."""
+    several = len(report.candidates) > 1
+    channels = [f"{name} {_change(channel)}" for name, channel in report.channels.items()]
+    adequate = sum(evidence.adequate for evidence in report.evidence)
+    hidden = [effect.name for effect in report.untestable]
+    hidden_names = _shortened(hidden, _MOST_NAMES)
+    rows = [
+        ("gap", _gap(report)),
+        ("channels", _shortened(channels, _MOST_CHANNELS) if len(channels) > 1 else ""),
+        ("where most", "; ".join(_place(found) for found in concentrations(report, most=2))),
+        ("missing", "; ".join(_effect(found) for found in report.effects)),
+        ("tied", " | ".join(map(set_name, report.candidates[:_MOST_NAMES])) if several else ""),
+        ("tried", f"{count(len(report.evidence), 'set')} of effects; explain the data: {adequate}"),
+        ("clue", _clue(report)),
+        ("untestable", f"{count(len(hidden), 'effect')}: {hidden_names}" if hidden else ""),
+        ("noticed", _noticed(report)),
+        ("next", next_step(report)),
+    ]
+    lines = [f"{name:<11}{text}" for name, text in rows if text]
+    return "\n".join([f"{report.dataset}: {verdict_sentence(report)}", *lines[: _MOST_LINES - 1]])
+
+
+def _gap(report: GapReport) -> str:
+    closed = closed_share(report.gap) if report.effects else "-"
+    end = f"; {closed} of what is above noise is gone" if closed != "-" else ""
+    return f"{_change(report.gap)} on {compared_runs(report)}{end}"
+
+
+def _change(gap: Difference) -> str:
+    floor = "" if gap.noise_floor is None else f" (noise {number(gap.noise_floor)})"
+    return f"{number(gap.before)} -> {amount(gap.after, gap.unit)}{floor}"
+
+
+def _place(found: Concentration) -> str:
+    share = f"{found.region.share:.0%} of the error in {found.sample_share:.0%} of the samples"
+    return f"{place_name(found.region)}: {share}"
+
+
+def _effect(found: FoundEffect) -> str:
+    texts = {name: interval_text(p, unit_of(found.name, name)) for name, p in found.parameters.items()}
+    values = ", ".join(f"{name} {value} ({interval})" for name, (value, interval) in texts.items())
+    return f"{found.name} {values}, in {found.selection_frequency:.0%} of resamples"
+
+
+def _clue(report: GapReport) -> str:
+    if report.empirical is None:
+        return ""
+    parts = [
+        f"{channel} {text} ({report.empirical.explained.get(channel, 0.0):.0%} of the error)"
+        for channel, text in report.empirical.formula.items()
+    ]
+    added = ", added to the model" if report.empirical.adopted else ""
+    return f"{'; '.join(parts)}: by regression, not physics{added}"
+
+
+def _noticed(report: GapReport) -> str:
+    kinds = sorted({finding.kind for finding in report.findings})
+    counts = [count(len(report.notes), "note") if report.notes else "", ", ".join(kinds)]
+    return "; ".join(filter(None, counts))
+
+
+def _shortened(items: Sequence[str], most: int) -> str:
+    more = [f"and {len(items) - most} more"] if len(items) > most else []
+    return ", ".join([*items[:most], *more])
 
 
 def gap_json(report: GapReport) -> dict[str, Any]:
-    """Return the object of `gap.json`; what is not finite or not known is null.
-
-    Args:
-        report: of the study.
-    """
-    value: dict[str, Any] = {
-        "format": FORMAT,
-        "verdict": report.verdict,
-        "sentence": verdict_sentence(report),
-        "dataset": report.dataset,
-        "level": report.level,
-        "effects": report.effects,
-        "candidates": report.candidates,
-        "gap": {**_record(report.gap), "closed": closure(report.gap)},
-        "p_value": report.p_value,
-        "channels": report.channels,
-        "where": report.where,
-        "untestable": report.untestable,
-        "smallest_detectable": report.smallest_detectable,
-        "next_experiment": _experiment(report.next_experiment),
-        "evidence": report.evidence,
-        "empirical": report.empirical,
-        "notes": report.notes,
-        "findings": report.findings,
-        "provenance": report.provenance,
-    }
-    plain: dict[str, Any] = _plain(value)
-    return plain
+    """Return the object of `gap.json`; a number that is not finite or not known is null."""
+    value: dict[str, Any] = plain_json(
+        {
+            "format": FORMAT,
+            "verdict": report.verdict,
+            "sentence": verdict_sentence(report),
+            "dataset": report.dataset,
+            "level": report.level,
+            "effects": report.effects,
+            "candidates": report.candidates,
+            "gap": {**vars(report.gap), "closed": closure(report.gap)},
+            "held_out": report.held_out,
+            "p_value": report.p_value,
+            "channels": report.channels,
+            "where": report.where,
+            "untestable": report.untestable,
+            "smallest_detectable": report.smallest_detectable,
+            "next_experiment": _experiment_json(report.next_experiment),
+            "evidence": report.evidence,
+            "empirical": report.empirical,
+            "notes": report.notes,
+            "findings": report.findings,
+            "provenance": report.provenance,
+        }
+    )
+    return value
 
 
-def _record(record: Any) -> dict[str, Any]:
-    return {field.name: getattr(record, field.name) for field in fields(record)}
-
-
-def _experiment(experiment: Experiment | None) -> dict[str, Any] | None:
-    """Return the commands as columns of a log; predictions are drawn on the page only."""
+def _experiment_json(experiment: Experiment | None) -> dict[str, Any] | None:
+    """Return an experiment with its commands as columns of a log; only the page draws the predictions."""
     if experiment is None:
         return None
     return {
@@ -77,44 +152,25 @@ def _experiment(experiment: Experiment | None) -> dict[str, Any] | None:
     }
 
 
-def _plain(value: Any) -> Any:
-    """Return a value as JSON has it: lists, plain numbers, null for what is not finite."""
-    if is_dataclass(value):
-        return _plain(_record(value))
-    if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return _plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
-_RESULT, _MODEL, _PAGE = "gap.json", "model.json", "report.html"
-FILES: Final = (_RESULT, _MODEL, _PAGE, NEXT_FILE)
-
-
 def write_study(report: GapReport, folder: Path) -> tuple[Path, ...]:
     """Write a study into a folder and return the paths of its files.
 
-    `gap.json`, `model.json`, `report.html` (with the `report` extra) and, where there is one, the commands of
-    the next experiment as `next_experiment.csv`. What an earlier study left there and this one does not have
-    is removed.
+    `gap.json`, `model.json`, `report.html` (with the `report` extra) and, if there is one, the commands of
+    the next experiment as `next_experiment.csv`. A file of an earlier study that this one does not write is
+    removed.
 
     Args:
-        report: of the study.
-        folder: made where it does not exist.
+        report: results of the study.
+        folder: folder to write, created if it does not exist.
 
     Raises:
         InputError: the folder cannot be written; nothing is changed then.
     """
     experiment = report.next_experiment
-    has = {_PAGE: report_available(), NEXT_FILE: experiment is not None}
-    names = [name for name in FILES if has.get(name, True)]
+    present = {_PAGE: report_available(), NEXT_FILE: experiment is not None}
+    names = [name for name in FILES if present.get(name, True)]
     with ExitStack() as stack:
-        # Each is renamed to its place when the stack closes, none if anything here raises.
+        # Every file is renamed to its place when the stack closes, none of them if anything here raises.
         paths = {name: stack.enter_context(atomic_path(folder / name)) for name in names}
         write_json(paths[_RESULT], gap_json(report))
         write_model(report.model, paths[_MODEL])
@@ -128,11 +184,7 @@ def write_study(report: GapReport, folder: Path) -> tuple[Path, ...]:
 
 
 def experiment_columns(experiment: Experiment) -> dict[str, FloatArray]:
-    """Return the commands as columns of a log, the last row at the end of the experiment.
-
-    Args:
-        experiment: as designed.
-    """
+    """Return the commands of an experiment as columns of a log, with a last row at its end."""
     columns = {TIME: experiment.time_s, **experiment.columns}
     if experiment.duration_s <= float(experiment.time_s[-1]):
         return columns

@@ -1,4 +1,4 @@
-"""The page of a gap study."""
+"""The page of a gap study: what the template `page.html` shows."""
 
 from __future__ import annotations
 
@@ -6,14 +6,17 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.report import report_available, write_page
+from mecanum_env.report import write_page
 from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure, was_changed
-from sysid.gap.report.table import next_step
-from sysid.gap.report.wording import (
+from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
+from sysid.gap.wording import (
     closed_share,
+    compared_runs,
     concentrations,
     interval_text,
+    next_step,
     number,
+    percent_of_motion,
     place_name,
     set_name,
     sizes,
@@ -21,31 +24,28 @@ from sysid.gap.report.wording import (
     unit_of,
     verdict_sentence,
 )
-from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
-_MOST_OVERLAYS: Final = 6
 _MOST_FINDINGS: Final = 40
 _EVIDENCE_SHOWN, _EVIDENCE_FOLDED = 10, 60
+"""Sets of effects in the table of evidence, and in the part that opens on a click."""
 _MOST_CANDIDATES: Final = 6
 
 
-def write_gap_report(report: GapReport, path: Path) -> bool:
-    """Write the page of a study; return False, writing nothing, without the `report` extra.
+def write_gap_report(report: GapReport, path: Path) -> None:
+    """Write the page of a study, which takes the `report` extra.
 
     Args:
-        report: of the study.
-        path: of the page.
+        report: results of the study.
+        path: file to write.
     """
-    if not report_available():
-        return False
-    overlays = {f"run{i}": overlay_figure(o) for i, o in enumerate(report.overlays[:_MOST_OVERLAYS])}
+    experiment = report.next_experiment
+    overlays = {f"run{i}": overlay_figure(overlay) for i, overlay in enumerate(report.overlays)}
     figures: dict[str, Mapping[str, Any]] = dict(overlays)
-    heat = heat_figure(report)
-    if heat is not None:
+    if (heat := heat_figure(report)) is not None:
         figures["heat"] = heat
-    if report.next_experiment is not None:
-        figures["experiment"] = experiment_figure(report.next_experiment)
+    if experiment is not None:
+        figures["experiment"] = experiment_figure(experiment)
     write_page(
         path,
         _TEMPLATE,
@@ -55,9 +55,10 @@ def write_gap_report(report: GapReport, path: Path) -> bool:
         verdict=report.verdict,
         sentence=verdict_sentence(report),
         step=next_step(report),
-        gap=_gap_row("together", report.gap),
+        gap=_difference_row("together", report.gap),
+        runs=compared_runs(report),
         changed=was_changed(report),
-        channels=[_gap_row(name, channel) for name, channel in report.channels.items()],
+        channels=[_difference_row(name, channel) for name, channel in report.channels.items()],
         effects=[_effect(found) for found in report.effects],
         candidates=[_candidate(report, names) for names in report.candidates[:_MOST_CANDIDATES]],
         more_candidates=max(0, len(report.candidates) - _MOST_CANDIDATES),
@@ -66,7 +67,7 @@ def write_gap_report(report: GapReport, path: Path) -> bool:
             for c in concentrations(report)
         ],
         overlays=list(overlays),
-        heat="heat" in figures,
+        heat=heat is not None,
         heat_unit=heat_scale(report)[1],
         evidence=_evidence(report),
         evidence_shown=_EVIDENCE_SHOWN,
@@ -74,32 +75,31 @@ def write_gap_report(report: GapReport, path: Path) -> bool:
         unit=report.gap.unit,
         untestable=[(u.name, u.reason, sizes(u.name, u.smallest_detectable)) for u in report.untestable],
         detectable=[(name, sizes(name, values)) for name, values in report.smallest_detectable.items()],
-        experiment=report.next_experiment,
-        power="" if report.next_experiment is None else f"{report.next_experiment.power:.0%}",
-        separated=[set_name(names) for names in report.next_experiment.candidates]
-        if report.next_experiment
-        else [],
+        experiment=experiment,
+        power="" if experiment is None else f"{experiment.power:.0%}",
+        separated=[] if experiment is None else [set_name(names) for names in experiment.candidates],
         empirical=_empirical(report),
         findings=report.findings[:_MOST_FINDINGS],
         notes=report.notes,
         provenance=[(name, str(value)) for name, value in report.provenance.items()],
-    )  # fmt: skip
-    return True
+    )
 
 
-def _gap_row(name: str, gap: Difference) -> dict[str, Any]:
-    """Return the cells of a difference, and the lengths of its bars in percent of before."""
-    longest = max(gap.before, gap.after, gap.noise_floor or 0.0) or 1.0
+def _difference_row(name: str, gap: Difference) -> dict[str, Any]:
+    """Return the cells of a difference, and the lengths of its bars in percent of the longest."""
+    percent = 100.0 / (max(gap.before, gap.after, gap.noise_floor or 0.0) or 1.0)
     return {
         "name": name,
         "unit": gap.unit,
         "before": number(gap.before),
         "after": number(gap.after),
         "floor": number(gap.noise_floor),
+        "before_share": percent_of_motion(gap.before, gap),
+        "after_share": percent_of_motion(gap.after, gap),
         "closed": closed_share(gap),
-        "before_length": f"{100.0 * gap.before / longest:.1f}",
-        "after_length": f"{100.0 * gap.after / longest:.1f}",
-        "floor_length": "" if gap.noise_floor is None else f"{100.0 * gap.noise_floor / longest:.1f}",
+        "before_length": f"{percent * gap.before:.1f}",
+        "after_length": f"{percent * gap.after:.1f}",
+        "floor_length": "" if gap.noise_floor is None else f"{percent * gap.noise_floor:.1f}",
     }
 
 
@@ -129,26 +129,28 @@ def _evidence(report: GapReport) -> list[dict[str, Any]]:
     """Return the rows of the best sets and of the model as it is."""
     adopted = {found.name for found in report.effects}
     tied = [set(names) for names in report.candidates]
-    first = list(report.evidence[:_EVIDENCE_FOLDED])
-    plain = [e for e in report.evidence[_EVIDENCE_FOLDED:] if not e.effects]
-    rows = []
-    for e in [*first, *plain]:
-        chosen = bool(adopted) and set(e.effects) == adopted
-        rows.append(
-            {
-                "name": set_name(e.effects),
-                "sizes": _all_sizes(e),
-                "mark": "adopted" if chosen else "tied" if set(e.effects) in tied else "",
-                "count": e.parameter_count,
-                "score": number(e.score),
-                "misfit": number(e.misfit),
-                "adequate": "yes" if e.adequate else "no",
-                "validation": number(e.validation_rms),
-                "test": number(e.test_rms),
-                "bic": number(e.bic),
-            }
-        )
-    return rows
+
+    def mark(e: Evidence) -> str:
+        if adopted and set(e.effects) == adopted:
+            return "adopted"
+        return "tied" if set(e.effects) in tied else ""
+
+    unchanged = [e for e in report.evidence[_EVIDENCE_FOLDED:] if not e.effects]
+    return [
+        {
+            "name": set_name(e.effects),
+            "sizes": _all_sizes(e),
+            "mark": mark(e),
+            "count": e.parameter_count,
+            "score": number(e.score),
+            "misfit": number(e.misfit),
+            "adequate": "yes" if e.adequate else "no",
+            "validation": number(e.validation_rms),
+            "test": number(e.test_rms),
+            "bic": number(e.bic),
+        }
+        for e in [*report.evidence[:_EVIDENCE_FOLDED], *unchanged]
+    ]
 
 
 def _all_sizes(evidence: Evidence) -> str:
@@ -159,10 +161,5 @@ def _empirical(report: GapReport) -> dict[str, Any] | None:
     if report.empirical is None:
         return None
     shares = report.empirical.explained
-    return {
-        "adopted": report.empirical.adopted,
-        "terms": [
-            (channel, text, f"{shares.get(channel, 0.0):.0%}")
-            for channel, text in report.empirical.formula.items()
-        ],
-    }
+    terms = [(name, text, f"{shares.get(name, 0.0):.0%}") for name, text in report.empirical.formula.items()]
+    return {"adopted": report.empirical.adopted, "terms": terms}

@@ -1,26 +1,28 @@
-"""The drawings of a gap study's page: runs, regions and the next experiment."""
+"""Figures of a gap study's page: the worst runs, the error by region, and the next experiment."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
 
 from mecanum_env.report import figure
-from mecanum_env.units import FloatArray
-from sysid.gap.report.wording import number
+from mecanum_env.statistics import rms
 from sysid.gap.result import Experiment, GapReport, Overlay, Region
+from sysid.gap.wording import number
 from sysid.logs.runs import UNITS
 
 MEASURED, BEFORE, AFTER, COMMAND = "#8a8a8a", "#c8102e", "#0b7a75", "#1f4e79"
 CANDIDATES: Final = ("#0b7a75", "#c8102e", "#1f4e79", "#c58b00", "#6b4c9a")
-"""Line colours of tied candidates, in their order."""
+"""Line colours of the candidates, in their order."""
 _HEAT: Final = [[0.0, "#fbfaf7"], [0.15, "#fdeccb"], [0.4, "#f7b267"], [0.7, "#d1495b"], [1.0, "#6d1a36"]]
+_COMMANDS: Final = (COMMAND, "#c58b00", "#6b4c9a", "#4d8076")
+"""Line colours of the command columns, in their order."""
 _ROW_PX, _MOST_PANELS = 24, 3
 _PALE: Final = 4.0
-"""The darkest colour stands for no less than this, so that mere noise stays pale."""
+"""Least error that the darkest colour stands for, so that noise alone stays pale."""
 _DIMENSIONS: Final = ("phase", "speed", "direction", "time", "heading", "battery", "repeat")
 _REGIONS: Final = (
     *("rest", "start", "rising", "steady", "falling", "reversal", "coasting"),
@@ -28,44 +30,49 @@ _REGIONS: Final = (
     *("early", "middle", "late"),
     *("towards +x", "towards +y", "towards -x", "towards -y", "on the spot"),
 )
-"""Order in which regions are read; those with numbers follow their numbers."""
-
+"""Order in which regions are listed; those with numbers are ordered by their numbers."""
 _BESIDE: Final = {"orientation": "v"}
-"""The zoom buttons beside the plot, where they cover neither title nor legend."""
-_ROOM_BESIDE: Final = {"l": 60, "r": 36, "t": 60, "b": 45}
+"""Zoom buttons in a column beside the plot, where they cover neither title nor legend."""
+_MARGIN: Final = {"l": 60, "r": 36, "t": 60, "b": 45}
 
 Figure = dict[str, Any]
 
 
 def overlay_figure(overlay: Overlay) -> Figure:
-    """Return a run as measured and simulated, and below what the simulations miss."""
+    """Return a run as measured and simulated, and below it measured minus simulated."""
     changed = not np.allclose(overlay.before, overlay.after, equal_nan=True)
     traces = [
-        _line(overlay.time_s, overlay.measured, "measured", MEASURED, mode="markers",
-              marker={"size": 3, "color": MEASURED}),
-    ]  # fmt: skip
+        _line(
+            overlay.time_s,
+            overlay.measured,
+            "measured",
+            MEASURED,
+            mode="markers",
+            marker={"size": 3, "color": MEASURED},
+        )
+    ]
     if overlay.command is not None:
         traces.append(_line(overlay.time_s, overlay.command, "command", COMMAND, width=1.0, shape="hv"))
-    shown = [("before" if changed else "simulated", overlay.before, BEFORE)]
-    shown += [("after", overlay.after, AFTER)] if changed else []
-    for name, values, colour in shown:
+    simulated = [("before" if changed else "simulated", overlay.before, BEFORE)]
+    simulated += [("after", overlay.after, AFTER)] if changed else []
+    errors = []
+    for name, values, colour in simulated:
+        error = overlay.measured - values
         traces.append(_line(overlay.time_s, values, name, colour))
-        missed = overlay.measured - values
-        traces.append(_line(overlay.time_s, missed, name, colour, width=1.0, yaxis="y2", showlegend=False))
-    fall = f"rms {number(_rms(overlay.measured - overlay.before))}"
-    fall += f" → {number(_rms(overlay.measured - overlay.after))}" if changed else ""
+        traces.append(_line(overlay.time_s, error, name, colour, width=1.0, yaxis="y2", showlegend=False))
+        errors.append(number(rms(error)))
     return figure(
         traces,
-        title=f"{overlay.file} ({overlay.split}), {overlay.channel}: {fall} {overlay.unit}",
+        title=f"{overlay.file} ({overlay.split}), {overlay.channel}: rms {' → '.join(errors)} {overlay.unit}",
         x="time [s]",
         y=overlay.unit,
         height=400,
         layout={
             "modebar": _BESIDE,
-            "margin": _ROOM_BESIDE,
+            "margin": _MARGIN,
             "xaxis": {"title": {"text": "time [s]"}, "zeroline": False, "anchor": "y2"},
             "yaxis": {"title": {"text": overlay.unit}, "zeroline": False, "domain": [0.36, 1.0]},
-            "yaxis2": {"title": {"text": "missed"}, "zerolinecolor": "#bbb", "domain": [0.0, 0.26]},
+            "yaxis2": {"title": {"text": "error"}, "zerolinecolor": "#bbb", "domain": [0.0, 0.26]},
         },
     )
 
@@ -76,10 +83,10 @@ def was_changed(report: GapReport) -> bool:
 
 
 def heat_figure(report: GapReport) -> Figure | None:
-    """Return regions by channels, before and after on one colour scale; None where no region is known.
+    """Return the error of regions (rows) by channels (columns), before and after on one colour scale.
 
-    Errors are in units of the channel's noise where that is known for every channel, else of the channel's
-    own error before. Where nothing was added there is no after.
+    Errors are in units of `heat_scale`. If nothing was added to the model there is no second half; without
+    regions there is no figure.
     """
     rows = _rows(report.where)
     if not rows:
@@ -117,33 +124,32 @@ def _heat(
     report: GapReport, rows: Sequence[tuple[str, str]], scale: Mapping[str, float], *, after: bool
 ) -> dict[str, Any]:
     channels = [name for name in UNITS if name in scale]
-    there = {(r.channel, r.dimension, r.region): r for r in report.where}
-    cells: list[list[float | None]] = []
-    hover: list[list[str]] = []
-    for row in rows:
-        found = [there.get((channel, *row)) for channel in channels]
-        cells.append([
-            None if r is None else (r.rms_after if after else r.rms) / scale[r.channel] for r in found
-        ])  # fmt: skip
-        hover.append(["" if r is None else f"{r.share:.0%} of the error, {r.samples} samples" for r in found])
+    regions = {(r.channel, r.dimension, r.region): r for r in report.where}
+    found = [[regions.get((channel, *row)) for channel in channels] for row in rows]
+
+    def table(of: Callable[[Region], Any], empty: Any) -> list[list[Any]]:
+        return [[empty if region is None else of(region) for region in row] for row in found]
+
+    def error(region: Region) -> float:
+        return (region.rms_after if after else region.rms) / scale[region.channel]
+
     return {
-        "type": "heatmap", "x": channels, "y": [_row_name(*row) for row in rows],
-        "z": cells, "coloraxis": "coloraxis", "xgap": 2, "ygap": 2, "customdata": hover,
-        "text": [[_cell(cell) for cell in row] for row in cells],
-        "texttemplate": "%{text}", "textfont": {"size": 11},
-    }  # fmt: skip
-
-
-def _row_name(dimension: str, region: str) -> str:
-    return region if region.startswith(dimension) else f"{dimension} · {region}"
-
-
-def _cell(value: float | None) -> str:
-    return "" if value is None else f"{value:.2g}" if value < 100.0 else f"{value:.0f}"
+        "type": "heatmap",
+        "x": channels,
+        "y": [name if name.startswith(dimension) else f"{dimension} · {name}" for dimension, name in rows],
+        "z": table(error, None),
+        "text": table(lambda r: f"{error(r):.2g}" if error(r) < 100.0 else f"{error(r):.0f}", ""),
+        "customdata": table(lambda r: f"{r.share:.0%} of the error, {r.samples} samples", ""),
+        "texttemplate": "%{text}",
+        "textfont": {"size": 11},
+        "coloraxis": "coloraxis",
+        "xgap": 2,
+        "ygap": 2,
+    }
 
 
 def _rule(row: int, right: float) -> dict[str, Any]:
-    """Return the line above the first row of a dimension."""
+    """Return the line above a row, up to the right end."""
     place = {"xref": "paper", "x0": 0, "x1": right, "y0": row - 0.5, "y1": row - 0.5}
     return {"type": "line", **place, "line": {"color": "#999", "width": 1}}
 
@@ -154,7 +160,10 @@ def _caption(text: str, middle: float) -> dict[str, Any]:
 
 
 def heat_scale(report: GapReport) -> tuple[dict[str, float], str]:
-    """Return what one unit of the heat map is in each channel, and its name."""
+    """Return the unit of the heat map in each channel, and its name.
+
+    The noise if it is known for every channel, else the channel's error before.
+    """
     floors = {name: channel.noise_floor for name, channel in report.channels.items()}
     names = {region.channel for region in report.where}
     if all((floors.get(name) or 0.0) > 0.0 for name in names):
@@ -167,17 +176,15 @@ def heat_scale(report: GapReport) -> tuple[dict[str, float], str]:
 
 
 def experiment_figure(experiment: Experiment) -> Figure:
-    """Return the commands of the next experiment, and below what each candidate predicts."""
+    """Return the commands of the next experiment, and below them what each candidate predicts."""
     end = experiment.duration_s
-    panels: list[tuple[str, list[dict[str, Any]]]] = []
     commands = [
         _line([*experiment.time_s, end], [*values, values[-1]], name, colour, shape="hv")
-        for (name, values), colour in zip(experiment.columns.items(), _colours(), strict=False)
+        for (name, values), colour in zip(experiment.columns.items(), _COMMANDS, strict=False)
     ]
-    panels.append(("command", commands))
-    if experiment.predicted_time_s is not None:
-        for channel in _telling(experiment):
-            panels.append((channel, _predictions(experiment, channel)))
+    channels = [] if experiment.predicted_time_s is None else _most_different(experiment)
+    panels = [("command", commands)]
+    panels += [(name, _predictions(experiment, name, legend=name == channels[0])) for name in channels]
     traces: list[dict[str, Any]] = []
     layout: dict[str, Any] = {}
     share = 1.0 / len(panels)
@@ -191,37 +198,33 @@ def experiment_figure(experiment: Experiment) -> Figure:
         traces += [{**line, "yaxis": f"y{axis}"} for line in lines]
     last = "" if len(panels) == 1 else str(len(panels))
     layout["xaxis"] = {"title": {"text": "time [s]"}, "anchor": f"y{last}", "zeroline": False}
-    layout["modebar"], layout["margin"] = _BESIDE, _ROOM_BESIDE
+    layout["modebar"], layout["margin"] = _BESIDE, _MARGIN
     return figure(traces, height=110 + 190 * len(panels), layout=layout)
 
 
-def _telling(experiment: Experiment) -> list[str]:
-    """Return the channels in which the candidates differ most, relative to how much each moves."""
+def _most_different(experiment: Experiment) -> list[str]:
+    """Return the channels in which the predictions differ most, relative to their range."""
     predicted = list(experiment.predicted.values())
     shared = [name for name in UNITS if predicted and all(name in p for p in predicted)]
 
-    def apart(name: str) -> float:
+    def difference(name: str) -> float:
         values = np.array([p[name] for p in predicted])
         span = float(np.nanmax(values) - np.nanmin(values))
         return float(np.nanmax(np.ptp(values, axis=0))) / span if span > 0.0 else 0.0
 
-    return sorted(shared, key=lambda name: -apart(name))[:_MOST_PANELS]
+    return sorted(shared, key=lambda name: -difference(name))[:_MOST_PANELS]
 
 
-def _predictions(experiment: Experiment, channel: str) -> list[dict[str, Any]]:
-    first = channel == _telling(experiment)[0]
+def _predictions(experiment: Experiment, channel: str, *, legend: bool) -> list[dict[str, Any]]:
+    time = experiment.predicted_time_s
     return [
-        _line(experiment.predicted_time_s, values[channel], name, colour, showlegend=first, legendgroup=name)
+        _line(time, values[channel], name, colour, showlegend=legend, legendgroup=name)
         for (name, values), colour in zip(experiment.predicted.items(), CANDIDATES, strict=False)
     ]
 
 
-def _colours() -> tuple[str, ...]:
-    return (COMMAND, "#c58b00", "#6b4c9a", "#4d8076")
-
-
 def _rows(where: Sequence[Region]) -> list[tuple[str, str]]:
-    """Return (dimension, region) in reading order; wheels are columns already."""
+    """Return (dimension, region) in reading order, without wheels: they are columns."""
     pairs = {(region.dimension, region.region) for region in where if region.dimension != "wheel"}
     return sorted(pairs, key=lambda pair: (_place(_DIMENSIONS, pair[0]), *_reading_order(pair[1])))
 
@@ -244,8 +247,3 @@ def _line(
     line = {"color": colour, "width": width, "shape": shape}
     base = {"type": "scatter", "mode": "lines", "line": line, "name": name}
     return {**base, "x": np.asarray(x, float).tolist(), "y": values, **more}
-
-
-def _rms(values: FloatArray) -> float:
-    finite = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if finite.size else float("nan")

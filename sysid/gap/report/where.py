@@ -1,4 +1,4 @@
-"""Where simulation and measurement disagree: the error cut by what the robot was doing.
+"""Where simulation and measurement disagree: the error by what the robot was doing.
 
 Every dimension (phase, speed, direction ...) divides the samples of a channel into regions. A region's share
 is its part of the channel's squared error before, so that the shares of a dimension sum to 1.
@@ -21,16 +21,19 @@ from sysid.compare.samples import COMMAND_STEP_RPM, HeldCommand, Samples, wheel_
 from sysid.gap.result import Region
 
 SETTLING_S: Final = 0.3
-"""A command held this long has settled: the published robot needs 0.23 s."""
+"""Time after a change of command until the motion counts as steady [s]; the published robot needs 0.23 s."""
 SPEED_EDGES_RPM: Final = (20.0, 40.0, 80.0, 120.0, 200.0, 400.0)
-"""Between the bands of speed; the published losses are at 10, 40, 80 and 130 rpm."""
+"""Edges of the speed bands [rpm]; the published losses are at 10, 40, 80 and 130 rpm."""
 PURE: Final = 0.1
-"""Up to this share of turning a motion counts as straight, of travelling as turning on the spot."""
+"""Share of turning up to which a motion counts as straight, and of travelling up to which it is turning."""
 LEAST_SAG_V: Final = 0.1
-"""Voltages that differ by less are one."""
+"""Range of voltages [V] below which the error is not divided by voltage."""
 BATTERY_BANDS: Final = 3
+"""Number of voltage bands."""
 UNKNOWN: Final = "unknown"
-"""Region of samples of which a dimension was not logged."""
+"""Region of samples for which a dimension was not logged."""
+_AXES: Final = ("forward", "diagonal", "left", "diagonal", "backward", "diagonal", "right", "diagonal")
+"""Direction of travel in steps of 45 degrees, counter-clockwise."""
 
 Labels = npt.NDArray[np.str_]
 
@@ -38,12 +41,12 @@ Labels = npt.NDArray[np.str_]
 def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple[Region, ...]:
     """Return where the error is, the largest share first, ties by channel, dimension and region.
 
-    A dimension in which all of a channel's samples fall into one region says nothing and is left out. The
-    dimension "wheel" compares the four wheel channels: there a share is of the error of all four.
+    A dimension in which all of a channel's samples fall into one region is left out. The dimension "wheel"
+    compares the four wheel channels: its shares are of the error of all four.
 
     Args:
-        samples: every channel of every run to look at.
-        settling_s: how long after a change of command a motion counts as changing [s].
+        samples: every channel of every run to divide.
+        settling_s: time after a change of command during which a motion counts as changing [s].
     """
     by_channel: dict[str, list[Samples]] = {}
     for part in samples:
@@ -62,22 +65,22 @@ def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple
             for dimension, names in _labels(part, settling_s, edges):
                 labels.setdefault(dimension, []).append(names)
         for dimension, pieces in labels.items():
-            found += _cut(channel, dimension, np.concatenate(pieces)[known], tables[channel])
-    found += _wheels(tables)
+            found += _divided(channel, dimension, np.concatenate(pieces)[known], tables[channel])
+    found += _by_wheel(tables)
     return tuple(sorted(found, key=lambda r: (-r.share, r.channel, r.dimension, r.region)))
 
 
 def phases(time_s: FloatArray, command: HeldCommand, settling_s: float = SETTLING_S) -> Labels:
-    """Return what each sample is part of, shape (n,).
+    """Return the phase of the motion at each sample, shape (n,).
 
     "rest" and "steady": the command has been held longer than `settling_s`; "start": it left zero;
-    "coasting": it came back to zero; "reversal": it turned to the other side (a body's: by more than a right
-    angle); "rising" and "falling": it grew or fell without.
+    "coasting": it returned to zero; "reversal": it changed its sign (a body's: turned by more than a right
+    angle); "rising" and "falling": its size changed otherwise.
 
     Args:
-        time_s: of the samples, shape (n,).
-        command: of a wheel or of the body.
-        settling_s: how long a change counts [s].
+        time_s: times of the samples [s], shape (n,).
+        command: command of a wheel or of the body.
+        settling_s: time during which a change counts [s].
     """
     now, earlier = command.at(time_s), command.earlier(time_s, settling_s)
     size, old = np.linalg.norm(now, axis=1), np.linalg.norm(earlier, axis=1)
@@ -95,9 +98,8 @@ def phases(time_s: FloatArray, command: HeldCommand, settling_s: float = SETTLIN
 def _labels(
     part: Samples, settling_s: float, battery_edges_v: FloatArray | None
 ) -> Iterator[tuple[str, Labels]]:
-    """Yield the dimensions that a run's channel has, with the region of each sample."""
+    """Yield the dimensions of a run's channel, each with the region of every sample."""
     yield "phase", phases(part.time_s, part.command, settling_s)
-    # While the robot coasts, what counts is what it did before.
     wheels = _last_motion(part.time_s, part.wheels, settling_s)
     own = _last_motion(part.time_s, part.command, settling_s)
     yield "speed", _speed(own if wheel_of(part.channel) else wheels)
@@ -112,6 +114,7 @@ def _labels(
 
 
 def _last_motion(time_s: FloatArray, command: HeldCommand, settling_s: float) -> FloatArray:
+    """Return the command at each sample; while the robot coasts, the command before."""
     now = command.at(time_s)
     still = np.max(np.abs(now), axis=1) <= COMMAND_STEP_RPM
     return np.where(still[:, None], command.earlier(time_s, settling_s), now)
@@ -130,9 +133,8 @@ def _speed(command_rpm: FloatArray) -> Labels:
 
 def _bench_direction(command_rpm: FloatArray) -> Labels:
     speed = command_rpm[:, 0]
-    return np.select(
-        [speed > COMMAND_STEP_RPM, speed < -COMMAND_STEP_RPM], ["forward", "backward"], "at rest"
-    )
+    moving = [speed > COMMAND_STEP_RPM, speed < -COMMAND_STEP_RPM]
+    return np.select(moving, ["forward", "backward"], "at rest")
 
 
 def _direction(wheels_rpm: FloatArray) -> Labels:
@@ -141,18 +143,15 @@ def _direction(wheels_rpm: FloatArray) -> Labels:
     travel, turn = np.hypot(body[:, 0], body[:, 1]), np.abs(body[:, 2])
     total = travel + turn
     octant = np.rint(np.arctan2(body[:, 1], body[:, 0]) / (np.pi / 4.0)).astype(int) % 8
-    straight = np.array(
-        ["forward", "diagonal", "left", "diagonal", "backward", "diagonal", "right", "diagonal"]
-    )
     return np.select(
         [total <= COMMAND_STEP_RPM, turn <= PURE * total, travel <= PURE * total],
-        ["at rest", straight[octant], "turning"],
+        ["at rest", np.array(_AXES)[octant], "turning"],
         "mixed",
     )
 
 
 def _heading(wheels_rpm: FloatArray, yaw_rad: FloatArray | None) -> Labels:
-    """Return towards which side of the world the robot travels; its own heading turned by the command's."""
+    """Return towards which side of the world the robot travels: its yaw plus the direction commanded."""
     if yaw_rad is None:
         return np.full(len(wheels_rpm), UNKNOWN)
     body = wheels_to_body(wheels_rpm)
@@ -164,7 +163,7 @@ def _heading(wheels_rpm: FloatArray, yaw_rad: FloatArray | None) -> Labels:
 
 
 def _battery_edges(samples: Sequence[Samples]) -> FloatArray | None:
-    """Return the edges of equally wide bands of voltage; None where it was not logged or hardly falls."""
+    """Return the edges of equally wide voltage bands [V]; None if it was not logged or is constant."""
     logged = [part.battery_v[np.isfinite(part.battery_v)] for part in samples if part.battery_v is not None]
     volts = np.concatenate(logged) if logged else np.zeros(0)
     if volts.size == 0 or np.ptp(volts) < LEAST_SAG_V:
@@ -181,41 +180,38 @@ def _battery(part: Samples, edges_v: FloatArray) -> Labels:
     return np.where(np.isfinite(part.battery_v), names[inside], UNKNOWN)
 
 
-def _cut(channel: str, dimension: str, names: Labels, table: FloatArray) -> Iterator[Region]:
-    """Yield the regions of a channel's (weight, error before, error after) rows, if more than one."""
-    here, inside = np.unique(names, return_inverse=True)
-    if here.size < 2:
+def _divided(channel: str, dimension: str, names: Labels, table: FloatArray) -> Iterator[Region]:
+    """Yield the regions of a channel's rows (weight, error before, error after), if more than one."""
+    found, inside = np.unique(names, return_inverse=True)
+    if found.size < 2:
         return
-    sums = [_sums(table[inside == i]) for i in range(here.size)]
-    total = sum(square for square, _, _, _ in sums)
-    for name, (square, rest, weight, count) in zip(here, sums, strict=True):
+    sums = []
+    for i in range(found.size):
+        weight, before, after = table[inside == i].T
+        sums.append((float(weight @ before**2), float(weight @ after**2), float(weight.sum()), weight.size))
+    total = sum(square for square, *_ in sums)
+    for name, (before_square, after_square, total_weight, count) in zip(found, sums, strict=True):
         yield Region(
             channel=channel,
             dimension=dimension,
             region=str(name),
-            rms=math.sqrt(square / weight),
-            rms_after=math.sqrt(rest / weight),
-            share=square / total if total > 0.0 else 0.0,
+            rms=math.sqrt(before_square / total_weight),
+            rms_after=math.sqrt(after_square / total_weight),
+            share=before_square / total if total > 0.0 else 0.0,
             samples=count,
         )
 
 
-def _wheels(tables: Mapping[str, FloatArray]) -> Iterator[Region]:
-    """Yield the wheel channels compared: one region each, shares of the error of all of them."""
-    there = {channel: table for channel, table in tables.items() if wheel_of(channel)}
-    channels = np.repeat(list(there), [len(table) for table in there.values()])
-    if there:
-        for region in _cut("", "wheel", channels, np.concatenate(list(there.values()))):
+def _by_wheel(tables: Mapping[str, FloatArray]) -> Iterator[Region]:
+    """Yield one region per wheel channel, with shares of the error of all of them."""
+    wheels = {channel: table for channel, table in tables.items() if wheel_of(channel)}
+    if wheels:
+        names = np.repeat(list(wheels), [len(table) for table in wheels.values()])
+        for region in _divided("", "wheel", names, np.concatenate(list(wheels.values()))):
             yield replace(region, channel=region.region, region=wheel_of(region.region) or "")
 
 
-def _sums(table: FloatArray) -> tuple[float, float, float, int]:
-    """Return the weighted squares before and after, the weight and the number of rows."""
-    weight, before, after = table.T
-    return float(weight @ before**2), float(weight @ after**2), float(weight.sum()), len(table)
-
-
 def _table(part: Samples) -> FloatArray:
-    """Return a row of weight, error before and error after for each sample, shape (n, 3)."""
+    """Return the weight, error before and error after of each sample, shape (n, 3)."""
     weight = np.ones(part.time_s.size) if part.weight is None else part.weight
     return np.stack([weight, *part.errors()], axis=1)

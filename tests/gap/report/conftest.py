@@ -1,4 +1,4 @@
-"""Reports of every verdict, made of first-order wheels, so that pages and files can be looked at."""
+"""Reports of every verdict, made with first-order wheels, for the tests of pages and files."""
 
 from dataclasses import replace
 
@@ -8,6 +8,7 @@ from scipy.signal import lfilter
 
 from mecanum_env.kinematics import command_to_wheels, wheels_to_twist
 from mecanum_env.model import Robot, paper_model
+from mecanum_env.statistics import rms
 from sysid.compare.samples import HeldCommand, Samples
 from sysid.gap.report.where import regions
 from sysid.gap.result import (
@@ -22,13 +23,13 @@ from sysid.gap.result import (
     Untestable,
 )
 from sysid.logs import Finding
+from sysid.logs.runs import UNITS
 
 STEP_S = 0.01
 TIME = np.arange(0.0, 5.0, STEP_S)
 CHANGES = np.array([0.3, 1.2, 2.1, 3.0, 4.2])
 OTHERS = ("command_latency", "sensor_latency", "coulomb_friction", "acceleration_limit", "weak_servo",
           "sensor_lowpass", "command_deadband", "speed_gain", "direction_asymmetry")  # fmt: skip
-UNITS = {"vx_m_s": "m/s", "vy_m_s": "m/s", "yaw_rate_rad_s": "rad/s"}
 PROVENANCE = {"seed": 0, "data_sha256": "2f1c" * 16, "model_sha256": "9ab0" * 16, "version": "0.1.0"}
 
 
@@ -38,10 +39,6 @@ def first_order(command: np.ndarray, tau_s: float = 0.07, delay_s: float = 0.0) 
     late = round(delay_s / STEP_S) + 1
     held = np.concatenate([np.zeros((late, *command.shape[1:])), command])[: len(command)]
     return lfilter([1.0 - ratio], [1.0, -ratio], held, axis=0)
-
-
-def rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def evidence(names: tuple[str, ...], score: float, rms_rpm: float, good: bool, **values: float) -> Evidence:
@@ -58,7 +55,7 @@ def untestable() -> tuple[Untestable, ...]:
 
 
 def bench_report(missing: np.ndarray, after: np.ndarray, noise_rpm: float = 0.7) -> GapReport:
-    """Return a report of two bench runs whose error was `missing` (over runs, (2, n)) and is `after`."""
+    """Return a report of two bench runs with the errors `missing` before and `after`, each (2, n)."""
     rng = np.random.default_rng(0)
     parts, overlays = [], []
     for i, levels in enumerate(([60.0, -60.0, 110.0, 20.0, 0.0], [-40.0, 90.0, -120.0, 50.0, 0.0])):
@@ -85,7 +82,7 @@ def bench_report(missing: np.ndarray, after: np.ndarray, noise_rpm: float = 0.7)
 
 
 def dead_times() -> np.ndarray:
-    """Return an error that shows after reversals only, as of backlash, for two runs, (2, n)."""
+    """Return an error after reversals only, as backlash causes it, for two runs, (2, n)."""
     bumps = [-18.0 * np.exp(-(((TIME - change - 0.06) / 0.05) ** 2)) for change in CHANGES[1:4]]
     return np.array([[-1.0, 1.0, 0.0], [1.0, -1.0, 1.0]]) @ np.array(bumps)
 
@@ -131,7 +128,7 @@ def ambiguous() -> GapReport:
 
 
 def robot_report() -> GapReport:
-    """Return a report of a robot whose sideways speed is lost, with an experiment to follow."""
+    """Return a report of a robot that is slow sideways, with a next experiment."""
     rng = np.random.default_rng(1)
     noise = {"vx_m_s": 0.01, "vy_m_s": 0.01, "yaw_rate_rad_s": 0.03}
     parts, overlays = [], []

@@ -28,7 +28,7 @@ def model_file(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch, ambiguous: GapReport) -> list[GapOptions]:
-    """Put a report in place of the search, and collect what it was asked for."""
+    """Replace the study by a fixed report, and collect the options it is called with."""
     options: list[GapOptions] = []
 
     def instead(*given: Any) -> GapReport:
@@ -110,7 +110,7 @@ def test_without_the_report_extra_all_but_the_page_is_written(
     [
         (["--only", "backlush"], 'no such effect (did you mean "backlash"?)'),
         (["--exclude", "baklash"], 'no such effect (did you mean "backlash"?)'),
-        (["--only", "payload"], "only payload: does nothing in bench logs"),
+        (["--only", "payload"], "only payload: has no effect in bench logs"),
         (["--only", "backlash", "--exclude", "backlash"], "excluded as well"),
         (["--level", "robot"], "these are bench logs"),
         (["--max-effects", "0"], "max-effects = 0, must be at least 1"),

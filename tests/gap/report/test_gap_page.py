@@ -8,11 +8,11 @@ from pathlib import Path
 
 import pytest
 
+from sysid.gap.report.output import gap_table
 from sysid.gap.report.page import write_gap_report
 from sysid.gap.report.plots import heat_figure, heat_scale
-from sysid.gap.report.table import gap_table
-from sysid.gap.report.wording import verdict_sentence
 from sysid.gap.result import Difference, GapReport
+from sysid.gap.wording import verdict_sentence
 
 VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
 Drawn = Callable[[Path], tuple[int, int, list[str]]]
@@ -23,7 +23,7 @@ def pages(every_report: dict[str, GapReport], tmp_path_factory: pytest.TempPathF
     pytest.importorskip("plotly", reason="the report extra is not installed")
     folder = tmp_path_factory.mktemp("pages")
     for verdict, report in every_report.items():
-        assert write_gap_report(report, folder / f"{verdict}.html")
+        write_gap_report(report, folder / f"{verdict}.html")
     return {verdict: folder / f"{verdict}.html" for verdict in every_report}
 
 
@@ -81,6 +81,16 @@ def test_a_browser_without_network_draws_every_plot(pages: dict[str, Path], draw
     assert console == []
 
 
+def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path: Path):
+    pytest.importorskip("plotly", reason="the report extra is not installed")
+    seen = replace(named, held_out="validation", unseen=False)
+    write_gap_report(seen, tmp_path / "seen.html")
+    text = words(tmp_path / "seen.html")
+    assert "before, on validation runs (also used to decide)" in text
+    assert "simulated on validation runs (also used to decide)" in text
+    assert "unseen" not in text
+
+
 def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: Path):
     pytest.importorskip("plotly", reason="the report extra is not installed")
     unknown = Difference("rpm", 3.0, 1.0, None)
@@ -88,9 +98,9 @@ def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: 
         named, gap=unknown, channels={"speed_rpm": unknown}, where=(), overlays=(), evidence=(),
         untestable=(), smallest_detectable={}, findings=(), notes=(), provenance={},
     )  # fmt: skip
-    assert write_gap_report(bare, tmp_path / "bare.html")
+    write_gap_report(bare, tmp_path / "bare.html")
     text = words(tmp_path / "bare.html")
-    assert "no repeats tell it" in text
+    assert "the logs have no repeats" in text
     assert "Nothing odd was noticed." in text
     assert len(gap_table(bare).splitlines()) >= 3
 

@@ -1,20 +1,33 @@
 """gap.json, the sentence and the ten lines: the contract, and the same words everywhere."""
 
 import json
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from sysid.gap.report.output import gap_json
-from sysid.gap.report.table import gap_table
-from sysid.gap.report.wording import closure, concentrations, interval_text, number, sizes, verdict_sentence
+from mecanum_env.model import paper_model
+from sysid.compare.samples import HeldCommand, Samples
+from sysid.gap import GapOptions, analyse
+from sysid.gap.report.held_out import Comparison, differences, overlays
+from sysid.gap.report.output import gap_json, gap_table
 from sysid.gap.result import Difference, FoundEffect, GapReport, Interval
+from sysid.gap.wording import (
+    closure,
+    concentrations,
+    interval_text,
+    number,
+    sizes,
+    verdict_sentence,
+    with_share,
+)
+from sysid.logs import Dataset, Split
 
 VERDICTS = ("named", "no_gap", "unexplained", "ambiguous")
 CONTRACT = {
     "format", "verdict", "effects", "candidates", "gap", "channels", "where", "untestable", "next_experiment",
-    "evidence", "provenance",
+    "evidence", "provenance", "held_out",
 }  # fmt: skip
 
 
@@ -88,6 +101,85 @@ def test_the_sentences_name_what_was_found(every_report: dict[str, GapReport]):
     assert "cannot tell which" in said["ambiguous"]
     assert said["no_gap"].startswith("No gap")
     assert "There is a gap" in said["unexplained"]
+
+
+def test_the_words_say_which_runs_the_differences_are_of(named: GapReport):
+    assert "on unseen test runs falls from" in verdict_sentence(named)
+    assert "on unseen test runs" in gap_table(named).splitlines()[1]
+    assert gap_json(named)["held_out"] == "test"
+    for split in ("validation", "fit", "test"):
+        seen = replace(named, held_out=split, unseen=False)
+        assert f"on {split} runs (also used to decide) falls from" in verdict_sentence(seen)
+        assert "unseen" not in gap_table(seen)
+        assert gap_json(seen)["held_out"] == split
+
+
+@pytest.mark.parametrize(
+    ("splits", "held_out", "unseen"),
+    [
+        (("fit", "validation", "test"), "test", True),
+        (("fit", "validation", "validation"), "validation", False),
+        (("fit", "fit", "fit"), "fit", False),
+        (("test", "test", "test"), "test", False),  # then test runs decide
+    ],
+)
+def test_a_study_tells_which_runs_stand_in_for_missing_test_runs(
+    bench_logs: Callable[..., Dataset], splits: tuple[Split, ...], held_out: str, unseen: bool
+):
+    renamed = dict(zip(("fit", "validation", "test"), splits, strict=True))
+    logs = bench_logs(paper_model(), repeats=1)
+    runs = tuple(replace(run, split=renamed[run.split]) for run in logs.runs)
+    options = GapOptions(only=("speed_gain",), max_effects=1, next_experiment=False)
+    report = analyse(replace(logs, runs=runs), paper_model(), options)
+    assert (report.held_out, report.unseen) == (held_out, unseen)
+
+
+def test_a_sentence_says_how_large_the_difference_is_beside_the_motion(
+    named: GapReport, no_gap: GapReport, unexplained: GapReport
+):
+    for report in (named, no_gap, unexplained):
+        gap = replace(report.gap, before=6.0, after=6.0, motion=50.0)
+        assert "6 rpm (12% of the rms speed)" in verdict_sentence(replace(report, gap=gap))
+    several = Difference("sigma", 2.0, 1.0, 1.0, motion=400.0)
+    assert with_share(2.0, several) == "2 sigma (0.5% of the rms motion)"
+    assert with_share(2.0, Difference("rpm", 2.0, 1.0, 1.0)) == "2 rpm"
+
+
+def test_the_motion_is_that_of_the_measurement(bench_logs: Callable[..., Dataset]):
+    options = GapOptions(only=("speed_gain",), max_effects=1, next_experiment=False)
+    logs = bench_logs(paper_model(), repeats=1)
+    report = analyse(logs, paper_model(), options)
+    measured = [run.channels["speed_rpm"] for run in logs.split("test")]
+    assert report.gap.motion == pytest.approx(np.sqrt(np.mean(np.concatenate(measured) ** 2)))
+    assert gap_json(report)["channels"]["speed_rpm"]["motion"] == report.gap.motion
+
+
+def test_a_pose_moves_from_where_its_run_starts():
+    time = np.arange(5.0)
+    still = HeldCommand(np.zeros(1), np.zeros((1, 4)))
+    pose = Samples("x_m", time, 100.0 + time, 99.0 + time, 100.0 + time, still)
+    comparison = Comparison("test", (pose,))
+    gap, _ = differences(Dataset("pose", (), ()), comparison)
+    assert gap.motion == pytest.approx(np.sqrt(6.0))
+    assert (gap.before, gap.after) == (1.0, 0.0)
+
+
+def test_a_channel_without_samples_has_no_difference():
+    time, held = np.arange(4.0), HeldCommand(np.zeros(1), np.zeros((1, 4)))
+    speed = Samples("speed_fl_rpm", time, time, time - 2.0, time, held)
+    empty = Samples("vx_m_s", time, np.full(4, np.nan), time, time, held)
+    comparison = Comparison("test", (speed, empty))
+    gap, channels = differences(Dataset("robot", (), ()), comparison)
+    assert list(channels) == ["speed_fl_rpm"]
+    assert gap.before == 2.0
+    assert [overlay.channel for overlay in overlays(comparison)] == ["speed_fl_rpm"]
+
+
+def test_an_error_that_rises_is_not_said_to_fall(named: GapReport):
+    worse = replace(named, gap=Difference("rpm", 2.0, 3.0, 1.0))
+    assert "rises from 2 to 3 rpm" in verdict_sentence(worse)
+    assert "none of what is above noise is gone" in gap_table(worse)
+    assert "let more logs confirm the new model.json" in gap_table(worse)
 
 
 def test_what_may_be_noise_or_not_is_not_called_noise(no_gap: GapReport):

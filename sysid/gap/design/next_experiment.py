@@ -1,0 +1,243 @@
+"""What a study asks for next: an experiment to settle its decision, or to show what its logs could not."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+from scipy.stats import norm
+
+from mecanum_env.effects import CATALOGUE, Effect, PlantKind
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.compare.fitted import Fitted
+from sysid.compare.observations import Observations
+from sysid.compare.prediction import POSE
+from sysid.compare.problem import ResidualProblem
+from sysid.gap.design.experiment import Design, Rival, design_separating, experiment_of
+from sysid.gap.design.sequences import Limits
+from sysid.gap.design.trial import (
+    CommandKind,
+    ExperimentConditions,
+    JudgedSequence,
+    Trial,
+    Value,
+    best_sequence,
+)
+from sysid.gap.result import Untestable
+from sysid.gap.search.coordinates import coordinate
+from sysid.gap.search.decide import Decision
+from sysid.gap.search.scores import ScoredSet
+from sysid.gap.wording import listed, set_name
+from sysid.logs import BenchCommand, BodyCommand, Run
+from sysid.logs.runs import Level
+
+_TYPICAL: Final = 0.3
+"""Size of an effect that should show, as a share of the way from its neutral value to the farther bound."""
+_MOST_UNTESTABLE: Final[dict[Level, int]] = {"bench": 8, "robot": 4}
+"""Effects that one experiment is designed for, the first in the chain: each costs simulations."""
+_MOST_CANDIDATES: Final[dict[Level, int]] = {"bench": 6, "robot": 4}
+"""Candidates that one experiment is designed for, those of best score: each costs simulations."""
+_LEAST_POWER: Final = 0.5
+"""Probability with which an effect must show to be worth an experiment."""
+
+
+def design_next_experiment(
+    problem: ResidualProblem,
+    decision: Decision,
+    improved: Model,
+    untestable: Sequence[Untestable],
+    threshold: float,
+) -> Design:
+    """Return the experiment that separates tied candidates, or else shows what the logs could not.
+
+    Args:
+        problem: the model, the logs and the study's settings.
+        decision: the decision of the search.
+        improved: the model with the effects found.
+        untestable: effects that the logs could not show.
+        threshold: reduction of the sum of squares that counts as seen.
+    """
+    conditions = conditions_of(problem, decision.inflation)
+    limits = limits_of(problem.base, problem.observations)
+    if decision.verdict == "ambiguous":
+        return _separating(problem.base, decision, conditions, limits)
+    names = [effect.name for effect in untestable] if decision.verdict in ("named", "no_gap") else []
+    return design_for_untestable(improved, names, conditions, limits, threshold)
+
+
+def design_for_untestable(
+    model: Model,
+    effects: Sequence[str],
+    conditions: ExperimentConditions,
+    limits: Limits,
+    threshold: float,
+) -> Design:
+    """Return the experiment on which as many of the effects as possible would show, if they were there.
+
+    Args:
+        model: the model with the effects found.
+        effects: names of the effects that the logs could not show.
+        conditions: how the experiment will be recorded.
+        limits: commands that the robot can execute.
+        threshold: reduction of the sum of squares that counts as seen.
+    """
+    study, level = conditions.study, conditions.level
+    plant: PlantKind = "bench" if level == "bench" else study.plant
+    acting = [CATALOGUE[name] for name in effects if CATALOGUE[name].acts_in(plant)]
+    rivals = [_typical(model, effect, study.scale) for effect in acting[: _MOST_UNTESTABLE[level]]]
+    if not rivals:
+        return Design(None, "")
+    visible: list[int] = []
+
+    def judge(rows: FloatArray, thorough: bool) -> JudgedSequence | None:
+        trial = Trial(model, rows, conditions, coarse=not thorough)
+        z = visibility(trial, rivals, threshold, thorough=thorough)
+        return None if z is None else JudgedSequence(rows, z)
+
+    def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
+        best_z = np.max([one.z for one in judged], axis=0)
+        visible[:] = np.flatnonzero(best_z >= norm.ppf(_LEAST_POWER)).tolist()
+        return (lambda one: float(norm.ppf(np.mean(norm.cdf(one.z[visible]))))) if visible else None
+
+    best = best_sequence(limits, judge, value_of, study)
+    if best is None:
+        which = listed((rival.names[0] for rival in rivals), "or")
+        return Design(None, f"No command within the robot's limits would show {which} here.")
+    seen = [i for i in visible if best.z[i] >= norm.ppf(_LEAST_POWER)]
+    which = listed(rivals[i].names[0] for i in seen)
+    why = f"These logs could not show {which}; these commands would, were they there in a size to matter."
+    drawn = [Rival((), model), *(rivals[i] for i in seen)]
+    power = float(norm.cdf(min(best.z[i] for i in seen)))
+    return Design(experiment_of(model, best.rows, drawn, conditions, (), power, why), why)
+
+
+def visibility(
+    trial: Trial, rivals: Sequence[Rival], threshold: float, *, thorough: bool
+) -> FloatArray | None:
+    """Return z (p,) of each effect, which shows with probability Phi(z); None if the model is unpredictable.
+
+    An effect whose prediction depends on details does not show.
+
+    Args:
+        trial: the sequence under the conditions of the experiment.
+        rivals: the model with each of the effects.
+        threshold: reduction of the sum of squares that counts as seen.
+        thorough: whether differences that uncertain parameters could hide are taken off.
+    """
+    without = trial.whitened(trial.base)
+    if without is None or not trial.predictable(trial.base, without):
+        return None
+    if thorough:
+        trial.add_law_columns(without)
+    z = []
+    for rival in rivals:
+        prediction, square = trial.whitened(rival.model), 0.0
+        if prediction is not None and (not thorough or trial.predictable(rival.model, prediction)):
+            square = trial.squared_distance(prediction - without)
+        z.append(math.sqrt(square) - math.sqrt(threshold))
+    return np.array(z)
+
+
+def _typical(model: Model, effect: Effect, scale: float) -> Rival:
+    """Return the model with an effect of a size that a user would care about."""
+    values = dict(model.effects.get(effect.name, {}))
+    for parameter in effect.parameters:
+        if not parameter.simulated or parameter.neutral is None:
+            continue
+        one = coordinate(model, effect, parameter, scale)
+        neutral = one.unit(one.neutral) if math.isfinite(one.neutral) else 1.0
+        place = neutral + _TYPICAL * (1.0 - neutral if neutral < 0.5 else -neutral)
+        values[parameter.name] = one.value(place)
+    return Rival((effect.name,), model.with_effect(effect.name, **values))
+
+
+def _separating(base: Model, decision: Decision, conditions: ExperimentConditions, limits: Limits) -> Design:
+    tied = decision.candidates[: _MOST_CANDIDATES[conditions.level]]
+    shared = [name for name in tied[0].names if all(name in judged.names for judged in tied)]
+    common = base
+    if shared:
+        best = tied[0].fitted.candidate.model(base, tied[0].fitted.place)
+        kept = {n: v for n, v in best.effects.items() if n in shared or n in base.effects}
+        common = replace(best, effects=kept)
+    without = min(j.fitted.cost for j in decision.judged if set(j.names) == set(shared) or not j.names)
+    rivals = [_rival(base, judged, without, decision.inflation) for judged in tied]
+    found = design_separating(base, rivals, conditions, limits, common=common)
+    others = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
+    if found.experiment is None or not others:
+        return found
+    why = f"{found.why} {listed(others)} fit{'s' * (len(others) == 1)} as well and may remain."
+    return Design(replace(found.experiment, why=why), why)
+
+
+def _rival(base: Model, judged: ScoredSet, cost_without: float, inflation: float) -> Rival:
+    fitted = judged.fitted
+    explained = max(0.0, cost_without - fitted.cost) / inflation
+    model = fitted.candidate.model(base, fitted.place)
+    return Rival(judged.names, model, _plausible(base, fitted, inflation), judged.score, explained)
+
+
+def _plausible(base: Model, fitted: Fitted[Any], inflation: float) -> tuple[Model, ...]:
+    """Return the candidate one standard deviation off along each axis of its covariance, within bounds."""
+    values, vectors = np.linalg.eigh(fitted.covariance(inflation))
+    found = []
+    for step in (np.sqrt(np.maximum(values, 0.0)) * vectors).T:
+        ends = [np.clip(fitted.place + sign * step, 0.0, 1.0) for sign in (1.0, -1.0)]
+        farther = max(ends, key=lambda end: float(np.linalg.norm(end - fitted.place)))
+        found.append(fitted.candidate.model(base, farther))
+    return tuple(found)
+
+
+def conditions_of(problem: ResidualProblem, inflation: float) -> ExperimentConditions:
+    """Return conditions like those of the logs so far, simulated with the settings of the study.
+
+    Args:
+        problem: the model, the logs and the study's settings.
+        inflation: residual variance of the best fit relative to the expected one.
+    """
+    observations, whitener = problem.observations, problem.whitener
+    runs = [run for situation in observations.situations for run in situation.runs]
+    sigma = {
+        name: value / math.sqrt(1.0 if name in POSE else _fresh_share(observations, name))
+        for name, value in whitener.noise.sigma.items()
+    }
+    return ExperimentConditions(
+        kind=_kind(runs[0]),
+        channels=observations.channels,
+        interval_s=float(np.median([run.median_interval_s for run in runs])),
+        noise=replace(whitener.noise, sigma=sigma),
+        error=whitener.error,
+        inflation=inflation,
+        study=problem.study,
+    )
+
+
+def _fresh_share(observations: Observations, channel: str) -> float:
+    """Return the share of rows with a new sample of a channel: slow sensors repeat theirs."""
+    blocks = [block for block in observations.blocks if block.channel == channel]
+    rows = sum(run.time_s.size for b in blocks for run in observations.situations[b.situation].runs)
+    return sum(float(block.weight.sum()) for block in blocks) / rows
+
+
+def _kind(run: Run) -> CommandKind:
+    if isinstance(run.command, BenchCommand):
+        return "bench"
+    return "body" if isinstance(run.command, BodyCommand) else "wheels"
+
+
+def limits_of(model: Model, observations: Observations) -> Limits:
+    """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs.
+
+    Args:
+        model: its command quantum, period, ceiling and geometry count.
+        observations: the runs whose commands count if the model has no ceiling.
+    """
+    limit = model.wheel.saturation_rpm
+    runs = [situation.runs[0] for situation in observations.situations]
+    if not math.isfinite(limit):
+        limit = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in runs)
+    geometry = None if runs[0].level == "bench" else model.robot
+    return Limits(limit, model.wheel.command_quantum_rpm, model.wheel.command_period_s, geometry)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from mecanum_env.cli import run
-from mecanum_env.effects.table import markdown_table
 
 
 def main() -> None:
@@ -11,6 +10,8 @@ def main() -> None:
 
     Example: python -m mecanum_env.effects
     """
+    from mecanum_env.effects.table import markdown_table
+
     print(markdown_table(), end="")
 
 

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 
 PlantKind = Literal["bench", "rollers", "planar"]
 """One free wheel; the robot on its rollers; the robot that slides without slip."""
+RobotPlant = Literal["rollers", "planar"]
+"""The plants that are the whole robot."""
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
 
 SPEED_UNITS: Final = ("rpm", "rpm/s")

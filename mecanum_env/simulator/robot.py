@@ -8,12 +8,12 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
-from typing import Literal
 
 import mujoco
 import numpy as np
 
 from mecanum_env.effects.apply import check_effects
+from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
 from mecanum_env.mjcf import planar_spec, robot_spec
@@ -23,8 +23,6 @@ from mecanum_env.simulator.commands import Commands
 from mecanum_env.simulator.stepping import step_through
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory
 from mecanum_env.units import FloatArray
-
-RobotPlant = Literal["rollers", "planar"]
 
 _SETTLING_S = 0.5  # the rollers sink into the floor by some micrometres and come to rest within this time
 

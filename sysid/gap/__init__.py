@@ -3,7 +3,14 @@
 `analyse` is the door; `python -m sysid.gap` the command line.
 """
 
-from sysid.gap.result import GapOptions, GapReport
-from sysid.gap.workflow import analyse
+from typing import TYPE_CHECKING
+
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from sysid.gap.result import GapOptions, GapReport
+    from sysid.gap.workflow import analyse
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = ["GapOptions", "GapReport", "analyse"]

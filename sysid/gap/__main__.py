@@ -9,16 +9,6 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.errors import install_command
-from mecanum_env.files import require_writable
-from mecanum_env.model import read_model
-from sysid.gap.checks import require_valid
-from sysid.gap.report.output import FILES, write_study
-from sysid.gap.report.table import gap_table
-from sysid.gap.result import GapOptions
-from sysid.gap.workflow import analyse
-from sysid.logs import read_dataset
-from sysid.progress import stage_bar
 
 _STAGES: Final = 8
 
@@ -58,6 +48,18 @@ def gap(
         seconds: Of distinct commands that decide [s]; default 240 on the bench, 60 on the robot.
         empirical: Where no effect explains the gap, add a correction found by regression to the model.
     """
+    # Imported here, so that --help does not wait for the library.
+    from mecanum_env.errors import install_command
+    from mecanum_env.files import require_writable
+    from mecanum_env.model import read_model
+    from sysid.gap.checks import require_valid
+    from sysid.gap.report.output import FILES, write_study
+    from sysid.gap.report.table import gap_table
+    from sysid.gap.result import GapOptions
+    from sysid.gap.workflow import analyse
+    from sysid.logs import read_dataset
+    from sysid.progress import stage_bar
+
     options = GapOptions(
         seed=seed,
         level=level,

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from mecanum_env.simulator.bench import compile_bench, replay_bench
     from mecanum_env.simulator.command_file import read_commands
     from mecanum_env.simulator.commands import SCRIPTS, BodyCommands, Commands, WheelCommands, scripted
-    from mecanum_env.simulator.robot import compile_plant, drive
+    from mecanum_env.simulator.robot import RobotSession, compile_plant, drive
     from mecanum_env.simulator.stepping import SimulationDivergedError, step_through
     from mecanum_env.simulator.trajectory import Trajectory
 else:
@@ -23,6 +23,7 @@ __all__ = [
     "BodyCommands",
     "Commands",
     "RobotPlant",
+    "RobotSession",
     "SimulationDivergedError",
     "Trajectory",
     "WheelCommands",

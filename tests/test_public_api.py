@@ -1,4 +1,4 @@
-"""The names that users import: they exist, are documented in docs/api.md, and cost nothing until they are used.
+"""The names that users import: they exist, are listed in docs/api.md, and cost nothing until used.
 
 `python tests/test_public_api.py` writes docs/api.md anew.
 """
@@ -6,6 +6,7 @@
 import ast
 import importlib
 import inspect
+import itertools
 import re
 import subprocess
 import sys
@@ -91,8 +92,9 @@ def test_docs_list_the_public_names():
 
 def test_gymnasium_finds_the_environments_without_an_import(tmp_path):
     code = (
-        "import gymnasium, sys; env = gymnasium.make('mecanum_env:MecanumTankendo-v0'); env.reset(seed=1); "
-        "many = gymnasium.make_vec('mecanum_env:MecanumTankendoDuel-v0', num_envs=2); print(env.spec.id, many.num_envs)"
+        "import gymnasium; env = gymnasium.make('mecanum_env:MecanumTankendo-v0'); env.reset(seed=1); "
+        "many = gymnasium.make_vec('mecanum_env:MecanumTankendoDuel-v0', num_envs=2); "
+        "print(env.spec.id, many.num_envs)"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=tmp_path
@@ -118,7 +120,7 @@ def documentation(module: str, name: str) -> str:
     # A constant is documented by the string below it.
     source = Path(str(importlib.import_module(module).__file__)).read_text(encoding="utf-8")
     body = ast.parse(source).body
-    for line, below in zip(body, body[1:], strict=False):
+    for line, below in itertools.pairwise(body):
         if (
             isinstance(line, ast.AnnAssign)
             and ast.unparse(line.target) == name
@@ -138,8 +140,8 @@ def api_page() -> str:
     lines = [
         "# Public names",
         "",
-        "What programs of your own should import; everything else may move. Each name is loaded on first use, so",
-        "importing a package is instant. `help(NAME)` has the arguments, units and errors.",
+        "What your own programs should import; everything else may move. Each name is loaded on first use,",
+        "so importing a package takes no time. `help(NAME)` has the arguments, units and errors.",
     ]
     for package in DOORS:
         lines += ["", f"## `{package}`", "", "| name | |", "|---|---|"]

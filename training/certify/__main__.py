@@ -10,7 +10,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, install_command
-from training.certify.certificate import Thresholds
+from training.certify.thresholds import Thresholds
 
 _ALL: Final = "all"
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from mecanum_env.effects import CATALOGUE
     from mecanum_env.errors import InputError, MecanumError
     from mecanum_env.law import WheelLaw
-    from mecanum_env.mjcf.write import write_models
+    from mecanum_env.mjcf import write_models
     from mecanum_env.model import Model, Robot, Wheel, paper_model, read_model, read_robot, write_model
     from mecanum_env.simulator import (
         BodyCommands,

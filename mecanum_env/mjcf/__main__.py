@@ -22,7 +22,7 @@ def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Pat
         model: the model file; by default the packaged model of the paper.
         out: the folder to write into.
     """
-    from mecanum_env.mjcf.write import left_out, write_models
+    from mecanum_env.mjcf.plants import left_out, write_models
     from mecanum_env.model import paper_model, read_model
 
     read = paper_model() if model is None else read_model(model)

@@ -1,6 +1,6 @@
-"""What the robot looks like above its wheels: frame, deck, body with a head, and the arm with its sword.
+"""What the robot looks like above its wheels: frame, deck, torso with a head, and two arms with a sword.
 
-Everything is sized by the robot's own dimensions except the sword, which the sport fixes at 53 cm.
+Everything scales with the robot's dimensions except the sword, whose length the sport fixes at 53 cm.
 """
 
 from __future__ import annotations
@@ -14,11 +14,20 @@ from mecanum_env.mjcf.geometry import WheelGeometry
 from mecanum_env.model import Robot
 
 SWORD_M = 0.53
+"""Length of the sword [m]."""
 SWORD_RISE_RAD = math.radians(32)
+"""Angle of the sword above the horizontal [rad]."""
 
 
 def dress_robot(base: mujoco.MjsBody, rocker: mujoco.MjsBody, robot: Robot, geometry: WheelGeometry) -> None:
-    """Add the visible parts to base and rocker (the planar plant passes its base for both)."""
+    """Add the visible parts of a robot to base and rocker.
+
+    Args:
+        base: body that carries most parts.
+        rocker: body of the front axle; the planar plant, which has none, passes its base.
+        robot: dimensions of the robot.
+        geometry: lengths of the wheels.
+    """
     r, a = geometry.radius, robot.half_wheelbase_m
     inside = robot.half_track_m - geometry.half_width - 0.12 * r
     front = a + 0.75 * r
@@ -32,14 +41,14 @@ def dress_robot(base: mujoco.MjsBody, rocker: mujoco.MjsBody, robot: Robot, geom
 def _frame(
     base: mujoco.MjsBody, rocker: mujoco.MjsBody, robot: Robot, inside: float, front: float, r: float
 ) -> None:
-    """Tub, bumpers, motors and axles."""
+    """Add tub, bumpers, motors and axles."""
     a, b = robot.half_wheelbase_m, robot.half_track_m
     shapes.box(base, "frame", (front, inside, 0.42 * r), (0, 0, 0.10 * r))
     shapes.box(base, "accent", (front + 0.03 * r, inside + 0.02 * r, 0.07 * r), (0, 0, 0.30 * r))
     shapes.box(base, "dark_metal", (0.9 * front, 0.92 * inside, 0.20 * r), (0, 0, 0.85 * r))
     shapes.box(base, "dark_metal", (0.10 * r, 1.05 * inside, 0.16 * r), (front + 0.12 * r, 0, -0.05 * r))
     shapes.box(base, "dark_metal", (0.10 * r, 1.05 * inside, 0.16 * r), (-front - 0.12 * r, 0, -0.05 * r))
-    # The rocker's frame starts at the front axle, the planar base's in the middle.
+    # The rocker's origin is on the front axle, that of the planar plant's base in the middle.
     x_front = a if rocker is base else 0.0
     for body, x in ((rocker, x_front), (base, -a)):
         shapes.disc_y(body, "metal", 0.10 * r, b, (x, 0, 0))
@@ -48,7 +57,7 @@ def _frame(
 
 
 def _deck(base: mujoco.MjsBody, inside: float, front: float, deck: float, r: float) -> None:
-    """Lamps at the front, a lidar, a stop button and the housing of the electronics."""
+    """Add lamps at the front, a lidar, a stop button and the housing of the electronics."""
     for side in (-1, 1):
         shapes.add_visual(
             base,
@@ -68,7 +77,7 @@ def _deck(base: mujoco.MjsBody, inside: float, front: float, deck: float, r: flo
 
 
 def _torso(base: mujoco.MjsBody, deck: float, robot: Robot) -> None:
-    """Column, shoulders, head, and two arms that hold the sword in front of the body."""
+    """Add column, shoulders, head, and two arms that hold the sword in front of the body."""
     s = (robot.half_wheelbase_m + robot.half_track_m) / 0.38
     x = 0.02 * s
     shoulder, half_shoulder = deck + 0.36 * s, 0.105 * s

@@ -1,4 +1,4 @@
-"""The statistics that several programs report: root mean square, and the interval of a share."""
+"""Statistics that several programs report: root mean square, and the interval of a share."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def rms(values: FloatArray) -> float:
     """Return the root mean square of the finite entries of an array; NaN if there are none.
 
     Args:
-        values: of any shape, in any unit.
+        values: any shape, any unit.
     """
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else math.nan
@@ -26,8 +26,8 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     22:209, 1927. Unlike the share plus or minus two standard errors it holds near 0 and 1.
 
     Args:
-        successes: how many trials succeeded, 0 to `trials`.
-        trials: how many were made.
+        successes: number of successful trials, 0 to `trials`.
+        trials: number of trials.
         confidence: probability that such an interval contains the true share.
     """
     if trials == 0:

@@ -20,13 +20,9 @@ SWORD_RISE_RAD = math.radians(32)
 
 
 def dress_robot(base: mujoco.MjsBody, rocker: mujoco.MjsBody, robot: Robot, geometry: WheelGeometry) -> None:
-    """Add the visible parts of a robot to base and rocker.
+    """Add the visible parts of a robot to its base and, for the front axle, its rocker.
 
-    Args:
-        base: body that carries most parts.
-        rocker: body of the front axle; the planar plant, which has none, passes its base.
-        robot: dimensions of the robot.
-        geometry: lengths of the wheels.
+    The planar plant has no rocker and passes its base for both. `geometry` is that of the wheels.
     """
     r, a = geometry.radius, robot.half_wheelbase_m
     inside = robot.half_track_m - geometry.half_width - 0.12 * r
@@ -59,13 +55,8 @@ def _frame(
 def _deck(base: mujoco.MjsBody, inside: float, front: float, deck: float, r: float) -> None:
     """Add lamps at the front, a lidar, a stop button and the housing of the electronics."""
     for side in (-1, 1):
-        shapes.add_visual(
-            base,
-            mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-            "lamp",
-            (0.05 * r, 0.22 * r, 0.13 * r),
-            (front + 0.03 * r, side * 0.62 * inside, 0.55 * r),
-        )
+        place = (front + 0.03 * r, side * 0.62 * inside, 0.55 * r)
+        shapes.ellipsoid(base, "lamp", (0.05 * r, 0.22 * r, 0.13 * r), place)
     shapes.box(base, "frame", (0.02 * r, 0.35 * inside, 0.10 * r), (front + 0.02 * r, 0, 0.55 * r))
     shapes.box(base, "accent", (0.30 * front, 0.72 * inside, 0.22 * r), (-0.55 * front, 0, deck + 0.28 * r))
     shapes.disc_z(base, "frame", 0.42 * r, 0.10 * r, (0.68 * front, 0, deck + 0.16 * r))
@@ -83,33 +74,14 @@ def _torso(base: mujoco.MjsBody, deck: float, robot: Robot) -> None:
     shoulder, half_shoulder = deck + 0.36 * s, 0.105 * s
     shapes.disc_z(base, "dark_metal", 0.070 * s, 0.012 * s, (x, 0, deck + 0.016 * s))
     shapes.disc_z(base, "metal", 0.034 * s, 0.10 * s, (x, 0, deck + 0.11 * s))
-    shapes.add_visual(
-        base,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        "shell",
-        (0.062 * s, 0.092 * s, 0.115 * s),
-        (x, 0, deck + 0.29 * s),
-    )
-    shapes.add_visual(
-        base,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        "accent",
-        (0.066 * s, 0.075 * s, 0.050 * s),
-        (x, 0, deck + 0.24 * s),
-    )
+    shapes.ellipsoid(base, "shell", (0.062 * s, 0.092 * s, 0.115 * s), (x, 0, deck + 0.29 * s))
+    shapes.ellipsoid(base, "accent", (0.066 * s, 0.075 * s, 0.050 * s), (x, 0, deck + 0.24 * s))
     shapes.rod(base, "dark_metal", 0.022 * s, (x, -half_shoulder, shoulder), (x, half_shoulder, shoulder))
     head = shoulder + 0.125 * s
     shapes.disc_z(base, "dark_metal", 0.022 * s, 0.03 * s, (x, 0, shoulder + 0.05 * s))
-    shapes.add_visual(
-        base, mujoco.mjtGeom.mjGEOM_ELLIPSOID, "shell", (0.062 * s, 0.056 * s, 0.066 * s), (x, 0, head)
-    )
-    shapes.add_visual(
-        base,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        "lens",
-        (0.028 * s, 0.046 * s, 0.026 * s),
-        (x + 0.042 * s, 0, head + 0.008 * s),
-    )
+    shapes.ellipsoid(base, "shell", (0.062 * s, 0.056 * s, 0.066 * s), (x, 0, head))
+    visor = (x + 0.042 * s, 0, head + 0.008 * s)
+    shapes.ellipsoid(base, "lens", (0.028 * s, 0.046 * s, 0.026 * s), visor)
     along = (math.cos(SWORD_RISE_RAD), 0.0, math.sin(SWORD_RISE_RAD))
     grip = (x + 0.21 * s, 0.0, shoulder - 0.12 * s)
     _sword(base, grip, along)

@@ -115,14 +115,8 @@ def planar_spec(
     The four actuators act on the site "base" with the rows of `no_slip_rows` as their gear: an actuator's
     speed is the wheel speed that the body's motion asks for, and its torque acts as the matching force and
     moment. The wheels' own inertia is joint armature (`wheel_armature`). Joints "base_x", "base_y" (world
-    axes) and "base_yaw"; everything else is named as in `robot_spec`.
-
-    Args:
-        model: wheel, robot and effects.
-        timestep_s: upper bound of the physics step [s], by default 1/480 s; see `fitting_timestep`.
-        drive: "plugin" takes rpm, "servo" takes rad/s; see `mecanum_env.mjcf.physics.Drive`.
-        wheel_quantum: round each wheel command to the model's quantum; see `robot_spec`.
-        visuals: include what is only seen.
+    axes) and "base_yaw"; all other names are those of `robot_spec`, as are the arguments `drive`,
+    `wheel_quantum` and `visuals`.
 
     Raises:
         InputError: an effect that the plant cannot simulate, or a yaw inertia that the wheels alone exceed.
@@ -174,13 +168,8 @@ def bench_spec(
     included. The rollers are fixed to the hub (nothing turns them here), so the wheel has one degree of
     freedom and the moment of inertia of hub and rollers together.
 
-    Args:
-        model: wheel, robot and effects.
-        timestep_s: upper bound of the physics step [s], by default 1/480 s; see `fitting_timestep`.
-        wheel: fl, fr, rl or rr to put that wheel's own law on the bench; by default the common one.
-        drive: "plugin" takes rpm, "servo" takes rad/s; see `mecanum_env.mjcf.physics.Drive`.
-        wheel_quantum: round each wheel command to the model's quantum, as the drive electronics do.
-        visuals: include what is only seen.
+    `wheel` (fl, fr, rl or rr) puts that wheel's own law on the bench instead of the common one; `drive`,
+    `wheel_quantum` and `visuals` are those of `robot_spec`.
 
     Raises:
         InputError: an effect that the plant cannot simulate, or an impossible inertia.

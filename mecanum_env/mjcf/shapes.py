@@ -86,6 +86,11 @@ def box(body: mujoco.MjsBody, material: str, size: Sequence[float], position: Se
     add_visual(body, mujoco.mjtGeom.mjGEOM_BOX, material, size, position)
 
 
+def ellipsoid(body: mujoco.MjsBody, material: str, size: Sequence[float], position: Sequence[float]) -> None:
+    """Add an ellipsoid of a material, with the semi-axes `size`, at a position."""
+    add_visual(body, mujoco.mjtGeom.mjGEOM_ELLIPSOID, material, size, position)
+
+
 def ball(body: mujoco.MjsBody, material: str, radius: float, position: Sequence[float]) -> None:
     """Add a sphere of a material and radius at a position."""
     add_visual(body, mujoco.mjtGeom.mjGEOM_SPHERE, material, [radius], position)

@@ -29,18 +29,13 @@ def add_wheel(
     *,
     visuals: bool,
 ) -> list[str]:
-    """Add the wheel fl, fr, rl or rr with its rollers; return the names of the roller geoms.
+    """Add the wheel fl, fr, rl or rr with its rollers to a parent, at a position in its frame [m].
 
-    Body and joint of the wheel are called "wheel_fl" .., bodies, joints and geoms of the rollers
-    "wheel_fl_roller_0" ... The rollers touch the floor only through contact pairs.
+    Body and joint are called "wheel_fl" .., bodies, joints and geoms of the rollers "wheel_fl_roller_0" ..
+    Without `visuals` the hub is invisible, and the rollers have no colour.
 
-    Args:
-        parent: the body that carries the wheel.
-        wheel: fl, fr, rl or rr.
-        position: centre of the wheel in the parent's frame [m].
-        geometry: lengths of the wheel.
-        masses: inertia of hub and rollers.
-        visuals: include the hub and the colours of the rollers.
+    Returns:
+        The names of the roller geoms, which touch the floor only through contact pairs.
     """
     name = f"wheel_{wheel}"
     hub = parent.add_body(name=name, pos=position)
@@ -124,9 +119,8 @@ def add_still_wheel(
     for i in range(geometry.rollers):
         position, quaternion = roller_pose(geometry, ROLLER_SIDE[wheel], roller_angle(geometry, wheel, i))
         place = [p + q for p, q in zip(position, centre, strict=True)]
-        shapes.add_visual(
-            body, mujoco.mjtGeom.mjGEOM_ELLIPSOID, roller_material(i), [b, b, c], place, quaternion
-        )
+        kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID
+        shapes.add_visual(body, kind, roller_material(i), [b, b, c], place, quaternion)
 
 
 def add_still_wheels(base: mujoco.MjsBody, robot: Robot, geometry: WheelGeometry) -> None:

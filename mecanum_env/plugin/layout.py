@@ -174,10 +174,7 @@ def write_parameters(
     Args:
         mjmodel: the compiled model, written in place.
         actuator_id: a wheel drive, one of `wheel_actuators`.
-        model: wheel, servo, torque limit, and the effects that act in the drive.
-        wheel_name: fl, fr, rl or rr for that wheel's own law and effects.
-        quantum_rpm: as for `dynprm`.
-        torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
+        model: this, `wheel_name`, `quantum_rpm` and `torque_limit_n_m` as for `set_wheel_parameters`.
 
     Raises:
         InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not

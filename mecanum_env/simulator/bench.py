@@ -72,12 +72,7 @@ def bench_motion(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the physics clock [s] and the free wheel's true speed [rpm] on it, each of shape (m,).
 
-    Args:
-        mj_model: a compiled bench.
-        time_s: increasing stamps of the commands, shape (n,); the run starts at the first.
-        command_rpm: commanded wheel speed [rpm], shape (n,), held until the next stamp; NaN: missing.
-        duration_s: how long to simulate [s], rounded up to a whole physics step.
-        initial_rpm: steady speed [rpm] of the wheel when the run starts.
+    `mj_model` is a compiled bench; commands and initial speed are those of `replay_bench`.
 
     Raises:
         SimulationDivergedError: the state stopped being finite.
@@ -104,13 +99,8 @@ def law_of_bench(
 ) -> FloatArray:
     """Return the wheel speed [rpm] that the law alone gives, without MuJoCo, shape (m,).
 
-    Args:
-        model: the wheel to simulate.
-        time_s: increasing stamps of the commands, shape (n,); the run starts at the first.
-        command_rpm: commanded wheel speed [rpm], shape (n,), held until the next stamp; NaN: missing.
-        clock_s: times 0, h, 2 h ... since the run's start, shape (m,).
-        initial_rpm: steady speed [rpm] of the wheel when the run starts.
-        wheel: fl, fr, rl or rr for that wheel's own law; by default the common one.
+    `clock_s` are the times 0, h, 2 h ... since the run's start, shape (m,); commands, initial speed and `wheel`
+    are those of `replay_bench`.
     """
     held = _held_command(time_s, command_rpm, clock_s, initial_rpm)
     timestep_s = float(clock_s[1] - clock_s[0])

@@ -99,7 +99,7 @@ def law_of_bench(
 ) -> FloatArray:
     """Return the wheel speed [rpm] that the law alone gives, without MuJoCo, shape (m,).
 
-    `clock_s` are the times 0, h, 2 h ... since the run's start, shape (m,); commands, initial speed and `wheel`
+    `clock_s` are the times 0, h, 2 h ... since the start, shape (m,); commands, initial speed and `wheel`
     are those of `replay_bench`.
     """
     held = _held_command(time_s, command_rpm, clock_s, initial_rpm)

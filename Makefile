@@ -35,7 +35,7 @@ check: $(VENV)/installed
 	$(BIN)/mypy
 
 bench: $(VENV)/train
-	for name in plugin physics paper_drives replay fit gap online render env real_logs; do \
+	for name in imports plugin physics paper_drives replay fit gap online render env real_logs; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
 # An interrupted run goes on where it was.

@@ -1,9 +1,9 @@
 """The paper's robot drives: straight at 10, 40, 80 and 130 rpm, and turning in place at 1.484 rad/s.
 
-Each starts from rest, holds for three seconds and stops (`sysid.studies.reproduce.robot`). The paper
-(section 4.5) prints what its robot lost against its model; the simulated robot loses what rollers, grip and
-motors without friction lose, so the difference is what the paper's robot has and a free wheel's law does not:
-friction, load, battery, sensors.
+Each drive starts from rest, holds its command for three seconds and stops (`sysid.studies.reproduce.robot`).
+The paper (section 4.5) prints how much slower its robot was than its model. The simulated robot loses only
+what rollers and grip lose; the remaining loss of the paper's robot is due to effects that a free wheel's law
+does not have: friction, load, battery, sensors.
 
 Example: python benchmarks/paper_drives.py --out out/paper_drives.json
 """
@@ -20,16 +20,16 @@ from mecanum_env.simulator import RobotPlant
 from sysid.studies.reproduce.published import MODEL_RISE_S, ROBOT_RISE_S
 from sysid.studies.reproduce.robot import RobotDrive, robot_drives
 
-FIGURES = tuple(f.name for f in fields(RobotDrive) if f.name not in ("time_s", "body", "law"))
+METRICS = tuple(f.name for f in fields(RobotDrive) if f.name not in ("time_s", "body", "law"))
 
 
 def main(model: Path | None = None, plant: RobotPlant = "rollers", out: Path | None = None) -> None:
-    """Run the paper's drives and print them beside the figures in its text.
+    """Run the paper's drives and print the results beside those in its text.
 
     Args:
-        model: the model file; by default the packaged one.
+        model: model file; by default the packaged one.
         plant: "rollers" or "planar".
-        out: also write the figures here, as JSON.
+        out: JSON file to write.
     """
     results = robot_drives(paper_model() if model is None else read_model(model), plant)
     print(
@@ -43,7 +43,7 @@ def main(model: Path | None = None, plant: RobotPlant = "rollers", out: Path | N
         )
     print(f"paper: rise {MODEL_RISE_S} s of its model without load, {ROBOT_RISE_S} s of its robot")
     if out is not None:
-        drives = [{name: getattr(r, name) for name in FIGURES} for r in results]
+        drives = [{name: getattr(r, name) for name in METRICS} for r in results]
         rise = {"model": MODEL_RISE_S, "robot": ROBOT_RISE_S}
         write_json(out, {"plant": plant, "drives": drives, "paper_rise_s": rise})
 

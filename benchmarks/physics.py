@@ -1,4 +1,4 @@
-"""The physics of the generated robot in figures: motion, bounce, drift, energy, speed.
+"""How well the generated robot moves: ratio to ideal kinematics, bounce, drift, energy, speed.
 
 Example: python benchmarks/physics.py --out out/physics.json
 """
@@ -40,8 +40,8 @@ NAMES = {FORWARD: "forward", LEFT: "left", DIAGONAL: "diagonal", TURN: "turn", M
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One measured number and what it should be; a target of None is for information."""
+class Metric:
+    """A measured number and the range it should be in; without bounds it is for information only."""
 
     name: str
     value: float
@@ -51,7 +51,7 @@ class Figure:
 
     @property
     def verdict(self) -> str:
-        """Say ok or MISSED, or nothing where there is no target."""
+        """ok, MISSED, or an empty text without a target."""
         if self.low is None and self.high is None:
             return ""
         above = self.low is None or self.value >= self.low
@@ -59,32 +59,32 @@ class Figure:
 
     @property
     def target(self) -> str:
-        """Write the bounds out."""
+        """The bounds as text."""
         if self.low is not None and self.high is not None:
             return f"{self.low:.4g} .. {self.high:.4g}"
         return f">= {self.low:.4g}" if self.low is not None else f"<= {self.high:.4g}" if self.high else ""
 
 
-def motion(model: Model) -> list[Figure]:
-    """Measure ratios, bounce, drift, dependence on the time step, energy."""
+def motion(model: Model) -> list[Metric]:
+    """Measure ratios to ideal kinematics, bounce, drift, dependence on the time step, and energy."""
     robot = model.robot
     rollers = robot_spec(model).compile()
     planar = planar_spec(model).compile()
-    figures = []
+    metrics = []
     for command, name in NAMES.items():
         drive = steady_drive(rollers, robot, command)
         middle = drive.expected_ratio
-        figures.append(
-            Figure(f"{name}: ratio to ideal kinematics", drive.ratio, "", middle * 0.99, middle * 1.01)
+        metrics.append(
+            Metric(f"{name}: ratio to ideal kinematics", drive.ratio, "", middle * 0.99, middle * 1.01)
         )
         bound = 50.0 if command == FORWARD else None
-        figures.append(Figure(f"{name}: bounce, rms", drive.bounce_m * 1e6, "um", high=bound))
-        figures.append(Figure(f"{name}: the same, planar", steady_drive(planar, robot, command).ratio, ""))
-    figures.append(Figure("sinc(pi/N)", sideways_ratio(robot.rollers_per_wheel), ""))
+        metrics.append(Metric(f"{name}: bounce, rms", drive.bounce_m * 1e6, "um", high=bound))
+        metrics.append(Metric(f"{name}: the same, planar", steady_drive(planar, robot, command).ratio, ""))
+    metrics.append(Metric("sinc(pi/N)", sideways_ratio(robot.rollers_per_wheel), ""))
     for theta in (0, 180, 90, 45, 135, -45, -135):
         drift = abs(np.rad2deg(heading_drift_rad(rollers, (80, theta, 0))))
         bound = 0.5 if theta in (0, 180) else 1.0
-        figures.append(Figure(f"drift of heading over 3 m at {theta} deg", float(drift), "deg", high=bound))
+        metrics.append(Metric(f"drift of heading over 3 m at {theta} deg", float(drift), "deg", high=bound))
     coarse, fine = (robot_spec(model, step).compile() for step in (TRAINING_TIMESTEP_S, 1 / 960))
     for kind, commands in (("held 0.2 and 0.8 s", paper_like_commands), ("new every 0.1 s", _white)):
         steps, plants = [], []
@@ -95,21 +95,21 @@ def motion(model: Model) -> list[Figure]:
             plants.append(path_difference(path, follow(planar, drive_through)))
         bound = 1.0 if commands is paper_like_commands else None
         name = f"10 s of random commands {kind}"
-        figures.append(
-            Figure(f"{name}: 1/240 s against 1/960 s, worst of 5", max(steps) * 100, "% of path", high=bound)
+        metrics.append(
+            Metric(f"{name}: 1/240 s against 1/960 s, worst of 5", max(steps) * 100, "% of path", high=bound)
         )
-        figures.append(Figure(f"{name}: planar against rollers, worst of 5", max(plants) * 100, "% of path"))
+        metrics.append(Metric(f"{name}: planar against rollers, worst of 5", max(plants) * 100, "% of path"))
     rises = [largest_rise(coast_energy(rollers, command)) for command in NAMES]
-    figures.append(Figure("energy gained in free coast, worst of 5", max(rises) * 1e3, "mJ", high=20.0))
-    return figures
+    metrics.append(Metric("energy gained in free coast, worst of 5", max(rises) * 1e3, "mJ", high=20.0))
+    return metrics
 
 
 def _white(seed: int) -> list[tuple[float, tuple[float, float, float]]]:
     return [(0.1, command) for command in random_commands(100, seed)]
 
 
-def endurance(model: Model, minutes: float) -> list[Figure]:
-    """Drive random commands for long; count warnings of MuJoCo and non-finite numbers."""
+def endurance(model: Model, minutes: float) -> list[Metric]:
+    """Drive random commands for some minutes; count MuJoCo's warnings and non-finite positions."""
     mj_model = robot_spec(model).compile()
     data = start(mj_model)
     substeps = round(0.1 / mj_model.opt.timestep)
@@ -119,14 +119,14 @@ def endurance(model: Model, minutes: float) -> list[Figure]:
         data.ctrl[:] = command_to_wheels(*command)
         mujoco.mj_step(mj_model, data, nstep=substeps)
     bad = sum(warnings_of(data).values()) + int(not np.all(np.isfinite(data.qpos)))
-    return [Figure(f"{minutes:g} min of random commands: warnings", float(bad), "", 0.0, 0.0)]
+    return [Metric(f"{minutes:g} min of random commands: warnings", float(bad), "", 0.0, 0.0)]
 
 
-def speed(model: Model, repeats: int) -> list[Figure]:
-    """Measure steps per second, as ratios of runs that alternate, so that a busy machine slows both alike.
+def speed(model: Model, repeats: int) -> list[Metric]:
+    """Measure steps per second, by turns, so that a busy machine slows all runs alike.
 
-    One thread is timed by its processor time, two by the clock. Without visuals, as for training: placing
-    what is only seen takes half of a planar step.
+    One thread is timed by its processor time, two by the clock. Without visuals, as in training: moving the
+    visible geoms takes half of a planar step.
     """
     rollers = robot_spec(model, visuals=False).compile()
     planar = planar_spec(model, visuals=False).compile()
@@ -149,14 +149,14 @@ def speed(model: Model, repeats: int) -> list[Figure]:
 
     scaling = ratios("batch 2", "batch 1")
     return [
-        Figure("rollers, best", max(rates["rollers"]), "steps/s"),
-        Figure("planar, best", max(rates["planar"]), "steps/s"),
-        Figure(
+        Metric("rollers, best", max(rates["rollers"]), "steps/s"),
+        Metric("planar, best", max(rates["planar"]), "steps/s"),
+        Metric(
             "rollers over the same without contacts, median", median(ratios("rollers", "floating")), "", 0.40
         ),
-        Figure("planar over rollers, median", median(ratios("planar", "rollers")), ""),
-        Figure("Batch of 8 on 2 threads over 1, best", max(scaling), "", 1.7),
-        Figure("Batch of 8 on 2 threads over 1, median", median(scaling), ""),
+        Metric("planar over rollers, median", median(ratios("planar", "rollers")), ""),
+        Metric("Batch of 8 on 2 threads over 1, best", max(scaling), "", 1.7),
+        Metric("Batch of 8 on 2 threads over 1, median", median(scaling), ""),
     ]
 
 
@@ -181,22 +181,22 @@ def _rate(run_steps: Callable[[int], None], steps: int, clock: Callable[[], floa
 
 
 def main(model: Path | None = None, out: Path | None = None, minutes: float = 1.0, repeats: int = 15) -> None:
-    """Measure the robot of a model file and print the figures beside their targets.
+    """Measure the robot of a model file; print each metric beside its target.
 
     Args:
         model: the model file; by default the packaged one.
-        out: also write the figures here, as JSON.
-        minutes: length of the drive that looks for warnings (60 for the promised hour: about a minute).
+        out: JSON file to write.
+        minutes: length of the drive that looks for warnings; an hour takes about one minute.
         repeats: rounds of the speed measurement.
     """
     chosen = paper_model() if model is None else read_model(model)
-    figures = [*motion(chosen), *endurance(chosen, minutes), *speed(chosen, repeats)]
-    width = max(len(figure.name) for figure in figures)
-    for figure in figures:
-        value = f"{figure.value:.5g} {figure.unit}"
-        print(f"{figure.name:{width}}  {value:>18}  {figure.target:>18}  {figure.verdict}")
+    metrics = [*motion(chosen), *endurance(chosen, minutes), *speed(chosen, repeats)]
+    width = max(len(metric.name) for metric in metrics)
+    for metric in metrics:
+        value = f"{metric.value:.5g} {metric.unit}"
+        print(f"{metric.name:{width}}  {value:>18}  {metric.target:>18}  {metric.verdict}")
     if out is not None:
-        rows = [{**asdict(figure), "verdict": figure.verdict} for figure in figures]
+        rows = [{**asdict(metric), "verdict": metric.verdict} for metric in metrics]
         write_json(out, {"mujoco": mujoco.__version__, "figures": rows})
 
 

@@ -1,6 +1,6 @@
-"""What the wheel plugin costs: microseconds per step of four wheels, beside native velocity servos.
+"""What the wheel plugin costs: microseconds per step of four wheels, compared with native velocity servos.
 
-Four free wheels are stepped in blocks, plugin and native servos by turns in one run; the cost is the
+Four free wheels are stepped in blocks, with the plugin and with native servos by turns. The cost is the
 difference of the median times per step. Target: at most 3 us per step of four wheels.
 
     python benchmarks/plugin.py --out out/bench/plugin.json
@@ -28,7 +28,7 @@ TARGET_US = 3.0
 
 
 def free_wheels(model: Model, native: bool) -> mujoco.MjModel:
-    """Four free wheels, with the plugin or with native velocity servos of the same stiffness."""
+    """Return four free wheels, driven by the plugin or by native velocity servos of the same stiffness."""
     spec = mujoco.MjSpec()
     spec.option.timestep, spec.option.integrator = 1 / 480, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     for name in WHEELS:
@@ -45,7 +45,7 @@ def free_wheels(model: Model, native: bool) -> mujoco.MjModel:
 
 
 def median_us(models: dict[str, mujoco.MjModel], blocks: int, steps: int) -> dict[str, float]:
-    """Median microseconds per step of each model, measured by turns so that both see the same machine."""
+    """Return the median time per step [us] of each model, measured by turns on the same machine."""
     times: dict[str, list[float]] = {name: [] for name in models}
     datas = {name: mujoco.MjData(mjmodel) for name, mjmodel in models.items()}
     for name, data in datas.items():
@@ -60,21 +60,20 @@ def median_us(models: dict[str, mujoco.MjModel], blocks: int, steps: int) -> dic
 
 
 def main(out: Path | None = None, blocks: int = 200, steps: int = 1000) -> None:
-    """Measure and print the cost; write the figures to a file.
+    """Measure and print the cost; write it to a file.
 
-    Example:
-        python benchmarks/plugin.py --out out/bench/plugin.json
+    Example: python benchmarks/plugin.py --out out/bench/plugin.json
 
     Args:
         out: JSON file to write.
-        blocks: repetitions; the median over them counts.
-        steps: physics steps in each.
+        blocks: number of blocks, over which the median is taken.
+        steps: physics steps per block.
     """
     model = paper_model()
     free = median_us({"plugin": free_wheels(model, False), "native": free_wheels(model, True)}, blocks, steps)
     cost = free["plugin"] - free["native"]
     robot = median_us({"plugin": robot_spec(model).compile()}, max(blocks // 20, 3), max(steps // 10, 10))
-    figures = {
+    metrics = {
         "plugin_us_per_step": free["plugin"],
         "native_us_per_step": free["native"],
         "cost_us_per_step_of_four_wheels": cost,
@@ -87,11 +86,11 @@ def main(out: Path | None = None, blocks: int = 200, steps: int = 1000) -> None:
     print(f"four free wheels, plugin  {free['plugin']:8.3f} us/step")
     print(f"four free wheels, native  {free['native']:8.3f} us/step")
     print(f"cost of the plugin        {cost:8.3f} us/step (target {TARGET_US:g})")
-    print(f"ratio to native           {figures['ratio_to_native']:8.3f}")
+    print(f"ratio to native           {metrics['ratio_to_native']:8.3f}")
     print(f"the robot, plugin         {robot['plugin']:8.3f} us/step")
-    print(f"the plugin's share of it  {figures['share_of_a_robot_step']:8.1%}")
+    print(f"the plugin's share of it  {metrics['share_of_a_robot_step']:8.1%}")
     if out is not None:
-        write_json(out, figures)
+        write_json(out, metrics)
         print(f"written: {out}")
 
 

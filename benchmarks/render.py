@@ -1,8 +1,8 @@
 """How fast pictures are drawn: light and full quality, with OSMesa and EGL, each in its own process.
 
-The packaged robot, 640 x 480, caption and H.264 included, as `python -m mecanum_env.render` does it. Frames
-per second are those of the fastest of some runs, after the first frame, which also sets the renderer up.
-Milliseconds of processor time a frame depend less on what else the machine does.
+Drawn is the packaged robot at 640 x 480 with caption and H.264 encoding, as by
+`python -m mecanum_env.render`. Frames per second are those of the fastest run, without the first frame, which
+also sets up the renderer. Processor time per frame depends less on the load of the machine.
 
     python benchmarks/render.py --out out/benchmark_render.json
 """
@@ -37,8 +37,8 @@ def benchmark(frames: int = 60, repeats: int = 5, out: Path | None = None) -> No
     Example: python benchmarks/render.py --frames 60
 
     Args:
-        frames: pictures a run.
-        repeats: runs, of which the fastest counts.
+        frames: pictures per run.
+        repeats: number of runs, of which the fastest counts.
         out: JSON file to write.
     """
     results: list[dict[str, Any]] = []
@@ -61,14 +61,13 @@ def benchmark(frames: int = 60, repeats: int = 5, out: Path | None = None) -> No
 
 
 def one(quality: str, frames: int, repeats: int) -> dict[str, Any]:
-    """Draw and encode in this process; return frames per second, processor time a frame and geoms drawn."""
+    """Draw and encode in this process; return frames per second, processor time per frame and geoms."""
     import mujoco
 
     from mecanum_env.model import paper_model
     from mecanum_env.rendering.video import frame_rows, render_frames, write_video
     from mecanum_env.rendering.view import View
-    from mecanum_env.simulator import drive
-    from mecanum_env.simulator.commands import scripted
+    from mecanum_env.simulator import drive, scripted
 
     trajectory = drive(paper_model(), scripted("tour")[0], frames / 30.0)
     rows = frame_rows(trajectory.time_s)[:frames]
@@ -93,14 +92,14 @@ def one(quality: str, frames: int, repeats: int) -> dict[str, Any]:
 
 
 def _marked(frames: Iterator[Frame], marks: list[tuple[float, float]]) -> Iterator[Frame]:
-    """Pass frames on and note the clock and the processor time when each has been taken."""
+    """Yield the frames; after each, append the clock and the processor time [s] to `marks`."""
     for frame in frames:
         yield frame
         marks.append((time.perf_counter(), _processor_s()))
 
 
 def _processor_s() -> float:
-    """Return the processor time of this process, its threads and the encoder it has waited for [s]."""
+    """Return the processor time [s] of this process, its threads and the encoder that it waited for."""
     used = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
     return sum(u.ru_utime + u.ru_stime for u in used)
 

@@ -1,9 +1,9 @@
-"""What MuJoCo's servo adds to the law when a bench log is replayed on the free wheel.
+"""How far MuJoCo's free wheel is from the wheel law when a bench log is replayed on it.
 
-The packaged model, on a step to 80 rpm and on every log of a folder. `difference` is MuJoCo minus the law's
-own simulation: rounding, since the wheel's inertia is fed forward.
+The model is driven by a step to 80 rpm and by every log of a folder. The difference, MuJoCo minus the law's
+own simulation, is rounding, since the wheel's inertia is fed forward.
 
-    python benchmarks/replay.py --logs examples/logs --out out/benchmark_replay.json
+    python benchmarks/replay.py --logs examples/logs --out out/bench/replay.json
 """
 
 from __future__ import annotations
@@ -18,20 +18,21 @@ from tqdm import tqdm
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from mecanum_env.model import Model, paper_model, read_model
-from mecanum_env.simulator import compile_bench
-from mecanum_env.simulator.bench import law_of_bench, replay_bench
+from mecanum_env.simulator import compile_bench, replay_bench
+from mecanum_env.simulator.bench import law_of_bench
+from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, read_dataset
 
 
 def benchmark(logs: Path = Path("examples/logs"), model: Path | None = None, out: Path | None = None) -> None:
-    """Print what the servo adds, in rpm; write JSON with --out.
+    """Print the difference [rpm] in each run; write JSON with --out.
 
     Example: python benchmarks/replay.py --logs examples/logs
 
     Args:
-        logs: a folder of bench logs, whose commands are replayed.
-        model: a model.json; the packaged model by default.
+        logs: folder of bench logs, whose commands are replayed.
+        model: model file; the packaged model by default.
         out: JSON file to write.
     """
     chosen = paper_model() if model is None else read_model(model)
@@ -51,11 +52,11 @@ def _compare(model: Model, name: str, time_s: FloatArray, command_rpm: FloatArra
     clock = np.arange(int(np.ceil((time_s[-1] - time_s[0]) / step - 1e-9)) + 1) * step
     law = law_of_bench(model, time_s, command_rpm, clock)
     wheel = replay_bench(model, time_s, command_rpm, sample_times_s=time_s[0] + clock, mj_model=mj_model)
-    added = wheel - law
+    difference = wheel - law
     return {
         "name": name,
-        "rms_rpm": float(np.sqrt(np.mean(added**2))),
-        "max_rpm": float(np.max(np.abs(added))),
+        "rms_rpm": rms(difference),
+        "max_rpm": float(np.max(np.abs(difference))),
     }
 
 
@@ -65,10 +66,5 @@ def _print(results: list[dict[str, Any]]) -> None:
         print(f"{r['name']:<24}{r['rms_rpm']:16.2e}{r['max_rpm']:12.2e}")
 
 
-def main() -> None:
-    """Run from the command line."""
-    sys.exit(run(benchmark))
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(run(benchmark))

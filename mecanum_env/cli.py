@@ -1,4 +1,4 @@
-"""What every command line program shares: bad input is one sentence on stderr and exit code 2."""
+"""What every command line program shares: arguments from a function's signature, errors and exit codes."""
 
 from __future__ import annotations
 
@@ -13,14 +13,17 @@ from mecanum_env.errors import InputError, MecanumError
 
 
 def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: str | None = None) -> int:
-    """Parse `args` for `command` (its signature and docstring are the help), call it, return the exit code.
+    """Call a command with parsed arguments and return the exit code of the program.
 
-    `prog` is the name of the program in the help; None takes that of the running one.
+    Args:
+        command: its signature gives the options, its docstring the help.
+        args: the arguments; those of the running program when None.
+        prog: name of the program in the help; that of the running one when None.
 
     Returns:
-        What the command returned if that is a whole number, such as 1 for a test that was not passed; else 0
-        when it returned, 2 when it raised a `MecanumError`, 130 when it was interrupted. Wrong
-        arguments make tyro print what is known and raise ``SystemExit(2)``.
+        The integer that the command returned, such as 1 for a failed certificate, or 0 if it returned
+        anything else; 2 if it raised a `MecanumError`, whose message goes to stderr; 130 if it was
+        interrupted. For wrong arguments tyro prints what is known and raises ``SystemExit(2)``.
     """
     try:
         _require_no_empty(sys.argv[1:] if args is None else args)
@@ -29,7 +32,7 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
         print(f"error: {error}", file=sys.stderr)
         return 2
     except BrokenPipeError:
-        # The reader (`| head`) has seen enough; keep the interpreter from failing again when it flushes.
+        # The reader (`| head`) has closed the pipe; without this the interpreter fails again when it flushes.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt:
@@ -39,7 +42,7 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
 
 
 def _require_no_empty(args: Sequence[str]) -> None:
-    """Refuse an empty argument, such as an unset variable's: as a path it would be the current folder."""
+    """Refuse empty arguments, as unset shell variables give: an empty path would mean the current folder."""
     for before, word in zip(("", *args), args, strict=False):
         option = before if before.startswith("--") else "an argument"
         if word.startswith("--") and word.endswith("=") and word.count("=") == 1:

@@ -1,4 +1,4 @@
-"""One family of errors: each message says what was wrong, where, and what would be right.
+"""The project's errors; each message says what is wrong, where, and what would be right.
 
 Command line programs print the message alone and exit with code 2 (`mecanum_env.cli.run`).
 """
@@ -10,15 +10,15 @@ from collections.abc import Iterable
 
 
 class MecanumError(Exception):
-    """Base of every error this project raises on purpose."""
+    """Base class of all errors that this project raises on purpose."""
 
 
 class InputError(MecanumError, ValueError):
-    """A file, value or argument that a user gave is not usable; the message says what would be."""
+    """A file, value or argument from the user that cannot be used; the message says what could."""
 
 
 class EffectRefusedError(InputError):
-    """A model with an effect that the chosen way of simulating it cannot express."""
+    """A model with an effect that the chosen plant cannot simulate."""
 
 
 class UnstableLawError(InputError):
@@ -26,12 +26,12 @@ class UnstableLawError(InputError):
 
 
 class BackendError(MecanumError, RuntimeError):
-    """A missing system part (graphics library, plugin binary); the message names what to install."""
+    """A missing graphics library, plugin library or packaged file; the message says what to install."""
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """Return ``' (did you mean "x"?)'`` for the nearest known name, or ``''`` when none is near."""
-    # An argument of the wrong type gets the caller's sentence too.
+    """Return ``' (did you mean "x"?)'`` for the known name most like `name`, or ``''`` if none is like it."""
+    # str(), since a name of a wrong type is to be refused with the caller's message.
     near = difflib.get_close_matches(str(name), list(known), n=1, cutoff=0.6)
     return f' (did you mean "{near[0]}"?)' if near else ""
 
@@ -40,11 +40,11 @@ def require_at_least(least: int, **values: int) -> None:
     """Refuse numbers that are too small.
 
     Args:
-        least: the smallest that is right.
-        **values: the numbers by the name that the user knows.
+        least: the smallest allowed value.
+        **values: the numbers, by the names that the user knows.
 
     Raises:
-        InputError: one of them is below `least`.
+        InputError: a number is below `least`.
     """
     for name, value in values.items():
         if value < least:
@@ -52,5 +52,5 @@ def require_at_least(least: int, **values: int) -> None:
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs what an `extra` of the package needs; no package index has it."""
+    """Return the command that installs an `extra` of this package, which is on no package index."""
     return f'`pip install -c constraints.txt ".[{extra}]"` in the checkout'

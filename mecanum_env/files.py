@@ -1,7 +1,4 @@
-"""Writing files whole or not at all: a temporary file beside the target, then a rename.
-
-Where the packaged files are: `assets/` in a checkout, `mecanum_env/assets` in an installed wheel.
-"""
+"""Writing files whole or not at all, through a temporary file; strict JSON; where packaged files are."""
 
 from __future__ import annotations
 
@@ -20,10 +17,10 @@ from mecanum_env.errors import BackendError, InputError
 
 @contextmanager
 def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yield a temporary path in the target's folder, renamed to the target when the block succeeds.
+    """Yield a temporary path in the target's folder, which is renamed to the target when the block succeeds.
 
-    The temporary name keeps the target's suffix, since video writers choose the format by it. When the
-    block raises, the target is untouched and the temporary file is removed.
+    The temporary name keeps the target's suffix, by which video writers choose the format. If the block
+    raises, the target is untouched and the temporary file is removed.
 
     Raises:
         InputError: the folder cannot be created or written, or the target is a folder.
@@ -38,7 +35,9 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = Path(name)
     try:
         yield temporary
-        temporary.chmod(0o666 & ~_umask())
+        umask = os.umask(0)  # there is no way to read it without setting it
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
         try:
             temporary.replace(target)
         except OSError as error:
@@ -50,10 +49,10 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def require_writable(*targets: str | os.PathLike[str]) -> None:
-    """Refuse files that could not be written, before the work whose results they are to hold; leave no trace.
+    """Refuse targets that could not be written, before long work begins; nothing is created.
 
     Args:
-        targets: the files; their folders need not exist yet.
+        targets: files to be written; their folders need not exist yet.
 
     Raises:
         InputError: a folder cannot be created or written, or a target is a folder.
@@ -93,16 +92,16 @@ def write_json(target: str | os.PathLike[str], value: Any) -> None:
 
 
 def plain_json(value: Any) -> Any:
-    """Return a value as JSON can hold it: objects, lists, plain numbers, and null for NaN and infinity.
+    """Return a value in JSON's types: objects, lists, plain numbers, and null for NaN and infinity.
 
     Args:
-        value: dataclasses, mappings, sequences and NumPy values may be nested in any way.
+        value: dataclasses, mappings, sequences and NumPy values, nested in any way.
     """
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain_json(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
         return {str(key): plain_json(entry) for key, entry in value.items()}
-    # NumPy is not imported here, because `import mujoco` may load this module.
+    # NumPy's arrays and scalars, told without importing NumPy, which would make this module slow to import.
     if hasattr(value, "tolist"):
         return plain_json(value.tolist())
     if isinstance(value, list | tuple):
@@ -112,20 +111,14 @@ def plain_json(value: Any) -> Any:
     return value
 
 
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
-
-
 def asset_path(name: str = "") -> Path:
-    """Return the path of a packaged file or folder such as ``"models/paper.json"`` or ``"robot.xml"``.
+    """Return the path of a packaged file or folder by its name, such as ``"models/paper.json"``.
 
     Raises:
         BackendError: this installation has no such file.
     """
     package = Path(__file__).parent
-    # An editable install runs from the checkout, where the files lie beside the package, not inside.
+    # An installed wheel has the assets inside the package, a checkout beside it.
     for root in (package / "assets", package.parent / "assets"):
         if (root / name).exists():
             return root / name

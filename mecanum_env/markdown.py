@@ -1,4 +1,4 @@
-"""Markdown for pages that programs write."""
+"""Markdown of the pages that programs write."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Sequence
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a table without a trailing newline; bars inside cells are escaped.
+    """Return a Markdown table without a trailing newline; vertical bars in cells are escaped.
 
     Args:
-        head: names of the columns.
+        head: column titles.
         rows: cells of each row, as many as there are columns.
     """
     lines = [head, ["---"] * len(head), *rows]

@@ -10,9 +10,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of worker processes; work that has not started is dropped when the block is left.
+    """Yield a pool of worker processes; leaving the block cancels work that has not started.
 
-    Workers are spawned, not forked: MuJoCo and its graphics libraries hold threads that a fork would break.
+    Workers are spawned, not forked: a fork would break the threads of MuJoCo and its graphics libraries.
 
     Args:
         jobs: number of processes.

@@ -9,16 +9,15 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
-from mecanum_env.model import Model, paper_model, read_model
+from mecanum_env.model import paper_model, read_model
 from mecanum_env.rendering.backend import use_backend
 from mecanum_env.rendering.view import Quality, View
 
 if TYPE_CHECKING:
     from mecanum_env.simulator import Commands
 
-# Nothing above imports mujoco: `render` chooses the graphics backend before it does.
-
 _AFTER_LAST_COMMAND_S = 1.0
+"""How long [s] to drive after the last command of a file."""
 
 
 def render(
@@ -37,7 +36,7 @@ def render(
     duration: float | None = None,
     caption: bool = True,
 ) -> None:
-    """Drive a model through commands and write a video, a still, or both; tell which graphics library drew.
+    """Drive a model through commands and write a video, a still picture, or both.
 
     Example: python -m mecanum_env.render fit/model.json --commands tour --out rollout.mp4
 
@@ -45,21 +44,21 @@ def render(
         model: path of a model.json, or "paper" for the packaged model.
         commands: forward, sideways, diagonal, rotate or tour; or a file with the columns time_s and
             command_v_rpm, command_theta_deg, command_vc_rpm (or command_{fl,fr,rl,rr}_rpm).
-        out: the video (.mp4); rollout.mp4 when neither this nor --still is given.
-        still: a picture (.png, .jpg).
-        still_time: the time of the picture [s]; the middle of the drive by default.
+        out: file of the video (.mp4); rollout.mp4 if neither this nor --still is given.
+        still: file of a picture (.png, .jpg).
+        still_time: time of the picture [s]; the middle of the drive by default.
         plant: rollers on a floor, or the fast planar plant, whose wheels do not turn in the picture.
         camera: track, close, side, overview or top.
-        width: of the picture [pixels].
-        height: of the picture [pixels].
+        width: width of the picture [pixels].
+        height: height of the picture [pixels].
         fps: frames per second.
-        quality: light is several times faster, full has reflections and smooth edges.
-        duration: how long to drive [s]; by default the length of the named drive, or the file's last stamp
-            and a second more.
+        quality: light is several times faster; full has reflections and smooth edges.
+        duration: length of the drive [s]; by default that of the named drive, or 1 s more than the last
+            stamp of the file.
         caption: write time, command and motion into the picture.
     """
+    # Before anything imports mujoco, which chooses its graphics library then.
     backend = use_backend()
-    # Only now: mujoco picks its graphics library on import.
     from tqdm import tqdm
 
     from mecanum_env.rendering import video
@@ -72,7 +71,7 @@ def render(
         video.check_suffix(out, (".mp4",))
     if still is not None:
         video.check_suffix(still, video.STILL_SUFFIXES)
-    chosen = _read(model)
+    chosen = paper_model() if model == "paper" and not Path(model).exists() else read_model(model)
     sent, length = _commands(commands)
     length = length if duration is None else duration
     if still_time is not None and not 0.0 <= still_time <= length:
@@ -90,16 +89,11 @@ def render(
         print(f"{out}: {count} frames, {length:.1f} s, {width} x {height}, drawn with {backend}")
 
 
-def _read(model: str) -> Model:
-    return paper_model() if model == "paper" and not Path(model).exists() else read_model(model)
-
-
 def _commands(name: str) -> tuple[Commands, float]:
     """Return the commands of a named drive or a file, and how long to drive [s]."""
-    from mecanum_env.simulator import SCRIPTS, read_commands
-    from mecanum_env.simulator.commands import scripted
+    from mecanum_env.simulator import SCRIPTS, read_commands, scripted
 
-    # A name that is no file, and could not be one, is a misspelt drive.
+    # A name without "." and "/" is not meant as a file, so it may be a misspelt drive.
     if name in SCRIPTS or ("." not in name and "/" not in name):
         return scripted(name)
     sent = read_commands(name)

@@ -1,11 +1,10 @@
-"""The statistics that several programs report: root mean square, and the interval of a share."""
+"""Statistics that several programs report: root mean square, and the interval of a share."""
 
 from __future__ import annotations
 
 import math
 
 import numpy as np
-from scipy.stats import binomtest
 
 from mecanum_env.units import FloatArray
 
@@ -14,7 +13,7 @@ def rms(values: FloatArray) -> float:
     """Return the root mean square of the finite entries of an array; NaN if there are none.
 
     Args:
-        values: of any shape, in any unit.
+        values: any shape, any unit.
     """
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else math.nan
@@ -27,12 +26,15 @@ def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tu
     22:209, 1927. Unlike the share plus or minus two standard errors it holds near 0 and 1.
 
     Args:
-        successes: how many trials succeeded, 0 to `trials`.
-        trials: how many were made.
+        successes: number of successful trials, 0 to `trials`.
+        trials: number of trials.
         confidence: probability that such an interval contains the true share.
     """
     if trials == 0:
         return math.nan, math.nan
+    # Imported here, since it takes half a second and most programs never need it.
+    from scipy.stats import binomtest
+
     interval = binomtest(successes, trials).proportion_ci(confidence, method="wilson")
     # Rounding must not put an end on the wrong side of the share.
     share = successes / trials

@@ -1,7 +1,7 @@
-"""Reading one table of numbers, strictly: CSV, gzipped CSV or Parquet.
+"""Strict reading of a table of numbers: CSV, gzipped CSV or Parquet.
 
-The good case is parsed by numpy in C. Only when that fails are the cells walked one by one, to name the
-line, the value and what would be right.
+NumPy parses a correct file in C. Only if that fails are the cells read one by one, to name the line, the
+value and what would be right.
 """
 
 from __future__ import annotations
@@ -21,28 +21,29 @@ from mecanum_env.errors import InputError, install_command
 from mecanum_env.units import FloatArray
 
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
+"""Endings of the names of such files."""
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """The cells of one file."""
+    """The numbers of one file."""
 
     path: Path
     names: tuple[str, ...]
-    """The header."""
+    """Column names."""
     values: FloatArray
-    """Shape (rows, columns); NaN where a cell was empty or nan. Never infinite."""
+    """Numbers, shape (rows, columns), never infinite; NaN where a cell is empty or nan."""
     lines: npt.NDArray[np.intp] | None
-    """The line of each row, counted from 1 with the header; None: rows have no lines (Parquet)."""
+    """Line of each row, counted from 1 with the header; None for a Parquet file, which has no lines."""
 
     def where(self, row: int) -> str:
-        """Return ``'file, line 12'`` of a row (``'file, row 11'`` in a Parquet file)."""
+        """Return the place of a row: ``'file, line 12'``, in a Parquet file ``'file, row 11'``."""
         place = f"row {row + 1}" if self.lines is None else f"line {self.lines[row]}"
         return f"{self.path}, {place}"
 
     @property
     def header(self) -> str:
-        """``'file, line 1'``, or the file alone where it has no lines."""
+        """The place of the header: ``'file, line 1'``, of a Parquet file ``'file'``."""
         return f"{self.path}" if self.lines is None else f"{self.path}, line 1"
 
     def column(self, name: str) -> FloatArray:
@@ -51,12 +52,12 @@ class Table:
 
 
 def has_table_suffix(path: Path) -> bool:
-    """Return whether the name ends as a table of numbers does."""
+    """Return whether the file's name ends in one of `SUFFIXES`."""
     return path.name.lower().endswith(SUFFIXES)
 
 
 def table_stem(path: Path) -> str:
-    """Return the file's name without the suffix of a table."""
+    """Return the file's name without its suffix."""
     for suffix in (".csv.gz", ".csv", ".parquet"):
         if path.name.lower().endswith(suffix):
             return path.name[: -len(suffix)]
@@ -64,11 +65,11 @@ def table_stem(path: Path) -> str:
 
 
 def read_table(path: Path) -> Table:
-    """Read a file by its suffix.
+    """Read a table; the suffix of its name gives the format.
 
     Raises:
-        InputError: the file cannot be read, is empty, is not what its suffix says, has a ragged row, text
-            where a number belongs or an infinite value.
+        InputError: the file cannot be read, is empty, is not of the format that its suffix says, or has rows
+            of different lengths, text where a number belongs, or an infinite value.
     """
     table = _read_parquet(path) if path.name.lower().endswith(".parquet") else _read_csv(path)
     infinite = np.isinf(table.values)
@@ -87,7 +88,7 @@ def _read_csv(path: Path) -> Table:
     names = _header(path, header)
     if not body.strip():
         raise InputError(f"{path}: has a header but no rows; a run needs at least 2")
-    # loadtxt knows no empty cells. Two passes, since matches of ",," do not overlap.
+    # loadtxt refuses empty cells. ",," is replaced twice, since matches do not overlap.
     filled = f"\n{body.rstrip()}\n"
     for empty, nan in ((",,", ",nan,"), (",,", ",nan,"), (",\n", ",nan\n"), ("\n,", "\nnan,")):
         filled = filled.replace(empty, nan)
@@ -150,14 +151,14 @@ def _number(cell: str) -> float | None:
     if not text:
         return float("nan")
     try:
-        # float() also takes 1_000, which no other program would write or read.
+        # float() accepts 1_000, too, which no other program writes or reads.
         return None if "_" in text else float(text)
     except ValueError:
         return None
 
 
 def _walk_cells(path: Path, text: str, names: tuple[str, ...]) -> FloatArray:
-    """Parse cell by cell, which is slow, and raise at the first that is wrong."""
+    """Parse cell by cell, which is slow, and raise an error at the first wrong cell."""
     reader = csv.reader(io.StringIO(text))
     rows = []
     try:

@@ -1,4 +1,4 @@
-"""Units: the robot speaks rpm of the wheel, MuJoCo speaks rad/s."""
+"""Units: commands and logs are in rpm of the wheel, MuJoCo works in rad/s."""
 
 import math
 from typing import Final

@@ -1,4 +1,4 @@
-"""Time, memory and progress of long work."""
+"""Progress, time and memory of long work."""
 
 from __future__ import annotations
 
@@ -12,22 +12,22 @@ from typing import TypeVar
 from tqdm import tqdm
 
 Progress = Callable[[str], None]
-"""Called with what comes next, before it begins."""
+"""A function that is called with the name of each stage before the stage begins."""
 
 T = TypeVar("T")
 
 
 def silent(message: str) -> None:
-    """Ignore progress; `message` is what would be shown."""
+    """Ignore the `message` of a stage."""
     del message
 
 
 @contextmanager
 def stage_bar(stages: int) -> Iterator[Progress]:
-    """Show stages on stderr: a bar on a terminal, one line a stage elsewhere (a log file, CI).
+    """Show stages on stderr: a bar on a terminal, else (a log file, CI) one line per stage.
 
     Args:
-        stages: how many there will be at most.
+        stages: largest number of stages.
     """
     if not sys.stderr.isatty():
         began = time.perf_counter()
@@ -57,15 +57,15 @@ def seconds_of(work: Callable[[], T]) -> tuple[T, float]:
 
 
 def peak_memory_mib(work: Callable[[], object]) -> float:
-    """Return the largest memory that `work` held at once [MiB], Python objects and numpy arrays.
+    """Return the peak memory [MiB] of Python objects and numpy arrays during `work`.
 
-    Tracing slows the work down, so time it in another call.
+    Tracing slows the work down, so measure its time in another call.
     """
     return with_peak_memory(work)[1]
 
 
 def with_peak_memory(work: Callable[[], T]) -> tuple[T, float]:
-    """Return the result of `work` and the largest memory that it held at once [MiB], while traced."""
+    """Return the result of `work` and its peak memory [MiB], as `peak_memory_mib` measures it."""
     tracing = tracemalloc.is_tracing()
     if not tracing:
         tracemalloc.start()

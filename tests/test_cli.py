@@ -127,21 +127,26 @@ LOGS = str(Path(__file__).parents[1] / "examples" / "logs")
 @pytest.mark.parametrize(
     ("program", "main", "work", "arguments"),
     [
-        ("sysid.fit", "fit", "fit_dataset", [LOGS]),
-        ("sysid.gap", "gap", "analyse", [LOGS, "--model", str(asset_path("models/paper.json"))]),
-        ("sysid.studies.blind", "main", "run_cases", ["--quick"]),
-        ("sysid.studies.paper_gap", "main", "paper_gap", []),
-        ("sysid.studies.reproduce", "main", "reproduce", ["--quick"]),
-        ("sysid.online", "main", "replay", [LOGS]),
-        ("training.certify", "main", "certify", ["still"]),
-        ("training.compare", "main", "compare", ["still"]),
+        ("sysid.fit", "fit", "sysid.fit.pipeline.fit_dataset", [LOGS]),
+        (
+            "sysid.gap",
+            "gap",
+            "sysid.gap.workflow.analyse",
+            [LOGS, "--model", str(asset_path("models/paper.json"))],
+        ),
+        ("sysid.studies.blind", "main", "sysid.studies.blind.work.run_cases", ["--quick"]),
+        ("sysid.studies.paper_gap", "main", "sysid.studies.paper_gap.study.paper_gap", []),
+        ("sysid.studies.reproduce", "main", "sysid.studies.reproduce.experiment.reproduce", ["--quick"]),
+        ("sysid.online", "main", "sysid.online.replay.replay", [LOGS]),
+        ("training.certify", "main", "training.certify.run.certify", ["still"]),
+        ("training.compare", "main", "training.compare.comparison.compare", ["still"]),
     ],
 )
 def test_results_that_could_not_be_written_are_refused_before_the_work(
     program, main, work, arguments, tmp_path, capsys, monkeypatch
 ):
     module = importlib.import_module(f"{program}.__main__")
-    monkeypatch.setattr(module, work, lambda *_, **__: pytest.fail("worked before it looked"))
+    monkeypatch.setattr(work, lambda *_, **__: pytest.fail("worked before it looked"))
     (tmp_path / "file").touch()
     out = tmp_path / "file" / "result.json"
     assert run(getattr(module, main), [*arguments, "--out", str(out)]) == 2

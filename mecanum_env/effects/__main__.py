@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from mecanum_env.cli import run
-from mecanum_env.effects import catalogue_table
 
 
 def main() -> None:
@@ -11,6 +10,8 @@ def main() -> None:
 
     Example: python -m mecanum_env.effects
     """
+    from mecanum_env.effects import catalogue_table
+
     print(catalogue_table())
 
 

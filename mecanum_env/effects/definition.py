@@ -19,6 +19,8 @@ from mecanum_env.units import FloatArray
 
 PlantKind = Literal["bench", "rollers", "planar"]
 """Simulated system: one free wheel; the robot on its rollers; the robot that slides without slip."""
+RobotPlant = Literal["rollers", "planar"]
+"""The plants that are the whole robot."""
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
 Station = Literal["command", "body_command", "set_point", "load", "transmission", "body", "sensor"]
 """Where on the way from command to log an effect acts: path and timing of the command; limits on V, theta and

@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 import numpy as np
-from scipy.signal import lfilter
 
 from mecanum_env.effects.command import TIME_STAMPS
 from mecanum_env.effects.definition import Channels, Effect, Parameter, Values
@@ -26,6 +25,9 @@ def _late(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, F
 
 def _lowpass(time_s: FloatArray, channels: Channels, values: Values) -> dict[str, FloatArray]:
     """Filter by T y' + y = x, exact for a channel that is linear between the clock's points."""
+    # Imported here, since it takes half a second and the catalogue is read to print every program's help.
+    from scipy.signal import lfilter
+
     if time_s.size < 2:
         return dict(channels)
     ratio = (time_s[1] - time_s[0]) / values["time_constant_s"]

@@ -2,9 +2,15 @@
 
 from __future__ import annotations
 
-from mecanum_env.mjcf.drive import Drive
-from mecanum_env.mjcf.physics import SIMULATION_TIMESTEP_S, TRAINING_TIMESTEP_S, fitting_timestep
-from mecanum_env.mjcf.plants import bench_spec, planar_spec, robot_spec
+from typing import TYPE_CHECKING
+
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from mecanum_env.mjcf.physics import SIMULATION_TIMESTEP_S, TRAINING_TIMESTEP_S, Drive, fitting_timestep
+    from mecanum_env.mjcf.plants import bench_spec, planar_spec, robot_spec, write_models
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
     "SIMULATION_TIMESTEP_S",
@@ -14,4 +20,5 @@ __all__ = [
     "fitting_timestep",
     "planar_spec",
     "robot_spec",
+    "write_models",
 ]

@@ -9,9 +9,6 @@ from typing import Annotated
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.files import asset_path
-from mecanum_env.mjcf.write import left_out, write_models
-from mecanum_env.model import read_model
 
 
 def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Path = Path("mjcf")) -> None:
@@ -25,8 +22,10 @@ def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Pat
         model: the model file; by default the packaged model of the paper.
         out: the folder to write into.
     """
-    chosen = asset_path("models/paper.json") if model is None else model
-    read = read_model(chosen)
+    from mecanum_env.mjcf.plants import left_out, write_models
+    from mecanum_env.model import paper_model, read_model
+
+    read = paper_model() if model is None else read_model(model)
     for path in write_models(read, out):
         print(path)
     for name, reason in left_out(read).items():

@@ -1,6 +1,6 @@
-"""What the robot looks like above its wheels: frame, deck, body with a head, and the arm with its sword.
+"""What the robot looks like above its wheels: frame, deck, torso with a head, and two arms with a sword.
 
-Everything is sized by the robot's own dimensions except the sword, which the sport fixes at 53 cm.
+Everything scales with the robot's dimensions except the sword, whose length the sport fixes at 53 cm.
 """
 
 from __future__ import annotations
@@ -14,11 +14,16 @@ from mecanum_env.mjcf.geometry import WheelGeometry
 from mecanum_env.model import Robot
 
 SWORD_M = 0.53
+"""Length of the sword [m]."""
 SWORD_RISE_RAD = math.radians(32)
+"""Angle of the sword above the horizontal [rad]."""
 
 
 def dress_robot(base: mujoco.MjsBody, rocker: mujoco.MjsBody, robot: Robot, geometry: WheelGeometry) -> None:
-    """Add the visible parts to base and rocker (the planar plant passes its base for both)."""
+    """Add the visible parts of a robot to its base and, for the front axle, its rocker.
+
+    The planar plant has no rocker and passes its base for both. `geometry` is that of the wheels.
+    """
     r, a = geometry.radius, robot.half_wheelbase_m
     inside = robot.half_track_m - geometry.half_width - 0.12 * r
     front = a + 0.75 * r
@@ -32,14 +37,14 @@ def dress_robot(base: mujoco.MjsBody, rocker: mujoco.MjsBody, robot: Robot, geom
 def _frame(
     base: mujoco.MjsBody, rocker: mujoco.MjsBody, robot: Robot, inside: float, front: float, r: float
 ) -> None:
-    """Tub, bumpers, motors and axles."""
+    """Add tub, bumpers, motors and axles."""
     a, b = robot.half_wheelbase_m, robot.half_track_m
     shapes.box(base, "frame", (front, inside, 0.42 * r), (0, 0, 0.10 * r))
     shapes.box(base, "accent", (front + 0.03 * r, inside + 0.02 * r, 0.07 * r), (0, 0, 0.30 * r))
     shapes.box(base, "dark_metal", (0.9 * front, 0.92 * inside, 0.20 * r), (0, 0, 0.85 * r))
     shapes.box(base, "dark_metal", (0.10 * r, 1.05 * inside, 0.16 * r), (front + 0.12 * r, 0, -0.05 * r))
     shapes.box(base, "dark_metal", (0.10 * r, 1.05 * inside, 0.16 * r), (-front - 0.12 * r, 0, -0.05 * r))
-    # The rocker's frame starts at the front axle, the planar base's in the middle.
+    # The rocker's origin is on the front axle, that of the planar plant's base in the middle.
     x_front = a if rocker is base else 0.0
     for body, x in ((rocker, x_front), (base, -a)):
         shapes.disc_y(body, "metal", 0.10 * r, b, (x, 0, 0))
@@ -48,15 +53,10 @@ def _frame(
 
 
 def _deck(base: mujoco.MjsBody, inside: float, front: float, deck: float, r: float) -> None:
-    """Lamps at the front, a lidar, a stop button and the housing of the electronics."""
+    """Add lamps at the front, a lidar, a stop button and the housing of the electronics."""
     for side in (-1, 1):
-        shapes.add_visual(
-            base,
-            mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-            "lamp",
-            (0.05 * r, 0.22 * r, 0.13 * r),
-            (front + 0.03 * r, side * 0.62 * inside, 0.55 * r),
-        )
+        place = (front + 0.03 * r, side * 0.62 * inside, 0.55 * r)
+        shapes.ellipsoid(base, "lamp", (0.05 * r, 0.22 * r, 0.13 * r), place)
     shapes.box(base, "frame", (0.02 * r, 0.35 * inside, 0.10 * r), (front + 0.02 * r, 0, 0.55 * r))
     shapes.box(base, "accent", (0.30 * front, 0.72 * inside, 0.22 * r), (-0.55 * front, 0, deck + 0.28 * r))
     shapes.disc_z(base, "frame", 0.42 * r, 0.10 * r, (0.68 * front, 0, deck + 0.16 * r))
@@ -68,39 +68,20 @@ def _deck(base: mujoco.MjsBody, inside: float, front: float, deck: float, r: flo
 
 
 def _torso(base: mujoco.MjsBody, deck: float, robot: Robot) -> None:
-    """Column, shoulders, head, and two arms that hold the sword in front of the body."""
+    """Add column, shoulders, head, and two arms that hold the sword in front of the body."""
     s = (robot.half_wheelbase_m + robot.half_track_m) / 0.38
     x = 0.02 * s
     shoulder, half_shoulder = deck + 0.36 * s, 0.105 * s
     shapes.disc_z(base, "dark_metal", 0.070 * s, 0.012 * s, (x, 0, deck + 0.016 * s))
     shapes.disc_z(base, "metal", 0.034 * s, 0.10 * s, (x, 0, deck + 0.11 * s))
-    shapes.add_visual(
-        base,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        "shell",
-        (0.062 * s, 0.092 * s, 0.115 * s),
-        (x, 0, deck + 0.29 * s),
-    )
-    shapes.add_visual(
-        base,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        "accent",
-        (0.066 * s, 0.075 * s, 0.050 * s),
-        (x, 0, deck + 0.24 * s),
-    )
+    shapes.ellipsoid(base, "shell", (0.062 * s, 0.092 * s, 0.115 * s), (x, 0, deck + 0.29 * s))
+    shapes.ellipsoid(base, "accent", (0.066 * s, 0.075 * s, 0.050 * s), (x, 0, deck + 0.24 * s))
     shapes.rod(base, "dark_metal", 0.022 * s, (x, -half_shoulder, shoulder), (x, half_shoulder, shoulder))
     head = shoulder + 0.125 * s
     shapes.disc_z(base, "dark_metal", 0.022 * s, 0.03 * s, (x, 0, shoulder + 0.05 * s))
-    shapes.add_visual(
-        base, mujoco.mjtGeom.mjGEOM_ELLIPSOID, "shell", (0.062 * s, 0.056 * s, 0.066 * s), (x, 0, head)
-    )
-    shapes.add_visual(
-        base,
-        mujoco.mjtGeom.mjGEOM_ELLIPSOID,
-        "lens",
-        (0.028 * s, 0.046 * s, 0.026 * s),
-        (x + 0.042 * s, 0, head + 0.008 * s),
-    )
+    shapes.ellipsoid(base, "shell", (0.062 * s, 0.056 * s, 0.066 * s), (x, 0, head))
+    visor = (x + 0.042 * s, 0, head + 0.008 * s)
+    shapes.ellipsoid(base, "lens", (0.028 * s, 0.046 * s, 0.026 * s), visor)
     along = (math.cos(SWORD_RISE_RAD), 0.0, math.sin(SWORD_RISE_RAD))
     grip = (x + 0.21 * s, 0.0, shoulder - 0.12 * s)
     _sword(base, grip, along)

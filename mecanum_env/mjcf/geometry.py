@@ -32,11 +32,16 @@ from mecanum_env.model import Robot
 from mecanum_env.units import FloatArray
 
 ROLLER_SIDE = {"fl": -1.0, "fr": 1.0, "rl": 1.0, "rr": -1.0}
-"""s in the axis (1, s, 0) / sqrt 2 of the roller that touches the floor; seen from above an X."""
-
-
+"""s in the axis (1, s, 0) / sqrt 2 of the roller on the floor; seen from above, the four axes form an X."""
 GAP = 0.01
-"""Between neighbouring rollers, over their distance."""
+"""Gap between neighbouring rollers, relative to their distance."""
+PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
+"""Initial angle of each wheel's first roller, relative to the angle between rollers.
+
+Wheels in phase would pass their loads from roller to roller at the same moments and bounce the body; a
+quarter apart, they take turns. The two wheels on a diagonal start as mirror images (+-1/8, +-3/8): when they
+stand still during a 45-degree drive, both allow the same direction. Otherwise the robot would turn.
+"""
 
 
 @dataclass(frozen=True)
@@ -44,15 +49,15 @@ class WheelGeometry:
     """Lengths of one roller wheel [m]; `wheel_geometry` derives them."""
 
     radius: float
-    """R, of the round envelope."""
+    """R: radius of the round envelope."""
     rollers: int
-    """N."""
+    """N: number of rollers."""
     roller_circle: float
-    """r, of the rollers' centres about the axle."""
+    """r: radius of the circle of the rollers' centres."""
     roller_radius: float
-    """b, the two short semi-axes of a roller."""
+    """b: the two short semi-axes of a roller."""
     roller_half_length: float
-    """c, the semi-axis along the roller's own axis."""
+    """c: the semi-axis along the roller's own axis."""
 
     def reach(self, phi: FloatArray) -> FloatArray:
         """Return how far [m] the roller at `phi` [rad] from the lowest point reaches below the axle."""
@@ -85,11 +90,11 @@ def wheel_geometry(radius: float, rollers: int) -> WheelGeometry:
 
 
 def sideways_ratio(rollers: int) -> float:
-    """Return sinc(pi/N): the mean sideways motion of a 45-degree wheel over that of ideal kinematics.
+    """Return sin(pi/N) / (pi/N): mean sideways motion of a 45-degree wheel relative to ideal kinematics.
 
-    The floor stops a wheel from moving along the axis of the roller that stands on it. That axis is at 45
-    degrees only for a roller in its lowest position; turned on by phi its direction on the floor is
-    (cos phi, s), and the mean of cos phi over -pi/N .. pi/N is sin(pi/N) / (pi/N).
+    The floor stops a wheel from moving along the axis of the roller that touches it. That axis is at 45
+    degrees only for a roller in its lowest position; at the angle phi its direction on the floor is
+    (cos phi, s), and the mean of cos phi over -pi/N .. pi/N is the ratio.
     """
     return math.sin(math.pi / rollers) / (math.pi / rollers)
 
@@ -104,44 +109,35 @@ def wheel_position(robot: Robot, wheel: str) -> tuple[float, float]:
 def no_slip_rows(robot: Robot) -> FloatArray:
     """Return the matrix (4, 3) from body velocity (vx, vy, yaw rate) to wheel speeds fl, fr, rl, rr [rad/s].
 
-    This is where the planar plant is matched to the rollers: a wheel at (x, y) whose centre moves with
-    (ux, uy) turns at (ux + s uy / sideways_ratio) / R, since rollers give up some sideways motion. For
-    infinitely many rollers it is the matrix of `mecanum_env.kinematics`.
+    This matches the planar plant to the rollers: a wheel whose centre moves with (ux, uy) turns at
+    (ux + s uy / sideways_ratio) / R. For infinitely many rollers it is the matrix of
+    `mecanum_env.kinematics`.
     """
-    give = sideways_ratio(robot.rollers_per_wheel)
+    ratio = sideways_ratio(robot.rollers_per_wheel)
     rows = []
     for wheel in WHEELS:
         x, y = wheel_position(robot, wheel)
-        s = ROLLER_SIDE[wheel] / give
+        s = ROLLER_SIDE[wheel] / ratio
         # ux = vx - yaw y, uy = vy + yaw x.
         rows.append([1.0, s, s * x - y])
     return np.array(rows) / robot.wheel_radius_m
 
 
 def wheels_on_body(robot: Robot, per_wheel: float) -> tuple[float, float]:
-    """Return what the four wheels put on the body's translation and yaw where they never slip.
+    """Return what four wheels that never slip add to the body's translation and yaw.
 
     With wheel speeds w = G (vx, vy, yaw rate), the energy J |w|^2 / 2 of four inertias J, or the power of
-    four dampers, has the matrix J G'G: 4 J / R^2 forward, slightly more sideways (the rollers' give), and
-    about 4 J k^2 / R^2 in yaw; no cross terms. The planar joints lie along the world's axes, so forward and
-    sideways share their mean (they differ by 3.3 % for ten rollers).
+    four dampers, has the diagonal matrix J G'G: 4 J / R^2 forward, slightly more sideways (`sideways_ratio`),
+    and about 4 J k^2 / R^2 in yaw, k being half_wheelbase + half_track. The planar plant's joints lie along
+    the world's axes, so both directions get the mean (they differ by 3.3 % for ten rollers).
 
     Args:
-        robot: its wheels.
+        robot: dimensions of wheels and robot.
         per_wheel: inertia [kg m^2] or damping [N m s/rad] of one wheel.
     """
     rows = no_slip_rows(robot)
     forward, sideways, yaw = per_wheel * np.diag(rows.T @ rows)
     return float(forward + sideways) / 2, float(yaw)
-
-
-PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
-"""Where the first roller of each wheel starts, in parts of the angle between rollers.
-
-Wheels in step would pass their loads from roller to roller at the same moments and bounce the body together:
-a quarter apart, they take turns. The two wheels on a diagonal start as mirror images (+-1/8, +-3/8), so that
-when they stand still on a 45-degree drive both allow the same direction; otherwise the robot would turn.
-"""
 
 
 def roller_angle(geometry: WheelGeometry, wheel: str, index: int) -> float:

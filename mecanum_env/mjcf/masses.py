@@ -1,4 +1,4 @@
-"""Where the robot's mass and inertia sit, so that the compiled model has exactly the model file's totals."""
+"""How the robot's mass and yaw inertia are distributed over its bodies; the totals are the model file's."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf.geometry import WheelGeometry, wheel_geometry, wheel_position
 from mecanum_env.model import Robot
 
-# Shares of the whole mass; ours, like the mass itself. At 20 kg: hubs of 0.4 kg, and rollers of 40 g, which
-# is what rubber of density 1 g/cm^3 weighs in their volume.
 HUB_SHARE = 0.02
+"""Mass of one hub over that of the robot: 0.4 kg of 20 kg. The shares are estimates, like the mass."""
 ROLLERS_SHARE = 0.02
+"""Mass of the rollers of one wheel over that of the robot: 40 g each at 20 kg, as rubber of 1 g/cm^3 has."""
 ROCKER_SHARE = 0.025
+"""Mass of the front rocker over that of the robot."""
 
 Vector = tuple[float, float, float]
 
@@ -29,32 +30,28 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Masses:
-    """Inertias of every kind of body of the robot."""
+    """Inertia of each kind of body of the robot."""
 
     hub: Inertia
-    """Axis of the wheel along y."""
+    """Wheel axis along y."""
     roller: Inertia
-    """Axis of the roller along z."""
+    """Roller axis along z."""
     rocker: Inertia
     base: Inertia
 
     def wheel_spin_inertia(self, geometry: WheelGeometry) -> float:
         """Return the moment [kg m^2] of hub and rollers about the axle, with the rollers not spinning."""
-        return self.hub.moments[1] + geometry.rollers * self._roller_about_axle(geometry)
-
-    def _roller_about_axle(self, geometry: WheelGeometry) -> float:
         # The roller's axis is at 45 degrees to the axle.
         across, _, along = self.roller.moments
-        return self.roller.mass * geometry.roller_circle**2 + (across + along) / 2
+        about_axle = self.roller.mass * geometry.roller_circle**2 + (across + along) / 2
+        return self.hub.moments[1] + geometry.rollers * about_axle
 
 
 def robot_masses(robot: Robot) -> Masses:
-    """Share out the robot's mass and yaw inertia.
-
-    The base takes what the wheels and the rocker leave.
+    """Distribute the robot's mass and yaw inertia; the base gets what wheels and rocker leave.
 
     Raises:
-        InputError: the yaw inertia is less than that of the wheels where they are.
+        InputError: the yaw inertia is less than that of wheels and rocker at their places.
     """
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     total = robot.mass_kg
@@ -72,7 +69,7 @@ def robot_masses(robot: Robot) -> Masses:
         others += (hub.mass + geometry.rollers * roller.mass) * distance2
         others += _wheel_yaw(masses, geometry)
     left = robot.yaw_inertia_kg_m2 - others
-    # The base sits behind the robot's centre by what balances the rocker, hence its own distance counts.
+    # The base's centre of mass is behind the robot's centre, where it balances the rocker.
     mass = total * (1 - ROCKER_SHARE - 4 * (HUB_SHARE + ROLLERS_SHARE))
     left -= mass * base_offset(robot) ** 2
     if left <= 0.0:
@@ -81,7 +78,7 @@ def robot_masses(robot: Robot) -> Masses:
             f"their places, {robot.yaw_inertia_kg_m2 - left:.4g}; a solid plate of the robot's size has "
             f"{robot.plate_yaw_inertia_kg_m2:.4g}"
         )
-    # A plate of the robot's proportions, scaled to the moment that is left, and somewhat thick.
+    # The base is a thick plate of the robot's proportions, scaled to the remaining moment.
     a, b = robot.half_wheelbase_m, robot.half_track_m
     unit = left / (a**2 + b**2)
     tilt = unit * (robot.wheel_radius_m * 1.2) ** 2
@@ -90,20 +87,20 @@ def robot_masses(robot: Robot) -> Masses:
 
 
 def base_offset(robot: Robot) -> float:
-    """Return x [m] of the base's centre of mass: behind the centre by what balances the front rocker."""
+    """Return x [m] of the base's centre of mass, behind the robot's centre, where it balances the rocker."""
     base_share = 1 - ROCKER_SHARE - 4 * (HUB_SHARE + ROLLERS_SHARE)
     return -ROCKER_SHARE / base_share * robot.half_wheelbase_m
 
 
 def _wheel_yaw(masses: Masses, geometry: WheelGeometry) -> float:
-    """Moment [kg m^2] of hub and rollers about the vertical through the wheel's centre."""
+    """Return the moment [kg m^2] of hub and rollers about the vertical through the wheel's centre."""
     across, _, along = masses.roller.moments
     roller = masses.roller
     total = masses.hub.moments[2]
     for i in range(geometry.rollers):
         phi = 2 * math.pi * i / geometry.rollers
-        # Parallel axis: the roller's centre is r sin phi off the vertical; its own axis has the vertical
-        # part sin phi / sqrt 2. The sum over three or more even angles does not depend on the phase.
+        # Parallel axis theorem: the roller's centre is r sin phi off the vertical, and its axis has the
+        # vertical component sin phi / sqrt 2. The sum over three or more even angles is independent of phase.
         vertical2 = math.sin(phi) ** 2 / 2
         total += roller.mass * (geometry.roller_circle * math.sin(phi)) ** 2
         total += across * (1 - vertical2) + along * vertical2
@@ -121,5 +118,5 @@ def _ellipsoid(mass: float, b: float, c: float) -> Inertia:
 
 
 def _box(mass: float, a: float, b: float, c: float) -> Inertia:
-    """Half-sizes a, b, c."""
+    """Return the inertia of a box with the half-sizes a, b, c."""
     return Inertia(mass, (mass * (b**2 + c**2) / 3, mass * (a**2 + c**2) / 3, mass * (a**2 + b**2) / 3))

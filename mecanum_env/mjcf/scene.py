@@ -10,12 +10,14 @@ from mecanum_env.mjcf.shapes import add_materials
 from mecanum_env.model import Robot
 
 FIELD_M = 9.0
+"""Side of the square field [m]."""
 LINE_M = 0.05
+"""Width of the lines on the mat [m]."""
 _LINE_HEIGHT_M = 0.001
 
 
 def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
-    """Add the geom "floor": an infinite plane to contact, the mat to the eye; with `visuals` all the rest."""
+    """Add the geom "floor", an infinite plane for contacts; with `visuals` it looks like a mat with lines."""
     world = spec.worldbody
     half = FIELD_M / 2
     floor = world.add_geom(
@@ -49,7 +51,7 @@ def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
 
 
 def add_appearance(spec: mujoco.MjSpec) -> None:
-    """Add materials, sky, picture size, shadows and a soft light from everywhere."""
+    """Add materials, sky, picture size, shadow quality and a soft light from all sides."""
     spec.visual.global_.offwidth = 1920
     spec.visual.global_.offheight = 1080
     spec.visual.quality.shadowsize = 4096
@@ -59,7 +61,7 @@ def add_appearance(spec: mujoco.MjSpec) -> None:
     spec.visual.rgba.haze = [0.80, 0.84, 0.90, 1.0]
     spec.visual.map.znear = 0.02
     spec.visual.map.zfar = 60.0
-    # Fixed, so that shadows and clipping do not depend on what else is in the scene.
+    # Fixed, so that shadows and clipping do not depend on the contents of the scene.
     spec.stat.extent = 1.5
     spec.stat.center = [0.0, 0.0, 0.3]
     spec.add_texture(
@@ -75,13 +77,13 @@ def add_appearance(spec: mujoco.MjSpec) -> None:
 
 
 def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
-    """Add the light that follows the robot (its shadow stays sharp anywhere) and the cameras.
+    """Add the cameras and a light that follows the robot, so that its shadow is sharp anywhere.
 
     | camera | sees |
     |---|---|
     | `track` | the robot from behind and beside, following it |
     | `close` | the same, near enough to see the rollers |
-    | `side` | the robot from its right as the world stands, following it |
+    | `side` | the robot from the world's -y side, following it |
     | `overview` | the whole field from above one side |
     | `top` | the whole field from straight above |
     """
@@ -116,7 +118,7 @@ def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
 
 
 def add_bench_view(spec: mujoco.MjSpec, radius: float) -> None:
-    """Add a light and the camera `track` for a bench with a wheel of this radius [m]."""
+    """Add a light and the camera `track` for a bench whose wheel has this radius [m]."""
     spec.stat.extent = 8 * radius
     spec.worldbody.add_light(
         name="key",

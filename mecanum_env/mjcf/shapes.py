@@ -1,9 +1,7 @@
-"""Colours: one name for each, used by every visible geom.
+"""Materials, and geoms that are only seen: without contact, and without mass, which bodies have explicitly.
 
-Geoms that are only seen: no mass (the bodies have theirs outright), no contact.
-
-Everywhere: `body` is the body they belong to, `material` a name of `mecanum_env.mjcf.shapes`, positions
-are of centres in the body's frame, and lengths in metres.
+In all functions `body` is the body that the geom belongs to, `material` one of `add_materials`, a position
+that of the centre in the body's frame, and lengths are in metres.
 """
 
 from __future__ import annotations
@@ -13,7 +11,10 @@ from collections.abc import Sequence
 
 import mujoco
 
-# name: rgb, specular, shininess, reflectance, emission
+VISUAL_GROUP = 2
+"""MuJoCo's geom group of what is only seen."""
+_LIE_ALONG_Y = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+"""Quaternion that turns the z axis of a cylinder to y."""
 _MATERIALS: dict[str, tuple[tuple[float, float, float], float, float, float, float]] = {
     "mat": ((1.0, 1.0, 1.0), 0.2, 0.2, 0.06, 0.0),
     "ground": ((0.50, 0.54, 0.60), 0.0, 0.0, 0.0, 0.0),
@@ -30,10 +31,11 @@ _MATERIALS: dict[str, tuple[tuple[float, float, float], float, float, float, flo
     "bamboo": ((0.86, 0.72, 0.42), 0.4, 0.4, 0.0, 0.0),
     "leather": ((0.93, 0.91, 0.85), 0.1, 0.1, 0.0, 0.0),
 }
+"""Name -> (red, green, blue), specular, shininess, reflectance, emission."""
 
 
 def add_materials(spec: mujoco.MjSpec) -> None:
-    """Add every material to the spec, and the pattern of the mat, squares of a metre."""
+    """Add every material to the spec; the mat has a pattern of squares of 1 m."""
     spec.add_texture(
         name="squares",
         type=mujoco.mjtTexture.mjTEXTURE_2D,
@@ -58,10 +60,6 @@ def add_materials(spec: mujoco.MjSpec) -> None:
     mat.texrepeat = [1.0, 1.0]
 
 
-VISUAL_GROUP = 2
-_LIE_ALONG_Y = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
-
-
 def add_visual(
     body: mujoco.MjsBody,
     kind: mujoco.mjtGeom,
@@ -70,7 +68,7 @@ def add_visual(
     position: Sequence[float] = (0.0, 0.0, 0.0),
     quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
 ) -> mujoco.MjsGeom:
-    """Add a geom of a kind, material, size (half-lengths, as MuJoCo has them), position and quaternion."""
+    """Add a geom of a kind and material, with its size (half-lengths), position and quaternion."""
     return body.add_geom(
         type=kind,
         material=material,
@@ -86,6 +84,11 @@ def add_visual(
 def box(body: mujoco.MjsBody, material: str, size: Sequence[float], position: Sequence[float]) -> None:
     """Add a box of a material, with the half-lengths `size`, at a position."""
     add_visual(body, mujoco.mjtGeom.mjGEOM_BOX, material, size, position)
+
+
+def ellipsoid(body: mujoco.MjsBody, material: str, size: Sequence[float], position: Sequence[float]) -> None:
+    """Add an ellipsoid of a material, with the semi-axes `size`, at a position."""
+    add_visual(body, mujoco.mjtGeom.mjGEOM_ELLIPSOID, material, size, position)
 
 
 def ball(body: mujoco.MjsBody, material: str, radius: float, position: Sequence[float]) -> None:

@@ -1,7 +1,4 @@
-"""One roller wheel as MuJoCo bodies: a hub on a hinge, and its rollers on passive hinges.
-
-What wheels and the bench look like.
-"""
+"""A roller wheel: a hub on a hinge, its rollers on passive hinges, and what both look like."""
 
 from __future__ import annotations
 
@@ -16,8 +13,11 @@ from mecanum_env.mjcf.masses import Inertia, Masses
 from mecanum_env.model import Robot
 
 ROLLER_DAMPING = 1e-5
-"""Of a roller's bearing [N m s/rad]; enough that a roller in the air comes to rest."""
+"""Damping of a roller's bearing [N m s/rad]: just enough for a roller in the air to come to rest."""
 ROLLER_GROUP = 1
+"""MuJoCo's geom group of the rollers, which touch the floor."""
+BOLTS = 5
+"""Visible bolts on each side of a hub; one is red, to show the wheel turning."""
 
 
 def add_wheel(
@@ -29,12 +29,13 @@ def add_wheel(
     *,
     visuals: bool,
 ) -> list[str]:
-    """Add the wheel fl, fr, rl or rr at a position [m] as body and joint "wheel_fl" .. with its rollers.
+    """Add the wheel fl, fr, rl or rr with its rollers to a parent, at a position in its frame [m].
 
-    Without `visuals` the rollers are all there is to see.
+    Body and joint are called "wheel_fl" .., bodies, joints and geoms of the rollers "wheel_fl_roller_0" ..
+    Without `visuals` the hub is invisible, and the rollers have no colour.
 
     Returns:
-        The names of the roller geoms, for contact pairs with the floor.
+        The names of the roller geoms, which touch the floor only through contact pairs.
     """
     name = f"wheel_{wheel}"
     hub = parent.add_body(name=name, pos=position)
@@ -69,12 +70,12 @@ def add_wheel(
 def set_inertia(
     body: mujoco.MjsBody, inertia: Inertia, position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> None:
-    """Give a body its mass and moments outright, so that what it looks like does not weigh.
+    """Set a body's mass and moments explicitly, so that its geoms add none.
 
     Args:
-        body: of the spec.
+        body: written in place.
         inertia: mass and moments, axes along the body's frame.
-        position: of the centre of mass in the body's frame [m].
+        position: centre of mass in the body's frame [m].
     """
     body.explicitinertial = True
     body.mass = inertia.mass
@@ -82,13 +83,10 @@ def set_inertia(
     body.inertia = inertia.moments
 
 
-BOLTS = 5
-
-
 def add_hub(
     body: mujoco.MjsBody, geometry: WheelGeometry, centre: tuple[float, float, float] = (0, 0, 0)
 ) -> None:
-    """Add core, side plates and bolts, which show the wheel turning, about a centre in the body's frame."""
+    """Add core, side plates and bolts of a wheel's hub about a centre in the body's frame [m]."""
     x, y, z = centre
     plate = 0.82 * geometry.half_width
     shapes.disc_y(body, "dark_metal", geometry.roller_circle - geometry.roller_radius, plate, centre)
@@ -108,33 +106,32 @@ def add_hub(
 
 
 def roller_material(index: int) -> str:
-    """Return the material of roller `index`: one of each wheel is marked, so that turning can be seen."""
+    """Return the material of roller `index`; one roller of each wheel is marked, to show it turning."""
     return "roller_marked" if index == 0 else "roller"
 
 
 def add_still_wheel(
     body: mujoco.MjsBody, wheel: str, geometry: WheelGeometry, centre: tuple[float, float, float]
 ) -> None:
-    """Add a whole wheel fl .. rr that is part of `body`, about a centre in its frame [m]."""
+    """Add the look of the wheel fl, fr, rl or rr as a rigid part of `body`, about a centre [m]."""
     add_hub(body, geometry, centre)
     b, c = geometry.roller_radius, geometry.roller_half_length
     for i in range(geometry.rollers):
         position, quaternion = roller_pose(geometry, ROLLER_SIDE[wheel], roller_angle(geometry, wheel, i))
         place = [p + q for p, q in zip(position, centre, strict=True)]
-        shapes.add_visual(
-            body, mujoco.mjtGeom.mjGEOM_ELLIPSOID, roller_material(i), [b, b, c], place, quaternion
-        )
+        kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID
+        shapes.add_visual(body, kind, roller_material(i), [b, b, c], place, quaternion)
 
 
 def add_still_wheels(base: mujoco.MjsBody, robot: Robot, geometry: WheelGeometry) -> None:
-    """Add four wheels that are part of the base, for the planar plant."""
+    """Add the look of four wheels as rigid parts of the base, for the planar plant."""
     for wheel in WHEELS:
         x, y = wheel_position(robot, wheel)
         add_still_wheel(base, wheel, geometry, (x, y, 0.0))
 
 
 def dress_bench(world: mujoco.MjsBody, wheel: mujoco.MjsBody, geometry: WheelGeometry) -> None:
-    """Add the rollers to the bench's wheel, and the stand with motor and axle that holds it."""
+    """Add the look of the bench: the wheel with its rollers, and the stand with motor and axle."""
     add_still_wheel(wheel, "fl", geometry, (0.0, 0.0, 0.0))
     r, height, side = geometry.radius, 2 * geometry.radius, 1.9 * geometry.radius
     shapes.box(world, "shell", (1.5 * r, 1.6 * r, 0.06 * r), (0.0, 1.0 * r, 0.06 * r))

@@ -1,7 +1,7 @@
-"""Where the plugin "mecanum.wheel" keeps its parameters and its state; mecanum_wheel.c reads the same places.
+"""Parameters and state of the plugin "mecanum.wheel": where they are, how to write and read them.
 
-Parameters are numeric fields of the wheel's actuator, so they travel with copies, pickles and batches of
-models, and may be rewritten in a compiled model (`write_parameters`):
+mecanum_wheel.c reads the same places. Parameters are numeric fields of the wheel's actuator, so copies,
+pickles and batches of models carry them, and a compiled model can be edited (`write_parameters`):
 
     dynprm[0:6]   A..F             dynprm[6]  sample_period_s       dynprm[8]  command_quantum_rpm (0: none)
     biasprm       0, 0, -servo     dynprm[7]  command_period_s      dynprm[9]  saturation_rpm (0: none)
@@ -11,15 +11,19 @@ models, and may be rewritten in a compiled model (`write_parameters`):
     user[9]       gap_rad          user[10]   breakaway_n_m         user[11]   stribeck_rad_s
     user[12]      coulomb_n_m      user[13]   inertia_kg_m2 (the wheel's own)
 
-From user[3] on 0 means "off" (a gain of 1, no limit), and a model may have fewer. The inertia is fed forward:
-with that of the free wheel, it turns as the law says; with 0 the servo's lag, inertia / servo, comes on top.
+From user[3] on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia is fed
+forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag, inertia /
+servo, comes on top.
 
 The torque limit is not MuJoCo's `forcerange`, which is refused: clamping there drops the servo's implicit
-damping, and a free or slipping wheel rings (mecanum_wheel.c says why, and how the plugin limits instead).
+damping, and a free or slipping wheel rings (see mecanum_wheel.c).
 
-They are checked on compiling and on making an `mujoco.MjData` (`require_valid` says what is wrong). An edit
-acts from the next substep on; where it changes the timestep or a period, the clocks start anew at that
-substep, with speeds and the last command kept.
+The parameters are checked when a model is compiled and when an `mujoco.MjData` is made (`require_valid` says
+what is wrong). An edit acts from the next substep on. If it changes the timestep or a period, the clocks
+start anew at that substep; speeds and the last command are kept.
+
+The state is part of MuJoCo's (`MjData.plugin_state`): `mujoco.mj_resetData` and keyframes put every drive at
+rest, and `mjSTATE_FULLPHYSICS` saves and restores it.
 """
 
 from __future__ import annotations
@@ -29,56 +33,48 @@ from typing import Final
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import RING, DriveParameters
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 COEFFICIENTS: Final = slice(0, 6)
-"""In dynprm: A..F."""
-SAMPLE_PERIOD: Final = 6
-COMMAND_PERIOD: Final = 7
-QUANTUM: Final = 8
-SATURATION: Final = 9
-"""In dynprm."""
-
+"""Indices in dynprm of A..F."""
+SAMPLE_PERIOD, COMMAND_PERIOD, QUANTUM, SATURATION = 6, 7, 8, 9
+"""Indices in dynprm."""
 SERVO: Final = 2
-"""In biasprm: minus servo_n_m_s_rad."""
-
-INTEGRAL_GAIN: Final = 0
-DELAY: Final = 1
-TORQUE_LIMIT: Final = 2
-DEADBAND: Final = 3
-GAIN: Final = 4
-REVERSE_RATIO: Final = 5
-DROP: Final = 6
-SOFTNESS: Final = 7
-ACCELERATION: Final = 8
-GAP: Final = 9
-BREAKAWAY: Final = 10
-STRIBECK: Final = 11
-COULOMB: Final = 12
-INERTIA: Final = 13
-"""In user."""
+"""Index in biasprm of minus servo_n_m_s_rad."""
+INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, DEADBAND, GAIN, REVERSE_RATIO, DROP = range(7)
+SOFTNESS, ACCELERATION, GAP, BREAKAWAY, STRIBECK, COULOMB, INERTIA = range(7, 14)
+"""Indices in user."""
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
-"""In user[TORQUE_LIMIT]: no limit. A number, not 0: a file that forgets the limit is refused."""
+"""Value of user[TORQUE_LIMIT] without a limit; not 0, so that a file which omits the limit is refused."""
 USER_SIZE: Final = 16
-"""`nuser_actuator` as this project writes it; the plugin needs 3, the rest is reserved and 0."""
+"""`nuser_actuator` as this project writes it; the plugin needs at least 3, and unused entries are 0."""
 
 STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
     *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
 )
-"""Names of the first entries of a wheel's plugin state: counts since the clocks started; the clocks in use
-[s]; the law's memory [rpm], w0 = w(k+1) and w1 = w(k) being the ends of the setpoint's ramp; the command
-behind the acceleration limit at the tick's end [rpm]; the setpoint at the end of the last substep and what it
-rose in it [rad/s]; the integral of the motor's speed error [rad]; the wheel's change of speed over the last
-substep [rad/s], from which the torque limit guesses the next; how far the motor is ahead of the wheel inside
-the backlash [rad], from the gap's middle; the smoothed torque of others on the wheel [N m], for its
-friction. RING latched commands [rpm] follow, command j at j modulo RING. All zero is rest."""
+"""Names of the first entries of a wheel's plugin state, all zero at rest:
+
+- substeps, ticks, latches: counts since the clocks started
+- timestep, sample_period, command_period: the clocks in use [s]
+- w0, w1, w2, r1, r2: the law's memory [rpm], w0 = w(k+1), w1 = w(k), between which the setpoint moves
+- ramp: command behind the acceleration limit at the end of the tick [rpm]
+- setpoint, rise: setpoint at the end of the last substep, and its change in that substep [rad/s]
+- integral: integral of the motor's speed error [rad]
+- change: the wheel's change of speed in the last substep [rad/s]; the torque limit predicts the next from it
+- gap: position of the motor relative to the wheel inside the backlash, from the middle of the gap [rad]
+- load: smoothed torque of everything but the drive on the wheel [N m], for its friction
+
+RING latched commands [rpm] follow, command j at j modulo RING.
+"""
 COMMANDS: Final = slice(len(STATE), len(STATE) + RING)
 STATE_SIZE: Final = len(STATE) + RING
 
@@ -87,8 +83,8 @@ def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[flo
     """Return the ten numbers of an actuator's dynprm.
 
     Args:
-        drive: of this wheel.
-        quantum_rpm: another command rounding instead of the drive's own; 0 where it happens before.
+        drive: the wheel's law and command path.
+        quantum_rpm: rounding of commands instead of the drive's own; 0 if commands are rounded elsewhere.
     """
     return [
         *(float(x) for x in drive.law.coefficients),
@@ -103,9 +99,9 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     """Return the numbers of an actuator's user field, USER_SIZE of them.
 
     Args:
-        robot: its servo and torque limit.
-        drive: of this wheel.
-        torque_limit_n_m: another limit instead of the robot's; infinite or NO_TORQUE_LIMIT for none.
+        robot: servo and torque limit.
+        drive: the wheel's command path, backlash and friction.
+        torque_limit_n_m: limit instead of the robot's; infinite or NO_TORQUE_LIMIT for none.
 
     Raises:
         InputError: the limit is not above 0.
@@ -134,24 +130,24 @@ def set_wheel_parameters(
     torque_limit_n_m: float | None = None,
     inertia_kg_m2: float = 0.0,
 ) -> None:
-    """Make a named actuator of a spec a wheel drive with a plugin instance of its own; call it once.
+    """Make a named actuator of a spec a wheel drive with its own plugin instance; call it once per actuator.
 
-    The transmission is left alone; a `forcerange` is removed. Written XML carries no bias of a plugin
-    actuator: put `biastype` and `biasprm` into the spec's default class too where it is to be written.
+    The transmission is kept and a `forcerange` removed. Written XML carries no bias of a plugin actuator, so
+    a spec that is to be written needs `biastype` and `biasprm` in its default class, too.
 
     Args:
         spec: the actuator's spec.
         actuator: with a unique name.
-        model: the wheel, servo, torque limit, and the effects that act in the drive.
-        wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
+        model: wheel, servo, torque limit, and the effects that act in the drive.
+        wheel_name: fl, fr, rl or rr for that wheel's own law and effects.
         quantum_rpm: as for `dynprm`.
         torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
-        inertia_kg_m2: of the free wheel.
+        inertia_kg_m2: moment of inertia of the free wheel.
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
     spec.nuser_actuator = max(spec.nuser_actuator, USER_SIZE)
-    # The instance's name is the actuator's: without one MjSpec finds no instance.
+    # MjSpec finds a plugin instance by its name only.
     actuator.plugin = spec.add_plugin(name=actuator.name, plugin_name=PLUGIN_NAME, active=True)
     actuator.dynprm = dynprm(parameters, quantum_rpm)
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
@@ -173,26 +169,23 @@ def write_parameters(
 ) -> None:
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
-    The inertia stays: it belongs to the body, which is not rewritten.
+    The inertia is kept: it belongs to the body, which is not rewritten.
 
     Args:
         mjmodel: the compiled model, written in place.
         actuator_id: a wheel drive, one of `wheel_actuators`.
-        model: the wheel, servo, torque limit, and the effects that act in the drive.
-        wheel_name: fl, fr, rl or rr, for a wheel with a law of its own.
-        quantum_rpm: as for `dynprm`.
-        torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
+        model: as for `set_wheel_parameters`.
+        wheel_name: as for `set_wheel_parameters`.
+        quantum_rpm: as for `set_wheel_parameters`.
+        torque_limit_n_m: as for `set_wheel_parameters`.
 
     Raises:
         InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not
             above 0.
         UnstableLawError: the wheel's law is unstable.
     """
-    if actuator_id not in wheel_actuators(mjmodel):
-        raise InputError(
-            f"actuator {actuator_id} is not a {PLUGIN_NAME}; these are: {wheel_actuators(mjmodel)}"
-        )
-    # The servo may be an effect; what the body is made of is not written here.
+    _require_wheel_drive(mjmodel, actuator_id)
+    # An effect may change the servo.
     robot, parameters = changed_model(model, "rollers").robot, drive_parameters(model, wheel_name)
     parameters.law.require_stable()
     user = userdata(robot, parameters, torque_limit_n_m)
@@ -209,9 +202,9 @@ def write_parameters(
 
 
 def require_valid(mjmodel: mujoco.MjModel) -> None:
-    """Check the parameters in a compiled model, for one whose fields were edited.
+    """Check the parameters in a compiled model whose fields were edited.
 
-    Compiling and making an `mujoco.MjData` check them too; the latter says only on stderr what was wrong.
+    Compiling and making an `mujoco.MjData` check them, too; the latter says what is wrong on stderr only.
 
     Raises:
         InputError: the plugin refuses them; the message names the actuator, the field and its value.
@@ -229,8 +222,15 @@ def require_valid(mjmodel: mujoco.MjModel) -> None:
 
 def wheel_actuators(mjmodel: mujoco.MjModel) -> list[int]:
     """Return the ids of the actuators that are wheel drives, in order."""
-    slots = _wheel_instances(mjmodel)
-    return [i for i, instance in enumerate(mjmodel.actuator_plugin) if instance in slots]
+    # Python cannot look up a plugin's name in a compiled model, so the size of the state identifies it.
+    instances = np.flatnonzero(np.asarray(mjmodel.plugin_statenum) == STATE_SIZE)
+    return [int(i) for i in np.flatnonzero(np.isin(mjmodel.actuator_plugin, instances))]
+
+
+def _require_wheel_drive(mjmodel: mujoco.MjModel, actuator_id: int) -> None:
+    known = wheel_actuators(mjmodel)
+    if actuator_id not in known:
+        raise InputError(f"actuator {actuator_id} is not a {PLUGIN_NAME}; these are: {known}")
 
 
 def state_slice(mjmodel: mujoco.MjModel, actuator_id: int) -> slice:
@@ -240,17 +240,43 @@ def state_slice(mjmodel: mujoco.MjModel, actuator_id: int) -> slice:
         InputError: that actuator is not a wheel drive.
     """
     _require_wheel_drive(mjmodel, actuator_id)
-    instance = int(mjmodel.actuator_plugin[actuator_id])
-    start = int(mjmodel.plugin_stateadr[instance])
+    start = int(mjmodel.plugin_stateadr[int(mjmodel.actuator_plugin[actuator_id])])
     return slice(start, start + STATE_SIZE)
 
 
-def _wheel_instances(mjmodel: mujoco.MjModel) -> set[int]:
-    """Instances of this plugin. MuJoCo has no lookup by name from Python; the state's size tells them."""
-    return {int(i) for i in np.flatnonzero(np.asarray(mjmodel.plugin_statenum) == STATE_SIZE)}
+def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.ArrayLike) -> None:
+    """Put every wheel drive in steady motion, as after a long time at a constant command.
+
+    The clocks start anew, so the next substep latches a command and ticks the law, and the servo's integral
+    is 0. Joint speeds are not touched; set `data.qvel` to match.
+
+    Args:
+        mjmodel: the compiled model.
+        data: its data, written in place.
+        speeds_rpm: one speed [rpm] for all wheel drives, or one for each in the order of the actuators.
+
+    Raises:
+        InputError: the number of speeds does not fit, or a speed is not finite.
+    """
+    actuators = wheel_actuators(mjmodel)
+    speeds = np.asarray(speeds_rpm, float)
+    if speeds.shape not in ((), (len(actuators),)):
+        raise InputError(f"speeds of shape {speeds.shape}, must be one or {len(actuators)} numbers")
+    if not np.all(np.isfinite(speeds)):
+        raise InputError(f"speeds {speeds.tolist()} rpm, must be finite numbers")
+    for actuator, speed in zip(actuators, np.broadcast_to(speeds, (len(actuators),)), strict=True):
+        state = data.plugin_state[state_slice(mjmodel, actuator)]
+        state[:] = 0.0
+        for name in ("w0", "w1", "w2", "r1", "r2", "ramp"):
+            state[STATE.index(name)] = speed
+        state[STATE.index("setpoint")] = speed * RAD_S_PER_RPM
+        state[COMMANDS] = speed
+        if mjmodel.nuser_actuator > GAP:
+            # The motor of a turning wheel has crossed the backlash.
+            state[STATE.index("gap")] = np.sign(speed) * mjmodel.actuator_user[actuator, GAP] / 2
 
 
-def _require_wheel_drive(mjmodel: mujoco.MjModel, actuator_id: int) -> None:
-    known = wheel_actuators(mjmodel)
-    if actuator_id not in known:
-        raise InputError(f"actuator {actuator_id} is not a {PLUGIN_NAME}; these are: {known}")
+def drive_state(mjmodel: mujoco.MjModel, data: mujoco.MjData) -> dict[str, FloatArray]:
+    """Return the state of all wheel drives: name of an entry, as in `STATE` -> values, shape (n_wheels,)."""
+    starts = [state_slice(mjmodel, actuator).start for actuator in wheel_actuators(mjmodel)]
+    return {name: data.plugin_state[np.array(starts) + i] for i, name in enumerate(STATE)}

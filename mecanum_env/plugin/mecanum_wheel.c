@@ -1,19 +1,19 @@
 // Actuator plugin "mecanum.wheel": one identified wheel drive, command [rpm] in, torque [N m] out.
 //
-// Each substep n at time n*h: latch and shape the command when due, tick the wheel law when due, ramp the setpoint
-// linearly from w(k) to w(k+1), and hold it with a (PI) velocity servo:
+// In each substep n, at time n*h: latch and shape the command when due, tick the wheel law when due, move the
+// setpoint linearly from w(k) to w(k+1), and hold it with a (PI) velocity servo:
 //
 //   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
 //   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
 //
-// limited to torque_limit_n_m. The law is what the drive does with the free wheel; J, the wheel's own inertia, is
-// fed forward, so the free wheel does just that. Friction of the wheel's bearing acts beside this torque.
+// limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel follow the
+// setpoint without lag. Friction of the wheel's bearing acts beside this torque.
 //
 // mecanum_env/law/drive.py is the same law in Python; the tests hold the two equal bit for bit.
 //
-// All parameters are numeric fields of the actuator, read anew at each call: nothing is cached, so copies,
-// pickles, batches of different models and edits of a compiled model all do what they say. All memory is in
-// plugin_state (mecanum_env/plugin/layout.py names the entries), written in reset and advance only.
+// All parameters are numeric fields of the actuator and read anew at each call, so copies, pickles, batches of
+// different models and edits of a compiled model work. All memory is in plugin_state (mecanum_env/plugin/layout.py
+// names the entries), written in reset and advance only.
 
 #include <math.h>
 #include <stdio.h>
@@ -22,47 +22,47 @@
 #include <mujoco/mujoco.h>
 
 #define PLUGIN_NAME "mecanum.wheel"
-#define RING 32                  // latched commands remembered: bounds the delay
-#define MAX_EVENTS 1024          // law ticks or latches in one substep
-#define EPS 1e-9                 // of a period: a clock may be this early
-#define LEARNT 0.1               // of a change of the load, in a substep
+#define RING 32              // latched commands kept, which bounds the delay
+#define MAX_EVENTS 1024      // law ticks or latches in one substep, at most
+#define EPS 1e-9             // tolerance of the clocks, relative to their period
+#define LOAD_SMOOTHING 0.1   // share of a change of the load that its estimate follows in a substep
 static const double RAD_S_PER_RPM = 2.0 * 3.141592653589793 / 60.0;
 
 enum { SAMPLE_PERIOD = 6, COMMAND_PERIOD, QUANTUM, SATURATION };  // in dynprm, after A..F
-enum { INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, NUSER };               // in user; those that follow may be absent
+enum { INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, NUSER };               // in user; the following may be absent
 enum { DEADBAND = NUSER, GAIN, REVERSE_RATIO, DROP, SOFTNESS, ACCELERATION, GAP, BREAKAWAY, STRIBECK,
        COULOMB, INERTIA, LAST_USER };
 
 typedef struct {
-  double substeps, ticks, latches;                 // since the clocks started
-  double timestep, sample_period, command_period;  // the clocks in use; another value restarts them
+  double substeps, ticks, latches;                 // counts since the clocks started
+  double timestep, sample_period, command_period;  // the clocks in use [s]; another value restarts them
   double w0, w1, w2, r1, r2;                       // the law's memory [rpm]: w0 = w(k+1), w1 = w(k)
-  double ramp;                                     // command behind the acceleration limit, when the tick ends [rpm]
-  double setpoint;                                 // at the end of the last substep [rad/s]
-  double rise;                                     // of the setpoint over the last substep [rad/s]
-  double integral;                                 // of setpoint - speed of the motor [rad]
-  double change;                                   // of the speed over the last substep [rad/s]
-  double gap;                                      // motor ahead of wheel in the backlash, +- half of it [rad]
-  double load;                                     // torque of others on the wheel, smoothed [N m]
+  double ramp;                                     // command behind the acceleration limit at the tick's end [rpm]
+  double setpoint;                                 // setpoint at the end of the last substep [rad/s]
+  double rise;                                     // change of the setpoint in the last substep [rad/s]
+  double integral;                                 // integral of setpoint - speed of the motor [rad]
+  double change;                                   // change of the wheel's speed in the last substep [rad/s]
+  double gap;                                      // motor minus wheel in the backlash, +- half of it [rad]
+  double load;                                     // torque of everything else on the wheel, smoothed [N m]
   double command[RING];                            // latched command j at j modulo RING [rpm]
 } Drive;
 
 _Static_assert(sizeof(mjtNum) == sizeof(double), "the plugin needs MuJoCo in double precision");
 enum { NSTATE = sizeof(Drive) / sizeof(double) };
 
-// Where command j is kept; j may be negative (before the start) or, in a state written by hand, anything.
+// Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
 static int slot(double j) {
   double s = fmod(j, RING);
   if (s < 0) s += RING;
   return s >= 0 && s < RING ? (int)s : 0;
 }
 
-// A number that the model may leave out: 0, which is "off" for all of them.
+// A parameter that the model may leave out; 0 means "off" for all of them.
 static double option(const mjModel* m, int id, int i) {
   return i < m->nuser_actuator ? m->actuator_user[id * m->nuser_actuator + i] : 0;
 }
 
-// What the drive makes of a received command that acts at a time since the start of the clocks.
+// The drive's command [rpm] for a received command u [rpm] that acts at a time [s] since the clocks started.
 static double shaped(const mjModel* m, int id, double u, double seconds) {
   double gain = option(m, id, GAIN), ratio = option(m, id, REVERSE_RATIO), drop = option(m, id, DROP);
   double limit = m->actuator_dynprm[id * mjNDYN + SATURATION], knee = fmin(option(m, id, SOFTNESS), limit);
@@ -72,14 +72,14 @@ static double shaped(const mjModel* m, int id, double u, double seconds) {
   if (drop > 0) u *= fmax(0, 1 - drop * seconds);
   if (limit > 0 && knee > 0) {
     double beyond = fabs(u) - (limit - knee);
-    // A parabola that leaves the line with slope 1 and reaches the limit with slope 0.
+    // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.
     if (beyond > 0 && beyond < 2 * knee) u = copysign(limit - knee + beyond - beyond * beyond / (4 * knee), u);
   }
   if (limit > 0) u = fmin(fmax(u, -limit), limit);
   return u;
 }
 
-// What the robot latches: NaN and absurd values are 0, as for MuJoCo's own actuators.
+// The latched command; NaN and absurd values count as 0, as for MuJoCo's own actuators.
 static double latch(const mjModel* m, const mjData* d, int id, double seconds) {
   const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
   int adr = m->actuator_ctrladr[id];
@@ -91,19 +91,19 @@ static double latch(const mjModel* m, const mjData* d, int id, double seconds) {
   return shaped(m, id, u, seconds);
 }
 
-// Move the ramp towards a command for a part of a tick; return its share in the mean over the tick. The ramp
-// rises by at most `most` in a whole tick; 0: at once.
-static double ramped(double* ramp, double command, double part, double most) {
-  if (!(most > 0)) return *ramp = command, part * command;
+// Move the ramp towards a command for a part of a tick; return the part's contribution to the mean over the tick.
+// The ramp changes by at most `limit` in a whole tick; with 0 it jumps.
+static double ramped(double* ramp, double command, double part, double limit) {
+  if (!(limit > 0)) return *ramp = command, part * command;
   double before = *ramp;
-  *ramp = fmin(fmax(command, before - most * part), before + most * part);
-  double way = *ramp - before;
-  return part * *ramp - way * fabs(way) / (2 * most);
+  *ramp = fmin(fmax(command, before - limit * part), before + limit * part);
+  double moved = *ramp - before;
+  return part * *ramp - moved * fabs(moved) / (2 * limit);
 }
 
-// r(k): the mean over the tick of the delayed command, as far as it was sent by the tick's start, behind the
-// acceleration limit.
-static double law_input(Drive* s, double tau, double T, double delay, double most) {
+// r(k): the mean over the tick of the delayed command behind the acceleration limit. Only commands latched by the
+// start of the tick count.
+static double law_input(Drive* s, double tau, double T, double delay, double limit) {
   double t = s->ticks * tau;
   double latest = floor(t / T + EPS);
   if (!(latest <= s->latches - 1)) latest = s->latches - 1;
@@ -115,18 +115,18 @@ static double law_input(Drive* s, double tau, double T, double delay, double mos
     double arrival = (j + 1) * T + delay;
     if (!(arrival < t + tau)) break;
     double part = (arrival - t) / tau;
-    sum += ramped(&s->ramp, s->command[slot(j)], part - done, most);
+    sum += ramped(&s->ramp, s->command[slot(j)], part - done, limit);
     done = part;
   }
-  return sum + ramped(&s->ramp, s->command[slot(j)], 1 - done, most);
+  return sum + ramped(&s->ramp, s->command[slot(j)], 1 - done, limit);
 }
 
-// The drive at the end of this substep; its integral is still that of the start.
+// The drive at the end of this substep, except for integral, change, gap and load, which `wheel_advance` updates.
 static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtNum* state) {
   const mjtNum* p = m->actuator_dynprm + id * mjNDYN;
   const double h = m->opt.timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   const double delay = m->actuator_user[id * m->nuser_actuator + DELAY];
-  const double most = option(m, id, ACCELERATION) * tau;  // change of the ramp per tick
+  const double limit = option(m, id, ACCELERATION) * tau;  // change of the ramp per tick
   Drive s;
   memcpy(&s, state, sizeof s);
 
@@ -135,7 +135,7 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
     for (int i = 0; i < RING; i++) s.command[i] = last;
     s.substeps = s.ticks = s.latches = 0;
     s.timestep = h, s.sample_period = tau, s.command_period = T;
-    s.change = 0;  // it belongs to a substep of the old length
+    s.change = 0;  // that of a substep of the old length
   }
   double now = s.substeps * h;
   for (int i = 0; i < MAX_EVENTS && now >= s.latches * T - EPS * T; i++) {
@@ -143,7 +143,7 @@ static Drive after_substep(const mjModel* m, const mjData* d, int id, const mjtN
     s.latches += 1;
   }
   for (int i = 0; i < MAX_EVENTS && now >= s.ticks * tau - EPS * tau; i++) {
-    double r = law_input(&s, tau, T, delay, most);
+    double r = law_input(&s, tau, T, delay, limit);
     double w = p[0] * s.w0 + p[1] * s.w1 + p[2] * s.w2 + p[3] * r + p[4] * s.r1 + p[5] * s.r2;
     s.w2 = s.w1, s.w1 = s.w0, s.w0 = w;
     s.r2 = s.r1, s.r1 = r;
@@ -162,48 +162,49 @@ static double stiffness(const mjModel* m, int id) { return -m->actuator_biasprm[
 
 static double speed(const mjModel* m, const mjData* d, int id) { return d->actuator_velocity[m->actuator_outadr[id]]; }
 
-// Whether the integrator takes kv times the coming change of speed off the torque.
+// Whether the integrator subtracts kv times the coming change of speed from the torque.
 static int implicit(const mjModel* m) {
   return m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
 }
 
-// The inertia that a substep moves, by the reported torque: the wheel's own and that damping.
-static double moved(const mjModel* m, int id) {
+// The free wheel's inertia as a reported torque meets it: its own, and that of the implicit damping.
+static double effective_inertia(const mjModel* m, int id) {
   return option(m, id, INERTIA) + (implicit(m) ? m->opt.timestep * stiffness(m, id) : 0);
 }
 
-// The speed of the motor without load: that at which the servo's torque is 0.
+// The motor's speed without load, at which the servo's torque is 0.
 static double unloaded(const mjModel* m, int id, const Drive* s) {
   double ki = m->actuator_user[id * m->nuser_actuator + INTEGRAL_GAIN];
   return s->setpoint + ki / stiffness(m, id) * s->integral;
 }
 
-// The torque with which the wheel gets none, if it changes its speed as it did: the integrator takes it off.
+// The torque that the integrator subtracts from the reported one if the wheel's speed changes as in the last substep.
 static double damping(const mjModel* m, int id, const Drive* s) {
   return implicit(m) ? stiffness(m, id) * s->change : 0;
 }
 
-// The torque to report without its limit.
+// The torque to report, without its limit.
 static double asked_torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
   double h = m->opt.timestep, kv = stiffness(m, id), half = option(m, id, GAP) / 2;
   double rate = unloaded(m, id, s) + option(m, id, INERTIA) * s->rise / (h * kv) - speed(m, d, id);
   if (!(half > 0)) return kv * rate;
-  // Only what of the motor's way in this substep lies beyond the gap moves the wheel.
-  double ahead = s->gap + h * rate, beyond = ahead - mju_clip(ahead, -half, half);
+  // The motor moves the wheel only by the part of its travel that lies beyond the gap.
+  double position = s->gap + h * rate, beyond = position - mju_clip(position, -half, half);
   return beyond == 0 ? damping(m, id, s) : kv * beyond / h;
 }
 
-// The torque to report, limited. The implicit integrators take kv times the coming change of speed off it:
-// that is the servo's damping, and a free wheel is left a fifth. MuJoCo's forcerange clamps what is reported
-// and drops the damping there; a free or slipping wheel (kv h / J = 4) then overshoots at every substep and
-// rings. So the limit is put on what the wheel gets, the coming change being guessed as the last one: exact
-// at constant acceleration a, else off by kv h (a - a before). After a jump that error shrinks by
-// kv h / (J + kv h) a substep (0.81 for the free wheel, 0.25 for one that carries the paper's robot): never
-// negative, so it cannot ring, whatever the inertia. A guess that assumes an inertia has no such bound.
+// The torque to report, limited. The implicit integrators subtract kv times the coming change of speed from it,
+// which is the servo's damping and leaves a free wheel a fifth of the torque. MuJoCo's forcerange clamps the
+// reported torque and drops the damping there, so a free or slipping wheel (kv h / J = 4) overshoots in every
+// substep and rings. The limit here applies to the torque that reaches the wheel, with the last change of speed as
+// the prediction of the next. The prediction is exact at constant acceleration a, else off by kv h (a - a before).
+// After a jump the error shrinks by the factor kv h / (J + kv h) per substep (0.81 for the free wheel, 0.25 for one
+// that carries the paper's robot). The factor is never negative, so no inertia makes the wheel ring; a prediction
+// that assumes an inertia has no such bound.
 //
-// Measured on random drives of the packaged robot at 1/480 s: the largest change of a wheel's speed in one
-// substep is 6.5 rpm (with forcerange 28 rpm, and 50 rpm to and fro on a slippery floor with twice the limit);
-// while limited the wheel gets 4 % more than the limit in the mean, and over 1.2 times it in 0.3 % of substeps.
+// Measured on random drives of the packaged robot at 1/480 s: a wheel's speed changes by at most 6.5 rpm in one
+// substep (28 rpm with forcerange; 50 rpm back and forth on a slippery floor with twice the limit). While limited,
+// the wheel gets 4 % more than the limit on average, and over 1.2 times the limit in 0.3 % of substeps.
 static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) {
   double limit = m->actuator_user[id * m->nuser_actuator + TORQUE_LIMIT];
   double asked = asked_torque(m, d, id, s), off = damping(m, id, s);
@@ -212,30 +213,30 @@ static double torque(const mjModel* m, const mjData* d, int id, const Drive* s) 
   return asked;
 }
 
-// Friction of the wheel's bearing: the torque that leaves the wheel at rest after this substep, as far as
-// friction goes, coulomb + breakaway exp(-(speed / stribeck)^2). Not MuJoCo's frictionloss: its solver knows the
-// bare inertia J, while the implicit step moves J + h kv, four times that and more. So it stops the wheel with too
-// small a torque or, at a reversal, pushes it past the setpoint (0.517 N m, servo 0.8, setpoint 4.25 rpm: 6.84 rpm
-// instead of 0). Here both are the same, and the free wheel stops and sticks exactly. With more inertia on it (a
-// robot) a substep leaves 1 - (J + h kv) / (inertia + h kv) of its speed, never turned round. What else pulls at
-// the wheel (a slope) is taken from its motion, smoothed: at full gain wheels that stick on rollers' soft contacts
-// tremble by up to 0.5 rpm a substep, at LEARNT not at all.
+// Friction of the wheel's bearing: the torque that brings the wheel to rest in this substep, limited to
+// coulomb + breakaway exp(-(speed / stribeck)^2). MuJoCo's frictionloss is not used: its solver knows the bare
+// inertia J, while the implicit step moves J + h kv, four times as much and more. It would stop the wheel with too
+// small a torque or push it past the setpoint at a reversal (0.517 N m, servo 0.8, setpoint 4.25 rpm: 6.84 rpm
+// instead of 0). Here both inertias agree, and the free wheel stops and sticks exactly. With more inertia on it (a
+// robot) a substep leaves the share 1 - (J + h kv) / (inertia + h kv) of its speed and never reverses it. Other
+// torques on the wheel (a slope) are estimated from its motion and smoothed: without smoothing, wheels that stick
+// on the rollers' soft contacts tremble by up to 0.5 rpm per substep, with LOAD_SMOOTHING not at all.
 static double friction(const mjModel* m, const mjData* d, int id, const Drive* s, double drive) {
-  double breakaway = option(m, id, BREAKAWAY), stribeck = option(m, id, STRIBECK), most = option(m, id, COULOMB);
-  int falls = breakaway > 0 && stribeck > 0;
-  if (!(most > 0 || falls)) return 0;
-  double perstep = fmax(moved(m, id), mjMINVAL) / m->opt.timestep, left = speed(m, d, id);
+  double breakaway = option(m, id, BREAKAWAY), stribeck = option(m, id, STRIBECK), limit = option(m, id, COULOMB);
+  int falling = breakaway > 0 && stribeck > 0;  // friction falls with speed
+  if (!(limit > 0 || falling)) return 0;
+  double perstep = fmax(effective_inertia(m, id), mjMINVAL) / m->opt.timestep, left = speed(m, d, id);
   double stop = drive + s->load + left * perstep;
-  // The friction that falls with speed is that of the speed it leaves, found by going there from the present one.
-  for (int i = 0; i < 3 && falls; i++) {
+  // Falling friction is that of the speed after the substep, found by iteration from the present one.
+  for (int i = 0; i < 3 && falling; i++) {
     double ratio = left / stribeck;
-    most = option(m, id, COULOMB) + breakaway * exp(-ratio * ratio);
-    left = (stop - mju_clip(stop, -most, most)) / perstep;
+    limit = option(m, id, COULOMB) + breakaway * exp(-ratio * ratio);
+    left = (stop - mju_clip(stop, -limit, limit)) / perstep;
   }
-  return -mju_clip(stop, -most, most);
+  return -mju_clip(stop, -limit, limit);
 }
 
-// The actuator's speed from qvel; d->actuator_velocity stays that of the substep's start until the next one.
+// The actuator's speed from qvel; d->actuator_velocity is still that of the start of the substep.
 static double speed_now(const mjData* d, int out) {
   int first = d->moment_rowadr[out];
   double speed = 0;
@@ -244,7 +245,7 @@ static double speed_now(const mjData* d, int out) {
   return speed;
 }
 
-// The actuator of an instance, -1 if it has none or several.
+// The actuator of a plugin instance; -1 if it has none or several.
 static int actuator_of(const mjModel* m, int instance) {
   int id = -1;
   for (int i = 0; i < m->nactuator; i++) {
@@ -272,19 +273,20 @@ static void wheel_advance(const mjModel* m, mjData* d, int instance) {
   int out = m->actuator_outadr[id];
   double h = m->opt.timestep, half = option(m, id, GAP) / 2;
   double asked = asked_torque(m, d, id, &s), drive = torque(m, d, id, &s);
-  // Nothing is given while actuation is off.
-  double given = d->actuator_force[out] == drive + friction(m, d, id, &s, drive) ? drive : 0;
-  // MuJoCo has advanced qvel by now. Taken here and not at the next substep, a speed set by hand in between
-  // does not count as acceleration.
+  // While actuation is disabled, MuJoCo has cleared the force, and the drive delivers nothing.
+  double delivered = d->actuator_force[out] == drive + friction(m, d, id, &s, drive) ? drive : 0;
+  // MuJoCo has advanced qvel already. Read here rather than in the next substep, so that a speed set by hand in
+  // between does not count as acceleration.
   double now = speed_now(d, out);
   s.change = now - d->actuator_velocity[out];
-  s.load += LEARNT * (moved(m, id) * s.change / h - d->actuator_force[out] - s.load);
+  s.load += LOAD_SMOOTHING * (effective_inertia(m, id) * s.change / h - d->actuator_force[out] - s.load);
   double before = s.gap;
   s.gap = mju_clip(before + h * (unloaded(m, id, &s) - now), -half, half);
-  // The motor's error: in the gap it turns without the wheel.
+  // The error of the motor, which turns without the wheel inside the gap.
   double error = s.setpoint - now - (s.gap - before) / h;
-  int held = (asked > given && error > 0) || (asked < given && error < 0);
-  if (!held) s.integral += h * error;
+  // The integral does not wind up while the torque is limited.
+  int limited = (asked > delivered && error > 0) || (asked < delivered && error < 0);
+  if (!limited) s.integral += h * error;
   memcpy(state, &s, sizeof s);
 }
 

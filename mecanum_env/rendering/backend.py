@@ -1,8 +1,8 @@
 """Choosing the graphics library before mujoco is imported.
 
-``MUJOCO_GL=osmesa`` without libOSMesa makes ``import mujoco`` fail with a message about OpenGL functions, so
-the choice is made first, here, without importing mujoco: an explicit MUJOCO_GL wins; else a display; else
-OSMesa if its library loads; else EGL.
+An explicit MUJOCO_GL wins; else a display is used; else OSMesa if its library loads; else EGL. The choice is
+made without mujoco, since ``MUJOCO_GL=osmesa`` without libOSMesa makes ``import mujoco`` fail with a message
+about OpenGL functions.
 """
 
 from __future__ import annotations
@@ -16,18 +16,20 @@ from typing import Final
 from mecanum_env.errors import BackendError
 
 _PACKAGES: Final = {"osmesa": ("OSMesa", "libosmesa6"), "egl": ("EGL", "libegl1")}
+"""Offline backend -> name of its library, Debian package."""
 _WINDOWED: Final = ("glfw", "glx", "cgl", "wgl")
-# MuJoCo's own words for "draw, no matter how" and "do not draw".
 _ANY: Final = ("", "enable", "enabled", "on", "true", "1")
+"""Values of MUJOCO_GL that leave the choice to MuJoCo."""
 _OFF: Final = ("disable", "disabled", "off", "false", "0")
+"""Values of MUJOCO_GL that switch drawing off."""
 
 
 def choose_backend() -> str:
     """Return the backend to render with: "osmesa", "egl", "glfw" or what MUJOCO_GL says.
 
     Raises:
-        BackendError: MUJOCO_GL asks for a library that is not installed, for none, or for one that does not
-            exist, or no backend is there at all; the message names the Debian package.
+        BackendError: MUJOCO_GL names a library that is not installed, an unknown one, or none, or no backend
+            is installed; the message names the Debian package.
     """
     asked = _asked()
     if asked in _OFF:
@@ -50,13 +52,13 @@ def choose_backend() -> str:
 
 
 def use_backend() -> str:
-    """Choose the backend, set MUJOCO_GL for the coming ``import mujoco`` and return its name.
+    """Choose the backend, set MUJOCO_GL for the coming ``import mujoco`` and return the backend's name.
 
-    When mujoco is loaded already its choice stands; the name returned is what it was loaded with.
+    If mujoco is already loaded, return the backend that it was loaded with.
 
     Raises:
-        BackendError: as `choose_backend`, or mujoco is loaded already and can draw in a window only, without
-            a display.
+        BackendError: as for `choose_backend`, or mujoco is already loaded with a backend that needs a
+            display, and there is none.
     """
     if "mujoco" in sys.modules:
         loaded = _asked()
@@ -71,7 +73,7 @@ def use_backend() -> str:
     backend = choose_backend()
     os.environ["MUJOCO_GL"] = backend
     if backend in _PACKAGES:
-        # PyOpenGL's own switch; a contradiction (left by a parent process, say) makes the import fail.
+        # PyOpenGL's own switch; if it contradicts MUJOCO_GL, the import fails.
         os.environ["PYOPENGL_PLATFORM"] = backend
     return backend
 

@@ -1,7 +1,7 @@
 """Offline pictures and videos of a simulated drive.
 
-Import this module after `mecanum_env.rendering.backend.use_backend`: mujoco picks its graphics library when
-it is imported.
+Call `mecanum_env.rendering.backend.use_backend` before importing this module, since mujoco chooses its
+graphics library when it is imported.
 """
 
 from __future__ import annotations
@@ -26,13 +26,17 @@ from mecanum_env.rendering.view import Frame, View, draw_caption
 from mecanum_env.simulator.trajectory import Trajectory
 
 FPS = 30.0
-"""Frames per second of simulated time, and of the video."""
+"""Default number of frames per second of simulated time, and of the video."""
 STILL_SUFFIXES = (".png", ".jpg", ".jpeg")
+"""Endings of the names of pictures."""
 
-_LIGHT_SLICES, _LIGHT_STACKS = 14, 8  # of a round shape; MuJoCo's own are 28 and 16
+_LIGHT_SLICES, _LIGHT_STACKS = 14, 8
+"""Slices and stacks of a round shape in light quality; MuJoCo's defaults are 28 and 16."""
 _LIGHT_SHADOW_PX = 1024
-_LIGHT_CASTS_SHADOW_M = 0.05  # smaller parts cast none: bolts, rollers, joints
-_WIDEST = "command  V  -000 rpm   theta  -000 deg   VC  -000 rpm"
+"""Largest shadow map in light quality [pixels]."""
+_LIGHT_CASTS_SHADOW_M = 0.05
+"""Bounding radius [m] below which parts (bolts, rollers, joints) cast no shadow in light quality."""
+_WIDEST_CAPTION = "command  V  -000 rpm   theta  -000 deg   VC  -000 rpm"
 
 
 def render_frames(
@@ -43,7 +47,7 @@ def render_frames(
     Args:
         trajectory: the drive.
         view: camera, size and quality; `View()` when None.
-        rows: which physics steps to draw, as from `frame_rows`; `FPS` frames a second when None.
+        rows: physics steps to draw, as from `frame_rows`; `FPS` frames per second when None.
 
     Raises:
         InputError: the model has no such camera.
@@ -57,14 +61,14 @@ def render_frames(
             renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         for row in rows:
             data.qpos[:] = trajectory.qpos[row]
-            # What drawing needs of mj_forward: where bodies, cameras and lights are.
+            # The part of mj_forward that drawing needs: positions of bodies, cameras and lights.
             mujoco.mj_kinematics(model, data)
             mujoco.mj_comPos(model, data)
             mujoco.mj_camlight(model, data)
             renderer.update_scene(data, view.camera)
             frame: Frame = renderer.render()
             if view.caption:
-                draw_caption(frame, caption_lines(trajectory, row), _WIDEST)
+                draw_caption(frame, caption_lines(trajectory, row), _WIDEST_CAPTION)
             yield frame
 
 
@@ -72,7 +76,7 @@ def frame_rows(time_s: npt.NDArray[np.float64], fps: float = FPS) -> npt.NDArray
     """Return the rows of `time_s` [s] nearest to the frame times 0, 1/fps, 2/fps ... within the drive.
 
     Args:
-        time_s: (n,), increasing, n >= 2.
+        time_s: increasing times, shape (n,), n >= 2.
         fps: frames per second of simulated time.
 
     Raises:
@@ -95,8 +99,8 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: floa
     """Encode frames as H.264 in an mp4 file, whole or not at all, and return how many there were.
 
     Args:
-        path: ends in .mp4.
-        frames: pictures (height, width, 3) of one even size.
+        path: name of the file, which ends in .mp4.
+        frames: pictures (height, width, 3), all of the same size with even height and width.
         fps: frames per second of the video.
 
     Raises:
@@ -105,13 +109,13 @@ def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: floa
     path = check_suffix(path, (".mp4",))
     count = 0
     with atomic_path(path) as temporary:
-        # Fast and near to lossless: software rendering shares the processor with the encoder. The index goes
-        # to the front, so that a browser can play while it loads.
+        # A fast preset, since software rendering needs the processor, and almost lossless. The index goes to
+        # the front, so that a browser can start to play while it loads.
         options = ["-preset", "veryfast", "-crf", "18", "-movflags", "+faststart"]
         writer: Any = iio2.get_writer(
             temporary, fps=fps, codec="libx264", quality=None, macro_block_size=1, output_params=options
         )
-        # Not `with writer`, which leaves the encoder running when its block raises.
+        # Not `with writer`, which leaves the encoder running if its block raises.
         with closing(writer):
             for frame in frames:
                 height, width = frame.shape[:2]
@@ -149,8 +153,8 @@ def check_suffix(path: str | os.PathLike[str], suffixes: Sequence[str]) -> Path:
 
 
 def caption_lines(trajectory: Trajectory, row: int) -> list[str]:
-    """Return time, command and actual motion at one row of a trajectory, as text."""
-    command = np.rint(trajectory.command[row]) + 0.0  # plus 0.0: no "-0" in the picture
+    """Return time, command and actual motion at one row of a trajectory, as lines of text."""
+    command = np.rint(trajectory.command[row]) + 0.0  # adding 0.0 turns -0.0, which prints as "-0", into 0.0
     vx, vy = np.round(trajectory.twist[row, :2], 2) + 0.0
     turning = np.rint(np.rad2deg(trajectory.twist[row, 2])) + 0.0
     if len(command) == 3:
@@ -165,7 +169,7 @@ def caption_lines(trajectory: Trajectory, row: int) -> list[str]:
 
 
 def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
-    """Return a copy of the model with quality and offscreen buffer set for this view."""
+    """Return a copy of the model with the quality and offscreen buffer of a view."""
     names = [mj_model.camera(i).name for i in range(mj_model.ncam)]
     if view.camera not in names:
         raise InputError(
@@ -173,7 +177,7 @@ def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
             f"it has {', '.join(names) or 'none'}"
         )
     model = copy.copy(mj_model)
-    # No larger than the picture: all of it is cleared and resolved for every frame.
+    # No larger than the picture, since the whole buffer is cleared and resolved for every frame.
     model.vis.global_.offwidth, model.vis.global_.offheight = view.width, view.height
     if view.quality == "light":
         lighten(model)
@@ -181,15 +185,15 @@ def _prepare(mj_model: mujoco.MjModel, view: View) -> mujoco.MjModel:
 
 
 def lighten(model: mujoco.MjModel) -> None:
-    """Leave out of a model what costs a software renderer much and the eye little; see docs/rendering.md."""
+    """Reduce a model's drawing quality where a software renderer gains most; see docs/rendering.md."""
     quality = model.vis.quality
     quality.offsamples = 0
     quality.numslices, quality.numstacks = _LIGHT_SLICES, _LIGHT_STACKS
     quality.shadowsize = min(_LIGHT_SHADOW_PX, quality.shadowsize)
-    # The bounding radius of planes is 0; those have their own say.
+    # Planes have the bounding radius 0 and are not meant.
     small = (model.geom_rbound > 0.0) & (model.geom_rbound < _LIGHT_CASTS_SHADOW_M)
     model.geom_castshadow[small] = False
-    # An endless ground below a mat is shaded in every pixel that the mat then covers. Beyond it, sky will do.
+    # Infinite ground below a mat is shaded in every pixel that the mat then covers, so it is hidden.
     planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     endless = planes & np.all(model.geom_size[:, :2] == 0.0, axis=1)
     if np.any(planes & ~endless):

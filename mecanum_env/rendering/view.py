@@ -1,43 +1,47 @@
-"""How to look at the robot: camera, size of the picture, quality.
-
-Lines of text in a dark box over a picture's upper left corner, drawn cheaply enough for every frame.
-"""
+"""How a picture shows the robot (camera, size, quality), and captions drawn into pictures."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import Literal, get_args
+from typing import TYPE_CHECKING, Final, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
-from PIL import Image, ImageDraw, ImageFont
 
 from mecanum_env.errors import InputError
 
+if TYPE_CHECKING:
+    from PIL import ImageFont
+
+Frame = npt.NDArray[np.uint8]
+"""A picture, shape (height, width, 3)."""
 Quality = Literal["light", "full"]
-LARGEST_PX = 8192
-"""Longest side of a picture [pixels]; what OpenGL must be able to draw begins not far above."""
+"""light: for software renderers, with coarser round shapes, a smaller shadow map, no reflections and one
+sample per pixel; full: as the model asks."""
+LARGEST_PX: Final = 8192
+"""Longest side of a picture [pixels]; every OpenGL driver draws this size."""
+
+_CAPTION_BACKGROUND: Final = 0.4
+"""Brightness of the picture behind a caption, relative to the rest."""
+_WHITE: Final = (255, 255, 255)
 
 
 @dataclass(frozen=True)
 class View:
     """How to look at the robot.
 
-    "light" is for software renderers, which spend their time on vertices and pixels: coarser round shapes,
-    a smaller shadow map, no reflections and one sample a pixel. "full" keeps what the model asks for.
-
     Raises:
-        InputError: a size that is not a whole number of pixels from 16 to 8192, or no such quality.
+        InputError: a size that is not a whole number of pixels from 16 to 8192, or an unknown quality.
     """
 
     camera: str = "track"
-    """A camera of the model by name."""
+    """Name of a camera of the model."""
     width: int = 640
-    """In pixels; even for a video."""
+    """Width [pixels], even for a video."""
     height: int = 480
-    """In pixels; even for a video."""
+    """Height [pixels], even for a video."""
     quality: Quality = "light"
     caption: bool = True
     """Draw time, command and actual motion into the picture."""
@@ -53,26 +57,24 @@ class View:
             raise InputError(f"quality = {self.quality!r}, must be {' or '.join(get_args(Quality))}")
 
 
-Frame = npt.NDArray[np.uint8]
-
-_DARKEN = 0.4  # what is left of the picture behind the text
-_WHITE = (255, 255, 255)
-
-
 def draw_caption(frame: Frame, lines: Sequence[str], widest: str) -> None:
-    """Draw lines of text into a picture, in place; only the box behind them is touched.
+    """Draw lines of text in a dark box in the upper left corner of a picture, in place.
+
+    Only the box is touched, which is cheap enough for every frame of a video.
 
     Args:
-        frame: (height, width, 3), writable.
-        lines: top to bottom; what does not fit is cut off.
-        widest: a text as wide as the box is to be, the same for all frames so that the box keeps still.
+        frame: picture, shape (height, width, 3), writable.
+        lines: text from top to bottom; what does not fit is cut off.
+        widest: text as wide as the box, the same for all frames of a video so that the box does not move.
     """
+    from PIL import Image, ImageDraw
+
     size = max(11, frame.shape[0] // 36)
     font, pitch, margin = _font(size), round(1.35 * size), size // 2
     height = pitch * len(lines) + margin
-    width = _width(size, widest) + 3 * margin
+    width = _text_width(size, widest) + 3 * margin
     box = frame[margin : margin + height, margin : margin + width]
-    picture = Image.fromarray((box * _DARKEN).astype(np.uint8))
+    picture = Image.fromarray((box * _CAPTION_BACKGROUND).astype(np.uint8))
     pen = ImageDraw.Draw(picture)
     for i, line in enumerate(lines):
         pen.text((margin, margin // 2 + i * pitch), line, font=font, fill=_WHITE)
@@ -81,10 +83,12 @@ def draw_caption(frame: Frame, lines: Sequence[str], widest: str) -> None:
 
 @lru_cache(maxsize=8)
 def _font(size: int) -> ImageFont.FreeTypeFont | ImageFont.ImageFont:
+    from PIL import ImageFont
+
     return ImageFont.load_default(size=size)
 
 
 @lru_cache(maxsize=8)
-def _width(size: int, text: str) -> int:
+def _text_width(size: int, text: str) -> int:
     left, _, right, _ = _font(size).getbbox(text)
     return int(right - left)

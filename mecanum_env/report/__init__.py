@@ -1,7 +1,6 @@
-"""One self-contained HTML page: a template, figures that zoom, no network.
+"""Self-contained HTML pages: a template and interactive figures, without network access.
 
-Needs the `report` extra (jinja2, plotly); the plotting script is inlined, so a page weighs about 5 MB and can
-be mailed.
+Needs the `report` extra (jinja2, plotly). The plotting script is part of the page, which has about 5 MB.
 """
 
 from __future__ import annotations
@@ -34,12 +33,12 @@ def figure(
     """Return a Plotly figure as a JSON object.
 
     Args:
-        traces: what is drawn.
-        title: over the figure.
+        traces: curves, markers and the like.
+        title: title of the figure.
         x: title of the horizontal axis.
         y: title of the vertical axis.
-        height: of the figure [pixels].
-        layout: further layout entries, which win over these.
+        height: height of the figure [pixels].
+        layout: further layout entries, which override these.
     """
     base: dict[str, Any] = {
         "title": {"text": title, "font": {"size": 14}, "x": 0.01, "xanchor": "left"},
@@ -54,13 +53,13 @@ def figure(
 
 
 def write_page(path: Path, template: Path, figures: Mapping[str, Mapping[str, Any]], **values: Any) -> None:
-    """Render a template with figures and values, whole or not at all.
+    """Write a page from a template, whole or not at all.
 
     Args:
-        path: of the page.
-        template: its file; it may extend "base.html", and others beside it.
-        figures: element id -> figure; the template places them with ``{{ plot("id") }}``.
-        **values: what else the template shows.
+        path: file of the page.
+        template: file of the template; it may extend "base.html" or templates in its own folder.
+        figures: element id -> figure; the template places one by ``{{ plot("id") }}``.
+        **values: further values of the template.
     """
     import jinja2
     import plotly.io

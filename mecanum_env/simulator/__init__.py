@@ -1,20 +1,34 @@
 """Simulating a model in MuJoCo: the robot driving through commands, and a bench log replayed on one wheel.
 
-Importing this room imports mujoco; programs that draw call `mecanum_env.rendering.backend.use_backend` first.
+Using these names imports mujoco; programs that draw call `mecanum_env.rendering.backend.use_backend` first.
 """
 
-from mecanum_env.simulator.bench import compile_bench, replay_bench
-from mecanum_env.simulator.command_file import read_commands
-from mecanum_env.simulator.commands import SCRIPTS, BodyCommands, Commands, WheelCommands, scripted
-from mecanum_env.simulator.robot import RobotPlant, compile_plant, drive
-from mecanum_env.simulator.stepping import SimulationDivergedError, step_through
-from mecanum_env.simulator.trajectory import Trajectory
+from typing import TYPE_CHECKING
+
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from mecanum_env.effects.definition import RobotPlant
+    from mecanum_env.simulator.bench import compile_bench, replay_bench
+    from mecanum_env.simulator.commands import (
+        SCRIPTS,
+        BodyCommands,
+        Commands,
+        WheelCommands,
+        read_commands,
+        scripted,
+    )
+    from mecanum_env.simulator.robot import RobotSession, compile_plant, drive
+    from mecanum_env.simulator.trajectory import SimulationDivergedError, Trajectory, step_through
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
     "SCRIPTS",
     "BodyCommands",
     "Commands",
     "RobotPlant",
+    "RobotSession",
     "SimulationDivergedError",
     "Trajectory",
     "WheelCommands",

@@ -1,4 +1,4 @@
-"""The bench: one free wheel, driven by the identified law, replayed in MuJoCo."""
+"""The bench: one free wheel off the floor, driven by the identified law, replayed in MuJoCo."""
 
 from __future__ import annotations
 
@@ -12,12 +12,13 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.drive import simulate_drive
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.model import Model
-from mecanum_env.plugin.state import set_steady
+from mecanum_env.plugin.layout import set_steady
 from mecanum_env.simulator.commands import hold
-from mecanum_env.simulator.stepping import step_through
+from mecanum_env.simulator.trajectory import step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-_ROUNDING_S = 1e-9  # of stamps that a program has converted
+_ROUNDING_S = 1e-9
+"""Rounding error [s] of stamps that were converted from another unit or clock."""
 
 
 def replay_bench(
@@ -32,25 +33,25 @@ def replay_bench(
 ) -> FloatArray:
     """Replay a bench log's commands on the free wheel and return its speed [rpm] at the log's samples.
 
-    Without effects behind the law the speed is that of the law (`mecanum_env.law.drive.simulate_drive`): the
-    servo between law and wheel is fed the wheel's inertia and adds nothing.
+    Unless an effect acts behind the law, the speed is that of the law
+    (`mecanum_env.law.drive.simulate_drive`): the servo is fed the wheel's inertia and adds no lag.
 
     Args:
         model: the wheel to simulate.
-        time_s: (n,) stamps [s] of the commands, increasing, from any first one: the run starts there.
-        command_rpm: (n,) commanded wheel speed [rpm], held until the next stamp; NaN is a missing sample: the
-            command before holds on, and before the first there is `initial_rpm`.
-        sample_times_s: (m,) times [s] on the same clock at which the speed is read; the stamps when None.
-        initial_rpm: speed [rpm] at which the wheel turns steadily when the run starts.
+        time_s: increasing stamps of the commands, shape (n,); the run starts at the first.
+        command_rpm: commanded wheel speed [rpm], shape (n,), held until the next stamp. NaN is a missing
+            sample: the previous command holds on, and before the first one `initial_rpm` holds.
+        sample_times_s: times on the same clock at which the speed is read, shape (m,); the stamps when None.
+        initial_rpm: steady speed [rpm] of the wheel when the run starts.
         wheel: fl, fr, rl or rr to replay that wheel's own law; by default the common one.
-        mj_model: a compiled bench of the same model and wheel, to save compiling.
+        mj_model: `compile_bench` of the same model and wheel, to save compiling.
 
     Returns:
-        (m,) simulated wheel speed [rpm], linear between physics steps.
+        Simulated wheel speed [rpm] as measured, linear between physics steps, shape (m,).
 
     Raises:
         InputError: arrays of different lengths, stamps that do not increase, times or an initial speed that
-            are not finite, samples before the first stamp, or an effect that is not simulated.
+            are not finite, samples before the first stamp, or an effect that the bench cannot simulate.
         SimulationDivergedError: the state stopped being finite.
     """
     samples = time_s if sample_times_s is None else sample_times_s
@@ -69,14 +70,9 @@ def bench_motion(
     duration_s: float,
     initial_rpm: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the free wheel's true speed [rpm] on the physics clock [s], both (m,): no sensor looks at it.
+    """Return the physics clock [s] and the free wheel's true speed [rpm] on it, each of shape (m,).
 
-    Args:
-        mj_model: a compiled bench.
-        time_s: (n,) stamps [s] of the commands, increasing; the run starts at the first.
-        command_rpm: (n,) commanded wheel speed [rpm], held until the next stamp; NaN is a missing sample.
-        duration_s: how long to simulate [s], rounded up to a whole physics step.
-        initial_rpm: speed [rpm] at which the wheel turns steadily when the run starts.
+    `mj_model` is a compiled bench; commands and initial speed are those of `replay_bench`.
 
     Raises:
         SimulationDivergedError: the state stopped being finite.
@@ -84,8 +80,7 @@ def bench_motion(
     step = mj_model.opt.timestep
     n = max(1, math.ceil(duration_s / step - 1e-9))
     clock = np.arange(n + 1) * step
-    given = ~np.isnan(command_rpm)
-    ctrl = hold(time_s[given] - time_s[0], command_rpm[given], clock[:-1], before=initial_rpm)
+    ctrl = _held_command(time_s, command_rpm, clock, initial_rpm)
     data = mujoco.MjData(mj_model)
     if initial_rpm != 0.0:
         set_steady(mj_model, data, initial_rpm)
@@ -102,34 +97,34 @@ def law_of_bench(
     initial_rpm: float = 0.0,
     wheel: str | None = None,
 ) -> FloatArray:
-    """Return the speed [rpm] that the law alone gives on a physics clock.
+    """Return the wheel speed [rpm] that the law alone gives, without MuJoCo, shape (m,).
 
-    Args:
-        model: the wheel to simulate.
-        time_s: (n,) stamps [s] of the commands, increasing; the run starts at the first.
-        command_rpm: (n,) commanded wheel speed [rpm], held until the next stamp; NaN is a missing sample.
-        clock_s: (m,) times 0, h, 2 h ... [s] since the run's start.
-        initial_rpm: speed [rpm] at which the wheel turns steadily when the run starts.
-        wheel: fl, fr, rl or rr for that wheel's own law; by default the common one.
-
-    Returns:
-        (m,) the drive's setpoint [rpm].
+    `clock_s` are the times 0, h, 2 h ... since the start, shape (m,); commands, initial speed and `wheel`
+    are those of `replay_bench`.
     """
-    parameters = drive_parameters(model, wheel)
-    given = ~np.isnan(command_rpm)
-    held = hold(time_s[given] - time_s[0], command_rpm[given], clock_s[:-1], before=initial_rpm)
-    setpoints = simulate_drive(parameters, held, float(clock_s[1] - clock_s[0]), initial_rpm)
+    held = _held_command(time_s, command_rpm, clock_s, initial_rpm)
+    timestep_s = float(clock_s[1] - clock_s[0])
+    setpoints = simulate_drive(drive_parameters(model, wheel), held, timestep_s, initial_rpm)
     return np.concatenate([[initial_rpm], setpoints])
 
 
-def compile_bench(model: Model, wheel: str | None = None) -> mujoco.MjModel:
+def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | None = None) -> mujoco.MjModel:
     """Compile the one-wheel model, without what is only seen.
 
     Args:
-        model: the identified wheel.
+        model: the wheel to simulate.
         wheel: fl, fr, rl or rr for that wheel's own law; by default the common one.
+        timestep_s: upper bound of the physics step [s]; 1/480 s when None.
     """
-    return bench_spec(model, wheel=wheel, visuals=False).compile()
+    return bench_spec(model, timestep_s, wheel=wheel, visuals=False).compile()
+
+
+def _held_command(
+    time_s: FloatArray, command_rpm: FloatArray, clock_s: FloatArray, initial_rpm: float
+) -> FloatArray:
+    """Return the command held in each step of the clock; a missing sample leaves the previous one."""
+    given = ~np.isnan(command_rpm)
+    return hold(time_s[given] - time_s[0], command_rpm[given], clock_s[:-1], before=initial_rpm)
 
 
 def _check_log(

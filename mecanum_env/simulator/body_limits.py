@@ -1,7 +1,7 @@
-"""Limits on the robot's command as a whole, between its latch and the wheels' drives.
+"""Limits on the robot's command as a whole (V, theta, VC), which no single wheel's drive can apply.
 
-A wheel's drive cannot apply a limit on V, theta and VC together. It acts continuously, after latch, rounding
-and latency, and the drives take the mean of what it lets through over each tick of the wheel law.
+They act after latch, rounding and latency and before the drives, which receive the mean of the limited
+command over each tick of the wheel law.
 """
 
 from __future__ import annotations
@@ -33,13 +33,14 @@ def wheel_side(model: Model) -> Model:
 
 
 class BodyLimits:
-    """What becomes of wheel commands that go through the limits, one physics step after the other.
+    """Wheel commands sent to a robot -> limited wheel commands of its drives, physics step by physics step.
 
-    The wheels' part that the body cannot follow (wheels working against each other) passes unchanged.
+    The part of the wheel commands that no body motion follows (wheels working against each other) passes
+    unchanged.
 
     Args:
-        model: its latch, its latency and its limits count.
-        timestep_s: of the physics.
+        model: the robot's command period, latency and limits.
+        timestep_s: physics step.
     """
 
     def __init__(self, model: Model, timestep_s: float) -> None:
@@ -54,10 +55,10 @@ class BodyLimits:
         self._wheels = np.zeros(len(WHEELS))
 
     def step(self, wheels_rpm: FloatArray) -> FloatArray:
-        """Return what the drives get in this physics step, shape (4,) [rpm].
+        """Return the drives' commands [rpm] in the next physics step, shape (4,).
 
         Args:
-            wheels_rpm: what the robot is sent now, rounded, shape (4,).
+            wheels_rpm: rounded wheel commands sent to the robot now, shape (4,).
         """
         now = self._substeps * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
@@ -72,10 +73,12 @@ class BodyLimits:
         return self._wheels
 
     def path(self, wheels_rpm: FloatArray) -> FloatArray:
-        """Return what `step` would, from the start, for all physics steps at once, shape (n, 4) [rpm].
+        """Return the drives' commands [rpm] in all physics steps from the start, shape (n, 4).
+
+        The result equals that of n calls of `step`.
 
         Args:
-            wheels_rpm: what the robot is sent, shape (n, 4).
+            wheels_rpm: rounded wheel commands sent to the robot, shape (n, 4).
         """
         now = np.arange(len(wheels_rpm), dtype=float) * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
@@ -84,24 +87,25 @@ class BodyLimits:
         latched = np.concatenate([before, wheels_rpm[latched_at].T], axis=1)
         latches = np.searchsorted(latched_at, ticked_at, side="right")
         asked = law_inputs(self._drive, np.arange(ticked_at.size), latched, latches, -RING).T.copy()
-        let_through = np.zeros((ticked_at.size, len(WHEELS)))
+        limited = np.zeros((ticked_at.size, len(WHEELS)))
         for tick in range(ticked_at.size):
             self._tick(asked[tick])
-            let_through[tick] = self._wheels
-        return let_through[np.searchsorted(ticked_at, np.arange(len(wheels_rpm)), side="right") - 1]
+            limited[tick] = self._wheels
+        return limited[np.searchsorted(ticked_at, np.arange(len(wheels_rpm)), side="right") - 1]
 
     def _tick(self, asked_rpm: FloatArray) -> None:
+        """Limit the wheel commands [rpm] of one tick of the wheel law."""
         body = wheels_to_body(asked_rpm)
-        inner = asked_rpm - body_to_wheels(body)
+        opposed = asked_rpm - body_to_wheels(body)
         mean = body
         for limit, values in self._limits:
             body, mean = limit(body, self._body, values, self._drive.law.sample_period_s)
         self._body = body
-        self._wheels = body_to_wheels(mean) + inner
+        self._wheels = body_to_wheels(mean) + opposed
 
 
 def _due(now_s: FloatArray, every_s: float) -> npt.NDArray[np.intp]:
-    """Return the physics steps, at times (n,), in which what happens every so often happens, first at 0."""
+    """Return the physics steps, at times (n,), in which an event of period `every_s` occurs, first at 0."""
     times = np.arange(np.ceil(now_s[-1] / every_s + 1.0)) if now_s.size else np.zeros(0)
     steps = np.searchsorted(now_s, times * every_s - EPS * every_s)
     return steps[steps < now_s.size]

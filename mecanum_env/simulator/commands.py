@@ -1,15 +1,15 @@
-"""Command sequences: what is sent to the robot, and when.
+"""Command sequences: what is sent to the robot and when, given as arrays, by name or in a file.
 
 A command is held from the time at which it appears until the next one (zero-order hold). The robot latches
-what it holds every `command_period_s`; that is done by the wheel plugin, not here.
-
-Command sequences by name, for a first look at a model.
+the held command every `command_period_s`; the wheel plugin does that, not this module.
 """
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 import numpy as np
@@ -17,14 +17,17 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
+from mecanum_env.simulator.trajectory import CHANNELS
+from mecanum_env.tables import SUFFIXES, Table, has_table_suffix, read_table
 from mecanum_env.units import FloatArray
 
-_TIME_TOLERANCE_S = 1e-9  # a stamp this close to a sampling time counts as having arrived
+_TIME_TOLERANCE_S: Final = 1e-9
+"""A stamp this close to a sampling time [s] counts as having arrived."""
 
 
 @dataclass(frozen=True)
 class BodyCommands:
-    """Commands of the whole robot: arrays of one shape (n,).
+    """Commands of the whole robot: times and the three commands, each of shape (n,).
 
     Raises:
         InputError: shapes differ, a value is not finite, or the times do not increase.
@@ -40,9 +43,8 @@ class BodyCommands:
 
     @staticmethod
     def from_rows(rows: Sequence[tuple[float, float, float, float]]) -> BodyCommands:
-        """Build from rows (time [s], V [rpm], theta [deg], VC [rpm])."""
-        table = np.array(rows, float).reshape(-1, 4)
-        return BodyCommands(table[:, 0], table[:, 1], table[:, 2], table[:, 3])
+        """Return the commands of rows (time [s], V [rpm], theta [deg], VC [rpm])."""
+        return BodyCommands(*np.array(rows, float).reshape(-1, 4).T)
 
     @staticmethod
     def constant(v_rpm: float = 0.0, theta_deg: float = 0.0, vc_rpm: float = 0.0) -> BodyCommands:
@@ -56,7 +58,7 @@ class BodyCommands:
     def wheels_at(self, time_s: npt.ArrayLike, quantum_rpm: float) -> FloatArray:
         """Return the wheel commands [rpm], shape (..., 4), that the held command asks for at each time [s].
 
-        V and VC are first rounded to `quantum_rpm`, theta to 1 degree, as the robot does.
+        V and VC are first rounded to `quantum_rpm` and theta to 1 degree, as the robot does.
         """
         v, theta, vc = np.moveaxis(self.at(time_s), -1, 0)
         return command_to_wheels(*round_command(v, theta, vc, quantum_rpm))
@@ -64,7 +66,7 @@ class BodyCommands:
 
 @dataclass(frozen=True)
 class WheelCommands:
-    """Commands to the four wheels, for platforms that take them: time (n,) [s], wheels (n, 4) [rpm].
+    """Commands of the four wheels, for platforms that take them: times (n,) [s], wheel speeds (n, 4) [rpm].
 
     Raises:
         InputError: shapes differ, a value is not finite, or the times do not increase.
@@ -120,15 +122,12 @@ def _check_times(time_s: FloatArray, columns: Sequence[FloatArray]) -> None:
         raise InputError(f"command {at + 1} comes at {time_s[at]:g} s, not after {time_s[at - 1]:g} s")
 
 
-_LAST_PAUSE_S = 0.8  # time for the robot to stop in the picture
-
 SCRIPTS: Final[dict[str, tuple[tuple[float, float, float, float], ...]]] = {
-    # (duration s, V rpm, theta deg, VC rpm)
     "forward": ((2.0, 80, 0, 0),),
     "sideways": ((2.0, 80, 90, 0),),
     "diagonal": ((2.0, 80, 45, 0),),
     "rotate": ((3.0, 0, 0, 40),),
-    # In and out of striking distance, around the opponent, and a turn: what the robot is for.
+    # Into striking distance and out of it, around the opponent, and a turn: what the robot is for.
     "tour": (
         (1.2, 90, 0, 0),
         (0.5, 0, 0, 0),
@@ -141,17 +140,20 @@ SCRIPTS: Final[dict[str, tuple[tuple[float, float, float, float], ...]]] = {
         (0.8, 100, 180, 0),
     ),
 }
-"""Name -> commands, one after the other."""
+"""Name of a drive -> its commands in order: duration [s], V [rpm], theta [deg], VC [rpm]."""
+
+_FINAL_STOP_S: Final = 0.8
+"""Time [s] for the robot to stop at the end of a scripted drive."""
 
 
 def scripted(name: str) -> tuple[BodyCommands, float]:
-    """Return the commands of a script and the duration [s] of the drive, a final stop included.
+    """Return the commands of a named drive and its duration [s], a final stop included.
 
     Args:
         name: a key of `SCRIPTS`.
 
     Raises:
-        InputError: there is no such script.
+        InputError: there is no such drive.
     """
     if name not in SCRIPTS:
         raise InputError(
@@ -162,4 +164,79 @@ def scripted(name: str) -> tuple[BodyCommands, float]:
         rows.append((round(now, 9), v, theta, vc))
         now += duration
     rows.append((round(now, 9), 0.0, 0.0, 0.0))
-    return BodyCommands.from_rows(rows), now + _LAST_PAUSE_S
+    return BodyCommands.from_rows(rows), now + _FINAL_STOP_S
+
+
+_TIME: Final = "time_s"
+_BODY_COLUMNS: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
+_WHEEL_COLUMNS: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
+_MEASURED_COLUMNS: Final = (*CHANNELS, "battery_v")
+
+
+def read_commands(path: str | os.PathLike[str]) -> Commands:
+    """Read commands from a CSV (.csv, .csv.gz) or Parquet file.
+
+    The columns are `time_s` [s] and either `command_v_rpm`, `command_theta_deg`, `command_vc_rpm` or
+    `command_{fl,fr,rl,rr}_rpm`. The measured columns of a robot log are ignored, so a log can be driven
+    again. The first row is time 0. A command holds until the next; an empty cell repeats the one before, and
+    is 0 before the first.
+
+    Raises:
+        InputError: no such file, an unknown or missing column, a stamp that is missing or not later than the
+            one before, text where a number belongs; the message names file, line and value.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such file; commands are a file that ends in {', '.join(SUFFIXES)}")
+    if not has_table_suffix(path):
+        raise InputError(f"{path}: not a table of commands; its name must end in {', '.join(SUFFIXES)}")
+    table = read_table(path)
+    columns = _command_columns(table)
+    time = _stamps(table)
+    held = np.stack([_fill_forward(table.column(name)) for name in columns], axis=-1)
+    return BodyCommands(time, *held.T) if columns == _BODY_COLUMNS else WheelCommands(time, held)
+
+
+def _command_columns(table: Table) -> tuple[str, ...]:
+    known = (_TIME, *_BODY_COLUMNS, *_WHEEL_COLUMNS)
+    for name in table.names:
+        if name not in (*known, *_MEASURED_COLUMNS):
+            raise InputError(
+                f"{table.header}: unknown column {name!r}{did_you_mean(name, known)}; "
+                f"known: {', '.join(known)}"
+            )
+    sets = [s for s in (_BODY_COLUMNS, _WHEEL_COLUMNS) if any(name in table.names for name in s)]
+    if len(sets) != 1:
+        raise InputError(
+            f"{table.header}: {'both command sets' if sets else 'no command column'}; must have "
+            f"{', '.join(_BODY_COLUMNS)} or {', '.join(_WHEEL_COLUMNS)}"
+        )
+    missing = [name for name in (_TIME, *sets[0]) if name not in table.names]
+    if missing:
+        raise InputError(
+            f"{table.header}: column {', '.join(missing)} is missing; the file has {', '.join(table.names)}"
+        )
+    return sets[0]
+
+
+def _stamps(table: Table) -> FloatArray:
+    """Return the stamps [s] since the first one."""
+    time = table.column(_TIME)
+    missing = np.flatnonzero(np.isnan(time))
+    if missing.size:
+        raise InputError(f"{table.where(int(missing[0]))}: time_s is missing; every row needs a stamp [s]")
+    backwards = np.flatnonzero(np.diff(time) <= 0.0)
+    if backwards.size:
+        row = int(backwards[0]) + 1
+        raise InputError(
+            f"{table.where(row)}: time_s = {time[row]:g} after {time[row - 1]:g}, must be larger than the "
+            "stamp before"
+        )
+    since_first: FloatArray = time - time[0]
+    return since_first
+
+
+def _fill_forward(values: FloatArray) -> FloatArray:
+    """Repeat the last number over missing ones; 0 before the first."""
+    last = np.maximum.accumulate(np.where(np.isnan(values), -1, np.arange(len(values))))
+    return np.where(last < 0, 0.0, values[np.maximum(last, 0)])

@@ -1,51 +1,51 @@
-"""Driving the robot, with rollers on the floor or as the fast planar plant.
-
-Driving the robot one command at a time, as a controller does.
-"""
+"""Driving the robot, on rollers or as the fast planar plant, through a sequence or one command at a time."""
 
 from __future__ import annotations
 
 import copy
 import math
 from collections.abc import Sequence
-from typing import Literal
 
 import mujoco
 import numpy as np
 
 from mecanum_env.effects.apply import check_effects
+from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
 from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
 from mecanum_env.simulator.commands import Commands
-from mecanum_env.simulator.stepping import step_through
-from mecanum_env.simulator.trajectory import Trajectory, read_trajectory
+from mecanum_env.simulator.trajectory import Trajectory, read_trajectory, step_through
 from mecanum_env.units import FloatArray
 
-RobotPlant = Literal["rollers", "planar"]
-
-_SETTLING_S = 0.5  # the rollers sink into the floor by some micrometres and come to rest within this time
+_SETTLING_S = 0.5
+"""Time [s] in which the rollers sink into the floor by some micrometres and come to rest."""
 
 
 def compile_plant(
-    model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None
+    model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None, *, visuals: bool = True
 ) -> mujoco.MjModel:
-    """Compile the robot for commands that were rounded before the kinematics.
+    """Compile the robot for commands that are already rounded and limited.
 
-    The wheel actuators do not round again: V, theta and VC are what the robot takes in whole numbers, and
-    the wheel speeds that follow from them are not whole.
+    V, theta and VC are rounded before the kinematics, so the wheel actuators do not round again. The effects
+    that limit the robot's command as a whole are left to `BodyLimits`, since a wheel's drive cannot apply
+    them.
 
     Args:
         model: wheel, robot and effects.
-        plant: "rollers" for 45-degree rollers on a floor, "planar" for no slip at all, much faster.
-        timestep_s: upper bound of the physics step [s]; the generator's choice when None.
+        plant: "rollers" for 45-degree rollers on a floor; "planar", much faster, for wheels that never slip.
+        timestep_s: upper bound of the physics step [s]; 1/480 s when None.
+        visuals: include what is only seen.
+
+    Raises:
+        InputError: an effect that the plant cannot simulate, or an impossible inertia.
     """
-    spec = robot_spec if plant == "rollers" else planar_spec
     check_effects(model, plant)
+    spec = robot_spec if plant == "rollers" else planar_spec
     after_limits = wheel_side(model) if limits_body(model) else model
-    return spec(after_limits, timestep_s=timestep_s, wheel_quantum=False).compile()
+    return spec(after_limits, timestep_s, wheel_quantum=False, visuals=visuals).compile()
 
 
 def drive(
@@ -62,16 +62,16 @@ def drive(
 
     Args:
         model: wheel, robot and effects.
-        commands: what is sent, in time from 0 [s].
+        commands: command sequence, whose times count from the start.
         duration_s: how long to simulate [s]; rounded up to a whole physics step.
         plant: "rollers" or "planar".
-        timestep_s: upper bound of the physics step [s].
-        mj_model: the result of an earlier `compile_plant` with the same arguments, to save compiling.
-        turned_rad: angles at which the four wheels start, so which rollers are on the floor; 0 by default.
+        timestep_s: upper bound of the physics step [s]; 1/480 s when None.
+        mj_model: the result of `compile_plant` with the same arguments, to save compiling.
+        turned_rad: initial angles of the four wheels [rad], which decide what rollers touch the floor; 0 by
+            default.
 
     Raises:
-        InputError: the model asks for an effect that this simulator does not have, or the duration is not a
-            number above 0.
+        InputError: an effect that the plant cannot simulate, or a duration that is not a number above 0.
         SimulationDivergedError: the state stopped being finite.
     """
     if not (math.isfinite(duration_s) and duration_s > 0.0):
@@ -79,8 +79,7 @@ def drive(
     compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
     data = at_rest(compiled, turned_rad)
     step = compiled.opt.timestep
-    n = math.ceil(duration_s / step - 1e-9)
-    time_s = np.arange(n + 1) * step
+    time_s = np.arange(math.ceil(duration_s / step - 1e-9) + 1) * step
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
     if limits_body(model):
         ctrl = BodyLimits(model, step).path(ctrl)
@@ -89,17 +88,17 @@ def drive(
 
 
 def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoco.MjData:
-    """Return data in which the robot stands still on the floor, drives at rest, at time 0.
+    """Return data in which the robot stands still on the floor, its drives at rest, at time 0.
 
     Args:
-        mj_model: the robot, or anything else.
-        turned_rad: angles of the four wheels; 0 by default. The planar plant has none.
+        mj_model: the compiled robot, or any other model.
+        turned_rad: angles of the four wheels [rad]; 0 by default. The planar plant's wheels have none.
     """
     data = mujoco.MjData(mj_model)
     for wheel, angle in zip(WHEELS, turned_rad, strict=False):
         data.qpos[mj_model.joint(f"wheel_{wheel}").qposadr] = angle
     if np.any(mj_model.opt.gravity[:2] != 0.0):
-        # It would creep down the slope while it settles: settle on the level.
+        # On a slope the robot would creep while it settles, so it settles on level ground.
         level = copy.copy(mj_model)
         level.opt.gravity[:] = 0.0, 0.0, -np.linalg.norm(mj_model.opt.gravity)
         data.qpos[:] = at_rest(level, turned_rad).qpos
@@ -112,30 +111,29 @@ def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoc
     return data
 
 
-_Row = tuple[float, FloatArray, FloatArray, FloatArray]
-
-
 class RobotSession:
-    """The robot between two commands.
+    """A simulated robot that is driven one command at a time, as a controller does.
 
     Args:
         model: wheel, robot and effects.
         plant: "rollers" or "planar".
-        timestep_s: upper bound of the physics step [s].
+        timestep_s: upper bound of the physics step [s]; 1/480 s when None.
     """
 
     def __init__(self, model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None) -> None:
         self._model = model
-        self._compiled = compile_plant(model, plant, timestep_s)
-        self._steps = round(model.wheel.command_period_s / self._compiled.opt.timestep)
+        self._mj_model = compile_plant(model, plant, timestep_s)
+        self._substeps = round(model.wheel.command_period_s / self._mj_model.opt.timestep)
         self.reset()
 
     def reset(self) -> None:
         """Put the robot at rest at the origin and forget what was driven."""
-        self._data = at_rest(self._compiled)
-        self._rows = [self._row(np.zeros(3))]
+        self._data = at_rest(self._mj_model)
         limited = limits_body(self._model)
-        self._limits = BodyLimits(self._model, self._compiled.opt.timestep) if limited else None
+        self._limits = BodyLimits(self._model, self._mj_model.opt.timestep) if limited else None
+        # time, qpos, qvel and command at each physics step
+        self._rows: list[tuple[float, FloatArray, FloatArray, FloatArray]] = []
+        self._record(np.zeros(3))
 
     @property
     def time_s(self) -> float:
@@ -153,25 +151,25 @@ class RobotSession:
 
         Args:
             v_rpm: wheel speed V [rpm].
-            theta_deg: direction theta [deg], 0 forward, 90 left.
+            theta_deg: direction of travel theta [deg], 0 forward, 90 left.
             vc_rpm: turning speed VC [rpm], counter-clockwise positive.
         """
         quantum = self._model.wheel.command_quantum_rpm
         wheels = command_to_wheels(*round_command(v_rpm, theta_deg, vc_rpm, quantum))
         command = np.array([v_rpm, theta_deg, vc_rpm])
-        for _ in range(self._steps):
+        for _ in range(self._substeps):
             self._data.ctrl[:] = wheels if self._limits is None else self._limits.step(wheels)
-            mujoco.mj_step(self._compiled, self._data)
-            self._rows.append(self._row(command))
+            mujoco.mj_step(self._mj_model, self._data)
+            self._record(command)
 
     def trajectory(self) -> Trajectory:
-        """Return everything driven since the reset, one row a physics step."""
+        """Return everything driven since the reset, one row per physics step."""
         return self._read(self._rows)
 
-    def _read(self, rows: list[_Row]) -> Trajectory:
-        time_s, qpos, qvel, command = (np.array(column) for column in zip(*rows, strict=True))
-        return read_trajectory(self._compiled, time_s, qpos, qvel, command, self._model)
-
-    def _row(self, command: FloatArray) -> _Row:
+    def _record(self, command: FloatArray) -> None:
         data = self._data
-        return data.time, data.qpos.copy(), data.qvel.copy(), command
+        self._rows.append((data.time, data.qpos.copy(), data.qvel.copy(), command))
+
+    def _read(self, rows: list[tuple[float, FloatArray, FloatArray, FloatArray]]) -> Trajectory:
+        time_s, qpos, qvel, command = (np.array(column) for column in zip(*rows, strict=True))
+        return read_trajectory(self._mj_model, time_s, qpos, qvel, command, self._model)

@@ -1,4 +1,4 @@
-"""What a simulated drive gives back, and how it is read off MuJoCo's states."""
+"""Stepping a compiled model through controls, and reading the robot's motion off MuJoCo's states."""
 
 from __future__ import annotations
 
@@ -6,41 +6,51 @@ from dataclasses import dataclass
 from typing import Final
 
 import mujoco
+import mujoco.rollout
 import numpy as np
 
 from mecanum_env.effects.apply import measured
+from mecanum_env.errors import MecanumError
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-_SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
-_TWIST: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-_POSE: Final = ("x_m", "y_m", "yaw_rad")
-CHANNELS: Final = (*_SPEEDS, *_TWIST, *_POSE)
-"""What a robot log may measure and a simulation gives back, by the names of a log's columns."""
+CHANNELS: Final = (
+    *(f"speed_{wheel}_rpm" for wheel in WHEELS),
+    *("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
+    *("x_m", "y_m", "yaw_rad"),
+)
+"""Columns of a robot log that a simulation predicts."""
+
+_FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_CHUNK_STEPS = 4800
+"""Steps whose full states are held at once; only qpos and qvel are kept."""
+
+
+class SimulationDivergedError(MecanumError, RuntimeError):
+    """The simulated state stopped being finite or plausible, or MuJoCo ran out of memory."""
 
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A simulated drive of the robot, one row a physics step; row 0 is the start."""
+    """A simulated drive of the robot, one row per physics step; row 0 is the start."""
 
     mj_model: mujoco.MjModel
     """The compiled model that was simulated."""
     time_s: FloatArray
-    """(n,)"""
+    """Time [s], shape (n,)."""
     qpos: FloatArray
-    """(n, nq), MuJoCo's generalised positions, for rendering."""
+    """MuJoCo's generalised positions, for rendering, shape (n, nq)."""
     command: FloatArray
-    """(n, 3) for body commands (V rpm, theta deg, VC rpm) or (n, 4) for wheel commands (rpm), as sent."""
+    """Commands as sent: V [rpm], theta [deg], VC [rpm], shape (n, 3), or wheel speeds [rpm], shape (n, 4)."""
     wheels_rpm: FloatArray
-    """(n, 4) actual wheel speeds in the order fl, fr, rl, rr."""
+    """Actual wheel speeds [rpm] in the order fl, fr, rl, rr, shape (n, 4)."""
     twist: FloatArray
-    """(n, 3) body velocity in the body frame: vx [m/s], vy [m/s], yaw rate [rad/s]."""
+    """Velocity in the body frame: vx [m/s], vy [m/s], yaw rate [rad/s], shape (n, 3)."""
     pose: FloatArray
-    """(n, 3) pose in the world frame: x [m], y [m], yaw [rad], yaw unwrapped."""
-
+    """Pose in the world frame: x [m], y [m], unwrapped yaw [rad], shape (n, 3)."""
     model: Model | None = None
-    """Whose sensors `channels_at` reads; without one it shows the motion as it is."""
+    """The model whose sensor effects `channels_at` applies; None: perfect sensors."""
 
     def channels_at(self, time_s: FloatArray) -> dict[str, FloatArray]:
         """Return every channel of a robot log as measured, linear between the steps, at times (m,) [s].
@@ -55,6 +65,62 @@ class Trajectory:
         return {name: np.interp(time_s, self.time_s, column) for name, column in channels.items()}
 
 
+def step_through(
+    mj_model: mujoco.MjModel, data: mujoco.MjData, ctrl: FloatArray, chunk_steps: int = _CHUNK_STEPS
+) -> tuple[FloatArray, FloatArray]:
+    """Step `data` through controls (n, nu) and return qpos (n+1, nq) and qvel (n+1, nv), the start included.
+
+    `data` ends in the last state, plugin state and solver warm start included, so it can be stepped on.
+
+    Args:
+        mj_model: the compiled model.
+        data: its data at the start; written in place.
+        ctrl: the controls of each step.
+        chunk_steps: steps per rollout; it changes the memory needed, not the result.
+
+    Raises:
+        SimulationDivergedError: the state stopped being finite or plausible, or MuJoCo ran out of memory.
+    """
+    n = len(ctrl)
+    qpos, qvel = np.empty((n + 1, mj_model.nq)), np.empty((n + 1, mj_model.nv))
+    qpos[0], qvel[0] = data.qpos, data.qvel
+    state = np.empty(mujoco.mj_stateSize(mj_model, _FULL))
+    mujoco.mj_getState(mj_model, data, state, _FULL)
+    for start in range(0, n, chunk_steps):
+        chunk = ctrl[start : start + chunk_steps]
+        # Without the warm start the contact solver would begin anew, and the last digits would differ.
+        states, _ = mujoco.rollout.rollout(
+            mj_model, data, state, chunk, initial_warmstart=data.qacc_warmstart.copy()
+        )
+        states = states[0]
+        # A full physics state begins with time, qpos, qvel.
+        rows = slice(start + 1, start + 1 + len(chunk))
+        qpos[rows] = states[:, 1 : 1 + mj_model.nq]
+        qvel[rows] = states[:, 1 + mj_model.nq : 1 + mj_model.nq + mj_model.nv]
+        _require_plausible(data, np.concatenate([state[None, :], states]))
+        state = states[-1]
+    mujoco.mj_setState(mj_model, data, state, _FULL)
+    return qpos, qvel
+
+
+def _require_plausible(data: mujoco.MjData, states: FloatArray) -> None:
+    """Raise if a rollout warned: it stops there and repeats its last state in all remaining rows."""
+    warnings = [
+        mujoco.mjtWarning(i).name for i in range(mujoco.mjtWarning.mjNWARNING) if data.warning[i].number
+    ]
+    finite = np.all(np.isfinite(states), axis=1)
+    if not warnings and finite.all():
+        return
+    time = states[:, 0]
+    last = int(np.argmax(np.append(np.diff(time) <= 0.0, True)))
+    if not finite.all():
+        last = min(last, max(int(np.argmin(finite)) - 1, 0))
+    raise SimulationDivergedError(
+        f"the simulation diverged after {time[last]:.3f} s ({', '.join(warnings) or 'not finite'}); "
+        "use a shorter timestep or a less stiff servo"
+    )
+
+
 def read_trajectory(
     mj_model: mujoco.MjModel,
     time_s: FloatArray,
@@ -63,43 +129,32 @@ def read_trajectory(
     command: FloatArray,
     model: Model | None = None,
 ) -> Trajectory:
-    """Read wheel speeds, body twist and pose off MuJoCo states.
+    """Return the drive that MuJoCo's states describe: wheel speeds, body twist and pose.
 
     Args:
-        mj_model: the roller robot or the planar plant, told apart by the base's joints.
-        time_s: (n,) [s].
-        qpos: (n, nq).
-        qvel: (n, nv).
-        command: (n, 3) or (n, 4), kept as it is.
-        model: whose sensors `Trajectory.channels_at` reads.
+        mj_model: the robot on rollers or the planar plant, told apart by the base's joints.
+        time_s: shape (n,).
+        qpos: shape (n, nq).
+        qvel: shape (n, nv).
+        command: commands as sent, shape (n, 3) or (n, 4).
+        model: the model whose sensor effects `Trajectory.channels_at` applies.
     """
     if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
-        pose, twist = _free_base(qpos, qvel)
+        # A free joint's linear velocity is in the world frame, its angular velocity in the body frame.
+        w, x, y, z = qpos[:, 3:7].T
+        yaw = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
+        pose = np.stack([qpos[:, 0], qpos[:, 1], yaw], axis=-1)
+        twist = _in_body_frame(yaw, qvel[:, 0], qvel[:, 1], qvel[:, 5])
         columns = [int(mj_model.joint(f"wheel_{wheel}").dofadr[0]) for wheel in WHEELS]
         wheels = qvel[:, columns] / RAD_S_PER_RPM
     else:
-        pose, twist = _planar_base(mj_model, qpos, qvel)
-        # The planar plant's wheels turn as its body moves; the actuators' site transmission says how.
+        joints = [mj_model.joint(name) for name in ("base_x", "base_y", "base_yaw")]
+        pose = qpos[:, [int(joint.qposadr[0]) for joint in joints]]
+        twist = _in_body_frame(pose[:, 2], *(qvel[:, int(joint.dofadr[0])] for joint in joints))
+        # The planar plant's wheels turn as its body moves; the gear of the actuators says how.
         gear = np.array([mj_model.actuator(f"wheel_{wheel}").gear[[0, 1, 5]] for wheel in WHEELS])
         wheels = twist @ gear.T / RAD_S_PER_RPM
     return Trajectory(mj_model, time_s, qpos, command, wheels, twist, pose, model)
-
-
-def _free_base(qpos: FloatArray, qvel: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Read off a free joint, whose linear velocity is in the world frame and whose angular in the body."""
-    w, x, y, z = qpos[:, 3:7].T
-    yaw = np.unwrap(np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z)))
-    pose = np.stack([qpos[:, 0], qpos[:, 1], yaw], axis=-1)
-    return pose, _in_body_frame(yaw, qvel[:, 0], qvel[:, 1], qvel[:, 5])
-
-
-def _planar_base(
-    mj_model: mujoco.MjModel, qpos: FloatArray, qvel: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    joints = [mj_model.joint(name) for name in ("base_x", "base_y", "base_yaw")]
-    pose = qpos[:, [int(joint.qposadr[0]) for joint in joints]]
-    vx, vy, rate = (qvel[:, int(joint.dofadr[0])] for joint in joints)
-    return pose, _in_body_frame(pose[:, 2], vx, vy, rate)
 
 
 def _in_body_frame(yaw: FloatArray, vx: FloatArray, vy: FloatArray, rate: FloatArray) -> FloatArray:

@@ -20,12 +20,18 @@ All but `plant` is plain numpy on arrays whose last axis counts the environments
 """
 
 import contextlib
+from typing import TYPE_CHECKING
 
 from mecanum_env.errors import BackendError
+from mecanum_env.lazy import lazy_exports
 from mecanum_env.rendering.backend import use_backend
-from mecanum_env.tankendo.actions import ACTION_MODES, action_to_command, command_to_action
-from mecanum_env.tankendo.constants import DIFFICULTIES, Opponent, Rules, Sensors, Technique, opponent_for
-from mecanum_env.tankendo.observation import Observed, read_observation
+
+if TYPE_CHECKING:
+    from mecanum_env.tankendo.actions import ACTION_MODES, action_to_command, command_to_action
+    from mecanum_env.tankendo.constants import DIFFICULTIES, Opponent, Rules, Sensors, Technique, opponent_for
+    from mecanum_env.tankendo.observation import Observed, read_observation
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
     "ACTION_MODES",

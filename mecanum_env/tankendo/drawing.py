@@ -13,12 +13,10 @@ import mujoco
 import numpy as np
 
 from mecanum_env.errors import BackendError
-from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.rendering.backend import use_backend
 from mecanum_env.rendering.video import lighten
 from mecanum_env.rendering.view import Frame, draw_caption
-from mecanum_env.simulator import RobotPlant
-from mecanum_env.simulator.body_limits import limits_body, wheel_side
+from mecanum_env.simulator import RobotPlant, compile_plant
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.tankendo.figure import Picture, Shape, opponent_shapes
 from mecanum_env.tankendo.scene import separation
@@ -35,9 +33,7 @@ def drawn_model(arena: Arena, plant: RobotPlant) -> mujoco.MjModel:
         arena: the first row's robot.
         plant: that the arena simulates.
     """
-    model = arena.robots.model_of(0)
-    spec = robot_spec if plant == "rollers" else planar_spec
-    return spec(wheel_side(model) if limits_body(model) else model, wheel_quantum=False).compile()
+    return compile_plant(arena.robots.model_of(0), plant)
 
 
 def picture_of(arena: Arena, row: int = 0, ago_s: float = 0.0) -> Picture:

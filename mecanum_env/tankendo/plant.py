@@ -13,10 +13,10 @@ from mujoco.batch import Batch
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import command_to_wheels
-from mecanum_env.mjcf import TRAINING_TIMESTEP_S, planar_spec, robot_spec
+from mecanum_env.mjcf import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
-from mecanum_env.simulator import RobotPlant, SimulationDivergedError
-from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
+from mecanum_env.simulator import RobotPlant, SimulationDivergedError, compile_plant
+from mecanum_env.simulator.body_limits import BodyLimits, limits_body
 from mecanum_env.simulator.robot import at_rest
 from mecanum_env.units import FloatArray
 
@@ -50,10 +50,8 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
     if plant not in DEFAULT_TIMESTEP_S:
         known = ", ".join(DEFAULT_TIMESTEP_S)
         raise InputError(f"plant = {plant!r}{did_you_mean(plant, DEFAULT_TIMESTEP_S)}, must be {known}")
-    spec = robot_spec if plant == "rollers" else planar_spec
-    after_limits = wheel_side(model) if limits_body(model) else model
     at_most = DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
-    mj_model = spec(after_limits, timestep_s=at_most, wheel_quantum=False, visuals=False).compile()
+    mj_model = compile_plant(model, plant, at_most, visuals=False)
     mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
     rest = np.empty(mujoco.mj_stateSize(mj_model, _STATE))
     mujoco.mj_getState(mj_model, at_rest(mj_model), rest, _STATE)

@@ -10,13 +10,19 @@ from typing import Final
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import check_effects, in_turned_axes, measured, without_sensors
-from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
+from mecanum_env.effects.apply import in_turned_axes, measured, without_sensors
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
-from mecanum_env.simulator import BodyCommands, Commands, RobotPlant, WheelCommands, drive
+from mecanum_env.simulator import (
+    BodyCommands,
+    Commands,
+    RobotPlant,
+    WheelCommands,
+    compile_bench,
+    compile_plant,
+    drive,
+)
 from mecanum_env.simulator.bench import bench_motion
-from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
 from sysid.logs import BodyCommand, Run
@@ -89,13 +95,10 @@ def compile_for(
         InputError: an effect that the plant does not have.
     """
     if level == "bench":
-        return bench_spec(model, timestep_s, visuals=False).compile()
-    check_effects(model, plant)
-    spec = robot_spec if plant == "rollers" else planar_spec
-    after_limits = wheel_side(model) if limits_body(model) else model
+        return compile_bench(model, timestep_s=timestep_s)
     if plant == "planar" and timestep_s is None:
         timestep_s = TRAINING_TIMESTEP_S
-    return spec(after_limits, timestep_s, wheel_quantum=False, visuals=False).compile()
+    return compile_plant(model, plant, timestep_s, visuals=False)
 
 
 def in_run_frame(model: Model, start: Start) -> Model:

@@ -10,17 +10,6 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.errors import install_command
-from mecanum_env.files import require_writable, write_json
-from mecanum_env.model import Robot, read_robot, write_model
-from sysid.fit.estimators import DEFAULT_METHOD, METHODS
-from sysid.fit.page import write_fit_report
-from sysid.fit.pipeline import FitOptions, fit_dataset
-from sysid.fit.plots import write_fit_plots
-from sysid.fit.result import fit_json, fitted_model
-from sysid.fit.table import fit_table
-from sysid.logs import read_dataset
-from sysid.progress import stage_bar
 
 _STAGES: Final = 6
 _FILES: Final = ("model.json", "fit.json", "fit.png", "report.html")
@@ -31,7 +20,7 @@ def fit(
     /,
     robot: Path | None = None,
     out: Path = Path("fit"),
-    method: tuple[str, ...] = (DEFAULT_METHOD,),
+    method: tuple[str, ...] = ("output-error",),
     starts: int = 10,
     seed: int = 0,
     free_gain: bool = False,
@@ -61,6 +50,19 @@ def fit(
         quantum: Rounding of commands [rpm]; default 1.
         saturation: Ceiling of the wheel's speed [rpm]; default 135, or estimated where commands go beyond.
     """
+    # Imported here, so that --help does not wait for the library.
+    from mecanum_env.errors import install_command
+    from mecanum_env.files import require_writable, write_json
+    from mecanum_env.model import Robot, read_robot, write_model
+    from sysid.fit.estimators import METHODS
+    from sysid.fit.page import write_fit_report
+    from sysid.fit.pipeline import FitOptions, fit_dataset
+    from sysid.fit.plots import write_fit_plots
+    from sysid.fit.result import fit_json, fitted_model
+    from sysid.fit.table import fit_table
+    from sysid.logs import read_dataset
+    from sysid.progress import stage_bar
+
     options = FitOptions(
         methods=tuple(METHODS) if method == ("all",) else method,
         starts=starts,

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
-from mecanum_env.simulator import RobotPlant, drive
+from mecanum_env.simulator import RobotPlant, compile_plant, drive
 from mecanum_env.units import FloatArray
 from sysid.compare.prediction import commands_of
 from sysid.logs import Run
@@ -59,8 +58,7 @@ class PlantData:
             model: wheel and robot.
             plant: "planar" (no slip, fast) or "rollers".
         """
-        spec = planar_spec if plant == "planar" else robot_spec
-        compiled = spec(model, wheel_quantum=False, visuals=False).compile()
+        compiled = compile_plant(model, plant, visuals=False)
         parts = []
         for run in self.runs:
             path = drive(

@@ -5,7 +5,15 @@ result < wording, checks < search < design < report < workflow < __main__. `sear
 missing, `design` finds the next experiment, `report` puts out the results.
 """
 
-from sysid.gap.result import GapOptions, GapReport
-from sysid.gap.workflow import analyse
+from typing import TYPE_CHECKING
 
-__all__ = ["GapOptions", "GapReport", "analyse"]
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from sysid.gap.report.output import gap_json, gap_table, write_study
+    from sysid.gap.result import GapOptions, GapReport
+    from sysid.gap.workflow import analyse
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
+
+__all__ = ["GapOptions", "GapReport", "analyse", "gap_json", "gap_table", "write_study"]

@@ -9,15 +9,6 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.errors import install_command
-from mecanum_env.files import require_writable
-from mecanum_env.model import read_model
-from sysid.gap.checks import require_valid
-from sysid.gap.report.output import FILES, gap_table, write_study
-from sysid.gap.result import GapOptions
-from sysid.gap.workflow import analyse
-from sysid.logs import read_dataset
-from sysid.progress import stage_bar
 
 _STAGES: Final = 6
 
@@ -57,6 +48,17 @@ def gap(
         seconds: Duration of the runs that decide, repeats not counted [s]; default 240 (bench), 60 (robot).
         empirical: If no effect explains the gap, add a correction found by regression to the model.
     """
+    # Imported here, so that --help does not wait for the library.
+    from mecanum_env.errors import install_command
+    from mecanum_env.files import require_writable
+    from mecanum_env.model import read_model
+    from sysid.gap.checks import require_valid
+    from sysid.gap.report.output import FILES, gap_table, write_study
+    from sysid.gap.result import GapOptions
+    from sysid.gap.workflow import analyse
+    from sysid.logs import read_dataset
+    from sysid.progress import stage_bar
+
     options = GapOptions(
         seed=seed,
         level=level,

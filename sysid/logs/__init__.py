@@ -3,8 +3,15 @@
 `read_dataset` is the door; the folder format is section 1 of FORMATS.md.
 """
 
-from sysid.logs.reader import read_dataset
-from sysid.logs.runs import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, Split, WheelCommand
+from typing import TYPE_CHECKING
+
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from sysid.logs.reader import read_dataset
+    from sysid.logs.runs import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, Split, WheelCommand
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
     "BenchCommand",

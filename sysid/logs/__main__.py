@@ -14,14 +14,8 @@ import tyro
 
 from mecanum_env.cli import run as run_command
 from mecanum_env.errors import InputError
-from mecanum_env.files import write_text
-from mecanum_env.model import Robot, read_robot
 from sysid.logs.bag_messages import Unit
-from sysid.logs.bags import Clock, import_bag
-from sysid.logs.describe import describe
-from sysid.logs.reader import read_dataset
-from sysid.logs.settings import FILE_NAME
-from sysid.logs.writer import quoted, write_columns
+from sysid.logs.bags import Clock
 
 
 def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> None:
@@ -33,6 +27,9 @@ def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> No
         logs: A folder of runs, or one run.
         all_findings: Print every finding of every run instead of one line a kind.
     """
+    from sysid.logs.describe import describe
+    from sysid.logs.reader import read_dataset
+
     print(describe(read_dataset(logs), all_findings=all_findings))
 
 
@@ -59,6 +56,14 @@ def import_bags(
         unit: Of std_msgs numbers.
         clock: Stamps by message header or by receipt.
     """
+    from mecanum_env.files import write_text
+    from mecanum_env.model import Robot, read_robot
+    from sysid.logs.bags import import_bag
+    from sysid.logs.describe import describe
+    from sysid.logs.reader import read_dataset
+    from sysid.logs.settings import FILE_NAME
+    from sysid.logs.writer import quoted, write_columns
+
     if not bags:
         raise InputError("no bag given; give .bag files or ROS 2 bag folders")
     names = [bag.stem if bag.is_file() else bag.resolve().name for bag in bags]

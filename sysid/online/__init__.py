@@ -4,9 +4,16 @@
 replays a log through it.
 """
 
-from sysid.online.estimator import OnlineEstimate, OnlineEstimator, first_order_law
-from sysid.online.history import Functionals, History, functionals, mean_lag_s, track
-from sysid.online.projection import OnlineOptions
+from typing import TYPE_CHECKING
+
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from sysid.online.estimator import OnlineEstimate, OnlineEstimator, first_order_law
+    from sysid.online.history import Functionals, History, functionals, mean_lag_s, track
+    from sysid.online.projection import OnlineOptions
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
     "Functionals",

@@ -6,22 +6,19 @@ import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import numpy as np
 import tyro
-from tqdm import tqdm
 
 from mecanum_env.cli import run
-from mecanum_env.files import require_writable, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.model import read_model
-from sysid.fit.command_path import CommandPath
-from sysid.logs import read_dataset
-from sysid.online.history import Functionals, functionals
-from sysid.online.plot import save_plot
 from sysid.online.projection import OnlineOptions
-from sysid.online.replay import WheelHistory, replay, replay_path
+
+if TYPE_CHECKING:
+    from sysid.fit.command_path import CommandPath
+    from sysid.online.history import Functionals
+    from sysid.online.replay import WheelHistory
 
 FORMAT: Final = "mecanum-online-history/1"
 _TABLE_ROWS: Final = 10
@@ -53,6 +50,16 @@ def main(
         noise_rpm: rough standard deviation of the measured speed [rpm].
         quantum_rpm: resolution of the measured speed [rpm].
     """
+    # Imported here, so that --help does not wait for the library.
+    from tqdm import tqdm
+
+    from mecanum_env.files import require_writable, write_json
+    from mecanum_env.model import read_model
+    from sysid.logs import read_dataset
+    from sysid.online.history import functionals
+    from sysid.online.plot import save_plot
+    from sysid.online.replay import replay, replay_path
+
     options = OnlineOptions(memory_samples=memory_samples, noise_rpm=noise_rpm, quantum_rpm=quantum_rpm)
     dataset = read_dataset(log)
     require_writable(out / "online.json")

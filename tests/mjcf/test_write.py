@@ -8,7 +8,7 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.files import asset_path
 from mecanum_env.mjcf import robot_spec
-from mecanum_env.mjcf.write import SPECS, left_out, mjcf_text, write_models
+from mecanum_env.mjcf.plants import SPECS, left_out, mjcf_text, write_models
 from mecanum_env.model import paper_model, write_model
 
 

@@ -23,10 +23,10 @@ from mecanum_env.plugin.layout import (
     SOFTNESS,
     STRIBECK,
     TORQUE_LIMIT,
+    drive_state,
     require_valid,
     write_parameters,
 )
-from mecanum_env.plugin.state import drive_state
 
 pytestmark = pytest.mark.usefixtures("in_tmp_path")
 

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import BREAKAWAY, COULOMB, INERTIA, STRIBECK
-from mecanum_env.plugin.state import drive_state
+from mecanum_env.plugin.layout import BREAKAWAY, COULOMB, INERTIA, STRIBECK, drive_state
 from mecanum_env.units import RAD_S_PER_RPM
 
 STEP = 1 / 480

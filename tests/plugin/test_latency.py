@@ -19,8 +19,7 @@ from mecanum_env.law.drive import (
     step_drive,
 )
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import DELAY, STATE_SIZE
-from mecanum_env.plugin.state import drive_state, set_steady
+from mecanum_env.plugin.layout import DELAY, STATE_SIZE, drive_state, set_steady
 
 delays = st.floats(0.0, 0.35)
 seeds = st.integers(0, 2**32 - 1)

@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.law.drive import DriveState, simulate_drive, step_drive
 from mecanum_env.model import Model, Robot, Wheel
-from mecanum_env.plugin.layout import COMMANDS, RING, STATE, state_slice
-from mecanum_env.plugin.state import drive_state
+from mecanum_env.plugin.layout import COMMANDS, RING, STATE, drive_state, state_slice
 from mecanum_env.units import RAD_S_PER_RPM
 
 

@@ -1,8 +1,10 @@
 """Loading at `import mujoco`, from an installed package, for exactly the MuJoCo that it was compiled for."""
 
+import shutil
 import subprocess
 import sys
 from importlib.metadata import entry_points
+from pathlib import Path
 
 import mujoco
 import pytest
@@ -65,6 +67,7 @@ def test_a_missing_library_says_how_to_build_it(tmp_path, monkeypatch):
     with pytest.raises(BackendError, match=r"mecanum_wheel-mujoco-4\.0\.0\.so is not in .*pip install"):
         library_path("4.0.0", [str(tmp_path)])
     monkeypatch.setattr(mecanum_env.plugin, "__path__", [str(tmp_path)])
+    monkeypatch.setattr(mecanum_env, "__version__", "0.0.0")
     with pytest.raises(BackendError, match="is not in"):
         register()
 
@@ -73,7 +76,7 @@ def test_import_mujoco_goes_on_and_warns_without_the_library(tmp_path):
     """MuJoCo turns what an entry point raises into a warning."""
     done = python(
         "import sys, mecanum_env.plugin as p\n"
-        f"p.__path__ = [{str(tmp_path)!r}]\n"
+        f"p.__path__ = [{str(tmp_path)!r}]; p.installed_folders = list\n"
         "import mujoco; print(mujoco.MjModel.from_xml_string('<mujoco/>').nbody)",
         tmp_path,
     )
@@ -90,6 +93,46 @@ def test_the_library_for_the_running_mujoco_is_found_among_others(tmp_path):
         BackendError, match=r"compiled for mujoco 3\.9\.0, 4\.0\.0, 4\.0\.1, but mujoco 5\.0\.0 runs"
     ):
         library_path("5.0.0", [str(tmp_path)])
+
+
+def installed_package(site: Path, version: str) -> Path:
+    """Lay out what an installation of a version leaves in site-packages; return its library."""
+    metadata = site / f"mecanum_tankendo-{version}.dist-info"
+    metadata.mkdir(parents=True)
+    (metadata / "METADATA").write_text(f"Metadata-Version: 2.1\nName: mecanum-tankendo\nVersion: {version}\n")
+    (metadata / "entry_points.txt").write_text(
+        "[mujoco.plugins]\nmecanum_wheel = mecanum_env.plugin:register\n"
+    )
+    folder = site / "mecanum_env" / "plugin"
+    folder.mkdir(parents=True)
+    return Path(shutil.copy(library_path("4.0.0"), folder))
+
+
+def test_a_checkout_that_shadows_the_installed_package_uses_its_library(tmp_path, monkeypatch):
+    library = installed_package(tmp_path / "site", mecanum_env.__version__)
+    installed_package(tmp_path / "other", "0.0.9")
+    monkeypatch.setattr(mecanum_env.plugin, "__path__", [str(tmp_path / "checkout")])
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "checkout"), str(tmp_path / "site")])
+    assert library_path("4.0.0") == library
+    # Another version's library may not fit these Python files.
+    monkeypatch.setattr(sys, "path", [str(tmp_path / "other")])
+    with pytest.raises(BackendError, match=r"is not in .*checkout; compile it: `pip install"):
+        library_path("4.0.0")
+
+
+def test_programs_run_inside_a_checkout_without_a_library(tmp_path, monkeypatch):
+    checkout, site = tmp_path / "checkout", tmp_path / "site"
+    without = shutil.ignore_patterns("*.so", "__pycache__")
+    shutil.copytree(Path(mecanum_env.__file__).parent, checkout / "mecanum_env", ignore=without)
+    (checkout / "wheel.xml").write_text(XML)
+    installed_package(site, mecanum_env.__version__)
+    monkeypatch.setenv("PYTHONPATH", str(site))
+    done = python(
+        "import warnings; warnings.simplefilter('error'); import mujoco, mecanum_env\n"
+        "print(mujoco.MjModel.from_xml_path('wheel.xml').nplugin, *mecanum_env.__path__)",
+        checkout,
+    )
+    assert (done.stdout.split(), done.stderr) == (["1", str(checkout / "mecanum_env")], "")
 
 
 def test_importing_the_plugin_package_does_not_import_mujoco(tmp_path):

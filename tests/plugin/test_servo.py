@@ -4,8 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from mecanum_env.plugin.layout import wheel_actuators
-from mecanum_env.plugin.state import drive_state
+from mecanum_env.plugin.layout import drive_state, wheel_actuators
 from mecanum_env.units import RAD_S_PER_RPM
 
 STEP = 1 / 480

@@ -8,8 +8,14 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.plugin.layout import STATE, STATE_SIZE, state_slice, write_parameters
-from mecanum_env.plugin.state import drive_state, set_steady
+from mecanum_env.plugin.layout import (
+    STATE,
+    STATE_SIZE,
+    drive_state,
+    set_steady,
+    state_slice,
+    write_parameters,
+)
 from mecanum_env.units import RAD_S_PER_RPM
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS

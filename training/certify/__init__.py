@@ -11,10 +11,18 @@ table    a certificate as text
 page     a certificate as one HTML page
 """
 
-from training.certify.certificate import Certificate, Thresholds, read_certificate, write_certificate
-from training.certify.plants import NamedPlant, plants, select
-from training.certify.report import certificate_table, write_certificate_page
-from training.certify.run import Options, certify
+from typing import TYPE_CHECKING
+
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from training.certify.certificate import Certificate, read_certificate, write_certificate
+    from training.certify.plants import NamedPlant, select
+    from training.certify.report import certificate_table, write_certificate_page
+    from training.certify.run import Options, certify
+    from training.certify.thresholds import Thresholds
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
     "Certificate",
@@ -23,7 +31,6 @@ __all__ = [
     "Thresholds",
     "certificate_table",
     "certify",
-    "plants",
     "read_certificate",
     "select",
     "write_certificate",

@@ -7,16 +7,10 @@ from pathlib import Path
 from typing import Final, Literal
 
 import tyro
-from tqdm import tqdm
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, install_command
-from mecanum_env.files import require_writable
-from mecanum_env.model import paper_model, read_model
-from training.certify.certificate import Thresholds, write_certificate
-from training.certify.plants import GROUPS
-from training.certify.report import certificate_table, write_certificate_page
-from training.certify.run import Options, certify, episodes_of, require_usable
+from training.certify.thresholds import Thresholds
 
 _ALL: Final = "all"
 
@@ -56,6 +50,16 @@ def main(
     Returns:
         The exit code.
     """
+    # Imported here, so that --help does not wait for the library.
+    from tqdm import tqdm
+
+    from mecanum_env.files import require_writable
+    from mecanum_env.model import paper_model, read_model
+    from training.certify.certificate import write_certificate
+    from training.certify.plants import GROUPS
+    from training.certify.report import certificate_table, write_certificate_page
+    from training.certify.run import Options, certify, episodes_of, require_usable
+
     if not plants:
         raise InputError(f"--plants: none is given; name plants or groups ({', '.join(GROUPS)}), or {_ALL}")
     options = Options(

@@ -4,6 +4,13 @@ run    what is played, and the figures of each controller
 table  the same as text and Markdown
 """
 
-from training.compare.comparison import Comparison, Row, compare
+from typing import TYPE_CHECKING
+
+from mecanum_env.lazy import lazy_exports
+
+if TYPE_CHECKING:
+    from training.compare.comparison import Comparison, Row, compare
+else:
+    __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = ["Comparison", "Row", "compare"]

@@ -8,14 +8,9 @@ from dataclasses import asdict
 from pathlib import Path
 
 import tyro
-from tqdm import tqdm
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
-from mecanum_env.files import require_writable, write_json, write_text
-from mecanum_env.model import paper_model, read_model
-from training.compare.comparison import compare, comparison_markdown, comparison_table
-from training.controllers.named import CONTROLLERS
 
 
 def main(
@@ -41,6 +36,14 @@ def main(
         out: The figures (.json).
         markdown: Also write a page here (.md).
     """
+    # Imported here, so that --help does not wait for the library.
+    from tqdm import tqdm
+
+    from mecanum_env.files import require_writable, write_json, write_text
+    from mecanum_env.model import paper_model, read_model
+    from training.compare.comparison import compare, comparison_markdown, comparison_table
+    from training.controllers.named import CONTROLLERS
+
     for path, suffix in ((out, ".json"), (markdown, ".md")):
         if path is not None:
             if path.suffix != suffix:

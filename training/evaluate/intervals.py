@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.stats import binomtest
 
 from mecanum_env.errors import InputError
+from mecanum_env.statistics import wilson_interval
 
 CONFIDENCE: Final = 0.95
 """Of every interval."""
@@ -57,8 +57,7 @@ def share(successes: int, trials: int) -> Share:
     """
     if trials < 1:
         raise InputError("a share of no trials is undefined; play at least one episode")
-    interval = binomtest(successes, trials).proportion_ci(CONFIDENCE, method="wilson")
-    return Share(successes, trials, float(interval.low), float(interval.high))
+    return Share(successes, trials, *wilson_interval(successes, trials, CONFIDENCE))
 
 
 def mean(values: Sequence[float], seed: int = 0) -> Mean | None:

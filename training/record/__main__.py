@@ -8,12 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Final, Literal
 
 import tyro
-from tqdm import tqdm
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.files import require_writable
-from mecanum_env.model import paper_model, read_model
 from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.rendering.backend import use_backend
 
@@ -62,8 +59,12 @@ def main(
         still_time: Which one: this long after the start [s], the last one where the episode ends sooner;
             default 1.
     """
+    # Before anything imports mujoco, which picks its graphics library then.
     backend = use_backend()
-    # Only now: mujoco picks its graphics library on import.
+    from tqdm import tqdm
+
+    from mecanum_env.files import require_writable
+    from mecanum_env.model import paper_model, read_model
     from mecanum_env.rendering import video
     from mecanum_env.tankendo.env import TankendoEnv
     from training.certify.plants import plants, select

@@ -8,8 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from mecanum_env.cli import run
+from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError, install_command
-from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode
 from training.train.settings import Algorithm, Ppo, Sac, Settings, TrainingRobots
 

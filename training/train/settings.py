@@ -7,13 +7,15 @@ import shlex
 import sys
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
-from typing import Any, Final, Literal, cast, get_args
+from typing import TYPE_CHECKING, Any, Final, Literal, cast, get_args
 
+from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError, did_you_mean, require_at_least
 from mecanum_env.registration import ENVIRONMENTS
-from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode, check_mode
-from mecanum_env.tankendo.arena import TaskName
+
+if TYPE_CHECKING:
+    from mecanum_env.tankendo.arena import TaskName
 
 Algorithm = Literal["ppo", "sac"]
 ALGORITHMS: Final[tuple[Algorithm, ...]] = get_args(Algorithm)
@@ -164,7 +166,7 @@ class Settings:
     @property
     def task(self) -> TaskName:
         """The environment's task: dodge, track or duel."""
-        return cast(TaskName, ENVIRONMENTS[self.env])
+        return cast("TaskName", ENVIRONMENTS[self.env])
 
     @property
     def gamma(self) -> float:

@@ -7,14 +7,13 @@ import fnmatch
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, require_at_least
-from mecanum_env.files import require_writable, write_json, write_text
-from sysid.studies.blind.cases import Case, blind_tests, fingerprint
-from sysid.studies.blind.outcome import to_json
-from sysid.studies.blind.score import metrics, summary_markdown, summary_text
-from sysid.studies.blind.work import run_cases
+
+if TYPE_CHECKING:
+    from sysid.studies.blind.cases import Case
 
 _QUICK_BENCH, _QUICK_ROBOT = 16, 4
 
@@ -48,6 +47,13 @@ def main(
         markdown: Also write the tables to this file.
         check: Only replay each case with its true effects and print the residual; analyse nothing.
     """
+    # Imported here, so that --help does not wait for the library.
+    from mecanum_env.files import require_writable, write_json, write_text
+    from sysid.studies.blind.cases import blind_tests, fingerprint
+    from sysid.studies.blind.outcome import to_json
+    from sysid.studies.blind.score import metrics, summary_markdown, summary_text
+    from sysid.studies.blind.work import run_cases
+
     require_at_least(0, seed=seed)
     require_at_least(1, jobs=jobs)
     tests = blind_tests()
@@ -102,7 +108,7 @@ def spread(cases: Sequence[Case], count: int | None) -> list[Case]:
 
 
 def _check(cases: Sequence[Case], seed: int, out: Path) -> None:
-    from sysid.studies.blind.cases import HEAD, check_case
+    from sysid.studies.blind.cases import HEAD, blind_tests, check_case
     from sysid.studies.blind.work import nominal_model
 
     tests = blind_tests()

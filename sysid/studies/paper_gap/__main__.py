@@ -6,10 +6,6 @@ import sys
 from pathlib import Path
 
 from mecanum_env.cli import run
-from mecanum_env.files import require_writable, write_json, write_text
-from sysid.progress import stage_bar
-from sysid.studies.paper_gap.study import STAGES, paper_gap, paper_gap_json
-from sysid.studies.paper_gap.tables import conclusion, paper_gap_markdown
 
 
 def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
@@ -23,6 +19,12 @@ def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
         out: Folder to write.
         markdown: Also write the tables to this file.
     """
+    # Imported here, so that --help does not wait for the library.
+    from mecanum_env.files import require_writable, write_json, write_text
+    from sysid.progress import stage_bar
+    from sysid.studies.paper_gap.study import STAGES, paper_gap, paper_gap_json
+    from sysid.studies.paper_gap.tables import conclusion, paper_gap_markdown
+
     written = [out / "paper_gap.json", out / "paper_gap.md", *([markdown] if markdown else [])]
     require_writable(*written)
     with stage_bar(STAGES) as progress:

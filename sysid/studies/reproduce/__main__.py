@@ -7,18 +7,6 @@ from pathlib import Path
 from typing import Final
 
 from mecanum_env.cli import run
-from mecanum_env.errors import install_command, require_at_least
-from mecanum_env.files import require_writable, write_json, write_text
-from sysid.progress import stage_bar
-from sysid.studies.reproduce.contenders import QUICK, ExperimentEffort
-from sysid.studies.reproduce.experiment import STAGES, reproduce
-from sysid.studies.reproduce.pages import (
-    reproduction_markdown,
-    write_reproduction_page,
-    write_reproduction_plots,
-)
-from sysid.studies.reproduce.record import reproduction_json
-from sysid.studies.reproduce.tables import verdict
 
 _RESULT: Final = "reproduce.json"
 _PAGE: Final = "report.html"
@@ -37,6 +25,20 @@ def main(
         seed: Seed of the recordings and of the random starts.
         markdown: Also write all tables to this file, with the pictures in a folder beside it.
     """
+    # Imported here, so that --help does not wait for the library.
+    from mecanum_env.errors import install_command, require_at_least
+    from mecanum_env.files import require_writable, write_json, write_text
+    from sysid.progress import stage_bar
+    from sysid.studies.reproduce.contenders import QUICK, ExperimentEffort
+    from sysid.studies.reproduce.experiment import STAGES, reproduce
+    from sysid.studies.reproduce.pages import (
+        reproduction_markdown,
+        write_reproduction_page,
+        write_reproduction_plots,
+    )
+    from sysid.studies.reproduce.record import reproduction_json
+    from sysid.studies.reproduce.tables import verdict
+
     pages = [] if markdown is None else [markdown, markdown.parent / markdown.stem / _RESULT]
     require_at_least(0, seed=seed)
     require_writable(out / _RESULT, out / _PAGE, *pages)

@@ -37,7 +37,7 @@ def asked(monkeypatch: pytest.MonkeyPatch, ambiguous: GapReport) -> list[GapOpti
         options.append(asked)
         return ambiguous
 
-    monkeypatch.setattr(program, "analyse", instead)
+    monkeypatch.setattr("sysid.gap.workflow.analyse", instead)
     return options
 
 

@@ -118,7 +118,7 @@ def test_the_page_stands_alone_and_shows_everything(quick, tmp_path):
 
 
 def test_the_command_line_writes_everything(quick, tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr("sysid.studies.reproduce.__main__.reproduce", lambda *_: quick)
+    monkeypatch.setattr("sysid.studies.reproduce.experiment.reproduce", lambda *_: quick)
     assert run(main, ["--quick", "--out", str(tmp_path / "out"), "--markdown", str(tmp_path / "r.md")]) == 0
     assert json.loads((tmp_path / "out" / "reproduce.json").read_text())["seed"] == 0
     assert (tmp_path / "out" / "starts.png").exists()

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Final, Literal, get_args
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,16 +13,15 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.chance import Chance
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
-from mecanum_env.tankendo.judge import TERMS, Dodge, Judge
+from mecanum_env.tankendo.judge import TERMS, Dodge, Duel, Judge, Track
 from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Senses
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
 from mecanum_env.tankendo.scene import BoolArray, Scenes, wrapped
-from mecanum_env.tankendo.tasks import Duel, Track
 from mecanum_env.units import FloatArray
 
 TaskName = Literal["dodge", "track", "duel"]
-_JUDGES: Final[Mapping[str, type[Judge]]] = {"dodge": Dodge, "track": Track, "duel": Duel}
+_JUDGES: Final[Mapping[TaskName, type[Judge]]] = {"dodge": Dodge, "track": Track, "duel": Duel}
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class TaskSetting:
     action_mode: ActionMode = "cartesian"
 
     def __post_init__(self) -> None:
-        if self.task not in get_args(TaskName):
+        if self.task not in tuple(_JUDGES):
             raise InputError(
                 f"task = {self.task!r}{did_you_mean(self.task, _JUDGES)}, must be {', '.join(_JUDGES)}"
             )
@@ -137,7 +136,7 @@ class Arena:
         fighter, judge = self.fighter, self.judge
         commands = action_to_command(actions, self.setting.action_mode, self._quantum_rpm)
         fighter.decide(start_s, judge.may_strike(start_s))
-        opponent = fighter.walk(start_s, judge.stands(start_s), judge.wish(start_s))
+        opponent = fighter.walk(start_s, judge.stands(), judge.walk_velocity(start_s))
         self.robots.step(commands)
         motion = self.robots.motion()
         before = self.scenes.now[2].copy()
@@ -152,12 +151,13 @@ class Arena:
         effort = np.sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
         self._held, self.commands = held, commands
         verdict = judge.judge(end_s, effort)
-        truncated = ~verdict.terminated & (self.step_count >= self._steps)
-        self.hit, self.succeeded = verdict.hit.copy(), verdict.success.copy()
-        self.ended = verdict.terminated | truncated
+        outcome = verdict.outcome
+        truncated = ~outcome.terminated & (self.step_count >= self._steps)
+        self.hit, self.succeeded = outcome.hit.copy(), outcome.success.copy()
+        self.ended = outcome.terminated | truncated
         info = {f"reward_{name}": verdict.terms[name] for name in TERMS}
-        info |= {"is_success": verdict.success, "hit": verdict.hit} | self.state_info()
-        return Step(self.observe(), verdict.reward, verdict.terminated, truncated, info)
+        info |= {"is_success": outcome.success, "hit": outcome.hit} | self.state_info()
+        return Step(self.observe(), verdict.reward, outcome.terminated, truncated, info)
 
     def time_s(self) -> FloatArray:
         """Return the time since each episode began, (n,) [s]."""
@@ -167,7 +167,7 @@ class Arena:
         """Return what the sensors show now, shape (n, k)."""
         now_s = self.time_s()
         noise = self.chance.noise[self.step_count, :, self._all].T
-        extra = self.judge.observe(now_s)
+        extra = self.judge.observe()
         return self.senses.observe(self.scenes, now_s, self.fighter.sword, self._held, noise, extra)
 
     def state_info(self) -> dict[str, npt.NDArray[Any]]:

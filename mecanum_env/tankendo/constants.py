@@ -16,7 +16,11 @@ from dataclasses import dataclass, fields, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
+import numpy as np
+import numpy.typing as npt
+
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.units import FloatArray
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -261,6 +265,18 @@ class Rules:
         times = ("dodge_time_s", "track_time_s", "duel_time_s")
         positive = ("maai_m", "band_m", "facing_rad", "field_m", "duel_points", *times)
         require_numbers(self, positive=positive, shares=("track_share",))
+
+    def at_maai(self, distance_m: FloatArray, bearing_rad: FloatArray) -> npt.NDArray[np.bool_]:
+        """Return whether the robot is at maai and faces the opponent, of the shape of both arguments.
+
+        Args:
+            distance_m: distance of the centres.
+            bearing_rad: bearing of the opponent from the robot.
+        """
+        at_maai: npt.NDArray[np.bool_] = (np.abs(distance_m - self.maai_m) <= self.band_m) & (
+            np.abs(bearing_rad) <= self.facing_rad
+        )
+        return at_maai
 
 
 @dataclass(frozen=True)

@@ -56,8 +56,7 @@ def picture_of(arena: Arena, row: int = 0, ago_s: float = 0.0) -> Picture:
     lane = (sword.origin[:, row].copy(), sword.end[:, row].copy()) if striking else None
     target = np.array([scene[0], scene[1], sword.end_height_m[row]]) if hit else None
     rules = arena.setting.rules
-    distance, bearing = (float(value) for value in separation(scene))
-    at_maai = abs(distance - rules.maai_m) <= rules.band_m and abs(bearing) <= rules.facing_rad
+    at_maai = rules.at_maai(*separation(scene))
     return Picture(
         scene[6:8].copy(), float(scene[8]), tip[:, row], bool(striking), lane, target, bool(at_maai), rules
     )

@@ -76,14 +76,8 @@ class Fighter:
         scene = seen.copy()
         scene[6:] = now[6:]
         distance, bearing = separation(scene)
-        rules = self._rules
-        speed2 = seen[3] * seen[3] + seen[4] * seen[4]
-        opening: BoolArray = (
-            (np.abs(distance - rules.maai_m) <= rules.band_m)
-            & (np.abs(bearing) <= rules.facing_rad)
-            & (speed2 <= rules.slow_m_s**2)
-        )
-        return opening
+        is_slow: BoolArray = seen[3] * seen[3] + seen[4] * seen[4] <= self._rules.slow_m_s**2
+        return self._rules.at_maai(distance, bearing) & is_slow
 
     def decide(self, time_s: FloatArray, may_strike: BoolArray) -> None:
         """Start a feint or strike where the robot has been open for long enough.

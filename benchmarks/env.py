@@ -132,7 +132,7 @@ def _actions(*shape: int) -> np.ndarray[Any, np.dtype[np.float32]]:
 
 
 def _vector(model: Model, plant: RobotPlant, rows: int, threads: int) -> Callable[[int], None]:
-    env = TankendoVectorEnv(rows, model=model, plant=plant, threads=threads)
+    env = TankendoVectorEnv(rows, model=model, plant=plant, threads=threads, autoreset_mode="SameStep")
     env.reset(seed=0)
     actions = _actions(97, rows)
 

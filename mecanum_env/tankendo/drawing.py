@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 import weakref
 from collections.abc import Sequence
@@ -12,7 +10,6 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from mecanum_env.errors import BackendError
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.rendering.backend import use_backend
 from mecanum_env.rendering.video import lighten
@@ -148,15 +145,9 @@ class Window:
     Args:
         arena: whose first row is drawn.
         plant: that the arena simulates.
-
-    Raises:
-        BackendError: there is no display.
     """
 
     def __init__(self, arena: Arena, plant: RobotPlant) -> None:
-        displayed = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-        if sys.platform.startswith("linux") and not displayed:
-            raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')
         from mujoco import viewer
 
         self._arena = arena

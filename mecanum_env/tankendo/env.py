@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +11,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import BackendError, InputError
 from mecanum_env.rendering.view import Frame
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode, checked_action
@@ -164,7 +166,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         timestep_s: float | None = None,
         render_mode: str | None = None,
     ) -> None:
-        self._built = build(
+        self._episodes = build(
             1,
             task=task,
             model=model,
@@ -179,11 +181,14 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             sensors=sensors,
             timestep_s=timestep_s,
         )
-        self.arena = self._built.arena
-        self.action_space: gymnasium.Space[Any] = self._built.action_space()
-        self.observation_space: gymnasium.Space[Any] = self._built.observation_space()
+        self.arena = self._episodes.arena
+        self.action_space: gymnasium.Space[Any] = self._episodes.action_space()
+        self.observation_space: gymnasium.Space[Any] = self._episodes.observation_space()
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f'render_mode = {render_mode!r}, must be "rgb_array", "human" or None')
+        if not _has_display():
+            # What this machine can draw: Gymnasium's checker tries all the modes that an environment lists.
+            self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
         self.render_mode = render_mode
         self._painter: Painter | None = None
         self._window: Window | None = None
@@ -199,12 +204,16 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
         Args:
             seed: of this and all following episodes; None goes on with the generator as it is.
-            options: none are known.
+            options: what is fixed instead of drawn in this episode, see the class.
+
+        Raises:
+            InputError: options that do not fit; nothing has changed.
         """
+        start = self._episodes.start_of(options)
         super().reset(seed=seed)
-        self._built.restart(0, self.np_random)
-        # The robot may be another one now; it is drawn anew.
-        if self._built.sampler is not None:
+        self._episodes.restart(0, self.np_random, start)
+        # With a robot of its own for each episode, pictures need a new model.
+        if self._episodes.sampler is not None:
             self.close()
         if self.render_mode == "human":
             self.render()
@@ -220,7 +229,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             InputError: an action of another shape, or not finite; nothing has moved.
             gymnasium.error.ResetNeeded: no episode has begun.
         """
-        step = self._built.step(checked_action(action, (3,))[None])
+        step = self._episodes.step(checked_action(action, (3,))[None])
         if self.render_mode == "human":
             self.render()
         return (
@@ -232,7 +241,11 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         )
 
     def render(self) -> Frame | None:
-        """Return a picture, (480, 640, 3), in the mode "rgb_array"; draw into the window in "human"."""
+        """Return a picture, shape (480, 640, 3), in the mode "rgb_array"; draw into the window in "human".
+
+        Raises:
+            BackendError: the mode "human" without a display.
+        """
         from mecanum_env.tankendo.drawing import Painter, Window
 
         if self.render_mode is None:
@@ -240,11 +253,13 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             return None
         if self.render_mode == "human":
             if self._window is None:
-                self._window = Window(self.arena, self._built.plant)
+                if not _has_display():
+                    raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')
+                self._window = Window(self.arena, self._episodes.plant)
             self._window.show()
             return None
         if self._painter is None:
-            self._painter = Painter(self.arena, self._built.plant)
+            self._painter = Painter(self.arena, self._episodes.plant)
         return self._painter.frame()
 
     def close(self) -> None:
@@ -253,3 +268,8 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             if shown is not None:
                 shown.close()
         self._painter = self._window = None
+
+
+def _has_display() -> bool:
+    is_set = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return bool(is_set) or not sys.platform.startswith("linux")

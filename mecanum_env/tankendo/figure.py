@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from mecanum_env.mjcf.chassis import SWORD_M
-from mecanum_env.tankendo.constants import Rules
+from mecanum_env.tankendo.constants import GUARD_TIP_M, Rules
 from mecanum_env.units import FloatArray
 
 Kind = Literal["ellipsoid", "rod"]
@@ -57,7 +57,7 @@ class Picture:
     """Where the robot was hit, x, y, z [m]; None: it was not."""
     at_maai: bool
     """The robot is in the band of maai and faces the opponent."""
-    rules: Rules = field(default_factory=Rules)
+    rules: Rules
 
 
 def opponent_shapes(picture: Picture) -> list[Shape]:
@@ -67,7 +67,7 @@ def opponent_shapes(picture: Picture) -> list[Shape]:
     tip = tuple(float(value) for value in picture.tip)
 
     # A long strike is a lean of the upper body too.
-    stretch = float(np.hypot(tip[0] - x, tip[1] - y)) - 0.85
+    stretch = float(np.hypot(tip[0] - x, tip[1] - y)) - GUARD_TIP_M
     lean = 0.45 * min(max(stretch, 0.0), 0.9)
 
     def at(ahead: float, left: float, up: float) -> tuple[float, float, float]:

@@ -38,12 +38,12 @@ def drawn_model(arena: Arena, plant: RobotPlant) -> mujoco.MjModel:
 
 
 def picture_of(arena: Arena, row: int = 0, ago_s: float = 0.0) -> Picture:
-    """Return what is to be drawn of one row of an arena.
+    """Return what is drawn of one episode beside the robot.
 
     Args:
-        arena: whose episode it is.
-        row: which.
-        ago_s: how long before now, at most one step: for pictures between two steps [s].
+        arena: the arena.
+        row: which episode of it.
+        ago_s: time before now, at most one step, for pictures between two steps [s].
     """
     scenes, sword = arena.scenes.ago(ago_s), arena.fighter.sword
     scene, now = scenes[:, row], float(arena.time_s()[row]) - ago_s
@@ -60,7 +60,7 @@ def picture_of(arena: Arena, row: int = 0, ago_s: float = 0.0) -> Picture:
 
 
 def score_lines(arena: Arena, row: int = 0) -> list[str]:
-    """Return the overlay's lines for one row of an arena."""
+    """Return the lines of text over the picture of one episode, by its row."""
     now, sword, setting = float(arena.time_s()[row]), arena.fighter.sword, arena.setting
     distance, bearing = (float(value[row]) for value in arena.scenes.separation())
     v, theta, vc = arena.commands[row] + 0.0
@@ -97,13 +97,13 @@ def score_lines(arena: Arena, row: int = 0) -> list[str]:
 
 
 class Painter:
-    """Draws one episode, offline.
+    """Renders the first episode of an arena offscreen.
 
     Args:
-        arena: whose first row is drawn.
-        plant: that the arena simulates.
-        width: of the picture in pixels.
-        height: of the picture in pixels.
+        arena: the arena.
+        plant: the plant that it simulates.
+        width: width of the picture [px].
+        height: height of the picture [px].
     """
 
     def __init__(self, arena: Arena, plant: RobotPlant, width: int = 640, height: int = 480) -> None:
@@ -116,15 +116,15 @@ class Painter:
         self._renderer = mujoco.Renderer(self._model, height, width)
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._camera = mujoco.MjvCamera()
-        # Also when the program ends without closing: mujoco's own clean-up comes too late then.
+        # If the program ends without close(), MuJoCo's own clean-up comes too late.
         self._free = weakref.finalize(self, self._renderer.close)
 
     def frame(self, ago_s: float = 0.0, qpos: FloatArray | None = None) -> Frame:
-        """Return the picture of now or of a moment between the last two steps, (height, width, 3).
+        """Return a picture of now, or of a moment between the last two steps, shape (height, width, 3).
 
         Args:
-            ago_s: how long before now, at most one step [s].
-            qpos: MuJoCo's generalised positions of the robot at that moment; those of now when None.
+            ago_s: time before now, at most one step [s].
+            qpos: MuJoCo's generalised positions of the robot at that moment; the present ones when None.
         """
         _place(self._model, self._data, self._arena.robots.qpos(0) if qpos is None else qpos)
         _aim(self._camera, self._arena.scenes.ago(ago_s)[:, 0])
@@ -135,16 +135,16 @@ class Painter:
         return frame
 
     def close(self) -> None:
-        """Free the graphics memory."""
+        """Free the graphics context."""
         self._free()
 
 
 class Window:
-    """Shows one episode in a window, at the speed of life.
+    """Shows the first episode of an arena in a window, in real time; it needs a display.
 
     Args:
-        arena: whose first row is drawn.
-        plant: that the arena simulates.
+        arena: the arena.
+        plant: the plant that it simulates.
     """
 
     def __init__(self, arena: Arena, plant: RobotPlant) -> None:
@@ -160,7 +160,7 @@ class Window:
         self._next_s = time.monotonic()
 
     def show(self) -> None:
-        """Draw now, then wait until a step's time has passed since the last picture."""
+        """Draw the present state, then wait until one step's time has passed since the last call."""
         with self._viewer.lock():
             _place(self._model, self._data, self._arena.robots.qpos(0))
             self._viewer.user_scn.ngeom = 0
@@ -176,7 +176,7 @@ class Window:
 
 
 def add_shapes(scene: mujoco.MjvScene, shapes: Sequence[Shape]) -> None:
-    """Append shapes to a scene that is about to be drawn; what does not fit is left out."""
+    """Append shapes to a scene that is about to be rendered; those beyond its capacity are left out."""
     for shape in shapes[: scene.maxgeom - scene.ngeom]:
         geom = scene.geoms[scene.ngeom]
         cos, sin = np.cos(shape.heading_rad), np.sin(shape.heading_rad)
@@ -199,10 +199,10 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, qpos: FloatArray) -> None
 
 
 def _aim(camera: mujoco.MjvCamera, scene: FloatArray) -> None:
-    """Look at both from the side, from as far as they are apart."""
+    """Look at both players from the side, from the farther the greater their distance."""
     middle = 0.5 * (scene[:2] + scene[6:8])
-    apart = float(np.hypot(*(scene[6:8] - scene[:2])))
+    distance = float(np.hypot(*(scene[6:8] - scene[:2])))
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat[:] = middle[0], middle[1], 0.30
-    camera.distance = max(2.6, 1.1 + 0.95 * apart)
+    camera.distance = max(2.6, 1.1 + 0.95 * distance)
     camera.azimuth, camera.elevation = 118.0, -20.0

@@ -1,4 +1,4 @@
-"""What the opponent looks like: shapes to add to a drawn scene, computed from its place and its tip."""
+"""What the opponent looks like: shapes to add to a rendered scene, from its pose and the tip of its sword."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _STRIKING: Colour = (1.0, 0.35, 0.10, 1.0)
 _HIT: Colour = (0.95, 0.10, 0.08, 0.75)
 _OPEN: Colour = (0.15, 0.65, 0.30, 0.9)
 _CLOSED: Colour = (0.45, 0.47, 0.52, 0.7)
-_RING_DOTS = 60
+_RING_DOTS = 60  # dots of the circle at maai around the opponent
 _GRIP_HEIGHT_M, _GRIP_AHEAD_M = 0.46, 0.08
 
 
@@ -35,28 +35,29 @@ class Shape:
     colour: Colour
     start: tuple[float, float, float]
     size: tuple[float, float, float]
-    """Half-axes of an ellipsoid, along the opponent's axis, across and up [m]; a rod's radius first."""
+    """Half-axes of an ellipsoid along the opponent's heading, across it and up [m]; of a rod, the radius."""
     end: tuple[float, float, float] = (0.0, 0.0, 0.0)
     heading_rad: float = 0.0
 
 
 @dataclass(frozen=True)
 class Picture:
-    """What is to be drawn of one episode."""
+    """What is drawn of one episode beside the robot."""
 
     place: FloatArray
-    """Of the opponent, x, y [m]."""
+    """Position of the opponent: x, y [m]."""
     heading_rad: float
+    """Heading of the opponent."""
     tip: FloatArray
-    """Of its sword, x, y, z [m]."""
+    """Tip of its sword: x, y, z [m]."""
     striking: bool
-    """The sword goes forward, or has just hit."""
+    """Whether the sword goes forward or has just hit."""
     lane: tuple[FloatArray, FloatArray] | None
-    """From where to where it strikes, on the floor [m]; None: it does not."""
+    """Start and end of its strike on the floor: x, y [m]; None: it does not strike."""
     hit_at: FloatArray | None
-    """Where the robot was hit, x, y, z [m]; None: it was not."""
+    """Where the robot was hit: x, y, z [m]; None: it was not."""
     at_maai: bool
-    """The robot is in the band of maai and faces the opponent."""
+    """Whether the robot is at maai and faces the opponent."""
     rules: Rules
 
 
@@ -66,12 +67,12 @@ def opponent_shapes(picture: Picture) -> list[Shape]:
     x, y = (float(value) for value in picture.place)
     tip = tuple(float(value) for value in picture.tip)
 
-    # A long strike is a lean of the upper body too.
+    # In a long strike the upper body leans forward.
     stretch = float(np.hypot(tip[0] - x, tip[1] - y)) - GUARD_TIP_M
     lean = 0.45 * min(max(stretch, 0.0), 0.9)
 
     def at(ahead: float, left: float, up: float) -> tuple[float, float, float]:
-        """Return a place of the field, leaning the more the higher it is."""
+        """Return a point in the field's frame, shifted forward by the lean of the body at its height."""
         ahead += lean * min(max((up - 0.15) / 0.5, 0.0), 1.0)
         return x + ahead * cos - left * sin, y + ahead * sin + left * cos, up
 
@@ -87,7 +88,7 @@ def opponent_shapes(picture: Picture) -> list[Shape]:
     along = (np.array(tip) - anchor) / max(float(np.linalg.norm(np.array(tip) - anchor)), 1e-6)
 
     def blade(share: float) -> tuple[float, float, float]:
-        """Return the place at a share of the sword, from pommel to tip."""
+        """Return the point at a share of the sword's length, from pommel to tip."""
         a, b, c = np.array(tip) - SWORD_M * (1.0 - share) * along
         return float(a), float(b), float(c)
 

@@ -122,7 +122,7 @@ def test_robots_that_do_not_go_together_are_refused_and_the_others_kept(paper):
         compile_model(one, "planar") for one in (paper, paper.with_effect("payload", mass_kg=3))
     )
     robots = RobotBatch(common, 2)
-    with pytest.raises(InputError, match="built otherwise"):
+    with pytest.raises(InputError, match="other bodies or joints than the common one"):
         robots.restart(1, (0, 0, 0), loaded)
     assert robots.model_of(1) is paper
     robots.restart(1, (0, 0, 0))
@@ -151,7 +151,7 @@ def test_what_the_ends_of_a_range_cannot_be_is_said_at_once(make, arguments, mes
         ({"robot.mas_kg": (1, 2)}, 'did you mean "robot.mass_kg"'),
         ({"effects.speed_gain.gian": (1, 2)}, "did you mean"),
         ({"robot.mass_kg": 20}, "must be two numbers"),
-        ({"robot.mass_kg": (22, 18)}, "the lower one first"),
+        ({"robot.mass_kg": (22, 18)}, "the lower number first"),
     ],
 )
 def test_ranges_that_are_none_are_refused(paper, ranges, message):

@@ -13,7 +13,7 @@
     arena         all of this together, for any number of episodes
     build         arguments of `gymnasium.make` and `reset` -> episodes
     env, vector   Gymnasium's interfaces to one episode and to many
-    figure        what the opponent looks like; `drawing` renders it
+    drawing       pictures of an episode
 
 Arrays have the episode on their last axis, except where Gymnasium or MuJoCo want it first.
 """
@@ -22,6 +22,11 @@ import contextlib
 
 from mecanum_env.errors import BackendError
 from mecanum_env.rendering.backend import use_backend
+
+# MuJoCo chooses its graphics library when the imports below import it; without one, only drawing fails.
+with contextlib.suppress(BackendError):
+    use_backend()
+
 from mecanum_env.tankendo.actions import ACTION_MODES, action_to_command, command_to_action
 from mecanum_env.tankendo.constants import DIFFICULTIES, Opponent, Rules, Sensors, Technique, opponent_for
 from mecanum_env.tankendo.observation import Observed, read_observation
@@ -39,8 +44,3 @@ __all__ = [
     "opponent_for",
     "read_observation",
 ]
-
-# MuJoCo chooses its graphics library when it is imported, so this comes first.
-# Without one, only drawing fails.
-with contextlib.suppress(BackendError):
-    use_backend()

@@ -14,9 +14,8 @@ from mecanum_env.errors import InputError
 from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.tankendo import ACTION_MODES, DIFFICULTIES, Opponent, Rules, Sensors
 from mecanum_env.tankendo.constants import TECHNIQUES
-from mecanum_env.tankendo.drawing import picture_of
+from mecanum_env.tankendo.drawing import opponent_shapes
 from mecanum_env.tankendo.env import TankendoEnv
-from mecanum_env.tankendo.figure import opponent_shapes
 from mecanum_env.tankendo.judge import TERMS
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 
@@ -252,7 +251,7 @@ def test_the_opponent_and_the_picture_keep_the_maai_of_the_rules(make):
     for _ in range(40):
         info = env.step(np.zeros(3))[-1]
     assert info["distance_m"] == pytest.approx(2.1, abs=0.05)
-    shapes = opponent_shapes(picture_of(env.arena))
+    shapes = opponent_shapes(env.arena)
     ring = np.array([shape.start[:2] for shape in shapes if shape.size[2] == 0.003])
     np.testing.assert_allclose(np.linalg.norm(ring - env.arena.scenes.now[6:8, 0], axis=1), 2.1)
 

@@ -80,8 +80,7 @@ class Arena:
         self.setting, self.n = setting, n
         self.step_s = compiled.model.wheel.command_period_s
         self._quantum_rpm = compiled.model.wheel.command_quantum_rpm
-        judge = _JUDGES[setting.task]
-        self.time_limit_s = judge.time_limit_s(setting.rules)
+        self.time_limit_s: float = getattr(setting.rules, f"{setting.task}_time_s")
         self._steps = round(self.time_limit_s / self.step_s)
         if self._steps < 1:
             raise InputError(
@@ -93,6 +92,7 @@ class Arena:
         oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)
         self.scenes = Scenes(n, self.step_s, oldest)
         self.fighter = Fighter(n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s)
+        judge = _JUDGES[setting.task]
         self.judge = judge(n, setting.rules, setting.weights, self.fighter, self.scenes, self.chance)
         self.senses = Senses(setting.sensors, self.step_s, self.judge.extra_observations)
         self.step_count = np.zeros(n, np.intp)

@@ -85,11 +85,6 @@ class Judge:
         self.n, self.rules, self.weights = n, rules, weights
         self.fighter, self.scenes, self.chance = fighter, scenes, chance
 
-    @staticmethod
-    def time_limit_s(rules: Rules) -> float:
-        """Return how long an episode may last under the rules [s]."""
-        raise NotImplementedError
-
     def restart(self, row: int) -> None:
         """Begin an episode in one row."""
         raise NotImplementedError
@@ -158,11 +153,6 @@ class Dodge(Judge):
         self.check_s = np.full(self.n, np.inf)
         """When a robot that was not hit must be back [s]; infinite before the strike has ended."""
 
-    @staticmethod
-    def time_limit_s(rules: Rules) -> float:
-        """Return how long an episode may last under the rules [s]."""
-        return rules.dodge_time_s
-
     def restart(self, row: int) -> None:
         """Begin an episode in one row."""
         self.check_s[row] = np.inf
@@ -195,11 +185,6 @@ class Track(Judge):
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self._counted, self._kept = np.zeros(self.n), np.zeros(self.n)
-
-    @staticmethod
-    def time_limit_s(rules: Rules) -> float:
-        """Return how long an episode lasts under the rules [s]."""
-        return rules.track_time_s
 
     def restart(self, row: int) -> None:
         """Begin an episode in one row."""
@@ -246,11 +231,6 @@ class Duel(Judge):
         self.own_hit_s = np.full(self.n, np.inf)
         """When the strike of the robot that is under way ends [s]; infinite while there is none."""
         self._pause_until_s = np.zeros(self.n)
-
-    @staticmethod
-    def time_limit_s(rules: Rules) -> float:
-        """Return how long a duel may last under the rules [s]."""
-        return rules.duel_time_s
 
     def restart(self, row: int) -> None:
         """Begin a duel in one row."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
 
 from mecanum_env.tankendo.chance import EXCHANGES, Chance
-from mecanum_env.tankendo.constants import Opponent, Rules
+from mecanum_env.tankendo.constants import Opponent, Rules, Technique
 from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation, wrapped
 from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
@@ -13,10 +15,6 @@ from mecanum_env.units import FloatArray
 _APPROACH_PER_S = 2.5  # walking speed over the error of its distance
 _MIN_LUNGE_M = 0.9  # shortest distance from where it stood to where its tip ends
 _NO_ROWS = np.zeros(0, np.intp)
-_OF_TECHNIQUES = (
-    *("swing_s", "reach_m", "width_m", "depth_m", "blade_m", "target_m", "target_height_m"),
-    *("raised_tip_m", "raised_height_m"),
-)
 
 
 class Fighter:
@@ -49,8 +47,8 @@ class Fighter:
         """Whether the aim of this strike is fixed."""
         self._all = np.arange(n)
         self._table = {
-            name: np.array([getattr(technique, name) for technique in opponent.techniques])
-            for name in _OF_TECHNIQUES
+            field.name: np.array([getattr(technique, field.name) for technique in opponent.techniques])
+            for field in fields(Technique)
         }
 
     def restart(self, row: int) -> None:

@@ -95,11 +95,6 @@ class RobotBatch:
         self._batch.set_models([one.mj_model for one in self._of])
         self._batch.state[:] = rows
 
-    @property
-    def substeps(self) -> int:
-        """Number of physics steps in one command period."""
-        return self._substeps
-
     def restart(self, row: int, pose: Sequence[float], compiled: Compiled | None = None) -> None:
         """Put one robot at rest at a pose.
 

@@ -1,4 +1,4 @@
-"""What the tests of the environments share."""
+"""Fixtures for the tests of the environments."""
 
 from collections.abc import Callable, Iterator
 from typing import Any

@@ -1,4 +1,4 @@
-"""Constants and arguments that make no sense are refused in one sentence."""
+"""Invalid constants and arguments are refused in one sentence."""
 
 from math import inf, nan
 

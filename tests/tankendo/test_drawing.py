@@ -43,7 +43,7 @@ def test_a_picture_shows_robot_opponent_and_score(make, plant):
     "first", ["gymnasium, mecanum_env", "mecanum_env, gymnasium", "mecanum_env.tankendo.env, gymnasium"]
 )
 def test_the_package_chooses_how_to_draw_without_a_display(first):
-    """Before anything imports MuJoCo, which takes what it finds."""
+    """MuJoCo chooses its graphics library when it is imported, so the package must be first."""
     program = (
         f"import {first}; env = gymnasium.make('MecanumTankendo-v0', render_mode='rgb_array'); "
         "env.reset(seed=0); print(env.render().shape); env.close()"

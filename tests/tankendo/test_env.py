@@ -143,7 +143,7 @@ def test_an_argument_that_is_not_usable_says_what_would_be(arguments, message):
 
 
 def test_the_delay_of_the_observation(make):
-    """What is seen is where everybody was; without noise the two delays show the same things."""
+    """A delayed observation is the earlier scene; without noise, two delays show the same numbers."""
     silent = Sensors(0.0, *(0.0,) * 7)
     prompt, late = make(sensors=silent, observation_delay=0.0), make(sensors=silent, observation_delay=0.1)
     for env in (prompt, late):

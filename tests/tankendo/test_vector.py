@@ -1,4 +1,4 @@
-"""The native vector environment equals single ones bit for bit."""
+"""The native vector environment equals single environments, and Gymnasium's own, bit for bit."""
 
 import gymnasium
 import numpy as np
@@ -191,7 +191,7 @@ def test_stable_baselines_steps_it():
 
 @pytest.mark.parametrize("mode", MODES)
 def test_with_slow_sensors_too(paper, mode):
-    """Episodes that end beside it are no further samples for a filter."""
+    """A reset of another row adds no sample to a sensor's filter."""
     actions = np.random.default_rng(0).uniform(-0.15, 0.15, (60, 5, 3)).astype(np.float32)
     model = paper.with_effect("sensor_lowpass", time_constant_s=0.1)
     assert together(5, 60, actions, mode, model=model) >= 3

@@ -29,8 +29,8 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
     """`num_envs` independent copies of `TankendoEnv`, each equal to it bit for bit.
 
     `gymnasium.make_vec("MecanumTankendo-v0", num_envs=64, autoreset_mode="SameStep")` makes one. With a seed
-    s, environment i is `TankendoEnv` with the seed s + i. Episodes that are over are reset as Gymnasium
-    defines it:
+    s, environment i is `TankendoEnv` with the seed s + i. `autoreset_mode` says when an episode that is over
+    is reset, as Gymnasium defines it:
 
     - "NextStep": by the next step, which ignores the action, gives the first observation of the new episode,
       a reward of 0, and no end.

@@ -1,4 +1,4 @@
-"""The Tankendo environments in figures: speed against bare physics, and what simple controllers reach.
+"""Benchmark of the Tankendo environments: speed beside bare physics, and success of simple controllers.
 
 Example: python benchmarks/env.py --out out/bench/env.json
 """
@@ -14,6 +14,7 @@ from typing import Any, get_args
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from tqdm import tqdm
 
 from mecanum_env.cli import run
@@ -22,125 +23,124 @@ from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.simulator.robot import at_rest
+from mecanum_env.statistics import wilson_interval
 from mecanum_env.tankendo import DIFFICULTIES, action_to_command
 from mecanum_env.tankendo.env import TankendoEnv
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.vector import TankendoVectorEnv
-from training.evaluate import Job, Setup, share
+from training.evaluate import Job, Setup
 
 PLANTS = get_args(RobotPlant)
 ROWS = {"planar": 256, "rollers": 32}
 STEPS = {"planar": 8192, "rollers": 512}
 TARGETS = {"planar": 20_000.0, "rollers": 650.0}
+"""Environment steps per second of all rows on one thread."""
 CONTROLLERS = ("random", "still", "retreat", "oracle")
+Steps = Callable[[int], None]
+"""Makes a number of environment steps."""
 
 
 @dataclass(frozen=True)
-class Figure:
-    """One measured number and what it should be; without a target it is for information."""
+class Metric:
+    """A measured number and its target: at least `low`, or at most `high`."""
 
     name: str
     value: float
-    unit: str
+    unit: str = ""
     low: float | None = None
     high: float | None = None
 
     @property
     def verdict(self) -> str:
-        """Say ok or MISSED, or nothing where there is no target."""
-        if self.low is None and self.high is None:
+        """The word ok or MISSED; empty without a target."""
+        if not self.target:
             return ""
-        above = self.low is None or self.value >= self.low
-        return "ok" if above and (self.high is None or self.value <= self.high) else "MISSED"
+        is_met = self.value >= self.low if self.low is not None else self.value <= (self.high or 0.0)
+        return "ok" if is_met else "MISSED"
 
     @property
     def target(self) -> str:
-        """Write the bound out."""
+        """The target in writing; empty without one."""
         return f">= {self.low:g}" if self.low is not None else f"<= {self.high:g}" if self.high else ""
 
 
-def speed(model: Model, plant: RobotPlant, repeats: int) -> list[Figure]:
-    """Measure env-steps per second, in rounds that alternate with bare `mj_step` of the same model."""
+def speed(model: Model, plant: RobotPlant, repeats: int) -> list[Metric]:
+    """Measure environment steps per second, in rounds that alternate with bare `mj_step` of the model."""
     rows, steps = ROWS[plant], STEPS[plant]
     runs = {
         "bare": _bare(model, plant),
         "single": _single(model, plant),
-        "vector, 1 thread": _vector(model, plant, rows, 1),
-        "vector, 2 threads": _vector(model, plant, rows, 2),
+        "1 thread": _vector(model, plant, rows, 1),
+        "2 threads": _vector(model, plant, rows, 2),
     }
-    rates: dict[str, list[float]] = {name: [] for name in (*runs, "by the clock")}
+    cpu: dict[str, list[float]] = {name: [] for name in runs}
+    wall: dict[str, list[float]] = {name: [] for name in runs}
     for _ in tqdm(range(repeats), desc=f"speed, {plant}", unit="round", disable=None):
-        for name, run_steps in runs.items():
-            wall, own = time.perf_counter(), time.process_time()
-            run_steps(steps)
-            wall, own = time.perf_counter() - wall, time.process_time() - own
-            # One thread by its processor time, two by the clock, and what they are compared with too.
-            rates[name].append(steps / (wall if name == "vector, 2 threads" else own))
-            if name == "vector, 1 thread":
-                rates["by the clock"].append(steps / wall)
+        for name, make_steps in runs.items():
+            wall_s, cpu_s = time.perf_counter(), time.process_time()
+            make_steps(steps)
+            wall[name].append(steps / (time.perf_counter() - wall_s))
+            cpu[name].append(steps / (time.process_time() - cpu_s))
 
-    def ratio(one: str, other: str) -> float:
-        return median(a / b for a, b in zip(rates[one], rates[other], strict=True))
+    def overhead(name: str) -> float:
+        return median(bare / own for bare, own in zip(cpu["bare"], cpu[name], strict=True)) - 1
 
-    one, two = "vector, 1 thread", "vector, 2 threads"
+    # One thread is measured by its processor time, two by the clock.
+    threads = max(wall["2 threads"]) / max(wall["1 thread"])
+    best, unit = max(cpu["1 thread"]), "env-steps/s"
     return [
-        Figure(f"{plant}: bare mj_step, best", max(rates["bare"]), "env-steps/s"),
-        Figure(f"{plant}: one environment, best", max(rates["single"]), "env-steps/s"),
-        Figure(f"{plant}: one environment, time over bare - 1", ratio("bare", "single") - 1, "", high=0.05),
-        Figure(f"{plant}: {rows} together, 1 thread, best", max(rates[one]), "env-steps/s", TARGETS[plant]),
-        Figure(f"{plant}: {rows} together, time over bare - 1", ratio("bare", one) - 1, ""),
-        Figure(
-            f"{plant}: {rows} together, 2 threads over 1, best",
-            max(rates[two]) / max(rates["by the clock"]),
-            "",
-            1.7,
-        ),
+        Metric(f"{plant}: bare mj_step, best", max(cpu["bare"]), unit),
+        Metric(f"{plant}: one environment, best", max(cpu["single"]), unit),
+        Metric(f"{plant}: one environment, time over bare - 1", overhead("single"), high=0.05),
+        Metric(f"{plant}: {rows} together, 1 thread, best", best, unit, TARGETS[plant]),
+        Metric(f"{plant}: {rows} together, time over bare - 1", overhead("1 thread")),
+        Metric(f"{plant}: {rows} together, 2 threads over 1, best", threads, low=1.7),
     ]
 
 
-def _bare(model: Model, plant: RobotPlant) -> Callable[[int], None]:
-    """Step the physics alone through the commands that the environments get: rollers cost by their motion."""
+def _bare(model: Model, plant: RobotPlant) -> Steps:
+    # With the environments' own commands: the cost of the rollers depends on the motion.
     mj_model = compile_model(model, plant).mj_model
     data = at_rest(mj_model)
     substeps = round(model.wheel.command_period_s / mj_model.opt.timestep)
     wheels = command_to_wheels(*action_to_command(_actions(997), "cartesian").T)
 
-    def steps_of(steps: int) -> None:
+    def make_steps(steps: int) -> None:
         for step in range(steps):
             data.ctrl[:] = wheels[step % len(wheels)]
             mujoco.mj_step(mj_model, data, nstep=substeps)
 
-    return steps_of
+    return make_steps
 
 
-def _single(model: Model, plant: RobotPlant) -> Callable[[int], None]:
+def _single(model: Model, plant: RobotPlant) -> Steps:
     env = TankendoEnv(model=model, plant=plant)
     env.reset(seed=0)
     actions = _actions(997)
 
-    def steps_of(steps: int) -> None:
+    def make_steps(steps: int) -> None:
         for step in range(steps):
             _, _, terminated, truncated, _ = env.step(actions[step % len(actions)])
             if terminated or truncated:
                 env.reset()
 
-    return steps_of
+    return make_steps
 
 
-def _actions(*shape: int) -> np.ndarray[Any, np.dtype[np.float32]]:
-    return np.random.default_rng(0).uniform(-0.3, 0.3, (*shape, 3)).astype(np.float32)
-
-
-def _vector(model: Model, plant: RobotPlant, rows: int, threads: int) -> Callable[[int], None]:
-    env = TankendoVectorEnv(rows, model=model, plant=plant, threads=threads)
+def _vector(model: Model, plant: RobotPlant, rows: int, threads: int) -> Steps:
+    env = TankendoVectorEnv(rows, model=model, plant=plant, threads=threads, autoreset_mode="SameStep")
     env.reset(seed=0)
     actions = _actions(97, rows)
 
-    def steps_of(steps: int) -> None:
+    def make_steps(steps: int) -> None:
         for step in range(steps // rows):
             env.step(actions[step % len(actions)])
 
-    return steps_of
+    return make_steps
+
+
+def _actions(*shape: int) -> npt.NDArray[np.float32]:
+    return np.random.default_rng(0).uniform(-0.3, 0.3, (*shape, 3)).astype(np.float32)
 
 
 def scores(model: Model, plant: RobotPlant, episodes: int) -> list[dict[str, Any]]:
@@ -149,36 +149,28 @@ def scores(model: Model, plant: RobotPlant, episodes: int) -> list[dict[str, Any
     jobs = [(name, level) for name in CONTROLLERS for level in DIFFICULTIES]
     for name, level in tqdm(jobs, desc=f"scores, {plant}", disable=None):
         played = Job(name, name, Setup(model, physics=plant, difficulty=level), episodes).play()
-        success = share(sum(episode.success for episode in played.episodes), episodes)
-        rows.append(
-            {
-                "controller": name,
-                "plant": plant,
-                "difficulty": level,
-                "episodes": episodes,
-                "success": success.value,
-                "low": success.low,
-                "high": success.high,
-            }
-        )
+        successes = sum(episode.success for episode in played.episodes)
+        low, high = wilson_interval(successes, episodes)
+        row = {"controller": name, "plant": plant, "difficulty": level, "episodes": episodes}
+        rows.append({**row, "success": successes / episodes, "low": low, "high": high})
     return rows
 
 
 def main(model: Path | None = None, out: Path | None = None, repeats: int = 7, episodes: int = 200) -> None:
-    """Measure the environments of a model file and print the figures beside their targets.
+    """Measure the environments of a model file and print the results beside their targets.
 
     Args:
         model: the model file; by default the packaged one.
-        out: also write the figures here, as JSON.
+        out: also write the results to this file, as JSON.
         repeats: rounds of the speed measurement.
-        episodes: of each controller on each level and plant; 0: none.
+        episodes: episodes of each controller on each level and plant; 0: none.
     """
     chosen = paper_model() if model is None else read_model(model)
-    figures = [figure for plant in PLANTS for figure in speed(chosen, plant, repeats)]
-    width = max(len(figure.name) for figure in figures)
-    for figure in figures:
-        value = f"{figure.value:.4g} {figure.unit}"
-        print(f"{figure.name:{width}}  {value:>20}  {figure.target:>9}  {figure.verdict}")
+    metrics = [metric for plant in PLANTS for metric in speed(chosen, plant, repeats)]
+    width = max(len(metric.name) for metric in metrics)
+    for metric in metrics:
+        value = f"{metric.value:.4g} {metric.unit}"
+        print(f"{metric.name:{width}}  {value:>20}  {metric.target:>9}  {metric.verdict}")
     played = [row for plant in PLANTS if episodes for row in scores(chosen, plant, episodes)]
     for row in played:
         print(
@@ -186,7 +178,7 @@ def main(model: Path | None = None, out: Path | None = None, repeats: int = 7, e
             f"{row['success']:.2f}  ({row['low']:.2f} .. {row['high']:.2f}) of {row['episodes']}"
         )
     if out is not None:
-        rows = [{**asdict(figure), "verdict": figure.verdict} for figure in figures]
+        rows = [{**asdict(metric), "verdict": metric.verdict} for metric in metrics]
         write_json(out, {"mujoco": mujoco.__version__, "figures": rows, "scores": played})
 
 

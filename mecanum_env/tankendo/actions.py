@@ -1,12 +1,7 @@
 """Actions of a policy, in [-1, 1]^3, and the commands that the robot takes: V [rpm], theta [deg], VC [rpm].
 
-| mode | action | command |
-|---|---|---|
-| `cartesian` | forward, left, turn | V = 135 of its length, up to 135; theta = its direction; VC = 100 turn |
-| `polar` | speed, direction, turn | V = 135 (speed + 1) / 2; theta = 180 direction; VC = 100 turn |
-| `command` | V, theta, VC | V = 135 V; theta = 180 theta; VC = 100 VC |
-
-Commands are then rounded as the robot does: theta to 1 degree, V and VC to its quantum (1 rpm).
+`TankendoEnv` has the table of the action modes. Commands are rounded as the robot does it: theta to 1 degree,
+V and VC to its quantum (1 rpm).
 """
 
 from __future__ import annotations
@@ -25,7 +20,7 @@ ACTION_MODES: Final[tuple[ActionMode, ...]] = get_args(ActionMode)
 FULL_V_RPM = 135.0
 """V at full action [rpm]: the ceiling of the paper's robot."""
 FULL_VC_RPM = 100.0
-"""VC at full action [rpm]; ours: 2.1 rad/s for the packaged robot."""
+"""VC at full action [rpm]; this project's choice: 2.1 rad/s for the packaged robot."""
 
 
 def check_mode(mode: str) -> None:
@@ -37,7 +32,11 @@ def check_mode(mode: str) -> None:
 
 
 def checked_action(action: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Return an action, or those of many robots, as an array of that shape.
+    """Return an action, or the actions of many robots, as an array.
+
+    Args:
+        action: the action as given.
+        shape: the shape that it must have.
 
     Raises:
         InputError: another shape, or a value that is not a finite number.
@@ -56,18 +55,18 @@ def checked_action(action: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
 
 
 def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: float = 1.0) -> FloatArray:
-    """Return commands (V rpm, theta deg, VC rpm), shape (..., 3), of actions, shape (..., 3).
+    """Return the commands (V rpm, theta deg, VC rpm) of actions, shape (..., 3).
 
     Args:
-        actions: clipped to [-1, 1].
-        mode: see the module.
-        quantum_rpm: V and VC are rounded to this [rpm]; 0: not rounded.
+        actions: shape (..., 3); values beyond [-1, 1] are clipped.
+        mode: how actions are read, see `TankendoEnv`.
+        quantum_rpm: V and VC are rounded to multiples of this [rpm]; 0: not rounded.
     """
     within = np.minimum(np.maximum(np.asarray(actions, float), -1.0), 1.0)
     a, b, c = within[..., 0], within[..., 1], within[..., 2]
     if mode == "cartesian":
         v = FULL_V_RPM * np.minimum(np.sqrt(a * a + b * b), 1.0)
-        # Adding 0.0 turns -0.0 into 0.0, which arctan2 would take for a direction.
+        # Adding 0.0 turns -0.0, for which arctan2 returns 180 degrees, into 0.0.
         theta = np.rad2deg(np.arctan2(b + 0.0, a + 0.0))
     elif mode == "polar":
         v, theta = FULL_V_RPM * 0.5 * (a + 1.0), 180.0 * b
@@ -79,13 +78,13 @@ def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: flo
 
 
 def command_to_action(command: npt.ArrayLike, mode: ActionMode = "command") -> npt.NDArray[np.float32]:
-    """Return the action, shape (..., 3), that asks for a command (V rpm, theta deg, VC rpm), shape (..., 3).
+    """Return the action that asks for a command, shape (..., 3).
 
-    What is beyond full action is clipped. For whole numbers and the mode `command` it is exact.
+    It is exact for whole numbers in the mode "command"; commands beyond full action are clipped.
 
     Args:
-        command: V may be negative: backwards along theta.
-        mode: see the module.
+        command: V [rpm], theta [deg], VC [rpm], shape (..., 3); a negative V drives backwards along theta.
+        mode: how actions are read, see `TankendoEnv`.
     """
     v, theta, vc = np.moveaxis(np.asarray(command, float), -1, 0)
     turn = vc / FULL_VC_RPM

@@ -1,7 +1,8 @@
-"""From the arguments of `gymnasium.make` to an arena: what the single and the vector environment share."""
+"""From the arguments of `gymnasium.make` and `reset` to episodes; shared by one environment and many."""
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -11,11 +12,12 @@ from typing import Any
 import gymnasium
 import numpy as np
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode
 from mecanum_env.tankendo.arena import Arena, Step, TaskName, TaskSetting
+from mecanum_env.tankendo.chance import DRAWN, Start
 from mecanum_env.tankendo.constants import (
     Opponent,
     RewardWeights,
@@ -26,39 +28,114 @@ from mecanum_env.tankendo.constants import (
 )
 from mecanum_env.tankendo.plant import Compiled, compile_model
 from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
+from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
 
 ModelLike = Model | str | os.PathLike[str]
 
 
 @dataclass(frozen=True)
-class Built:
-    """An environment's parts."""
+class Episodes:
+    """Episodes side by side, with all that Gymnasium's two interfaces share."""
 
     arena: Arena
     sampler: Sampler | None
-    """Draws the robot of each episode; None: always the model."""
+    """Draws the robot of each episode; None: every episode has the common model."""
     plant: RobotPlant
     timestep_s: float | None
 
-    def restart(self, row: int, rng: np.random.Generator) -> None:
-        """Begin an episode in one row, with chance from rng."""
-        self.arena.restart(row, rng, self._robot(rng))
+    def restart(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
+        """Begin an episode in one row.
 
-    def step(self, actions: FloatArray) -> Step:
-        """Play one command period in all rows with actions (n, 3).
+        Args:
+            row: which row.
+            rng: the generator of that environment.
+            start: what is fixed instead of drawn.
+        """
+        robot: Compiled | None = None
+        if self.sampler is not None:
+            robot = compile_model(self.sampler.draw(rng), self.plant, self.timestep_s)
+        self.arena.restart(row, rng, robot, start)
+
+    def step(self, actions: FloatArray, ignored: BoolArray | None = None) -> Step:
+        """Simulate one command period in all rows.
+
+        Args:
+            actions: shape (n, 3).
+            ignored: rows whose result the caller throws away, since their episode is over, shape (n,).
 
         Raises:
-            gymnasium.error.ResetNeeded: a row in which no episode has begun.
+            gymnasium.error.ResetNeeded: a row in which no episode has begun, or it is over.
         """
-        if not self.arena.begun.all():
+        arena = self.arena
+        if not arena.begun.all():
             raise gymnasium.error.ResetNeeded("step() before an episode has begun; call reset() first")
-        return self.arena.step(actions)
+        over = arena.ended if ignored is None else arena.ended & ~ignored
+        if over.any():
+            raise gymnasium.error.ResetNeeded("step() after an episode is over; call reset() first")
+        return arena.step(actions)
 
-    def _robot(self, rng: np.random.Generator) -> Compiled | None:
-        if self.sampler is None:
-            return None
-        return compile_model(self.sampler.draw(rng), self.plant, self.timestep_s)
+    def start_of(self, options: Mapping[str, Any] | None, *others: str) -> Start:
+        """Return what the options of a reset fix.
+
+        Args:
+            options: see `TankendoEnv`; None: nothing.
+            *others: names of options that the caller reads itself.
+
+        Raises:
+            InputError: another option, or a value that does not fit; the message says what would.
+        """
+        if options is None:
+            return DRAWN
+        if not isinstance(options, Mapping):
+            raise InputError(f'options = {options!r}, must be a dictionary such as {{"technique": "men"}}')
+        known = ("technique", "start", *others)
+        for name in options:
+            if name not in known:
+                raise InputError(
+                    f'options: no "{name}"{did_you_mean(name, known)}, known are {", ".join(known)}'
+                )
+        return Start(
+            self._technique(options["technique"]) if "technique" in options else None,
+            self._pose(options["start"]) if "start" in options else None,
+        )
+
+    def _technique(self, value: Any) -> int:
+        setting = self.arena.setting
+        if setting.task == "track":
+            raise InputError('options: technique: the opponent does not strike in the task "track"')
+        names = [technique.name for technique in setting.opponent.techniques]
+        if value in names:
+            return names.index(value)
+        try:
+            index = -1 if isinstance(value, bool) else operator.index(value)
+        except TypeError:
+            index = -1
+        if not 0 <= index < len(names):
+            raise InputError(
+                f"options: technique = {value!r}{did_you_mean(value, names)}, must be {', '.join(names)} or "
+                f"an index 0 .. {len(names) - 1}"
+            )
+        return index
+
+    def _pose(self, value: Any) -> tuple[float, float, float]:
+        try:
+            x, y, yaw = (float(number) for number in value)
+        except (TypeError, ValueError):
+            x = y = yaw = np.nan
+        if not np.isfinite([x, y, yaw]).all():
+            raise InputError(
+                f"options: start = {value!r}, must be three finite numbers: x [m], y [m], yaw [rad]"
+            )
+        rules = self.arena.setting.rules
+        half = rules.field_m / 2
+        farthest = half - rules.start_m[1]
+        if not (-half <= x <= farthest and -half <= y <= half):
+            raise InputError(
+                f"options: start = {value!r}, must be in the field: x {-half:g} .. {farthest:g} m, "
+                f"y {-half:g} .. {half:g} m (the opponent starts up to {rules.start_m[1]:g} m ahead in x)"
+            )
+        return x, y, yaw
 
     def action_space(self) -> gymnasium.spaces.Box:
         """Return the space of one action."""
@@ -86,27 +163,27 @@ def build(
     sensors: Sensors | None,
     timestep_s: float | None,
     threads: int = 1,
-) -> Built:
-    """Build n environments; the arguments are those of `TankendoEnv`.
+) -> Episodes:
+    """Build n episodes side by side from the arguments of `TankendoEnv`.
 
     Args:
-        n: how many.
-        task: what is played.
+        n: number of episodes.
+        task: "dodge", "track" or "duel".
         model: a model file's path, a model, or None for the packaged one.
         plant: "rollers" or "planar".
-        difficulty: of the opponent, where none is given.
+        difficulty: difficulty of the opponent, if `opponent` is None.
         action_mode: see `mecanum_env.tankendo.actions`.
-        observation_delay: replaces the sensors' [s].
-        opponent: replaces the difficulty's.
+        observation_delay: delay in place of the sensors' own [s].
+        opponent: opponent in place of the difficulty's.
         randomize: see `mecanum_env.tankendo.randomize`.
-        reward_weights: all, or some by name.
-        rules: replace the default ones.
-        sensors: replace the default ones.
+        reward_weights: all weights, or some by name.
+        rules: rules in place of the default ones.
+        sensors: sensors in place of the default ones.
         timestep_s: upper bound of the physics step [s].
-        threads: that step the physics.
+        threads: number of threads that step the physics.
 
     Raises:
-        InputError: an argument that is not usable; the message says what would be.
+        InputError: an argument that cannot be used; the message says what could.
     """
     given = (("opponent", opponent, Opponent), ("rules", rules, Rules), ("sensors", sensors, Sensors))
     for name, value, kind in given:
@@ -135,7 +212,7 @@ def build(
     compiled = compile_model(model, plant, timestep_s)
     if sampler is not None:
         compiled = _typical(sampler, plant, timestep_s)
-    return Built(Arena(setting, compiled, n, threads), sampler, plant, timestep_s)
+    return Episodes(Arena(setting, compiled, n, threads), sampler, plant, timestep_s)
 
 
 def _model(model: ModelLike | None) -> Model:
@@ -149,10 +226,10 @@ def _model(model: ModelLike | None) -> Model:
 
 
 def _typical(sampler: Sampler, plant: RobotPlant, timestep_s: float | None) -> Compiled:
-    """Return a drawn robot: one whose effects have left neutral may have more parts than the model's own.
+    """Return one drawn robot: with its effects it may have more bodies than the model's own.
 
     Raises:
-        InputError: robots that are drawn cannot be simulated.
+        InputError: a robot that may be drawn cannot be simulated.
     """
     try:
         for edge in sampler.edges():

@@ -2,27 +2,41 @@
 
 from __future__ import annotations
 
-import os
-import sys
 import time
 import weakref
 from collections.abc import Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Literal
 
 import mujoco
 import numpy as np
 
-from mecanum_env.errors import BackendError
+from mecanum_env.mjcf.chassis import SWORD_M
 from mecanum_env.rendering.backend import use_backend
 from mecanum_env.rendering.video import lighten
 from mecanum_env.rendering.view import Frame, draw_caption
 from mecanum_env.simulator import RobotPlant, compile_plant
 from mecanum_env.tankendo.arena import Arena
-from mecanum_env.tankendo.figure import Picture, Shape, opponent_shapes
+from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.scene import separation
 from mecanum_env.units import FloatArray
 
 _WIDEST = "dodge   robot 0 : 0 opponent   distance 0.00 m   facing +000 deg    "
+Colour = tuple[float, float, float, float]
+_INDIGO: Colour = (0.13, 0.17, 0.36, 1.0)
+_DARK: Colour = (0.09, 0.10, 0.14, 1.0)
+_ARMOUR: Colour = (0.42, 0.10, 0.12, 1.0)
+_METAL: Colour = (0.72, 0.74, 0.77, 1.0)
+_BAMBOO: Colour = (0.86, 0.72, 0.42, 1.0)
+_LEATHER: Colour = (0.93, 0.91, 0.85, 1.0)
+_STRIKING: Colour = (1.0, 0.35, 0.10, 1.0)
+_LANE: Colour = (1.0, 0.35, 0.10, 0.6)
+_HIT: Colour = (0.95, 0.10, 0.08, 0.75)
+_OPEN: Colour = (0.15, 0.65, 0.30, 0.9)
+_CLOSED: Colour = (0.45, 0.47, 0.52, 0.7)
+_RING_DOTS = 60  # dots of the ring at maai around the opponent
+_GRIP_HEIGHT_M, _GRIP_AHEAD_M = 0.46, 0.08
+_SHOWN_S = 0.25  # a strike is shown for this long after its end
 _KINDS = {"ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID, "rod": mujoco.mjtGeom.mjGEOM_CAPSULE}
 
 
@@ -36,31 +50,95 @@ def drawn_model(arena: Arena, plant: RobotPlant) -> mujoco.MjModel:
     return compile_plant(arena.robots.model_of(0), plant)
 
 
-def picture_of(arena: Arena, row: int = 0, ago_s: float = 0.0) -> Picture:
-    """Return what is to be drawn of one row of an arena.
+@dataclass(frozen=True)
+class Shape:
+    """One shape: an ellipsoid around `start`, or a rod from `start` to `end`; points are x, y, z [m]."""
+
+    kind: Literal["ellipsoid", "rod"]
+    colour: Colour
+    start: FloatArray
+    size: tuple[float, float, float]
+    """Half-axes of an ellipsoid along the opponent's heading, across it and up [m]; of a rod, the radius."""
+    end: FloatArray | None = None
+    heading_rad: float = 0.0
+
+
+def opponent_shapes(arena: Arena, row: int = 0, ago_s: float = 0.0) -> list[Shape]:
+    """Return the shapes of the opponent, its sword, its strike, and the ring at maai around it.
 
     Args:
-        arena: whose episode it is.
-        row: which.
-        ago_s: how long before now, at most one step: for pictures between two steps [s].
+        arena: the arena.
+        row: which episode of it.
+        ago_s: time before now, at most one step, for pictures between two steps [s].
     """
-    scenes, sword = arena.scenes.ago(ago_s), arena.fighter.sword
+    scenes, sword, rules = arena.scenes.ago(ago_s), arena.fighter.sword, arena.setting.rules
     scene, now = scenes[:, row], float(arena.time_s()[row]) - ago_s
-    tip, _ = sword.tip_and_velocity(arena.time_s() - ago_s, scenes)
-    striking = not sword.is_feint[row] and sword.cut_s[row] <= now < sword.land_s[row] + 0.25
-    hit = bool(arena.hit[row]) and now >= sword.land_s[row]
-    lane = (sword.origin[:, row].copy(), sword.end[:, row].copy()) if striking else None
-    target = np.array([scene[0], scene[1], sword.end_height_m[row]]) if hit else None
-    rules = arena.setting.rules
-    distance, bearing = (float(value) for value in separation(scene))
-    at_maai = abs(distance - rules.maai_m) <= rules.band_m and abs(bearing) <= rules.facing_rad
-    return Picture(
-        scene[6:8].copy(), float(scene[8]), tip[:, row], bool(striking), lane, target, bool(at_maai), rules
+    tip = sword.tip_and_velocity(arena.time_s() - ago_s, scenes)[0][:, row]
+    striking = bool(not sword.is_feint[row] and sword.cut_s[row] <= now < sword.land_s[row] + _SHOWN_S)
+    shapes = _body(scene[6:9], tip, _STRIKING if striking else _BAMBOO)
+    ring = _OPEN if rules.at_maai(*separation(scene)) else _CLOSED
+    for angle in 2.0 * np.pi * np.arange(_RING_DOTS) / _RING_DOTS:
+        dot = scene[6:8] + rules.maai_m * np.array([np.cos(angle), np.sin(angle)])
+        shapes.append(Shape("ellipsoid", ring, np.append(dot, 0.004), (0.022, 0.022, 0.003)))
+    if striking:
+        start, end = (np.append(point[:, row], 0.006) for point in (sword.origin, sword.end))
+        shapes.append(_rod(_LANE, 0.012, start, end))
+    if arena.hit[row] and now >= sword.land_s[row]:
+        target = np.append(scene[:2], sword.end_height_m[row])
+        shapes.append(Shape("ellipsoid", _HIT, target, (0.09, 0.09, 0.09)))
+    return shapes
+
+
+def _body(pose: FloatArray, tip: FloatArray, steel: Colour) -> list[Shape]:
+    """Return the shapes of body, arms and sword, for a pose x, y [m], heading [rad]."""
+    x, y, heading = (float(value) for value in pose)
+    cos, sin = np.cos(heading), np.sin(heading)
+    # In a long strike the upper body leans forward.
+    stretch = float(np.hypot(tip[0] - x, tip[1] - y)) - GUARD_TIP_M
+    lean = 0.45 * min(max(stretch, 0.0), 0.9)
+
+    def at(ahead: float, left: float, up: float) -> FloatArray:
+        """Return a point in the field's frame, shifted forward by the lean of the body at its height."""
+        ahead += lean * min(max((up - 0.15) / 0.5, 0.0), 1.0)
+        return np.array([x + ahead * cos - left * sin, y + ahead * sin + left * cos, up])
+
+    grip = at(_GRIP_AHEAD_M, 0.0, _GRIP_HEIGHT_M)
+    along = (tip - grip) / max(float(np.linalg.norm(tip - grip)), 1e-6)
+
+    def blade(share: float) -> FloatArray:
+        """Return the point at a share of the sword's length, from pommel to tip."""
+        point: FloatArray = tip - SWORD_M * (1.0 - share) * along
+        return point
+
+    blobs = (
+        (_DARK, at(0.0, 0.0, 0.07), (0.19, 0.22, 0.08)),
+        (_DARK, at(0.0, 0.0, 0.20), (0.14, 0.17, 0.19)),
+        (_INDIGO, at(0.0, 0.0, 0.36), (0.11, 0.15, 0.12)),
+        (_INDIGO, at(0.0, 0.0, 0.49), (0.09, 0.16, 0.10)),
+        (_ARMOUR, at(0.03, 0.0, 0.42), (0.10, 0.12, 0.11)),
+        (_INDIGO, at(0.0, 0.0, 0.67), (0.085, 0.08, 0.095)),
+        (_METAL, at(0.055, 0.0, 0.665), (0.045, 0.055, 0.065)),
     )
+    shapes = [
+        *(Shape("ellipsoid", colour, middle, size, heading_rad=heading) for colour, middle, size in blobs),
+        _rod(_LEATHER, 0.015, blade(0.0), blade(0.27)),
+        _rod(_LEATHER, 0.034, blade(0.27), blade(0.29)),
+        _rod(steel, 0.013, blade(0.29), blade(0.92)),
+        _rod(_LEATHER, 0.014, blade(0.92), blade(1.0)),
+    ]
+    for side, share in ((-1.0, 0.22), (1.0, 0.06)):
+        shoulder, hand = at(0.0, 0.16 * side, 0.53), blade(share)
+        elbow = 0.5 * (shoulder + hand) - (0.0, 0.0, 0.07)
+        shapes += [_rod(_INDIGO, 0.038, shoulder, elbow), _rod(_DARK, 0.034, elbow, hand)]
+    return shapes
+
+
+def _rod(colour: Colour, radius_m: float, start: FloatArray, end: FloatArray) -> Shape:
+    return Shape("rod", colour, start, (radius_m, 0.0, 0.0), end)
 
 
 def score_lines(arena: Arena, row: int = 0) -> list[str]:
-    """Return the overlay's lines for one row of an arena."""
+    """Return the lines of text over the picture of one episode, by its row."""
     now, sword, setting = float(arena.time_s()[row]), arena.fighter.sword, arena.setting
     distance, bearing = (float(value[row]) for value in arena.scenes.separation())
     v, theta, vc = arena.commands[row] + 0.0
@@ -97,13 +175,13 @@ def score_lines(arena: Arena, row: int = 0) -> list[str]:
 
 
 class Painter:
-    """Draws one episode, offline.
+    """Renders the first episode of an arena offscreen.
 
     Args:
-        arena: whose first row is drawn.
-        plant: that the arena simulates.
-        width: of the picture in pixels.
-        height: of the picture in pixels.
+        arena: the arena.
+        plant: the plant that it simulates.
+        width: width of the picture [px].
+        height: height of the picture [px].
     """
 
     def __init__(self, arena: Arena, plant: RobotPlant, width: int = 640, height: int = 480) -> None:
@@ -116,44 +194,38 @@ class Painter:
         self._renderer = mujoco.Renderer(self._model, height, width)
         self._renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = False
         self._camera = mujoco.MjvCamera()
-        # Also when the program ends without closing: mujoco's own clean-up comes too late then.
+        # If the program ends without close(), MuJoCo's own clean-up comes too late.
         self._free = weakref.finalize(self, self._renderer.close)
 
     def frame(self, ago_s: float = 0.0, qpos: FloatArray | None = None) -> Frame:
-        """Return the picture of now or of a moment between the last two steps, (height, width, 3).
+        """Return a picture of now, or of a moment between the last two steps, shape (height, width, 3).
 
         Args:
-            ago_s: how long before now, at most one step [s].
-            qpos: MuJoCo's generalised positions of the robot at that moment; those of now when None.
+            ago_s: time before now, at most one step [s].
+            qpos: MuJoCo's generalised positions of the robot at that moment; the present ones when None.
         """
         _place(self._model, self._data, self._arena.robots.qpos(0) if qpos is None else qpos)
         _aim(self._camera, self._arena.scenes.ago(ago_s)[:, 0])
         self._renderer.update_scene(self._data, self._camera)
-        add_shapes(self._renderer.scene, opponent_shapes(picture_of(self._arena, ago_s=ago_s)))
+        add_shapes(self._renderer.scene, opponent_shapes(self._arena, ago_s=ago_s))
         frame: Frame = self._renderer.render()
         draw_caption(frame, score_lines(self._arena), _WIDEST)
         return frame
 
     def close(self) -> None:
-        """Free the graphics memory."""
+        """Free the graphics context."""
         self._free()
 
 
 class Window:
-    """Shows one episode in a window, at the speed of life.
+    """Shows the first episode of an arena in a window, in real time; it needs a display.
 
     Args:
-        arena: whose first row is drawn.
-        plant: that the arena simulates.
-
-    Raises:
-        BackendError: there is no display.
+        arena: the arena.
+        plant: the plant that it simulates.
     """
 
     def __init__(self, arena: Arena, plant: RobotPlant) -> None:
-        displayed = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-        if sys.platform.startswith("linux") and not displayed:
-            raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')
         from mujoco import viewer
 
         self._arena = arena
@@ -166,11 +238,11 @@ class Window:
         self._next_s = time.monotonic()
 
     def show(self) -> None:
-        """Draw now, then wait until a step's time has passed since the last picture."""
+        """Draw the present state, then wait until one step's time has passed since the last call."""
         with self._viewer.lock():
             _place(self._model, self._data, self._arena.robots.qpos(0))
             self._viewer.user_scn.ngeom = 0
-            add_shapes(self._viewer.user_scn, opponent_shapes(picture_of(self._arena)))
+            add_shapes(self._viewer.user_scn, opponent_shapes(self._arena))
         self._viewer.set_texts((None, None, "\n".join(score_lines(self._arena)), None))
         self._viewer.sync()
         self._next_s = max(self._next_s + self._arena.step_s, time.monotonic())
@@ -182,18 +254,15 @@ class Window:
 
 
 def add_shapes(scene: mujoco.MjvScene, shapes: Sequence[Shape]) -> None:
-    """Append shapes to a scene that is about to be drawn; what does not fit is left out."""
+    """Append shapes to a scene that is about to be rendered; those beyond its capacity are left out."""
     for shape in shapes[: scene.maxgeom - scene.ngeom]:
         geom = scene.geoms[scene.ngeom]
         cos, sin = np.cos(shape.heading_rad), np.sin(shape.heading_rad)
         turned = np.array([cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0])
-        colour = np.array(shape.colour, np.float32)
-        mujoco.mjv_initGeom(
-            geom, _KINDS[shape.kind], np.array(shape.size), np.array(shape.start), turned, colour
-        )
-        if shape.kind == "rod":
-            start, end = np.array(shape.start), np.array(shape.end)
-            mujoco.mjv_connector(geom, _KINDS["rod"], shape.size[0], start, end)
+        size, colour = np.array(shape.size), np.array(shape.colour, np.float32)
+        mujoco.mjv_initGeom(geom, _KINDS[shape.kind], size, shape.start, turned, colour)
+        if shape.end is not None:
+            mujoco.mjv_connector(geom, _KINDS[shape.kind], shape.size[0], shape.start, shape.end)
         scene.ngeom += 1
 
 
@@ -205,10 +274,10 @@ def _place(model: mujoco.MjModel, data: mujoco.MjData, qpos: FloatArray) -> None
 
 
 def _aim(camera: mujoco.MjvCamera, scene: FloatArray) -> None:
-    """Look at both from the side, from as far as they are apart."""
+    """Look at both players from the side, from the farther the greater their distance."""
     middle = 0.5 * (scene[:2] + scene[6:8])
-    apart = float(np.hypot(*(scene[6:8] - scene[:2])))
+    distance = float(np.hypot(*(scene[6:8] - scene[:2])))
     camera.type = mujoco.mjtCamera.mjCAMERA_FREE
     camera.lookat[:] = middle[0], middle[1], 0.30
-    camera.distance = max(2.6, 1.1 + 0.95 * apart)
+    camera.distance = max(2.6, 1.1 + 0.95 * distance)
     camera.azimuth, camera.elevation = 118.0, -20.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -9,7 +11,7 @@ import gymnasium
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import BackendError, InputError
 from mecanum_env.rendering.view import Frame
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode, checked_action
@@ -29,47 +31,52 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     ## Description
 
-    Tankendo is fenced with a sword of 53 cm on a field of 9 x 9 m. Two players stand at striking distance
-    (maai) when their tips meet without crossing. The robot is a four-wheel Mecanum base that takes a command
-    (V, theta, VC) ten times a second; its wheels behave as `python -m sysid.fit` found them, with the effects
-    that `python -m sysid.gap` named. It must keep maai, offer an opening, and be gone when the strike lands.
+    Tankendo is fencing with a sword of 53 cm on a field of 9 x 9 m. Two players are at striking distance
+    (maai) when the tips of their swords meet without crossing. The robot is a four-wheel Mecanum base that
+    takes a command (V, theta, VC) ten times a second; its wheels behave as `python -m sysid.fit` found them,
+    with the effects that `python -m sysid.gap` named. It must keep maai, offer an opening, and be gone when
+    the strike lands.
 
-    Two rules make it a task and not a flight: the opponent strikes only while the robot offers an opening (at
-    maai within the band, facing it, slow), and an evasion counts only if the robot is back at maai, facing,
-    one second later. The opponent sees the robot late and leads its aim by the robot's motion.
+    Two rules keep it from winning by flight: the opponent strikes only while the robot offers an opening (it
+    is at maai within the band, faces the opponent, and is slow), and an evasion counts only if the robot is
+    back at maai, facing, one second later. The opponent sees the robot late and leads its aim by the robot's
+    motion.
 
-    | id | task | a success is |
+    | id | task | success |
     |---|---|---|
     | `MecanumTankendo-v0` | the dodge | one strike evaded, and back at maai |
     | `MecanumTankendoDodge-v0` | the same | the same |
     | `MecanumTankendoTrack-v0` | the opponent walks about | at maai, facing, for 80 % of the time after 3 s |
     | `MecanumTankendoDuel-v0` | the robot strikes too | two points before the opponent has two |
 
-    In the duel the robot's arm strikes by itself: when the opponent recovers from a strike, stands within
-    1.45 m and within 0.15 rad of the robot's forward axis. It hits 0.2 s later if that still holds.
+    In the duel the robot's arm strikes by itself, when the opponent recovers from a strike, is within 1.45 m,
+    and within 0.15 rad of the robot's forward axis. It hits 0.2 s later if the opponent is then within 1.45 m
+    and 0.3 rad.
 
     All constants are in `mecanum_env.tankendo.constants`, with their sources; those of the opponent are this
-    project's own, since no paper on such robots prints them.
+    project's own, since no paper on such robots states them. The environment runs with those in
+    `env.unwrapped.arena.setting`.
 
     ## Action Space
 
-    `Box(-1, 1, (3,), float32)`, turned into whole numbers V [rpm], theta [deg], VC [rpm] and held for 0.1 s
-    (the model's `command_period_s`).
+    `Box(-1, 1, (3,), float32)`, converted to whole numbers V [rpm], theta [deg], VC [rpm], which the robot
+    holds for 0.1 s (the model's `command_period_s`).
 
     | `action_mode` | 0 | 1 | 2 | V | theta | VC |
     |---|---|---|---|---|---|---|
-    | `cartesian` | forward | left | turn | 135 of its length, up to 135 | its direction | 100 turn |
+    | `cartesian` | forward | left | turn | 135 length(0, 1), up to 135 | direction of (0, 1) | 100 turn |
     | `polar` | speed | direction | turn | 135 (speed + 1) / 2 | 180 direction | 100 turn |
     | `command` | V | theta | VC | 135 V | 180 theta | 100 VC |
 
     ## Observation Space
 
-    `Box((20,), float32)`; in the duel `(23,)`. Body frame: x ahead, y left. Velocities are over the floor.
-    All is as it was `observation_delay` ago (0.05 s by default), with normal noise.
+    `Box((20,), float32)`; in the duel `(23,)`. Positions and velocities are in the robot's body frame (x
+    ahead, y left); velocities are over the floor. All but the command is `observation_delay` old (0.05 s by
+    default) and has normal noise.
 
     | Num | Observation | Min | Max | Noise (std) | Unit |
     |---|---|---|---|---|---|
-    | 0, 1 | place of the opponent: ahead, left | -15 | 15 | 0.01 | m |
+    | 0, 1 | position of the opponent: ahead, left | -15 | 15 | 0.01 | m |
     | 2, 3 | velocity of the opponent: ahead, left | -5 | 5 | 0.05 | m/s |
     | 4, 5 | tip of its sword: ahead, left | -15 | 15 | 0.01 | m |
     | 6 | height of the tip | -3 | 3 | 0.01 | m |
@@ -77,43 +84,50 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     | 10, 11 | own velocity: ahead, left | -5 | 5 | 0.02 | m/s |
     | 12 | own yaw rate | -20 | 20 | 0.02 | rad/s |
     | 13, 14, 15 | V cos theta / 135, V sin theta / 135, VC / 100, as commanded | -1.5 | 1.5 | 0 | 1 |
-    | 16, 17 | own place in the field, from its centre | -7 | 7 | 0.02 | m |
+    | 16, 17 | own position in the field, from its centre | -7 | 7 | 0.02 | m |
     | 18, 19 | cosine, sine of the own heading | -1.5 | 1.5 | 0.01 | 1 |
     | 20, 21 | duel: points of the robot, of the opponent | -10 | 10 | 0 | 1 |
-    | 22 | duel: 1 while the own sword strikes | -10 | 10 | 0 | 1 |
+    | 22 | duel: 1 while the own sword strikes, else 0 | -10 | 10 | 0 | 1 |
 
-    `mecanum_env.tankendo.read_observation` gives them names. The technique shows in how the tip draws back:
-    do low, nodo a little up, kote up, men far up.
+    `mecanum_env.tankendo.read_observation` returns them by name. How the tip draws back shows the technique:
+    low for do, a little up for nodo, up for kote, far up for men.
 
     ## Rewards
 
-    The reward is the sum of these terms, each of which `info` has as `reward_NAME`:
+    The reward is the sum of these terms; `info` has each as `reward_NAME`:
 
     - *distance* = -0.02 min(|distance - maai| / band, 3)
     - *facing* = -0.01 min(|bearing| / facing angle, 3)
     - *effort* = -0.005 |change of (V cos theta / 135, V sin theta / 135, VC / 100)|
     - *waiting* = -0.02 before the strike has come; in the duel always, in tracking never
     - *hit* = -1 when the robot is hit
-    - *success* = +1 when the episode is a success; in the duel +1 a point
+    - *success* = +1 when the episode is a success; in the duel, for each point of the robot
     - *out* = -1 when the robot leaves the field or clashes with the opponent (centres within 0.65 m)
 
     ## Starting State
 
-    The robot stands on its side of the field's centre, within 0.5 m along each axis and 0.3 rad of heading.
-    The opponent stands straight across, 2.2 to 2.8 m away, and walks up to it.
+    The players stand 2.2 to 2.8 m apart along x, the point between them within 0.5 m of the field's centre
+    along each axis. The robot faces the opponent within 0.3 rad; the opponent walks up to it.
+    `reset(options=...)` fixes some of this for one episode, and the rest is drawn as without options:
+
+    | Option | Value |
+    |---|---|
+    | `technique` | name or index of the technique of every strike: `"do"`, `"nodo"`, `"men"`, `"kote"` |
+    | `start` | pose of the robot, (x [m], y [m], yaw [rad]); the opponent stands ahead along x |
 
     ## Episode End
 
     ### Termination
-    Dodge: a hit, or the judgement one second after a strike that missed. Duel: somebody has two points. All:
-    leaving the field, a clash.
+    Dodge: a hit, or the judgement one second after a strike that missed. Duel: one side has two points. All:
+    the robot leaves the field, or a clash.
 
     ### Truncation
-    After 12 s (dodge), 15 s (track, always), 60 s (duel).
+    After 12 s (dodge), 15 s (tracking, always), 60 s (duel).
 
-    `info["is_success"]` says whether the episode was one. `info` also has `hit`, `distance_m`, `bearing_rad`,
-    and of the strike that is under way or over `technique` (index; -1: none) and `warning_s`, the time from
-    its first visible motion to its end.
+    `info["is_success"]` says whether the episode was a success. `info` also has `hit`, `distance_m`,
+    `bearing_rad`, and, for the strike that is under way or over, `technique` (its index; -1: no strike) and
+    `warning_s`, the time from its first visible motion to its end; in tracking `kept_share`, in the duel
+    `points` and `points_against`.
 
     ## Arguments
 
@@ -126,18 +140,18 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     | Parameter | Default | Description |
     |---|---|---|
-    | `model` | packaged | a model file's path, or a `mecanum_env.model.Model` |
+    | `model` | packaged | path of a model file, or a `mecanum_env.model.Model` |
     | `plant` | `"planar"` | `"rollers"`: rollers on a floor; `"planar"`: no slip, much faster |
     | `difficulty` | `"normal"` | `"easy"`, `"normal"` or `"hard"` |
     | `action_mode` | `"cartesian"` | see Action Space |
-    | `observation_delay` | 0.05 | seconds |
+    | `observation_delay` | 0.05 | age of the observation [s] |
     | `opponent` | of the difficulty | a `mecanum_env.tankendo.Opponent` |
     | `randomize` | `"none"` | `"posterior"`, or ranges: a robot drawn for each episode (`randomize.py`) |
-    | `reward_weights` | as above | some or all terms by name, `{"hit": 2.0}` |
+    | `reward_weights` | as above | some or all weights by name, such as `{"hit": 2.0}` |
     | `rules` | as above | a `mecanum_env.tankendo.Rules` |
     | `sensors` | as above | a `mecanum_env.tankendo.Sensors` |
-    | `timestep_s` | 1/120, 1/240 | upper bound of the physics step, planar and rollers |
-    | `render_mode` | None | `"rgb_array"`, `"human"` |
+    | `timestep_s` | 1/120, 1/240 | upper bound of the physics step, planar and rollers [s] |
+    | `render_mode` | None | `"rgb_array"`; with a display also `"human"` |
 
     `gymnasium.make_vec("MecanumTankendo-v0", num_envs=64)` steps many at once (`TankendoVectorEnv`).
 
@@ -164,7 +178,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         timestep_s: float | None = None,
         render_mode: str | None = None,
     ) -> None:
-        self._built = build(
+        self._episodes = build(
             1,
             task=task,
             model=model,
@@ -179,17 +193,20 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             sensors=sensors,
             timestep_s=timestep_s,
         )
-        self.arena = self._built.arena
-        self.action_space: gymnasium.Space[Any] = self._built.action_space()
-        self.observation_space: gymnasium.Space[Any] = self._built.observation_space()
+        self.arena = self._episodes.arena
+        self.action_space: gymnasium.Space[Any] = self._episodes.action_space()
+        self.observation_space: gymnasium.Space[Any] = self._episodes.observation_space()
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f'render_mode = {render_mode!r}, must be "rgb_array", "human" or None')
+        if not _has_display():
+            # Gymnasium's checker tries every mode that an environment lists.
+            self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
         self.render_mode = render_mode
         self._painter: Painter | None = None
         self._window: Window | None = None
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy or a pickle holds: all but pictures, which it opens anew when it draws."""
+        """Return what a copy or a pickle holds: all but the renderers, which it opens anew when it draws."""
         return {**vars(self), "_painter": None, "_window": None}
 
     def reset(
@@ -198,13 +215,17 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """Begin an episode; return the first observation and info.
 
         Args:
-            seed: of this and all following episodes; None goes on with the generator as it is.
-            options: none are known.
+            seed: seed of this and all following episodes; None: the generator goes on.
+            options: what is fixed instead of drawn in this episode, see the class.
+
+        Raises:
+            InputError: options that do not fit; nothing has changed.
         """
+        start = self._episodes.start_of(options)
         super().reset(seed=seed)
-        self._built.restart(0, self.np_random)
-        # The robot may be another one now; it is drawn anew.
-        if self._built.sampler is not None:
+        self._episodes.restart(0, self.np_random, start)
+        # Another robot may have been drawn; pictures need its model.
+        if self._episodes.sampler is not None:
             self.close()
         if self.render_mode == "human":
             self.render()
@@ -218,9 +239,9 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
         Raises:
             InputError: an action of another shape, or not finite; nothing has moved.
-            gymnasium.error.ResetNeeded: no episode has begun.
+            gymnasium.error.ResetNeeded: no episode has begun, or it is over.
         """
-        step = self._built.step(checked_action(action, (3,))[None])
+        step = self._episodes.step(checked_action(action, (3,))[None])
         if self.render_mode == "human":
             self.render()
         return (
@@ -232,7 +253,11 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         )
 
     def render(self) -> Frame | None:
-        """Return a picture, (480, 640, 3), in the mode "rgb_array"; draw into the window in "human"."""
+        """Return a picture, shape (480, 640, 3), in the mode "rgb_array"; draw into the window in "human".
+
+        Raises:
+            BackendError: the mode "human" without a display.
+        """
         from mecanum_env.tankendo.drawing import Painter, Window
 
         if self.render_mode is None:
@@ -240,16 +265,23 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             return None
         if self.render_mode == "human":
             if self._window is None:
-                self._window = Window(self.arena, self._built.plant)
+                if not _has_display():
+                    raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')
+                self._window = Window(self.arena, self._episodes.plant)
             self._window.show()
             return None
         if self._painter is None:
-            self._painter = Painter(self.arena, self._built.plant)
+            self._painter = Painter(self.arena, self._episodes.plant)
         return self._painter.frame()
 
     def close(self) -> None:
-        """Free what drawing needs."""
+        """Close window and renderer."""
         for shown in (self._painter, self._window):
             if shown is not None:
                 shown.close()
         self._painter = self._window = None
+
+
+def _has_display() -> bool:
+    is_set = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return bool(is_set) or not sys.platform.startswith("linux")

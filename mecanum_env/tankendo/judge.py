@@ -1,16 +1,16 @@
-"""Hits, the two rules, rewards and ends of an episode: what all tasks share, and the dodge.
+"""What counts: hits, the two rules, rewards and the end of an episode, for each task.
 
-Terms of the reward, all tasks (weights: `RewardWeights`):
+Reward terms of a step, in all tasks (weights: `RewardWeights`):
 
-| term | a step |
+| term | value |
 |---|---|
 | `distance` | -weight * min(abs(distance - maai) / band, 3) |
 | `facing` | -weight * min(abs(bearing) / facing angle, 3) |
 | `effort` | -weight * length of the change of (V cos theta, V sin theta, VC), each over its full value |
 | `waiting` | -weight before the strike has come; in the duel always, in tracking never |
 | `hit` | -weight when a strike hits the robot |
-| `success` | +weight when the episode is one, or a point is made in the duel |
-| `out` | -weight when the robot leaves the field or clashes |
+| `success` | +weight when the episode is a success; in the duel, for each point of the robot |
+| `out` | -weight when the robot leaves the field or clashes with the opponent |
 """
 
 from __future__ import annotations
@@ -20,133 +20,138 @@ from typing import Any, Final
 
 import numpy as np
 
-from mecanum_env.tankendo.chance import Chance
+from mecanum_env.tankendo.chance import WAVES, Chance
 from mecanum_env.tankendo.constants import RewardWeights, Rules
-from mecanum_env.tankendo.opponent import BoolArray, Fighter
-from mecanum_env.tankendo.scene import RowArray, Scenes, separation
+from mecanum_env.tankendo.opponent import Fighter
+from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation
 from mecanum_env.units import FloatArray
 
 TERMS: Final = ("distance", "facing", "effort", "waiting", "hit", "success", "out")
-"""Names of the reward's terms, in the order in which they are summed."""
-_WORST = 3.0
+"""Names of the reward terms, in the order in which they are summed."""
+_WORST = 3.0  # the terms `distance` and `facing` grow no further than to so many weights
+_HOME_PER_S = 0.3  # in tracking, the opponent drifts back to the field's centre at this rate [1/s]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a step led to, by the rules of one task; arrays (n,) of bool."""
+
+    waiting: BoolArray
+    """The `waiting` term is due."""
+    hit: BoolArray
+    """A strike hit the robot."""
+    scored: BoolArray
+    """The `success` term is due."""
+    terminated: BoolArray
+    success: BoolArray
+    """The episode is a success; known at its end."""
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """What a step brought to n episodes."""
+    """The outcome of a step and its reward."""
 
+    outcome: Outcome
     terms: dict[str, FloatArray]
-    """The reward's terms by name, (n,) each."""
-    terminated: BoolArray
-    success: BoolArray
-    """Whether the episode is a success, known at its end."""
-    hit: BoolArray
-    """Whether a strike hit the robot in this step."""
+    """Reward terms by name, shape (n,) each."""
 
     @property
     def reward(self) -> FloatArray:
-        """The sum of the terms, (n,)."""
-        total = np.zeros(self.terminated.shape)
+        """The sum of the terms, shape (n,)."""
+        total = np.zeros(self.outcome.hit.shape)
         for name in TERMS:
             total += self.terms[name]
         return total
 
 
 class Judge:
-    """The judge of n episodes; this one lets the opponent strike and ends on leaving the field or a clash.
+    """The judge of n episodes; subclasses are the tasks.
 
     Args:
         n: number of episodes.
-        rules: what counts.
-        weights: of the reward's terms.
+        rules: the task's rules.
+        weights: weights of the reward terms.
         fighter: the opponents.
-        scenes: where everybody is.
-        chance: what was drawn.
+        scenes: poses and velocities, now and before.
+        chance: what was drawn at the start of each episode.
     """
 
     extra_observations: int = 0
-    """Numbers that the task adds to an observation."""
+    """How many numbers the task appends to an observation."""
 
     def __init__(
-        self,
-        n: int,
-        rules: Rules,
-        weights: RewardWeights,
-        fighter: Fighter,
-        scenes: Scenes,
-        chance: Chance,
+        self, n: int, rules: Rules, weights: RewardWeights, fighter: Fighter, scenes: Scenes, chance: Chance
     ) -> None:
         self.n, self.rules, self.weights = n, rules, weights
         self.fighter, self.scenes, self.chance = fighter, scenes, chance
 
-    @staticmethod
-    def time_limit_s(rules: Rules) -> float:
-        """Return how long an episode may last [s] by the rules."""
-        return rules.dodge_time_s
-
     def restart(self, row: int) -> None:
         """Begin an episode in one row."""
+        raise NotImplementedError
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the opponent may begin a strike at times (n,), shape (n,)."""
-        return np.ones(time_s.shape, bool)
+        raise NotImplementedError
 
-    def stands(self, time_s: FloatArray) -> BoolArray:
-        """Return where the opponent does not walk at times (n,), shape (n,)."""
-        return np.zeros(time_s.shape, bool)
+    def stands(self) -> BoolArray:
+        """Return where the opponent does not walk, shape (n,)."""
+        return np.zeros(self.n, bool)
 
-    def wish(self, time_s: FloatArray) -> FloatArray | None:
-        """Return the velocity that the opponent wants at times (n,), (2, n) [m/s]; None: keep distance."""
+    def walk_velocity(self, time_s: FloatArray) -> FloatArray | None:
+        """Return the velocity the opponent aims for at times (n,), shape (2, n) [m/s]; None: keep maai."""
         return None
 
-    def observe(self, time_s: FloatArray) -> FloatArray:
-        """Return what the task adds to an observation at times (n,), shape (extra_observations, n)."""
+    def observe(self) -> FloatArray:
+        """Return what the task appends to an observation, shape (extra_observations, n)."""
         return np.zeros((0, self.n))
 
     def report(self) -> dict[str, Any]:
-        """Return what the task adds to `info`, arrays (n,) by name."""
+        """Return what the task adds to `info`: arrays (n,) by name."""
         return {}
 
     def judge(self, end_s: FloatArray, effort: FloatArray) -> Verdict:
-        """Judge the step that ended at `end_s`, (n,), with the command's change `effort`, (n,)."""
-        raise NotImplementedError
-
-    def common_terms(self, effort: FloatArray) -> tuple[dict[str, FloatArray], BoolArray]:
-        """Return the terms that do not depend on the task, and who left the field or clashed.
+        """Judge a step.
 
         Args:
-            effort: length of the command's change, (n,).
+            end_s: when the step ended, shape (n,).
+            effort: length of the command's change, shape (n,).
         """
         rules, weights, scene = self.rules, self.weights, self.scenes.now
         distance, bearing = self.scenes.separation()
         half = rules.field_m / 2
         out = (np.abs(scene[0]) > half) | (np.abs(scene[1]) > half) | (distance < rules.clash_m)
-        off = np.abs(distance - rules.maai_m) / rules.band_m
+        outcome = self._outcome(end_s, out)
+        # Subtracted from 0.0, so that a term that is not due is not -0.0.
         terms = {
-            "distance": -weights.distance * np.minimum(off, _WORST),
+            "distance": -weights.distance
+            * np.minimum(np.abs(distance - rules.maai_m) / rules.band_m, _WORST),
             "facing": -weights.facing * np.minimum(np.abs(bearing) / rules.facing_rad, _WORST),
             "effort": 0.0 - weights.effort * effort,
+            "waiting": 0.0 - weights.waiting * outcome.waiting,
+            "hit": 0.0 - weights.hit * outcome.hit,
+            "success": 0.0 + weights.success * outcome.scored,
             "out": 0.0 - weights.out * out,
         }
-        return terms, out
+        return Verdict(outcome, terms)
 
-    def at_maai(self, rows: RowArray, ago_s: FloatArray) -> BoolArray:
-        """Return whether robots `rows` (m,) were at maai and facing `ago_s` (m,) before now, shape (m,)."""
-        distance, bearing = separation(self.scenes.ago_of(rows, ago_s))
-        rules = self.rules
-        there: BoolArray = (np.abs(distance - rules.maai_m) <= rules.band_m) & (
-            np.abs(bearing) <= rules.facing_rad
-        )
-        return there
+    def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
+        """Return what the step that ended at `end_s` (n,) led to; `out`: who left the field or clashed."""
+        raise NotImplementedError
+
+    def _separation_at(
+        self, rows: RowArray, now_s: FloatArray, then_s: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return distance [m] and bearing [rad] of some rows at the times `then_s` (n,), shape (m,) each."""
+        return separation(self.scenes.ago_of(rows, now_s[rows] - then_s[rows]))
 
 
 class Dodge(Judge):
-    """One strike: be open, evade it, and be back at maai, facing, a second later."""
+    """One strike: offer an opening, evade the strike, and be back at maai, facing, one second later."""
 
     def __init__(self, *args: Any) -> None:
         super().__init__(*args)
         self.check_s = np.full(self.n, np.inf)
-        """When a robot that was not hit must be back [s]; infinite before the strike ends."""
+        """When a robot that was not hit must be back [s]; infinite before the strike has ended."""
 
     def restart(self, row: int) -> None:
         """Begin an episode in one row."""
@@ -157,25 +162,125 @@ class Dodge(Judge):
         waits: BoolArray = np.isinf(self.check_s)
         return waits
 
-    def stands(self, time_s: FloatArray) -> BoolArray:
-        """Return where the strike is over, shape (n,), whatever the times (n,): it waits for the robot."""
+    def stands(self) -> BoolArray:
+        """Return where the strike is over and the opponent waits for the robot, shape (n,)."""
         over: BoolArray = np.isfinite(self.check_s)
         return over
 
-    def judge(self, end_s: FloatArray, effort: FloatArray) -> Verdict:
-        """Judge the step that ended at `end_s`, (n,), with the command's change `effort`, (n,)."""
-        terms, out = self.common_terms(effort)
-        hit, success, terminated = (np.zeros(self.n, bool) for _ in range(3))
-        waits = np.isinf(self.check_s)
+    def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
+        waiting, (hit, success) = np.isinf(self.check_s), np.zeros((2, self.n), bool)
         rows, hits = self.fighter.land(end_s)
         hit[rows] = hits
         self.check_s[rows] = self.fighter.sword.land_s[rows] + self.rules.return_s
         due = (self.check_s <= end_s) & ~out
         if due.any():
             rows = np.flatnonzero(due)
-            success[rows] = self.at_maai(rows, end_s[rows] - self.check_s[rows])
-        terminated[:] = out | hit | due
-        terms["waiting"] = np.asarray(0.0 - self.weights.waiting * waits, float)
-        terms["hit"] = np.asarray(0.0 - self.weights.hit * hit, float)
-        terms["success"] = np.asarray(self.weights.success * success, float)
-        return Verdict(terms, terminated, success, hit)
+            success[rows] = self.rules.at_maai(*self._separation_at(rows, end_s, self.check_s))
+        return Outcome(waiting, hit, success, out | hit | due, success)
+
+
+class Track(Judge):
+    """No strike: keep maai to an opponent that walks about, and face it, for most of the time."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self._counted, self._kept = np.zeros(self.n), np.zeros(self.n)
+
+    def restart(self, row: int) -> None:
+        """Begin an episode in one row."""
+        self._counted[row] = self._kept[row] = 0.0
+
+    def may_strike(self, time_s: FloatArray) -> BoolArray:
+        """Return False everywhere, shape (n,), whatever the times (n,)."""
+        return np.zeros(self.n, bool)
+
+    def walk_velocity(self, time_s: FloatArray) -> FloatArray:
+        """Return the sum of sine waves that the opponent walks at times (n,), shape (2, n) [m/s]."""
+        frequency, phase = self.chance.waves[:, :, 0], self.chance.waves[:, :, 1]
+        wave = np.sin(frequency * time_s + phase)
+        size = self.fighter.constants.wander_m_s * np.sqrt(2.0 / WAVES)
+        total: FloatArray = wave[:, 0]
+        for i in range(1, WAVES):
+            total = total + wave[:, i]
+        velocity: FloatArray = size * total - _HOME_PER_S * self.scenes.now[6:8]
+        return velocity
+
+    def report(self) -> dict[str, Any]:
+        """Return the share of the counted time at maai and facing, shape (n,)."""
+        return {"kept_share": self._kept / np.maximum(self._counted, 1.0)}
+
+    def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
+        rules, never = self.rules, np.zeros(self.n, bool)
+        counts = end_s > rules.track_settle_s
+        self._counted += counts
+        self._kept += counts & rules.at_maai(*self.scenes.separation())
+        over = end_s >= rules.track_time_s - 1e-9
+        success = over & ~out & (self._kept >= rules.track_share * self._counted)
+        return Outcome(never, never, success, out, success)
+
+
+class Duel(Judge):
+    """Evade strikes and step in while the opponent recovers; within reach the robot strikes by itself."""
+
+    extra_observations = 3
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.points = np.zeros((2, self.n), np.intp)
+        """Points of the robot and of the opponent."""
+        self.own_hit_s = np.full(self.n, np.inf)
+        """When the strike of the robot that is under way ends [s]; infinite while there is none."""
+        self._pause_until_s = np.zeros(self.n)
+
+    def restart(self, row: int) -> None:
+        """Begin a duel in one row."""
+        self.points[:, row] = 0
+        self.own_hit_s[row], self._pause_until_s[row] = np.inf, 0.0
+
+    def may_strike(self, time_s: FloatArray) -> BoolArray:
+        """Return where the pause after a point is over at times (n,), shape (n,)."""
+        return time_s >= self._pause_until_s
+
+    def observe(self) -> FloatArray:
+        """Return the points of robot and opponent, and whether the robot's sword strikes, shape (3, n)."""
+        return np.concatenate([self.points.astype(float), np.isfinite(self.own_hit_s)[None].astype(float)])
+
+    def report(self) -> dict[str, Any]:
+        """Return the points of both, shape (n,) each."""
+        return {"points": self.points[0].copy(), "points_against": self.points[1].copy()}
+
+    def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
+        rules, sword = self.rules, self.fighter.sword
+        hit = np.zeros(self.n, bool)
+        rows, hits = self.fighter.land(end_s)
+        hit[rows] = hits & (end_s[rows] >= self._pause_until_s[rows])
+        self.fighter.exchange[rows] += 1
+        scored = self._own_strike_hits(end_s) & ~hit
+        self.points += np.array([scored, hit])
+        paused = scored | hit
+        self._pause_until_s = np.where(paused, end_s + rules.duel_pause_s, self._pause_until_s)
+        self.own_hit_s = np.where(paused, np.inf, self.own_hit_s)
+        # The robot's strike begins while the opponent still recovers from one that missed.
+        distance, bearing = self.scenes.separation()
+        recovers = ~sword.is_feint & (sword.land_s <= end_s) & (end_s < sword.free_s)
+        begins = (
+            recovers
+            & np.isinf(self.own_hit_s)
+            & (end_s >= self._pause_until_s)
+            & (distance <= rules.own_reach_m)
+            & (np.abs(bearing) <= rules.own_aim_rad)
+        )
+        self.own_hit_s = np.where(begins, end_s + rules.own_strike_s, self.own_hit_s)
+        won, lost = self.points >= rules.duel_points
+        return Outcome(np.ones(self.n, bool), hit, scored, out | won | lost, won & ~out)
+
+    def _own_strike_hits(self, end_s: FloatArray) -> BoolArray:
+        """Return where a strike of the robot ended in the step until `end_s` (n,) and hit, shape (n,)."""
+        scored = np.zeros(self.n, bool)
+        rows = np.flatnonzero(self.own_hit_s <= end_s)
+        if len(rows):
+            distance, bearing = self._separation_at(rows, end_s, self.own_hit_s)
+            rules = self.rules
+            scored[rows] = (distance <= rules.own_reach_m) & (np.abs(bearing) <= 2 * rules.own_aim_rad)
+            self.own_hit_s[rows] = np.inf
+        return scored

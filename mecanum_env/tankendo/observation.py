@@ -1,24 +1,8 @@
-"""What the robot's sensors tell: the observation, number by number.
+"""The observation: what the robot's sensors show, late, noisy, and with the model's sensor effects.
 
-Positions and velocities are in the robot's body frame (x forward, y left), velocities are over the floor.
-All of it is as it was `Sensors.delay_s` ago, with normal noise of the given standard deviation.
-Effects of the model on sensors act on 10-12 and 16-19, what the robot measures of itself
-(`mecanum_env.tankendo.observation`).
-
-| index | quantity | unit | noise |
-|---|---|---|---|
-| 0, 1 | place of the opponent: ahead, left | m | 0.01 |
-| 2, 3 | velocity of the opponent: ahead, left | m/s | 0.05 |
-| 4, 5, 6 | tip of its sword: ahead, left, height over the floor | m | 0.01 |
-| 7, 8, 9 | velocity of the tip: ahead, left, up | m/s | 0.1 |
-| 10, 11, 12 | own velocity: ahead, left; yaw rate | m/s, m/s, rad/s | 0.02, 0.02, 0.02 |
-| 13, 14, 15 | the command now held: V cos theta / 135, V sin theta / 135, VC / 100 | 1 | 0 |
-| 16, 17 | own place in the field, from its centre: x, y | m | 0.02 |
-| 18, 19 | cosine and sine of the own heading in the field | 1 | 0.01 |
-
-The duel adds 20, 21: points of the robot and of the opponent; 22: 1 while the robot's own sword strikes.
-
-How an observation is made: late, noisy, and with the sensor effects of the model.
+`TankendoEnv` has the table of its numbers. Positions and velocities are in the robot's body frame (x forward,
+y left); velocities are over the floor. Sensor effects of the model act on what the robot measures of itself:
+its velocity (10-12) and its pose in the field (16-19).
 """
 
 from __future__ import annotations
@@ -37,76 +21,68 @@ from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
 
 SIZE: Final = 20
-"""Numbers that every task observes."""
+"""How many numbers every task observes."""
 NOISY: Final = 17
-"""Of them with noise: all but the command."""
-LIMITS: Final = np.array(
-    [15.0] * 2
-    + [5.0] * 2
-    + [15.0] * 2
-    + [3.0]
-    + [40.0] * 3
-    + [5.0, 5.0, 20.0]
-    + [1.5] * 3
-    + [7.0] * 2
-    + [1.5] * 2
+"""How many of them are noisy: all but the command."""
+LIMITS: Final = np.repeat(
+    [15.0, 5.0, 15.0, 3.0, 40.0, 5.0, 20.0, 1.5, 7.0, 1.5], [2, 2, 2, 1, 3, 2, 1, 3, 2, 2]
 )
-"""Largest absolute value of each number; observations are clipped to it."""
+"""Largest absolute value of each number, to which observations are clipped, shape (20,)."""
 EXTRA_LIMIT: Final = 10.0
-"""The same for what a task adds."""
+"""Largest absolute value of the numbers that a task appends."""
+_OWN = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
+_WINDOW = 40  # steps that a sensor effect sees: several times its longest delay or time constant
 
 
 @dataclass(frozen=True)
 class Observed:
-    """An observation by name; each field is a float, or an array (n,) of a batch."""
+    """An observation by name; each field is a number, or an array (n,) of a batch."""
 
     opponent_x: npt.NDArray[np.floating]
-    """Ahead of the robot [m]."""
+    """Position of the opponent ahead of the robot [m]."""
     opponent_y: npt.NDArray[np.floating]
-    """Left of the robot [m]."""
+    """Position of the opponent to the left of the robot [m]."""
     opponent_vx: npt.NDArray[np.floating]
-    """Over the floor, along the robot's axis [m/s]."""
+    """Velocity of the opponent over the floor, along the robot's x axis [m/s]."""
     opponent_vy: npt.NDArray[np.floating]
-    """Over the floor, to the robot's left [m/s]."""
+    """Velocity of the opponent over the floor, along the robot's y axis [m/s]."""
     tip_x: npt.NDArray[np.floating]
-    """[m]"""
+    """Position of the tip ahead of the robot [m]."""
     tip_y: npt.NDArray[np.floating]
-    """[m]"""
+    """Position of the tip to the left of the robot [m]."""
     tip_height: npt.NDArray[np.floating]
-    """[m]"""
+    """Height of the tip over the floor [m]."""
     tip_vx: npt.NDArray[np.floating]
-    """[m/s]"""
+    """Velocity of the tip along the robot's x axis [m/s]."""
     tip_vy: npt.NDArray[np.floating]
-    """[m/s]"""
+    """Velocity of the tip along the robot's y axis [m/s]."""
     tip_rising: npt.NDArray[np.floating]
-    """[m/s]"""
+    """Vertical velocity of the tip [m/s]."""
     vx: npt.NDArray[np.floating]
-    """Own [m/s]."""
+    """The robot's own forward velocity [m/s]."""
     vy: npt.NDArray[np.floating]
-    """Own [m/s]."""
+    """Its own velocity to the left [m/s]."""
     yaw_rate: npt.NDArray[np.floating]
-    """Own [rad/s]."""
+    """Its own yaw rate [rad/s]."""
     forward_share: npt.NDArray[np.floating]
-    """Of the command now held, V cos theta / 135."""
+    """V cos theta / 135 of the command now held."""
     left_share: npt.NDArray[np.floating]
-    """V sin theta / 135."""
+    """V sin theta / 135 of the command now held."""
     turn_share: npt.NDArray[np.floating]
-    """VC / 100."""
+    """VC / 100 of the command now held."""
     x: npt.NDArray[np.floating]
-    """Own place in the field [m]."""
+    """The robot's own x in the field, from its centre [m]."""
     y: npt.NDArray[np.floating]
-    """Own place in the field [m]."""
+    """Its own y in the field, from its centre [m]."""
     heading_cos: npt.NDArray[np.floating]
+    """Cosine of its own heading in the field."""
     heading_sin: npt.NDArray[np.floating]
+    """Sine of its own heading in the field."""
 
 
 def read_observation(observation: npt.NDArray[np.floating]) -> Observed:
     """Return the numbers of an observation, shape (..., 20 or more), by name."""
     return Observed(*(observation[..., i] for i in range(SIZE)))
-
-
-_OWN = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
-_WINDOW = 40  # steps of the past that a sensor effect sees: several times its longest delay or filter
 
 
 def noise_sizes(sensors: Sensors) -> FloatArray:
@@ -118,22 +94,28 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
 
 
 class Senses:
-    """The sensors of some robots.
+    """The sensors of n robots.
 
     Args:
         sensors: delay and noise.
-        step_s: time between two observations.
-        extra: numbers that the task adds.
+        step_s: time between two observations [s].
+        extra: how many numbers the task appends.
     """
 
     def __init__(self, sensors: Sensors, step_s: float, extra: int) -> None:
         self._delay_s, self._step_s = sensors.delay_s, step_s
         self._sizes = noise_sizes(sensors)[:, None]
         self._limits = np.concatenate([LIMITS, np.full(extra, EXTRA_LIMIT)])[:, None]
+        # Rows whose model has sensor effects: the model, and the samples of the past.
         self._affected: dict[int, tuple[Model, list[FloatArray]]] = {}
 
     def restart(self, row: int, model: Model) -> None:
-        """Begin an episode in one row, with this model's sensor effects."""
+        """Begin an episode in one row.
+
+        Args:
+            row: which row.
+            model: the robot's model, whose sensor effects act in this episode.
+        """
         self._affected.pop(row, None)
         if any(effect.change_channels is not None for effect, _ in active_effects(model)):
             self._affected[row] = (model, [])
@@ -143,19 +125,19 @@ class Senses:
         scenes: Scenes,
         time_s: FloatArray,
         sword: Sword,
-        held: FloatArray,
+        shares: FloatArray,
         noise: FloatArray,
         extra: FloatArray,
     ) -> npt.NDArray[np.float32]:
-        """Return observations, shape (n, 20 + extra).
+        """Return observations, shape (n, 20 + k).
 
         Args:
-            scenes: where everybody is and was.
-            time_s: now, (n,).
-            sword: the opponent's.
-            held: shares of the command now held, (3, n).
-            noise: standard normal, (17, n).
-            extra: what the task adds, (k, n).
+            scenes: poses and velocities, now and before.
+            time_s: now, shape (n,).
+            sword: the opponents' swords.
+            shares: the command now held, as shares of the full one, shape (3, n).
+            noise: standard normal noise, shape (17, n).
+            extra: what the task appends, shape (k, n).
         """
         seen = scenes.ago(self._delay_s)
         cos, sin = np.cos(seen[2]), np.sin(seen[2])
@@ -171,10 +153,10 @@ class Senses:
             # From the field's frame into the body's.
             shown[index], shown[index + 1] = cos * x + sin * y, cos * y - sin * x
         shown[6], shown[9], shown[12] = tip[2], tip_velocity[2], seen[5]
-        shown[13:16], shown[16:18] = held, seen[:2]
+        shown[13:16], shown[16:18] = shares, seen[:2]
         shown[18], shown[19] = cos, sin
         for row in self._affected:
-            self._measure(row, shown, seen, float(time_s[row]))
+            self._apply_effects(row, shown, seen, float(time_s[row]))
         noise = self._sizes * noise
         shown[:13] += noise[:13]
         shown[16:20] += noise[13:]
@@ -182,11 +164,11 @@ class Senses:
         np.minimum(np.maximum(shown, -self._limits, out=shown), self._limits, out=shown)
         return shown.T.astype(np.float32)
 
-    def _measure(self, row: int, shown: FloatArray, seen: FloatArray, now_s: float) -> None:
-        """Write into `shown` what the sensors of one row make of its own motion."""
+    def _apply_effects(self, row: int, shown: FloatArray, seen: FloatArray, now_s: float) -> None:
+        """Write into `shown` what the sensors of one row measure of its own motion."""
         model, past = self._affected[row]
         if past and past[-1][0] == now_s:
-            past.pop()  # asked again, since an episode began beside it: no further sample
+            past.pop()  # observed a second time in this step, since another row was reset
         sample = np.array([now_s, *shown[10:13, row], *seen[:3, row]])
         if not past:
             past.append(np.array([-np.inf, *sample[1:]]))  # at rest before; a filter needs two samples

@@ -1,20 +1,20 @@
-"""What the opponent does: walk, strike at an opening, aim where it expects the robot to be."""
+"""What the opponent does: it walks, strikes at an opening, and aims where it expects the robot to be."""
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 import numpy as np
-import numpy.typing as npt
 
 from mecanum_env.tankendo.chance import EXCHANGES, Chance
-from mecanum_env.tankendo.constants import Opponent, Rules
-from mecanum_env.tankendo.scene import RowArray, Scenes, separation, wrapped
+from mecanum_env.tankendo.constants import Opponent, Rules, Technique
+from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation, wrapped
 from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
 
-_APPROACH_PER_S = 2.5  # how hard it corrects its distance
-_MIN_LUNGE_M = 0.9
-_NOBODY = np.zeros(0, np.intp)
-BoolArray = npt.NDArray[np.bool_]
+_APPROACH_PER_S = 2.5  # walking speed over the error of its distance
+_MIN_LUNGE_M = 0.9  # shortest distance from where it stood to where its tip ends
+_NO_ROWS = np.zeros(0, np.intp)
 
 
 class Fighter:
@@ -22,11 +22,11 @@ class Fighter:
 
     Args:
         n: number of episodes.
-        opponent: how they fight.
-        rules: maai, and what an opening is.
+        opponent: constants of their behaviour.
+        rules: striking distance, and what an opening is.
         chance: what was drawn for each episode.
-        scenes: where everybody is.
-        step_s: time between two steps.
+        scenes: poses and velocities, now and before.
+        step_s: time between two steps [s].
     """
 
     def __init__(
@@ -36,20 +36,19 @@ class Fighter:
         self._chance, self._scenes, self._step_s = chance, scenes, step_s
         self.sword = Sword(n)
         self.exchange = np.zeros(n, np.intp)
-        """Strikes of the episode so far."""
+        """Strikes of the episode so far, shape (n,)."""
         self.feinted = np.zeros(n, bool)
+        """Whether it has feinted in this exchange, which it does at most once."""
         self.open_s = np.zeros(n)
-        """How long the robot has been open in the opponent's eyes [s]."""
+        """How long the opponent has seen an opening [s]."""
         self.pending = np.zeros(n, bool)
-        """A strike is under way that has not hit or missed yet."""
+        """Whether a strike is under way that has neither hit nor missed yet."""
         self.aimed = np.zeros(n, bool)
+        """Whether the aim of this strike is fixed."""
         self._all = np.arange(n)
         self._table = {
-            name: np.array([getattr(technique, name) for technique in opponent.techniques])
-            for name in (
-                *("swing_s", "reach_m", "width_m", "depth_m", "blade_m", "target_m", "target_height_m"),
-                *("raised_tip_m", "raised_height_m"),
-            )
+            field.name: np.array([getattr(technique, field.name) for technique in opponent.techniques])
+            for field in fields(Technique)
         }
 
     def restart(self, row: int) -> None:
@@ -58,9 +57,9 @@ class Fighter:
         self.exchange[row], self.open_s[row] = 0, 0.0
         self.feinted[row] = self.pending[row] = self.aimed[row] = False
 
-    def drawn(self, what: FloatArray) -> FloatArray:
-        """Return what was drawn (exchanges, n) for the exchange that each episode is in, shape (n,)."""
-        return what[self.exchange % EXCHANGES, self._all]
+    def drawn(self, draws: FloatArray) -> FloatArray:
+        """Return the draws, shape (exchanges, n), of the exchange that each episode is in, shape (n,)."""
+        return draws[self.exchange % EXCHANGES, self._all]
 
     def technique(self) -> RowArray:
         """Return the index of the technique of the exchange that each episode is in, shape (n,)."""
@@ -68,7 +67,7 @@ class Fighter:
         return drawn
 
     def has_struck(self, time_s: FloatArray) -> BoolArray:
-        """Return where a strike is over and the sword on its way back, or back, at times (n,), shape (n,)."""
+        """Return where a strike has hit or missed at times (n,), shape (n,)."""
         struck: BoolArray = ~self.sword.is_feint & (time_s >= self.sword.land_s)
         return struck
 
@@ -77,22 +76,15 @@ class Fighter:
         now, seen = self._scenes.now, self._scenes.ago(self.constants.sight_delay_s)
         scene = seen.copy()
         scene[6:] = now[6:]
-        distance, bearing = separation(scene)
-        rules = self._rules
-        speed2 = seen[3] * seen[3] + seen[4] * seen[4]
-        opening: BoolArray = (
-            (np.abs(distance - rules.maai_m) <= rules.band_m)
-            & (np.abs(bearing) <= rules.facing_rad)
-            & (speed2 <= rules.slow_m_s**2)
-        )
-        return opening
+        is_slow: BoolArray = seen[3] * seen[3] + seen[4] * seen[4] <= self._rules.slow_m_s**2
+        return self._rules.at_maai(*separation(scene)) & is_slow
 
     def decide(self, time_s: FloatArray, may_strike: BoolArray) -> None:
-        """Start a feint or strike where the robot has been open for long enough.
+        """Start a feint or strike where the robot has offered an opening for long enough.
 
         Args:
-            time_s: now, (n,).
-            may_strike: where the task allows it, (n,).
+            time_s: now, shape (n,).
+            may_strike: where the task allows a strike, shape (n,).
         """
         ready = may_strike & self.sword.idle(time_s)
         self.open_s = np.where(ready & self.sees_opening(), self.open_s + self._step_s, 0.0)
@@ -100,16 +92,15 @@ class Fighter:
         if not starts.any():
             return
         rows = np.flatnonzero(starts)
-        which = self.exchange[rows] % EXCHANGES
-        feint = self._chance.feints[which, rows] & ~self.feinted[rows]
-        sword, technique = self.sword, self._chance.technique[which, rows]
-        start = time_s[rows] + self._chance.wait[which, rows] * self._step_s
+        exchange = self.exchange[rows] % EXCHANGES
+        feint = self._chance.feints[exchange, rows] & ~self.feinted[rows]
+        sword, technique = self.sword, self._chance.technique[exchange, rows]
+        start = time_s[rows] + self._chance.wait[exchange, rows] * self._step_s
+        warning = self._chance.warning[exchange, rows]
         cut = start + np.where(
-            feint,
-            self._chance.feint_s[which, rows],
-            self._chance.warning[which, rows] - self._table["swing_s"][technique],
+            feint, self._chance.feint_s[exchange, rows], warning - self._table["swing_s"][technique]
         )
-        land = np.where(feint, cut, start + self._chance.warning[which, rows])
+        land = np.where(feint, cut, start + warning)
         sword.raise_s[rows], sword.cut_s[rows], sword.land_s[rows] = start, cut, land
         sword.free_s[rows] = land + np.where(feint, self.constants.lower_s, self.constants.recovery_s)
         sword.is_feint[rows] = feint
@@ -121,45 +112,45 @@ class Fighter:
         self.feinted[rows] = feint
         self.pending[rows], self.aimed[rows] = ~feint, False
 
-    def walk(self, time_s: FloatArray, stands: BoolArray, wish: FloatArray | None = None) -> FloatArray:
-        """Return place [m], heading [rad] and velocity [m/s] one step later, shape (5, n).
+    def walk(self, time_s: FloatArray, stands: BoolArray, wanted: FloatArray | None = None) -> FloatArray:
+        """Return position [m], heading [rad] and velocity [m/s] one step later, shape (5, n).
 
         Args:
-            time_s: now, (n,).
-            stands: who does not walk, (n,).
-            wish: velocity that it would like instead of keeping its distance, (2, n) [m/s].
+            time_s: now, shape (n,).
+            stands: who does not walk, shape (n,).
+            wanted: velocity that it aims for instead of keeping maai, shape (2, n) [m/s].
         """
         constants, step = self.constants, self._step_s
         seen, now = self._scenes.ago(constants.sight_delay_s), self._scenes.now
         dx, dy = seen[0] - now[6], seen[1] - now[7]
         distance = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
-        if wish is None:
-            wanted = _APPROACH_PER_S * (distance - self._rules.maai_m)
-            speed = np.minimum(np.maximum(wanted, -constants.walk_m_s), constants.walk_m_s)
+        if wanted is None:
+            closing = _APPROACH_PER_S * (distance - self._rules.maai_m)
+            speed = np.minimum(np.maximum(closing, -constants.walk_m_s), constants.walk_m_s)
             across = self._chance.drift
-            wish = np.array([(speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance])
+            wanted = np.array([(speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance])
         fights = ~self.sword.idle(time_s)
         busy = stands | fights
-        change = np.where(busy, 0.0, wish) - now[9:11]
+        change = np.where(busy, 0.0, wanted) - now[9:11]
         size = np.sqrt(change[0] * change[0] + change[1] * change[1])
         velocity = now[9:11] + change * np.minimum(1.0, constants.walk_m_s2 * step / np.maximum(size, 1e-9))
         turn = wrapped(np.arctan2(dy, dx) - now[8])
-        most = constants.turn_rad_s * step
-        heading = now[8] + np.where(busy, 0.0, np.minimum(np.maximum(turn, -most), most))
-        place = now[6:8] + step * velocity
-        struck = fights & ~self.sword.is_feint
-        if struck.any():
-            # In a strike its place is its step; the velocity is that of the step.
+        largest = constants.turn_rad_s * step
+        heading = now[8] + np.where(busy, 0.0, np.minimum(np.maximum(turn, -largest), largest))
+        position = now[6:8] + step * velocity
+        strikes = fights & ~self.sword.is_feint
+        if strikes.any():
+            # In a strike, the step of the technique replaces the walk.
             forward = constants.step_m * self.sword.step_share(time_s + step)
             stepped = self.sword.origin + forward * np.stack([np.cos(now[8]), np.sin(now[8])])
-            place = np.where(struck, stepped, place)
-            velocity = np.where(struck, (stepped - now[6:8]) / step, velocity)
+            position = np.where(strikes, stepped, position)
+            velocity = np.where(strikes, (stepped - now[6:8]) / step, velocity)
         after = np.empty((5, len(time_s)))
-        after[:2], after[2], after[3:] = place, heading, velocity
+        after[:2], after[2], after[3:] = position, heading, velocity
         return after
 
     def aim(self, end_s: FloatArray) -> None:
-        """Lock the aim of the swords that started forward during the step that ended now, at `end_s` (n,)."""
+        """Fix the aim of the swords that started forward in the step that ended at `end_s`, shape (n,)."""
         starts = self.pending & ~self.aimed & (self.sword.cut_s <= end_s)
         if not starts.any():
             return
@@ -169,43 +160,42 @@ class Fighter:
         self.aimed[rows] = True
 
     def land(self, end_s: FloatArray) -> tuple[RowArray, BoolArray]:
-        """Return the rows (m,) whose strike ended in the step until `end_s`, (n,), and which hit, (m,)."""
+        """Return the rows (m,) whose strike ended in the step until `end_s` (n,), and which hit, (m,)."""
         lands = self.pending & (self.sword.land_s <= end_s)
         if not lands.any():
-            return _NOBODY, np.zeros(0, bool)
+            return _NO_ROWS, np.zeros(0, bool)
         rows, sword = np.flatnonzero(lands), self.sword
         hit = self.hits(rows, self._scenes.ago_of(rows, end_s[rows] - sword.land_s[rows]), sword.end[:, rows])
-        self.pending[rows] = False
-        self.feinted[rows] = False
+        self.pending[rows] = self.feinted[rows] = False
         return rows, hit
 
     def aim_at(self, rows: RowArray, seen: FloatArray) -> FloatArray:
-        """Return where tips will end, (2, m), for robots as seen when the swords start forward.
+        """Return where tips will end: x, y [m], shape (2, m).
 
         Args:
-            rows: the episodes, (m,).
-            seen: the robots then, one `sight_delay_s` ago: scenes (6 or more, m).
+            rows: the episodes, shape (m,).
+            seen: scenes, one `sight_delay_s` before the swords start forward, shape (6 or more, m).
         """
         constants, sword, table = self.constants, self.sword, self._table
-        which = self.exchange[rows] % EXCHANGES
-        technique = self._chance.technique[which, rows]
+        exchange = self.exchange[rows] % EXCHANGES
+        technique = self._chance.technique[exchange, rows]
         ahead = constants.lead * (sword.land_s[rows] - sword.cut_s[rows] + constants.sight_delay_s)
-        offset, noise = table["target_m"][technique], self._chance.aim_noise[:, which, rows]
+        offset, noise = table["target_m"][technique], self._chance.aim_noise[:, exchange, rows]
         origin = sword.origin[:, rows]
         dx = seen[0] + offset * np.cos(seen[2]) + ahead * seen[3] + noise[0] - origin[0]
         dy = seen[1] + offset * np.sin(seen[2]) + ahead * seen[4] + noise[1] - origin[1]
-        wanted = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
+        distance = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
         reach = np.maximum(table["reach_m"][technique] + constants.extra_reach_m, _MIN_LUNGE_M)
-        length = np.minimum(np.maximum(wanted, _MIN_LUNGE_M), reach) / wanted
-        return np.array([origin[0] + length * dx, origin[1] + length * dy])
+        share = np.minimum(np.maximum(distance, _MIN_LUNGE_M), reach) / distance
+        return np.array([origin[0] + share * dx, origin[1] + share * dy])
 
     def hits(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> BoolArray:
-        """Return whether strikes hit, (m,).
+        """Return whether strikes hit, shape (m,).
 
         Args:
-            rows: the episodes, (m,).
-            robot: the robots when the strikes end, scenes (6 or more, m).
-            end: where the tips end, (2, m).
+            rows: the episodes, shape (m,).
+            robot: scenes when the strikes end, shape (6 or more, m).
+            end: where the tips end, shape (2, m) [m].
         """
         table, technique = self._table, self.technique()[rows]
         offset = table["target_m"][technique]
@@ -225,11 +215,11 @@ def strike_hits(
     """Return whether strikes hit their targets, shape (m,).
 
     Args:
-        target: place of the target, seen from where the tip ends, (2, m) [m].
-        along: from where the opponent stood to where the tip ends, (2, m) [m].
-        width_m: of the target, across the strike.
-        depth_m: that the target may be behind the tip's end.
-        blade_m: that it may be before it.
+        target: position of the target relative to where the tip ends, shape (2, m) [m].
+        along: vector from where the opponent stood to where the tip ends, shape (2, m) [m].
+        width_m: width of the target across the strike, shape (m,).
+        depth_m: how far the target may be behind the tip's end, shape (m,).
+        blade_m: how far it may be before the tip's end, shape (m,).
     """
     length = np.sqrt(along[0] * along[0] + along[1] * along[1])
     behind = (target[0] * along[0] + target[1] * along[1]) / length

@@ -1,4 +1,4 @@
-"""The physics of many robots at once: commands in, poses and velocities out, one command period a call."""
+"""The physics of n robots in one batch: commands in, poses and velocities out, one command period a call."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import Any, Final
 
 import mujoco
 import numpy as np
-import numpy.typing as npt
 from mujoco.batch import Batch
 
 from mecanum_env.errors import InputError, did_you_mean
@@ -21,19 +20,19 @@ from mecanum_env.simulator.robot import at_rest
 from mecanum_env.units import FloatArray
 
 DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
-"""Upper bound of the physics step [s]. The planar plant takes one step a tick of the paper's law."""
+"""Upper bound of the physics step [s]. For the planar plant it is the time step of the paper's wheel law."""
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_OF_BATCH: Final = ("_batch", "_qpos", "_qvel", "_ctrl")
+_BATCH_FIELDS: Final = ("_batch", "_qpos", "_qvel", "_ctrl")
 
 
 @dataclass(frozen=True)
 class Compiled:
-    """A model, ready to run."""
+    """A model, ready to simulate."""
 
     model: Model
     mj_model: mujoco.MjModel
     rest: FloatArray
-    """Integration state of the robot that stands at the field's centre, looking along x."""
+    """Integration state of the robot at rest in the field's centre, heading along x."""
 
 
 def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = None) -> Compiled:
@@ -59,12 +58,12 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
 
 
 class RobotBatch:
-    """n robots, each with a model of its own.
+    """A batch of n robots that are stepped together, each with a model of its own.
 
     Args:
-        common: of all robots until `restart` gives one another.
-        n: how many.
-        threads: that step them; 0: as many as there are processors.
+        common: the model of all robots until `restart` replaces one.
+        n: number of robots.
+        threads: number of threads that step them; 0: as many as there are processors.
     """
 
     def __init__(self, common: Compiled, n: int, threads: int = 1) -> None:
@@ -82,33 +81,28 @@ class RobotBatch:
         self._ctrl = self._batch.bind("ctrl")
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return what a copy or a pickle holds: MuJoCo's batch is neither, so its rows stand for it."""
-        kept = {name: value for name, value in vars(self).items() if name not in _OF_BATCH}
+        """Return what a copy or a pickle holds: the rows of MuJoCo's batch, which itself allows neither."""
+        kept = {name: value for name, value in vars(self).items() if name not in _BATCH_FIELDS}
         return {**kept, "rows": self._batch.state.copy()}
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
-        """Open a batch of its own, with the rows that `kept` holds."""
+        """Open a new batch with the rows in `kept`."""
         rows = kept.pop("rows")
         vars(self).update(kept)
         self._open_batch()
         self._batch.set_models([one.mj_model for one in self._of])
         self._batch.state[:] = rows
 
-    @property
-    def substeps(self) -> int:
-        """Physics steps of one command."""
-        return self._substeps
-
-    def restart(self, row: int, place: Sequence[float], compiled: Compiled | None = None) -> None:
-        """Put one robot at rest at a place.
+    def restart(self, row: int, pose: Sequence[float], compiled: Compiled | None = None) -> None:
+        """Put one robot at rest at a pose.
 
         Args:
             row: which robot.
-            place: x [m], y [m], yaw [rad].
-            compiled: what it is from now on; the common one when None.
+            pose: x [m], y [m], yaw [rad].
+            compiled: its model from now on; the common one when None.
 
         Raises:
-            InputError: it is built otherwise than the common one.
+            InputError: the model has other bodies or joints than the common one.
         """
         new = self._common if compiled is None else compiled
         if new is not self._of[row]:
@@ -117,13 +111,13 @@ class RobotBatch:
                 self._batch.set_models([one.mj_model for one in of])
             except (ValueError, mujoco.FatalError) as error:
                 raise InputError(
-                    f"robot {row} is built otherwise than the common one; give all robots the same effects, "
-                    f"none of them neutral: {error}"
+                    f"robot {row} has other bodies or joints than the common one; give all robots the same "
+                    f"effects, none of them neutral: {error}"
                 ) from error
             self._of = of
         self._batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._batch.state[row] = new.rest
-        self._place(row, place)
+        self._place(row, pose)
         limited = limits_body(new.model)
         self._limits[row] = BodyLimits(new.model, self._timestep_s) if limited else None
 
@@ -134,7 +128,7 @@ class RobotBatch:
             commands: V [rpm], theta [deg], VC [rpm], rounded, shape (n, 3).
 
         Raises:
-            SimulationDivergedError: a state stopped being finite or plausible.
+            SimulationDivergedError: a state is no longer finite or plausible.
         """
         wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
         if any(limits is not None for limits in self._limits):
@@ -149,9 +143,9 @@ class RobotBatch:
             )
 
     def motion(self) -> FloatArray:
-        """Return pose and velocity in the field's frame: x, y [m], yaw [rad], vx, vy [m/s], yaw rate [rad/s].
+        """Return poses and velocities: x, y [m], yaw [rad], vx, vy [m/s], yaw rate [rad/s], shape (6, n).
 
-        Shape (6, n); yaw is within +-pi on the rollers and unwrapped on the planar plant.
+        They are in the field's frame; yaw is within +-pi on the rollers and unwrapped on the planar plant.
         """
         position, velocity = self._qpos.T, self._qvel.T
         if not self._is_free:
@@ -161,11 +155,11 @@ class RobotBatch:
         return np.stack([position[0], position[1], yaw, velocity[0], velocity[1], velocity[5]])
 
     def qpos(self, row: int) -> FloatArray:
-        """Return MuJoCo's generalised positions of one robot, by its row, for drawing."""
+        """Return MuJoCo's generalised positions of the robot in a row, for drawing."""
         return np.array(self._qpos[row], float)
 
     def model_of(self, row: int) -> Model:
-        """Return the model that one robot, by its row, runs on."""
+        """Return the model of the robot in a row."""
         return self._of[row].model
 
     def _limited(self, wheels: FloatArray) -> FloatArray:
@@ -175,8 +169,8 @@ class RobotBatch:
                 control[row] = [limits.step(wheels[row]) for _ in range(self._substeps)]
         return control
 
-    def _place(self, row: int, place: Sequence[float] | npt.NDArray[np.float64]) -> None:
-        x, y, yaw = place
+    def _place(self, row: int, pose: Sequence[float]) -> None:
+        x, y, yaw = pose
         qpos = self._qpos[row]
         if not self._is_free:
             qpos[:3] = x, y, yaw

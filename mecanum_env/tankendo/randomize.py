@@ -1,12 +1,13 @@
-"""Robots drawn from what the identification left open: one for each episode.
+"""Robots drawn from the uncertainty of the identification, one for each episode.
 
-- `"none"`: nothing; every episode has the model as it is.
-- `"posterior"`: the wheel's A-F from the fit's covariance (unstable laws are drawn again), what was fitted
-  of the robot from its standard errors, effects evenly from the gap's intervals.
-- a mapping: each named number evenly between two ends, such as
+- `"none"`: every episode has the model as it is.
+- `"posterior"`: the wheel's coefficients A-F are normal with the covariance of the fit (unstable laws are
+  drawn again), fitted parameters of the robot are normal with their standard errors, parameters of effects
+  are uniform in the intervals that the gap workflow found.
+- a mapping: each named parameter is uniform between two ends, such as
   `{"robot.mass_kg": (18, 24), "effects.speed_gain.gain": (0.9, 1.0)}`.
 
-The model file holds what the posterior needs: `uncertainty.wheel.covariance`, `uncertainty.robot.NAME` and
+The posterior is in the model file: `uncertainty.wheel.covariance`, `uncertainty.robot.NAME`, and
 `uncertainty.effects.EFFECT.PARAMETER` with `low` and `high`.
 """
 
@@ -33,19 +34,19 @@ _WHOLE = ("rollers_per_wheel",)
 
 @dataclass(frozen=True)
 class Sampler:
-    """Draws models around one."""
+    """Draws variations of a model."""
 
     model: Model
-    """What is not drawn stays as it is here."""
+    """The model; what is not drawn stays as it is here."""
     ranges: Mapping[str, Range]
-    """Name, such as "robot.mass_kg" or "effects.speed_gain.gain" -> ends of an even draw."""
+    """Ends of a uniform draw by name, such as "robot.mass_kg" or "effects.speed_gain.gain"."""
     spread: FloatArray | None = None
-    """A matrix L, (6, 6), with L L^T the covariance of A-F; None: the law is not drawn."""
+    """A matrix L, shape (6, 6), with L L^T the covariance of A-F; None: the law is not drawn."""
     robot_errors: Mapping[str, float] | None = None
-    """Standard errors of fitted numbers of the robot by name."""
+    """Standard errors of fitted parameters of the robot by name."""
 
     def draw(self, rng: np.random.Generator) -> Model:
-        """Return a model, drawn with rng.
+        """Return a model drawn with the generator `rng`.
 
         Raises:
             InputError: nearly every drawn law is unstable.
@@ -53,7 +54,7 @@ class Sampler:
         model = self.model if self.spread is None else self._draw_laws(self.spread, rng)
         for name, error in (self.robot_errors or {}).items():
             value = getattr(model.robot, name)
-            # Away from zero and below: these are stiffnesses, inertias, grips.
+            # Friction, stiffness and inertia must stay positive.
             drawn = max(value + error * rng.standard_normal(), 0.1 * value)
             model = replace(model, robot=replace(model.robot, **{name: drawn}))
         for name, (low, high) in self.ranges.items():
@@ -61,10 +62,10 @@ class Sampler:
         return model
 
     def edges(self) -> tuple[Model, Model]:
-        """Return the models with every range at its lower end, and at its upper end; nothing else is drawn.
+        """Return the models with all ranges at their lower and at their upper ends; nothing else is changed.
 
         Raises:
-            InputError: a number that a model cannot have.
+            InputError: a value that the model cannot have.
         """
         lowest = highest = self.model
         for name, (low, high) in self.ranges.items():
@@ -85,14 +86,14 @@ class Sampler:
 
 
 def sampler_for(randomize: Randomize, model: Model) -> Sampler | None:
-    """Return what draws the robot of each episode; None where there is nothing to draw.
+    """Return the sampler that draws the robot of each episode; None for "none".
 
     Args:
         randomize: "none", "posterior" or ranges by name; see the module.
-        model: what is drawn around.
+        model: the model that is varied.
 
     Raises:
-        InputError: no such choice or name, a range that is none, or a model that knows no uncertainty.
+        InputError: no such choice or parameter, an invalid range, or a model without uncertainty.
     """
     if isinstance(randomize, Mapping):
         return Sampler(model, {name: _range(name, ends) for name, ends in sorted(randomize.items())})
@@ -118,14 +119,14 @@ def sampler_for(randomize: Randomize, model: Model) -> Sampler | None:
 
 
 def _factor(covariance: FloatArray) -> FloatArray:
-    """Return L with L L^T the covariance; its own rank is 5 where the unit gain ties the six together."""
+    """Return L with L L^T the covariance, whose rank is only 5 if the fit keeps the law's gain at one."""
     values, vectors = np.linalg.eigh(covariance)
     factor: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
     return factor
 
 
 def _moved(law: WheelLaw, change: FloatArray) -> WheelLaw:
-    """Return a law with coefficients changed by `change`, (6,), and the same sum: its gain is known."""
+    """Return a law with coefficients changed by `change`, shape (6,), but the same sum, to keep its gain."""
     numbers = {name: getattr(law, name) + float(d) for name, d in zip(COEFFICIENTS, change, strict=True)}
     numbers["E"] -= float(np.sum(change))
     return replace(law, **numbers)
@@ -138,7 +139,7 @@ def _range(name: str, ends: Any) -> Range:
     except (TypeError, ValueError) as error:
         raise InputError(f"randomize: {name} = {ends!r}, must be two numbers: low, high") from error
     if not (np.isfinite(low) and np.isfinite(high) and low <= high):
-        raise InputError(f"randomize: {name} = {ends!r}, must be two finite numbers, the lower one first")
+        raise InputError(f"randomize: {name} = {ends!r}, must be two finite numbers, the lower number first")
     section, *rest = name.split(".")
     if section == "effects":
         least, most = next(one for one in CATALOGUE[rest[0]].parameters if one.name == rest[1]).valid

@@ -1,58 +1,45 @@
-"""Where robot and opponent are, now and a short while ago."""
+"""Where robot and opponent are, now and a short while ago.
+
+A scene has 11 numbers, in the field's frame: the robot's x, y [m], yaw [rad, unwrapped], vx, vy [m/s] and yaw
+rate [rad/s]; the opponent's x, y [m], heading [rad, unwrapped], vx and vy [m/s].
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.units import FloatArray
 
+BoolArray = npt.NDArray[np.bool_]
 RowArray = npt.NDArray[np.intp]
-"""Indices of some episodes, (m,)."""
-
-COLUMNS: Final = (
-    "x",
-    "y",
-    "yaw",
-    "vx",
-    "vy",
-    "yaw_rate",
-    "opp_x",
-    "opp_y",
-    "opp_heading",
-    "opp_vx",
-    "opp_vy",
-)
-"""Rows of a scene, in the field's frame: robot pose [m, m, rad unwrapped], its velocity [m/s, m/s, rad/s];
-the opponent's place [m], heading [rad unwrapped], and velocity [m/s]."""
-ROBOT, OPPONENT = slice(0, 6), slice(6, 11)
+"""Indices of some episodes, shape (m,)."""
 
 
 class Scenes:
-    """The last scenes of n episodes, one a step; linear in between.
+    """The latest scenes of n episodes, one for each step; interpolated linearly.
 
     Args:
         n: number of episodes.
-        step_s: time between two scenes.
-        oldest_s: how far back scenes can be asked for.
+        step_s: time between two scenes [s].
+        oldest_s: greatest age of a scene that can be asked for [s].
     """
 
     def __init__(self, n: int, step_s: float, oldest_s: float) -> None:
         self._step_s = step_s
         self._separation: tuple[FloatArray, FloatArray] | None = None
-        self._past = np.zeros((int(np.ceil(oldest_s / step_s)) + 3, len(COLUMNS), n))
+        self._past = np.zeros((int(np.ceil(oldest_s / step_s)) + 3, 11, n))
 
     @property
     def now(self) -> FloatArray:
-        """The newest scene, shape (11, n), rows as `COLUMNS`; a view."""
+        """The newest scene, shape (11, n), as a view."""
         now: FloatArray = self._past[0]
         return now
 
     def restart(self, row: int, scene: Sequence[float]) -> None:
-        """Let an episode begin, having been at rest before.
+        """Begin an episode whose players have always been at rest.
 
         Args:
             row: which episode.
@@ -62,30 +49,30 @@ class Scenes:
         self._separation = None
 
     def push(self) -> FloatArray:
-        """Move every scene one step into the past; return the newest, a copy of the last, to be written."""
+        """Shift all scenes by one step; return the newest, a copy of the last that is to be overwritten."""
         self._past[1:] = self._past[:-1].copy()
         self._separation = None
         return self.now
 
     def separation(self) -> tuple[FloatArray, FloatArray]:
-        """Return distance [m] and bearing [rad] of the opponent from the robot now, shapes (n,)."""
+        """Return distance [m] and bearing [rad] of the opponent from the robot now, shape (n,) each."""
         if self._separation is None:
             self._separation = separation(self.now)
         return self._separation
 
     def ago(self, delay_s: float) -> FloatArray:
-        """Return the scene of `delay_s` before now, the same for all episodes, shape (11, n)."""
+        """Return the scene `delay_s` before now, in all episodes, shape (11, n)."""
         whole, share = divmod(delay_s / self._step_s, 1.0)
         newer, older = self._past[int(whole)], self._past[int(whole) + 1]
         scene: FloatArray = newer + share * (older - newer)
         return scene
 
     def ago_of(self, rows: RowArray, delays_s: FloatArray) -> FloatArray:
-        """Return scenes of some episodes, each as long ago as it likes, shape (11, m).
+        """Return scenes of some episodes, each with a delay of its own, shape (11, m).
 
         Args:
-            rows: indices (m,) of the episodes.
-            delays_s: how long before now, (m,); beyond what is kept: the oldest.
+            rows: indices of the episodes, shape (m,).
+            delays_s: time before now, shape (m,) [s]; limited to what is kept.
         """
         age = np.clip(delays_s / self._step_s, 0.0, len(self._past) - 2.0)
         whole = np.floor(age).astype(np.intp)
@@ -100,10 +87,10 @@ def wrapped(angle_rad: FloatArray) -> FloatArray:
 
 
 def separation(scene: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distance [m] and bearing [rad] of the opponent from the robot, shapes (n,).
+    """Return distance [m] and bearing [rad] of the opponent from the robot, shape (n,) each.
 
     Args:
-        scene: (11, n); the bearing is 0 straight ahead, positive to the left.
+        scene: shape (11, n); the bearing is 0 straight ahead and positive to the left.
     """
     dx, dy = scene[6] - scene[0], scene[7] - scene[1]
     return np.sqrt(dx * dx + dy * dy), wrapped(np.arctan2(dy, dx) - scene[2])

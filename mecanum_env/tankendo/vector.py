@@ -12,13 +12,15 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode, checked_action
 from mecanum_env.tankendo.arena import TaskName
 from mecanum_env.tankendo.build import ModelLike, build, row_info
+from mecanum_env.tankendo.chance import DRAWN, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.randomize import Randomize
+from mecanum_env.tankendo.scene import BoolArray
 
 Array = npt.NDArray[Any]
 
@@ -26,17 +28,23 @@ Array = npt.NDArray[Any]
 class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
     """`num_envs` independent copies of `TankendoEnv`, each equal to it bit for bit.
 
-    `gymnasium.make_vec("MecanumTankendo-v0", num_envs=64)` makes one. An episode that ends begins anew within
-    the same step (`AutoresetMode.SAME_STEP`): the observation is then the first of the next episode, and
-    `info["final_obs"]` and `info["final_info"]` hold the last of the old one. With a seed s, environment i is
-    `TankendoEnv` with the seed s + i.
+    `gymnasium.make_vec("MecanumTankendo-v0", num_envs=64, autoreset_mode="SameStep")` makes one. With a seed
+    s, environment i is `TankendoEnv` with the seed s + i. `autoreset_mode` says when an episode that is over
+    is reset, as Gymnasium defines it:
+
+    - "NextStep": by the next step, which ignores the action, gives the first observation of the new episode,
+      a reward of 0, and no end.
+    - "SameStep": within the step that ends them, which gives the first observation of the new episode; the
+      last observation and info of the old one are in `info["final_obs"]` and `info["final_info"]`.
+    - "Disabled": by `reset(options={"reset_mask": mask})` alone, the mask an array (num_envs,) of bool.
 
     Args:
-        num_envs: how many.
-        render_mode: None; many together are not drawn.
-        threads: that step the physics; 0: as many as there are processors.
+        num_envs: number of environments.
+        autoreset_mode: a `gymnasium.vector.AutoresetMode` or its value, see above.
+        render_mode: None; robots in one batch are not drawn.
+        threads: number of threads that step the physics; 0: as many as there are processors.
 
-    All others: as for `TankendoEnv`.
+    All other arguments are those of `TankendoEnv`.
     """
 
     def __init__(
@@ -56,6 +64,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         timestep_s: float | None = None,
         render_mode: str | None = None,
         threads: int = 1,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ) -> None:
         if num_envs < 1:
             raise InputError(f"num_envs = {num_envs}, must be at least 1")
@@ -64,7 +73,8 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
                 f"render_mode = {render_mode!r}: robots in one batch are not drawn; use gymnasium.make, or "
                 'make_vec with vectorization_mode="sync"'
             )
-        self._built = build(
+        self._autoreset_mode = _mode(autoreset_mode)
+        self._episodes = build(
             num_envs,
             task=task,
             model=model,
@@ -80,11 +90,11 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
             timestep_s=timestep_s,
             threads=threads,
         )
-        self.metadata = {"autoreset_mode": AutoresetMode.SAME_STEP}
+        self.metadata = {"autoreset_mode": self._autoreset_mode}
         self.num_envs = num_envs
-        self.arena = self._built.arena
-        self.single_action_space: gymnasium.Space[Any] = self._built.action_space()
-        self.single_observation_space: gymnasium.Space[Any] = self._built.observation_space()
+        self.arena = self._episodes.arena
+        self.single_action_space: gymnasium.Space[Any] = self._episodes.action_space()
+        self.single_observation_space: gymnasium.Space[Any] = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
@@ -98,24 +108,22 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         """Begin an episode in every environment; return the first observations and info.
 
         Args:
-            seed: s: environment i gets s + i; a sequence: each its own; None goes on with the generators.
-            options: `{"reset_mask": array of bool}` begins only some anew.
+            seed: s: environment i gets s + i; a sequence: one seed each; None: the generators go on.
+            options: those of `TankendoEnv`, the same for all environments; with `"reset_mask"`, an array
+                (num_envs,) of bool, only some environments begin an episode.
 
         Raises:
-            InputError: seeds or a mask that do not fit; nothing has begun.
+            InputError: seeds or options that do not fit; nothing has changed.
         """
         seeds = self._seeds(seed)
-        mask = np.asarray((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
-        if mask.shape != (self.num_envs,) or mask.dtype != bool:
-            raise InputError(
-                f"reset_mask: {mask.dtype} of shape {mask.shape}, must be bool of shape ({self.num_envs},)"
-            )
+        start = self._episodes.start_of(options, "reset_mask")
+        mask = self._mask((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
         for row in np.flatnonzero(mask).tolist():
             own = seeds[row]
             if own is not None:
                 self._rngs[row], _ = gymnasium.utils.seeding.np_random(own)
-            self._built.restart(row, self._rngs[row])
-        return self.arena.observe(), _with_masks(self.arena.state_info())
+        self._restart(mask, start)
+        return self.arena.observe(), _with_masks(self.arena.state_info(), mask)
 
     def _seeds(self, seed: int | Sequence[int | None] | Array | None) -> list[int | None]:
         if seed is None:
@@ -132,6 +140,16 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
             raise InputError(f"seed: {len(seeds)} seeds, must be {self.num_envs}, one for each environment")
         return seeds
 
+    def _mask(self, value: Any) -> BoolArray:
+        mask = np.asarray(value)
+        if mask.shape != (self.num_envs,) or mask.dtype != bool:
+            raise InputError(
+                f"reset_mask: {mask.dtype} of shape {mask.shape}, must be bool of shape ({self.num_envs},)"
+            )
+        if not mask.any():
+            raise InputError("reset_mask: all False, must be True for at least one environment")
+        return mask
+
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Send a command to each robot; return observations, rewards, terminated, truncated, info.
 
@@ -140,32 +158,52 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
 
         Raises:
             InputError: actions of another shape, or not finite; nothing has moved.
-            gymnasium.error.ResetNeeded: no episode has begun.
+            gymnasium.error.ResetNeeded: no episode has begun, or without autoreset one is over.
         """
-        step = self._built.step(checked_action(actions, (self.num_envs, 3)))
-        info = _with_masks(step.info)
-        observation = step.observation
-        done = step.terminated | step.truncated
-        if done.any():
+        everybody, mode = np.ones(self.num_envs, bool), self._autoreset_mode
+        # The physics steps every row; in a row that was over before, the reset replaces the result.
+        was_over = self.arena.ended.copy() if mode is AutoresetMode.NEXT_STEP else ~everybody
+        step = self._episodes.step(checked_action(actions, (self.num_envs, 3)), was_over)
+        terminated, truncated = step.terminated & ~was_over, step.truncated & ~was_over
+        reward = np.where(was_over, 0.0, step.reward)
+        resets = terminated | truncated if mode is AutoresetMode.SAME_STEP else was_over
+        if not resets.any():
+            return step.observation, reward, terminated, truncated, _with_masks(step.info, everybody)
+        self._restart(resets, DRAWN)
+        observation = np.where(resets[:, None], self.arena.observe(), step.observation)
+        # The info of a reset lacks what a step adds.
+        info = _with_masks(step.info, ~resets) | _with_masks(self.arena.state_info(), everybody)
+        if mode is AutoresetMode.SAME_STEP:
             last = np.full(self.num_envs, None, object)
-            for row in np.flatnonzero(done):
-                last[row] = observation[row]
-                self._built.restart(int(row), self._rngs[row])
-            info["final_obs"], info["_final_obs"] = last, done
-            info["final_info"] = _with_masks(step.info, done)
-            info["_final_info"] = done
-            observation = np.where(done[:, None], self.arena.observe(), observation)
-        return observation, step.reward, step.terminated, step.truncated, info
+            for row in np.flatnonzero(resets):
+                last[row] = step.observation[row]
+            info |= {"final_obs": last, "final_info": _with_masks(step.info, resets)}
+            info |= {"_final_obs": resets, "_final_info": resets.copy()}
+        return observation, reward, terminated, truncated, info
 
     def info_of(self, info: Mapping[str, Any], row: int) -> dict[str, Any]:
-        """Return one environment's part of an info, by its row, as the single environment would give it."""
-        plain = {name: value for name, value in info.items() if f"_{name}" in info and "final" not in name}
-        return row_info(plain, row)
+        """Return what an info says of one environment, by its row, as the single environment gives it."""
+        names = [name for name in info if name[0] != "_" and not name.startswith("final_")]
+        return row_info({name: info[name] for name in names if info[f"_{name}"][row]}, row)
+
+    def _restart(self, rows: BoolArray, start: Start) -> None:
+        for row in np.flatnonzero(rows).tolist():
+            self._episodes.restart(row, self._rngs[row], start)
 
 
-def _with_masks(info: Mapping[str, Array], mask: Array | None = None) -> dict[str, Any]:
-    """Add to each array of an info, as Gymnasium does, for which environments it holds."""
-    masks: dict[str, Any] = dict(info)
+def _mode(value: AutoresetMode | str) -> AutoresetMode:
+    names = [mode.value for mode in AutoresetMode]
+    try:
+        return AutoresetMode(value)
+    except ValueError as error:
+        raise InputError(
+            f"autoreset_mode = {value!r}{did_you_mean(str(value), names)}, must be {', '.join(names)}"
+        ) from error
+
+
+def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:
+    """Add to each array of an info, as Gymnasium does, for which environments it holds; others get 0."""
+    masked: dict[str, Any] = {}
     for name, values in info.items():
-        masks[f"_{name}"] = np.ones(len(values), bool) if mask is None else mask
-    return masks
+        masked[name], masked[f"_{name}"] = np.where(mask, values, np.zeros_like(values)), mask.copy()
+    return masked

@@ -1,4 +1,4 @@
-"""What the tests of the environments share."""
+"""Fixtures for the tests of the environments."""
 
 from collections.abc import Callable, Iterator
 from typing import Any
@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.tankendo import command_to_action
-from mecanum_env.tankendo.build import Built, build
+from mecanum_env.tankendo.build import Episodes, build
 from mecanum_env.tankendo.env import TankendoEnv
 
 NOT_GIVEN = ("model", "observation_delay", "opponent", "reward_weights", "rules", "sensors", "timestep_s")
@@ -34,7 +34,7 @@ def make() -> Iterator[Callable[..., TankendoEnv]]:
         env.close()
 
 
-def side_by_side(n: int, **arguments: Any) -> Built:
+def side_by_side(n: int, **arguments: Any) -> Episodes:
     """Return n episodes side by side, seeded 0 .. n-1 and begun."""
     built = build(n, **{**dict.fromkeys(NOT_GIVEN), **USUAL, **arguments})
     for row in range(n):
@@ -71,7 +71,6 @@ def play() -> Callable[..., dict[str, np.ndarray]]:
                 over[row] = True
                 for name, values in step.info.items():
                     last.setdefault(name, [None] * n)[row] = values[row]
-            arena.step_count[over] = 0  # what goes on there does not count
         return {name: np.array(values) for name, values in last.items()}
 
     return until_the_end

@@ -1,4 +1,4 @@
-"""Simple controllers: what they reach, harder levels harder for each, planar and rollers alike."""
+"""Success of simple controllers: lower on harder levels, and alike on both plants."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""A copy of an environment goes on like the original, and apart from it."""
+"""A copy of an environment continues like the original, and independently of it."""
 
 import copy
 import pickle

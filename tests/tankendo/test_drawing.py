@@ -1,5 +1,8 @@
 """Pictures of an episode."""
 
+import os
+import subprocess
+import sys
 from contextlib import nullcontext
 from types import SimpleNamespace
 
@@ -14,8 +17,7 @@ import mecanum_env
 from mecanum_env.errors import BackendError
 from mecanum_env.mjcf.chassis import SWORD_M
 from mecanum_env.tankendo import drawing
-from mecanum_env.tankendo.drawing import picture_of, score_lines
-from mecanum_env.tankendo.figure import opponent_shapes
+from mecanum_env.tankendo.drawing import opponent_shapes, score_lines
 
 STILL = np.zeros(3, np.float32)
 
@@ -37,6 +39,21 @@ def test_a_picture_shows_robot_opponent_and_score(make, plant):
     assert np.mean(later[:80, :300]) < np.mean(later[:80, 500:])  # dark behind the text
 
 
+@pytest.mark.parametrize(
+    "first", ["gymnasium, mecanum_env", "mecanum_env, gymnasium", "mecanum_env.tankendo.env, gymnasium"]
+)
+def test_the_package_chooses_how_to_draw_without_a_display(first):
+    """MuJoCo chooses its graphics library when it is imported, so the package must be first."""
+    program = (
+        f"import {first}; env = gymnasium.make('MecanumTankendo-v0', render_mode='rgb_array'); "
+        "env.reset(seed=0); print(env.render().shape); env.close()"
+    )
+    unset = ("MUJOCO_GL", "PYOPENGL_PLATFORM", "DISPLAY", "WAYLAND_DISPLAY")
+    environment = {name: value for name, value in os.environ.items() if name not in unset}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment)
+    assert done.stdout.strip() == "(480, 640, 3)", done.stderr
+
+
 def test_the_strike_is_seen(make):
     env = make(render_mode="rgb_array")
     env.reset(seed=0)
@@ -56,10 +73,10 @@ def test_the_strike_is_seen(make):
 def test_the_sword_is_as_long_as_the_sport_says(make):
     env = make()
     env.reset(seed=0)
-    picture = picture_of(env.arena)
-    sword = opponent_shapes(picture)[7:11]
+    sword = opponent_shapes(env.arena)[7:11]
     ends = np.array([sword[0].start, sword[-1].end])
-    np.testing.assert_allclose(ends[1], picture.tip, atol=1e-9)
+    tip, _ = env.arena.fighter.sword.tip_and_velocity(env.arena.time_s(), env.arena.scenes.now)
+    np.testing.assert_allclose(ends[1], tip[:, 0], atol=1e-9)
     assert np.linalg.norm(ends[1] - ends[0]) == pytest.approx(SWORD_M)
 
 
@@ -120,7 +137,7 @@ def test_a_window_shows_the_same_shapes(make, monkeypatch):
     env.reset(seed=0)
     env.step(STILL)
     window = env._window
-    assert window._viewer.user_scn.ngeom == len(opponent_shapes(picture_of(env.arena)))
+    assert window._viewer.user_scn.ngeom == len(opponent_shapes(env.arena))
     assert len(shown) == 2
     assert "opponent on guard" in shown[-1]
     env.close()

@@ -12,9 +12,12 @@ from gymnasium.utils.env_checker import check_env
 import mecanum_env
 from mecanum_env.errors import InputError
 from mecanum_env.registration import ENVIRONMENTS
-from mecanum_env.tankendo import ACTION_MODES, DIFFICULTIES, Opponent, Sensors
+from mecanum_env.tankendo import ACTION_MODES, DIFFICULTIES, Opponent, Rules, Sensors
+from mecanum_env.tankendo.constants import TECHNIQUES
+from mecanum_env.tankendo.drawing import opponent_shapes
 from mecanum_env.tankendo.env import TankendoEnv
 from mecanum_env.tankendo.judge import TERMS
+from mecanum_env.tankendo.vector import TankendoVectorEnv
 
 ORDERS = (
     "import gymnasium, mecanum_env",
@@ -23,10 +26,14 @@ ORDERS = (
 )
 
 
+@pytest.mark.parametrize("render_mode", [None, "rgb_array"])
 @pytest.mark.parametrize("name", ENVIRONMENTS)
-def test_the_checker_of_gymnasium_finds_nothing(name):
-    env = gymnasium.make(name, render_mode="rgb_array")
-    check_env(env.unwrapped, skip_render_check=True)
+def test_the_checker_of_gymnasium_finds_nothing(name, render_mode, monkeypatch):
+    """Its render check, too, on a machine without a display."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    env = gymnasium.make(name, render_mode=render_mode)
+    check_env(env.unwrapped)
     env.close()
 
 
@@ -136,7 +143,7 @@ def test_an_argument_that_is_not_usable_says_what_would_be(arguments, message):
 
 
 def test_the_delay_of_the_observation(make):
-    """What is seen is where everybody was; without noise the two delays show the same things."""
+    """A delayed observation is the earlier scene; without noise, two delays show the same numbers."""
     silent = Sensors(0.0, *(0.0,) * 7)
     prompt, late = make(sensors=silent, observation_delay=0.0), make(sensors=silent, observation_delay=0.1)
     for env in (prompt, late):
@@ -148,8 +155,105 @@ def test_the_delay_of_the_observation(make):
 
 
 def test_a_step_needs_an_episode(make):
+    env = make(rules=Rules(dodge_time_s=0.1))
     with pytest.raises(gymnasium.error.ResetNeeded, match="reset"):
-        make().step(np.zeros(3))
+        env.step(np.zeros(3))
+    env.reset(seed=0)
+    assert env.step(np.zeros(3))[3]
+    with pytest.raises(gymnasium.error.ResetNeeded, match="over"):
+        env.step(np.zeros(3))
+
+
+@pytest.mark.parametrize("technique", ["men", 2, np.int64(2)])
+def test_an_episode_begins_where_and_with_what_the_options_say(make, technique):
+    env, drawn = make(), make()
+    options = {"technique": technique, "start": (0.5, -1.0, 0.2)}
+    env.reset(seed=3, options=options)
+    drawn.reset(seed=3)
+    np.testing.assert_allclose(env.arena.scenes.now[:3, 0], options["start"])
+    apart = [one.arena.scenes.now[6:8, 0] - one.arena.scenes.now[:2, 0] for one in (env, drawn)]
+    np.testing.assert_allclose(apart[0][0], apart[1][0])
+    assert apart[0][1] == 0.0
+    np.testing.assert_array_equal(env.arena.chance.technique, 2)
+    # The rest is drawn as without options, and so is the next episode.
+    np.testing.assert_array_equal(env.arena.chance.warning, drawn.arena.chance.warning)
+    np.testing.assert_array_equal(env.reset()[0], drawn.reset()[0])
+    names = set()
+    while "men" not in names:
+        env.reset(options={"technique": "men"})
+        _, _, terminated, truncated, info = env.step(np.zeros(3))
+        while not (terminated or truncated):
+            _, _, terminated, truncated, info = env.step(np.zeros(3))
+        names.add(TECHNIQUES[info["technique"]].name)
+    assert names == {"men"}
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (5, "options = 5, must be a dictionary"),
+        (
+            {"tecnique": "men"},
+            'options: no "tecnique" .did you mean "technique".., known are technique, start',
+        ),
+        ({"technique": "man"}, 'did you mean "men".*must be do, nodo, men, kote or an index 0 .. 3'),
+        ({"technique": 4}, "technique = 4, must be do, nodo, men, kote or an index 0 .. 3"),
+        ({"technique": True}, "technique = True, must be"),
+        ({"technique": None}, "technique = None, must be"),
+        ({"start": (0, 0)}, r"start = \(0, 0\), must be three finite numbers: x .m., y .m., yaw .rad."),
+        ({"start": (0, 0, np.nan)}, "must be three finite numbers"),
+        ({"start": "abc"}, "must be three finite numbers"),
+        (
+            {"start": (3, 0, 0)},
+            r"start = \(3, 0, 0\), must be in the field: x -4.5 .. 1.7 m, y -4.5 .. 4.5 m",
+        ),
+        ({"start": (0, -5, 0)}, "must be in the field"),
+        ({"reset_mask": [True]}, 'no "reset_mask"'),
+    ],
+)
+def test_options_that_are_none_are_refused_and_nothing_begins(make, options, message):
+    env, undisturbed = make(), make()
+    for each in (env, undisturbed):
+        each.reset(seed=0)
+    with pytest.raises(InputError, match=message):
+        env.reset(seed=1, options=options)
+    np.testing.assert_array_equal(env.step(np.zeros(3))[0], undisturbed.step(np.zeros(3))[0])
+    np.testing.assert_array_equal(env.reset()[0], undisturbed.reset()[0])
+
+
+def test_there_is_no_technique_to_choose_where_nobody_strikes(make):
+    with pytest.raises(InputError, match='technique: the opponent does not strike in the task "track"'):
+        make(task="track").reset(options={"technique": "men"})
+
+
+def test_all_rows_of_many_begin_as_the_options_say():
+    options = {"technique": "kote", "start": (-1.0, 0.5, 0.0)}
+    many, one = TankendoVectorEnv(3), TankendoEnv()
+    observations, _ = many.reset(seed=4, options=options)
+    for row in range(3):
+        np.testing.assert_array_equal(observations[row], one.reset(seed=4 + row, options=options)[0])
+    mask = np.array([False, True, False])
+    again, _ = many.reset(options={"reset_mask": mask, "start": (1.0, 0.0, 0.0)})
+    np.testing.assert_array_equal(again[~mask], observations[~mask])
+    assert many.arena.scenes.now[0].tolist() == [-1.0, 1.0, -1.0]
+
+
+def test_the_rules_that_are_played_by_can_be_read(make):
+    rules, sensors, opponent = Rules(maai_m=1.9), Sensors(position_m=0.0), Opponent(lead=0.5)
+    env = make(rules=rules, sensors=sensors, opponent=opponent)
+    setting = env.arena.setting
+    assert (setting.rules, setting.sensors, setting.opponent) == (rules, sensors, opponent)
+
+
+def test_the_opponent_and_the_picture_keep_the_maai_of_the_rules(make):
+    env = make(rules=Rules(maai_m=2.1), opponent=Opponent(patience_s=(99.0, 99.0), drift_m_s=0.0))
+    env.reset(seed=0)
+    for _ in range(40):
+        info = env.step(np.zeros(3))[-1]
+    assert info["distance_m"] == pytest.approx(2.1, abs=0.05)
+    shapes = opponent_shapes(env.arena)
+    ring = np.array([shape.start[:2] for shape in shapes if shape.size[2] == 0.003])
+    np.testing.assert_allclose(np.linalg.norm(ring - env.arena.scenes.now[6:8, 0], axis=1), 2.1)
 
 
 @pytest.mark.parametrize(

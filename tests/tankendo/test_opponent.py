@@ -91,7 +91,7 @@ def test_it_reaches_no_farther_than_its_reach(begin):
 
 
 def test_it_knows_the_robot_as_it_was(begin):
-    """The aim of a strike is at the robot of one sight delay before the sword starts forward."""
+    """It aims at the robot as it was one sight delay before the sword starts forward."""
     opponent = replace(EAGER, lead=0.0, aim_noise_m=0.0, techniques=(replace(TECHNIQUES[0], reach_m=9.0),))
     arena = begin(opponent=opponent, rules=STRAIGHT)
     places, times = [], []

@@ -1,8 +1,9 @@
-"""Many robots at once."""
+"""A batch of robots: each has its own model, and an error names its robot."""
 
 import numpy as np
 import pytest
 
+from mecanum_env.errors import InputError
 from mecanum_env.simulator import SimulationDivergedError
 from mecanum_env.tankendo.plant import RobotBatch, compile_model
 
@@ -14,3 +15,16 @@ def test_the_robot_that_diverged_is_named(paper, row):
     commands[row] = np.nan
     with pytest.raises(SimulationDivergedError, match=f"robot {row} diverged"):
         robots.step(commands)
+
+
+def test_robots_that_do_not_go_together_are_refused_and_the_others_kept(paper):
+    """A payload is one more body."""
+    common, loaded = (
+        compile_model(one, "planar") for one in (paper, paper.with_effect("payload", mass_kg=3))
+    )
+    robots = RobotBatch(common, 2)
+    with pytest.raises(InputError, match="other bodies or joints than the common one"):
+        robots.restart(1, (0, 0, 0), loaded)
+    assert robots.model_of(1) is paper
+    robots.restart(1, (0, 0, 0))
+    robots.step(np.zeros((2, 3)))

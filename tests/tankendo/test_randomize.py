@@ -1,4 +1,4 @@
-"""Robots drawn from what the identification left open."""
+"""Robots drawn from the uncertainty of the identification."""
 
 from dataclasses import replace
 
@@ -7,7 +7,6 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.tankendo.plant import RobotBatch, compile_model
 from mecanum_env.tankendo.randomize import sampler_for
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 
@@ -116,19 +115,6 @@ def test_effects_that_change_how_a_robot_is_built_can_be_drawn(make, plant, rang
         np.testing.assert_array_equal(vector.step(action)[0][1], single.step(action[1])[0])
 
 
-def test_robots_that_do_not_go_together_are_refused_and_the_others_kept(paper):
-    """A payload is a body more, which one without does not have."""
-    common, loaded = (
-        compile_model(one, "planar") for one in (paper, paper.with_effect("payload", mass_kg=3))
-    )
-    robots = RobotBatch(common, 2)
-    with pytest.raises(InputError, match="built otherwise"):
-        robots.restart(1, (0, 0, 0), loaded)
-    assert robots.model_of(1) is paper
-    robots.restart(1, (0, 0, 0))
-    robots.step(np.zeros((2, 3)))
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -151,7 +137,7 @@ def test_what_the_ends_of_a_range_cannot_be_is_said_at_once(make, arguments, mes
         ({"robot.mas_kg": (1, 2)}, 'did you mean "robot.mass_kg"'),
         ({"effects.speed_gain.gian": (1, 2)}, "did you mean"),
         ({"robot.mass_kg": 20}, "must be two numbers"),
-        ({"robot.mass_kg": (22, 18)}, "the lower one first"),
+        ({"robot.mass_kg": (22, 18)}, "the lower number first"),
     ],
 )
 def test_ranges_that_are_none_are_refused(paper, ranges, message):

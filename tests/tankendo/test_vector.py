@@ -1,49 +1,67 @@
-"""The native vector environment equals single ones bit for bit."""
+"""The native vector environment equals single environments, and Gymnasium's own, bit for bit."""
 
 import gymnasium
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode
+from gymnasium.wrappers.vector import NormalizeObservation, NormalizeReward, RecordEpisodeStatistics
 
 import mecanum_env  # noqa: F401  (registers the environments)
 from mecanum_env.errors import InputError
+from mecanum_env.tankendo import Rules
 from mecanum_env.tankendo.env import TankendoEnv
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 
 RANGES = {"wheel.saturation_rpm": (100, 135), "effects.speed_gain.gain": (0.9, 1.0)}
 
 
-def together(n, steps, actions, **arguments):
+MODES = ["NextStep", "SameStep", "Disabled"]
+
+
+def together(n, steps, actions, mode="SameStep", **arguments):
     """Step a vector environment and single ones side by side; return how many episodes ended."""
-    vector = TankendoVectorEnv(n, **arguments)
+    vector = TankendoVectorEnv(n, autoreset_mode=mode, **arguments)
     singles = [TankendoEnv(**arguments) for _ in range(n)]
     observations, info = vector.reset(seed=11)
-    ended = 0
+    over, ended = np.zeros(n, bool), 0
     for row, single in enumerate(singles):
         observation, own = single.reset(seed=11 + row)
         np.testing.assert_array_equal(observations[row], observation)
         assert vector.info_of(info, row) == own
     for step in range(steps):
         observations, rewards, terminated, truncated, info = vector.step(actions[step])
+        before, over = over, np.zeros(n, bool)
         for row, single in enumerate(singles):
-            observation, reward, end, cut, own = single.step(actions[step, row])
-            assert (reward, end, cut) == (rewards[row], terminated[row], truncated[row])
-            assert vector.info_of(info, row) == own
-            if end or cut:
-                ended += 1
+            if mode == "NextStep" and before[row]:
+                observation, own = single.reset()
+                reward, end, cut = 0.0, False, False
+            else:
+                observation, reward, end, cut, own = single.step(actions[step, row])
+            over[row] = end or cut
+            if mode == "SameStep" and over[row]:
                 np.testing.assert_array_equal(info["final_obs"][row], observation)
                 assert vector.info_of(info["final_info"], row) == own
                 assert info["_final_info"][row]
-                observation, _ = single.reset()
+                observation, own = single.reset()
+            assert (reward, end, cut) == (rewards[row], terminated[row], truncated[row])
+            assert vector.info_of(info, row) == own
             np.testing.assert_array_equal(observations[row], observation)
+        if mode == "Disabled" and over.any():
+            observations, info = vector.reset(options={"reset_mask": over})
+            for row in np.flatnonzero(over):
+                observation, own = singles[row].reset()
+                np.testing.assert_array_equal(observations[row], observation)
+                assert vector.info_of(info, row) == own
+        ended += over.sum()
     return ended
 
 
+@pytest.mark.parametrize("mode", MODES)
 @pytest.mark.parametrize("task", ["dodge", "track", "duel"])
-def test_each_row_is_a_single_environment(task):
+def test_each_row_is_a_single_environment(task, mode):
     # Small and slow commands: the opponent strikes, so that all of the task is gone through.
     actions = np.random.default_rng(0).uniform(-0.15, 0.15, (160, 5, 3)).astype(np.float32)
-    ended = together(5, 160, actions, task=task)
+    ended = together(5, 160, actions, mode, task=task)
     assert ended >= (5 if task != "duel" else 1)
 
 
@@ -76,7 +94,6 @@ def test_sensor_effects_too(paper):
 def test_make_vec_finds_it():
     env = gymnasium.make_vec("MecanumTankendoDuel-v0", num_envs=4, difficulty="easy")
     assert isinstance(env.unwrapped, TankendoVectorEnv)
-    assert env.metadata["autoreset_mode"] == AutoresetMode.SAME_STEP
     observation, _ = env.reset(seed=0)
     assert env.observation_space.contains(observation)
     assert observation.shape == (4, 23)
@@ -123,6 +140,9 @@ def test_seeds_may_be_an_array():
             r"reset_mask: bool of shape \(2,\), must be bool of shape",
         ),
         ({"options": {"reset_mask": [0, 2, 1]}}, r"reset_mask: int64 of shape \(3,\), must be bool of shape"),
+        ({"options": {"reset_mask": [False] * 3}}, "reset_mask: all False, must be True for at least one"),
+        ({"options": {"reset_masks": [True] * 3}}, 'did you mean "reset_mask"'),
+        ({"options": {"technique": "man"}, "seed": 1}, 'did you mean "men"'),
     ],
 )
 def test_a_reset_that_is_none_is_refused_and_nothing_begins(arguments, message):
@@ -151,9 +171,9 @@ def test_stable_baselines_steps_it():
 
     from training.train.environments import TankendoVecEnv
 
-    env = VecMonitor(TankendoVecEnv(TankendoVectorEnv(4)))
+    env = VecMonitor(TankendoVecEnv(TankendoVectorEnv(4, autoreset_mode="SameStep")))
     env.seed(3)
-    native = TankendoVectorEnv(4)
+    native = TankendoVectorEnv(4, autoreset_mode="SameStep")
     np.testing.assert_array_equal(env.reset(), native.reset(seed=[3, 4, 5, 6])[0])
     ends = []
     for _ in range(60):
@@ -169,10 +189,101 @@ def test_stable_baselines_steps_it():
     assert {"episode", "is_success", "technique", "TimeLimit.truncated"} <= ends[0].keys()
 
 
-def test_with_slow_sensors_too(paper):
-    """Episodes that end beside it are no further samples for a filter."""
+@pytest.mark.parametrize("mode", MODES)
+def test_with_slow_sensors_too(paper, mode):
+    """A reset of another row adds no sample to a sensor's filter."""
     actions = np.random.default_rng(0).uniform(-0.15, 0.15, (60, 5, 3)).astype(np.float32)
-    assert together(5, 60, actions, model=paper.with_effect("sensor_lowpass", time_constant_s=0.1)) >= 3
+    model = paper.with_effect("sensor_lowpass", time_constant_s=0.1)
+    assert together(5, 60, actions, mode, model=model) >= 3
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_it_does_what_gymnasiums_own_vector_environment_does(mode):
+    """Beside `SyncVectorEnv`: observations, rewards, ends, and for which rows each key of the info holds."""
+    actions = np.random.default_rng(0).uniform(-0.15, 0.15, (70, 3, 3)).astype(np.float32)
+    kinds = (
+        {"vectorization_mode": "vector_entry_point", "autoreset_mode": mode},
+        {"vectorization_mode": "sync", "vector_kwargs": {"autoreset_mode": mode}},
+    )
+    native, sync = (gymnasium.make_vec("MecanumTankendo-v0", num_envs=3, **kind) for kind in kinds)
+    native.reset(seed=5)
+    sync.reset(seed=5)
+    over, ended = np.zeros(3, bool), 0
+    for action in actions:
+        if mode == "Disabled" and over.any():
+            for envs in (native, sync):
+                envs.reset(options={"reset_mask": over})
+        (*own, info), (*expected, theirs) = native.step(action), sync.step(action)
+        for a, b in zip(own, expected, strict=True):
+            np.testing.assert_array_equal(a, b)
+        over = own[2] | own[3]
+        ended += over.sum()
+        for name, mask in info.items():
+            if name.startswith("_"):
+                np.testing.assert_array_equal(mask, theirs.get(name, np.zeros(3, bool)), name)
+    assert ended >= 2
+    native.close()
+    sync.close()
+
+
+def test_the_mode_is_next_step_as_in_gymnasium_unless_another_is_chosen():
+    env = gymnasium.make_vec("MecanumTankendo-v0", num_envs=2)
+    assert env.metadata["autoreset_mode"] == AutoresetMode.NEXT_STEP
+    for mode in (*AutoresetMode, *MODES):
+        env = gymnasium.make_vec("MecanumTankendo-v0", num_envs=2, autoreset_mode=mode)
+        assert env.metadata["autoreset_mode"] == AutoresetMode(mode)
+    with pytest.raises(InputError, match=r"autoreset_mode = 'NextSteps'.*did you mean .NextStep"):
+        TankendoVectorEnv(2, autoreset_mode="NextSteps")
+
+
+def test_without_autoreset_an_episode_that_is_over_must_be_reset():
+    env = TankendoVectorEnv(2, autoreset_mode="Disabled", rules=Rules(dodge_time_s=0.1))
+    env.reset(seed=0)
+    env.step(np.zeros((2, 3)))
+    with pytest.raises(gymnasium.error.ResetNeeded, match="over"):
+        env.step(np.zeros((2, 3)))
+    env.reset(options={"reset_mask": np.array([True, False])})
+    with pytest.raises(gymnasium.error.ResetNeeded, match="over"):
+        env.step(np.zeros((2, 3)))
+
+
+def test_wrappers_of_gymnasium_take_it():
+    counted = RecordEpisodeStatistics(gymnasium.make_vec("MecanumTankendo-v0", num_envs=4))
+    env = NormalizeReward(NormalizeObservation(counted))
+    env.reset(seed=0)
+    lengths = []
+    for _ in range(80):
+        observation, reward, terminated, truncated, info = env.step(np.zeros((4, 3), np.float32))
+        assert np.isfinite(observation).all()
+        assert np.isfinite(reward).all()
+        if "episode" in info:
+            lengths += info["episode"]["l"][terminated | truncated].tolist()
+    single, expected = TankendoEnv(), 0
+    single.reset(seed=0)
+    terminated = False
+    while not terminated:
+        _, _, terminated, _, _ = single.step(np.zeros(3, np.float32))
+        expected += 1
+    assert expected in lengths
+    assert counted.episode_count == len(lengths) >= 4
+
+
+@pytest.mark.parametrize("mode", MODES)
+def test_statistics_count_the_steps_of_the_task_in_every_mode(mode):
+    env = RecordEpisodeStatistics(
+        gymnasium.make_vec(
+            "MecanumTankendoTrack-v0", num_envs=2, autoreset_mode=mode, rules=Rules(track_time_s=0.5)
+        )
+    )
+    env.reset(seed=0)
+    for _ in range(18):
+        _, _, terminated, truncated, info = env.step(np.zeros((2, 3), np.float32))
+        over = terminated | truncated
+        if over.any():
+            np.testing.assert_array_equal(info["episode"]["l"], [5, 5])
+            if mode == "Disabled":
+                env.reset(options={"reset_mask": over})
+    assert env.episode_count == 6
 
 
 @pytest.mark.parametrize(

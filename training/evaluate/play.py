@@ -100,6 +100,7 @@ def evaluate(
         action_mode="command",
         opponent=setup.opponent,
         randomize=setup.randomize,
+        autoreset_mode="Disabled",
     )
     finished: list[tuple[Episode, tuple[float, ...]]] = []
     for trace, ending in _played(maker, env, iter(waiting)):

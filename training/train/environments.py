@@ -17,8 +17,10 @@ from typing import Any, Final
 import gymnasium
 import numpy as np
 import numpy.typing as npt
+from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor, VecNormalize
 
+from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.tankendo.vector import TankendoVectorEnv
@@ -60,10 +62,15 @@ class TankendoVecEnv(VecEnv):  # type: ignore[misc]
     `terminal_observation` and `TimeLimit.truncated`.
 
     Args:
-        env: the native vector environment.
+        env: the native vector environment, with `autoreset_mode="SameStep"`.
+
+    Raises:
+        InputError: an environment with another `autoreset_mode`.
     """
 
     def __init__(self, env: TankendoVectorEnv) -> None:
+        if env.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP:
+            raise InputError('TankendoVecEnv needs a TankendoVectorEnv with autoreset_mode="SameStep"')
         self.env = env
         self._actions: Array | None = None
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
@@ -90,7 +97,7 @@ class TankendoVecEnv(VecEnv):  # type: ignore[misc]
         done = terminated | truncated
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for row in np.flatnonzero(done).tolist():
-            infos[row] = self.env.info_of(info, row)
+            infos[row] = self.env.info_of(info["final_info"], row)
             infos[row]["terminal_observation"] = info["final_obs"][row]
             infos[row]["TimeLimit.truncated"] = bool(truncated[row])
         return observation, reward.astype(np.float32), done, infos
@@ -247,6 +254,7 @@ def bare_env(settings: Settings) -> VecEnv:
         "difficulty": settings.difficulty,
         "action_mode": settings.action_mode,
         "reward_weights": dict(settings.reward_weights),
+        "autoreset_mode": AutoresetMode.SAME_STEP,
     }
     model = model_of(settings)
     if settings.randomize == "levels":

@@ -1,4 +1,4 @@
-"""The two rules, the ends of an episode, and the other two tasks."""
+"""The two rules, the ends of an episode, tracking and the duel."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Constants and arguments that make no sense are refused in one sentence."""
+"""Invalid constants and arguments are refused in one sentence."""
 
 from math import inf, nan
 
@@ -19,7 +19,7 @@ from mecanum_env.tankendo.constants import TECHNIQUES, RewardWeights, Technique
             "Opponent.sight_delay_s = -0.1, must be a finite number, at least 0",
         ),
         (Opponent, {"feint_probability": 2}, "Opponent.feint_probability = 2, must be a number 0 .. 1"),
-        (Opponent, {"patience_s": (1.2, 0.3)}, "must have the lower one first"),
+        (Opponent, {"patience_s": (1.2, 0.3)}, "must have the lower number first"),
         (Opponent, {"patience_s": 1.0}, "Opponent.patience_s = 1.0, must be two numbers: low, high"),
         (Opponent, {"patience_s": (0.3, inf)}, r"Opponent.patience_s\[1\] = inf"),
         (Opponent, {"techniques": ()}, "must be at least one Technique"),

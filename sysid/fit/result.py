@@ -102,7 +102,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
         },
         "command_path": {k: _plain(v) for k, v in asdict(fit.path).items() if k != "notes"},
         "notes": list(fit.notes),
-        "findings": [asdict(finding) for finding in fit.dataset.findings],
+        "findings": [finding.to_json() for finding in fit.dataset.findings],
         "provenance": {
             "version": mecanum_env.__version__,
             "data_sha256": fit.dataset.sha256,

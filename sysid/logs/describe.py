@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sysid.logs.findings import KINDS
+from sysid.logs.findings import KINDS, Finding
 from sysid.logs.noise import noise_from_repeats
-from sysid.logs.runs import SPLITS, UNITS, Dataset, Finding, Run
+from sysid.logs.runs import SPLITS, UNITS, Dataset, Run
 
 
 def describe(dataset: Dataset, *, all_findings: bool = False) -> str:

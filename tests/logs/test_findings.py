@@ -5,7 +5,8 @@ import pytest
 
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.logs import BodyCommand, Finding, Run
-from sysid.logs.findings import KINDS, dataset_findings, run_findings
+from sysid.logs.checks import dataset_findings, run_findings
+from sysid.logs.findings import KINDS
 
 BenchRun = Callable[..., Run]
 Step = Callable[..., np.ndarray]
@@ -83,7 +84,7 @@ def test_rest_while_nothing_is_commanded_is_not_stuck(bench_run: BenchRun) -> No
         (RAD_S_PER_RPM, "speed_rpm in rad/s? (scale = 9.549"),
         (1 / RAD_S_PER_RPM, "the command in rad/s? (scale = 9.549"),
         (1 / 60, "speed_rpm in turns/s? (scale = 60)"),
-        (-1.0, "the sign is turned round? (scale = -1)"),
+        (-1.0, "is the sign reversed? (scale = -1)"),
     ],
 )
 def test_a_wrong_unit_is_seen(scale: float, said: str, bench_run: BenchRun) -> None:

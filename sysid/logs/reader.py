@@ -1,4 +1,4 @@
-"""Reading a folder of log files into a `Dataset`, with strict checks; FORMATS.md, section 1, is the contract."""
+"""Reading a folder of log files into a `Dataset`, strictly; the contract is section 1 of FORMATS.md."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ LONGEST_JUMP_S: Final = 3600.0
 """Longest time between two rows [s]. A run is simulated from its first stamp to its last, so a single wrong
 stamp could exhaust the memory."""
 LONGEST_RUN_S: Final = 86400.0
-"""Longest time from the first row to the last [s]: ten million ticks of the law, which still fit into memory."""
+"""Longest time from the first row to the last [s]: ten million ticks of the law still fit into memory."""
 
 
 def read_dataset(path: str | os.PathLike[str]) -> Dataset:

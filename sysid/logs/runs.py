@@ -47,7 +47,7 @@ REST: Final[Mapping[str, float]] = {
     "vy_m_s": 0.02,
     "yaw_rate_rad_s": 0.05,
 }
-"""Largest speed at which a channel counts as at rest, in its own unit: sensor noise, about 1 rpm of a wheel."""
+"""Largest speed of a channel at rest, in its own unit: sensor noise, about 1 rpm of a wheel."""
 
 Split: TypeAlias = Literal["fit", "validation", "test"]
 Level: TypeAlias = Literal["bench", "robot"]

@@ -5,8 +5,8 @@ from the first change, within two sample intervals (at least 20 ms). How long th
 first change and after the last does not matter. A group stated in `dataset.toml` takes precedence.
 
 Splits that `dataset.toml` does not state are deterministic and hold out whole groups, since a repeat of a
-fitted sequence tests the noise and not the model. With three or more groups, a fifth of them (rounded, at least
-one) is for validation and as many for test. The groups are ordered by the rms of their command; the held-out
+fitted sequence tests the noise and not the model. With three or more groups, a fifth (rounded, at least one)
+is for validation and as many for test. The groups are ordered by the rms of their command; the held-out
 ones are spread evenly over that order, and the largest is always fitted, so that the fit covers the range.
 With fewer groups, repeats are split instead, if there are any; a single run is fitted.
 """
@@ -141,7 +141,7 @@ def _split_groups(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:
 
 
 def _split_repeats(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:
-    """Split one or two groups: the last repeat is for test, and of three or more the last but one validates."""
+    """Split one or two groups: the last repeat tests, the last but one of three or more validates."""
     splits: dict[str, Split] = {run.file: "fit" for members in groups.values() for run in members}
     for members in groups.values():
         if len(members) >= 2:
@@ -154,7 +154,7 @@ def _split_repeats(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:
 
 
 def _complete(groups: Mapping[str, Sequence[Run]], stated: set[Split]) -> dict[str, Split]:
-    """Split the groups that `dataset.toml` does not state: into the splits it lacks, and the rest into fit."""
+    """Split the groups that `dataset.toml` does not state: into the splits it lacks, else into fit."""
     ordered = _by_size(groups)
     splits: dict[str, Split] = {run.file: "fit" for members in ordered for run in members}
     lacking: list[Split] = [name for name in ("test", "validation") if name not in stated]

@@ -5,17 +5,17 @@ replays a log through it.
 """
 
 from sysid.online.estimator import OnlineEstimate, OnlineEstimator, first_order_law
-from sysid.online.history import Functionals, History, functionals, mean_lag_s, track
+from sysid.online.history import History, LawMetrics, law_metrics, mean_lag_s, track
 from sysid.online.projection import OnlineOptions
 
 __all__ = [
-    "Functionals",
     "History",
+    "LawMetrics",
     "OnlineEstimate",
     "OnlineEstimator",
     "OnlineOptions",
     "first_order_law",
-    "functionals",
+    "law_metrics",
     "mean_lag_s",
     "track",
 ]

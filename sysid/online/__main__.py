@@ -18,7 +18,7 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import read_model
 from sysid.fit.command_path import CommandPath
 from sysid.logs import read_dataset
-from sysid.online.history import Functionals, functionals
+from sysid.online.history import LawMetrics, law_metrics
 from sysid.online.plot import save_plot
 from sysid.online.projection import OnlineOptions
 from sysid.online.replay import WheelHistory, replay, replay_path
@@ -68,7 +68,7 @@ def main(
                 bar.update()
 
         wheels = replay(dataset, options, law, path, counted)
-    figures = [functionals(w.history, max(1, len(w.history.speed_rpm) // _FIGURES)) for w in wheels]
+    figures = [law_metrics(w.history, max(1, len(w.history.speed_rpm) // _FIGURES)) for w in wheels]
     for note in path.notes:
         print(f"note: {note}")
     for item, values in zip(wheels, figures, strict=True):
@@ -83,7 +83,7 @@ def main(
     print(f"wrote {out / 'online.json'} and {len(wheels)} plot(s) online_*.png beside it")
 
 
-def _table(wheel: WheelHistory, figures: Functionals) -> str:
+def _table(wheel: WheelHistory, figures: LawMetrics) -> str:
     history = wheel.history
     rows = np.unique(np.linspace(0, len(figures.tick) - 1, _TABLE_ROWS + 1).astype(int))[1:]
     head = f"{wheel.wheel}: {len(wheel.files)} run(s), {len(history.speed_rpm)} ticks of "
@@ -119,7 +119,7 @@ def _json(
     path: CommandPath,
     options: OnlineOptions,
     wheels: tuple[WheelHistory, ...],
-    figures: list[Functionals],
+    figures: list[LawMetrics],
 ) -> dict[str, Any]:
     return {
         "format": FORMAT,
@@ -131,7 +131,7 @@ def _json(
     }
 
 
-def _wheel_json(wheel: WheelHistory, figures: Functionals) -> dict[str, Any]:
+def _wheel_json(wheel: WheelHistory, figures: LawMetrics) -> dict[str, Any]:
     history = wheel.history
     final = history.law(-1)
     errors = history.standard_errors[figures.tick]

@@ -59,7 +59,7 @@ class History:
 
 
 @dataclass(frozen=True, eq=False)
-class Functionals:
+class LawMetrics:
     """Figures of the estimated laws at chosen ticks, each of shape (M,)."""
 
     tick: npt.NDArray[np.intp]
@@ -115,7 +115,7 @@ def track(
     return History(period, speeds, predicted, coefficients, covariance, noise, forgetting)
 
 
-def functionals(history: History, every: int = 1) -> Functionals:
+def law_metrics(history: History, every: int = 1) -> LawMetrics:
     """Return the figures of every `every`-th tick and of the last.
 
     Raises:
@@ -130,7 +130,7 @@ def functionals(history: History, every: int = 1) -> Functionals:
         np.sqrt(max(float(g @ history.covariance[tick] @ g), 0.0))
         for tick, g in zip(ticks, (_mean_lag_gradient(law) for law in laws), strict=True)
     ]
-    return Functionals(
+    return LawMetrics(
         tick=ticks,
         rise_time_s=np.array([law_step_metrics(law).rise_time_s for law in laws]),
         mean_lag_s=np.array([mean_lag_s(law) for law in laws]),

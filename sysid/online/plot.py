@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mecanum_env.files import atomic_path
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.units import FloatArray
-from sysid.online.history import Functionals
+from sysid.online.history import LawMetrics
 from sysid.online.replay import WheelHistory
 
 _MOST_POINTS: Final = 4000
@@ -21,7 +21,7 @@ _BAND_SIGMAS: Final = 2.0
 _COLOURS: Final = ("tab:blue", "tab:orange", "tab:green", "tab:red", "tab:purple", "tab:brown")
 
 
-def save_plot(target: Path, title: str, wheel: WheelHistory, figures: Functionals) -> None:
+def save_plot(target: Path, title: str, wheel: WheelHistory, figures: LawMetrics) -> None:
     """Write a PNG with four panels over time; bands are two standard errors.
 
     Args:

@@ -12,7 +12,7 @@ from mecanum_env.law.metrics import law_step_metrics
 from mecanum_env.model import write_model
 from sysid.fit.estimators import WheelRun
 from sysid.logs import read_dataset
-from sysid.online import OnlineEstimator, OnlineOptions, first_order_law, functionals, mean_lag_s, track
+from sysid.online import OnlineEstimator, OnlineOptions, first_order_law, law_metrics, mean_lag_s, track
 from sysid.online.__main__ import main
 from sysid.online.replay import replay, replay_path, tick_speeds
 from sysid.studies.synthetic import random_samples, random_stable_law
@@ -86,7 +86,7 @@ def test_functionals_are_those_of_the_laws_and_their_errors_cover_the_truth(law,
     for seed in range(12):
         data = random_samples([(law, 900)], np.random.default_rng(300 + seed))
         history = track(OnlineEstimator(OnlineOptions(), start), data.command_rpm, data.speed_rpm)
-        figures = functionals(history, 400)
+        figures = law_metrics(history, 400)
         errors.append((figures.mean_lag_s[-1] - mean_lag_s(law)) / figures.mean_lag_error_s[-1])
     assert figures.tick.tolist() == [0, 400, 800, 899]
     assert figures.rise_time_s[-1] == law_step_metrics(history.law(-1)).rise_time_s

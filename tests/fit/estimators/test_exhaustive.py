@@ -8,11 +8,11 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from sysid.fit.estimators import WheelRun, estimate
-from sysid.fit.estimators.exhaustive import Search, exhaustive, pi_law, runs_near
+from sysid.fit.estimators.exhaustive import SearchGrid, exhaustive, pi_law, runs_near
 from sysid.studies.synthetic import step_runs
 
 PERIOD_S = 1 / 120
-COARSE = Search(
+COARSE = SearchGrid(
     proportional=(0.0, 4.0, 0.5),
     integral_per_s=(0.0, 40.0, 4.0),
     time_constant_s=(0.1, 0.5, 0.05),
@@ -115,4 +115,4 @@ def test_reduced_model_is_worse_than_output_error(noisy_runs: list[WheelRun]) ->
 )
 def test_impossible_search_is_refused(changes: dict[str, Any], field: str) -> None:
     with pytest.raises(InputError, match=field):
-        Search(**changes)
+        SearchGrid(**changes)

@@ -73,7 +73,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
         "method": fit.estimate.method,
         "methods": {name: figures.as_json() for name, figures in fit.methods.items()},
         "parameters": {q.name: _quantity(q) for q in sure.parameters},
-        "functionals": {q.name: _quantity(q) for q in sure.functionals},
+        "functionals": {q.name: _quantity(q) for q in sure.metrics},
         "wheels": {wheel: _law(estimate.law) for wheel, estimate in fit.wheels.items()},
         "robot": _robot(fit),
         "noise": {

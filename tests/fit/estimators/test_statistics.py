@@ -139,7 +139,7 @@ def test_coefficients_that_trade_off_are_named(paper):
     text = "\n".join(sure.warnings)
     assert "interval wider than the value" in text
     assert "least known combination" in text
-    assert "well determined all the same: rise_time_s = 0.12" in text
+    assert "well determined nevertheless: rise_time_s = 0.12" in text
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -1,4 +1,4 @@
-"""Online identification: the wheel law followed while the wheel runs.
+"""Online identification: the wheel law is estimated while the wheel runs.
 
 `OnlineEstimator.update` takes one sample at a time; `track` feeds it arrays; `python -m sysid.online LOG`
 replays a log through it.

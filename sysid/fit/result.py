@@ -88,7 +88,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
             "warnings": list(sure.warnings),
         },
         "residual_tests": {
-            "level": tests.level,
+            "level": tests.whiteness.level,
             "whiteness": {
                 "passed": tests.whiteness.passed,
                 "p_value": finite_or_none(tests.whiteness.p_value),

@@ -98,18 +98,17 @@ def track(
             f"command_rpm has shape {commands.shape} and speed_rpm {speeds.shape}; must be two rows of equal "
             "length, at least 1"
         )
-    n = len(speeds)
-    predicted, noise, forgetting = np.empty(n), np.empty(n), np.empty(n)
-    coefficients, covariance = np.empty((n, 6)), np.empty((n, 6, 6))
-    ticks: Iterable[int] = range(n) if progress is None else progress(range(n))
-    for k in ticks:
-        estimate = estimator.update(float(commands[k]), float(speeds[k]))
-        predicted[k], noise[k] = estimate.predicted_rpm, estimate.noise_rpm
-        forgetting[k] = estimate.forgetting
-        coefficients[k] = estimate.law.coefficients
-        covariance[k] = estimate.covariance
-    period = estimator.law.sample_period_s
-    return History(period, speeds, predicted, coefficients, covariance, noise, forgetting)
+    ticks: Iterable[int] = range(len(speeds)) if progress is None else progress(range(len(speeds)))
+    estimates = [estimator.update(float(commands[k]), float(speeds[k])) for k in ticks]
+    return History(
+        estimator.law.sample_period_s,
+        speeds,
+        predicted_rpm=np.array([estimate.predicted_rpm for estimate in estimates]),
+        coefficients=np.array([estimate.law.coefficients for estimate in estimates]),
+        covariance=np.array([estimate.covariance for estimate in estimates]),
+        noise_rpm=np.array([estimate.noise_rpm for estimate in estimates]),
+        forgetting=np.array([estimate.forgetting for estimate in estimates]),
+    )
 
 
 def law_metrics(history: History, every: int = 1) -> LawMetrics:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -57,25 +57,22 @@ class OnlineOptions:
     """Commands are clipped to +- this [rpm] before the law; infinite: no known ceiling."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if math.isnan(value) or value < 0.0 or (math.isinf(value) and field.name != "saturation_rpm"):
-                raise InputError(f"online options: {field.name} = {value}, must be a number of at least 0")
-            if value == 0.0 and field.name != "quantum_rpm":
-                raise InputError(f"online options: {field.name} = 0, must be above 0")
+        least = {"quantum_rpm": 0.0, "outlier_deviations": 1.0, "change_ratio": 1.0}
+        least |= dict.fromkeys(("shortest_memory_samples", "recent_samples", "usual_samples"), 2.0)
+        for name, value in vars(self).items():
+            if math.isnan(value) or (math.isinf(value) and name != "saturation_rpm"):
+                raise InputError(f"online options: {name} = {value}, must be a finite number")
+            if name in least and value < least[name]:
+                raise InputError(f"online options: {name} = {value:g}, must be at least {least[name]:g}")
+            if name not in least and value <= 0.0:
+                raise InputError(f"online options: {name} = {value:g}, must be above 0")
         if self.largest_pole >= 1.0:
             raise InputError(f"online options: largest_pole = {self.largest_pole}, must be below 1")
-        for name in ("shortest_memory_samples", "recent_samples", "usual_samples"):
-            if getattr(self, name) < 2.0:
-                raise InputError(f"online options: {name} = {getattr(self, name)}, must be at least 2")
         if self.shortest_memory_samples > self.memory_samples:
             raise InputError(
                 f"online options: shortest_memory_samples = {self.shortest_memory_samples:g}, "
                 f"must be at most memory_samples = {self.memory_samples:g}"
             )
-        for name in ("outlier_deviations", "change_ratio"):
-            if getattr(self, name) < 1.0:
-                raise InputError(f"online options: {name} = {getattr(self, name)}, must be at least 1")
 
 
 _BISECTIONS: Final = 40

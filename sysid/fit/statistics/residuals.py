@@ -18,40 +18,31 @@ _RANK_TOLERANCE: Final = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Whiteness:
-    """Ljung-Box test of the residuals' autocorrelation, for all lags together."""
-
-    autocorrelation: FloatArray
-    """Autocorrelation at lags 1..L [samples], shape (L,)."""
-    bound: float
-    """Two-sided bound of one lag at the test's level."""
-    statistic: float
-    p_value: float
-    passed: bool
-
-
-@dataclass(frozen=True, eq=False)
-class InputCorrelation:
-    """F test of whether the residuals follow a pattern after changes of the command."""
+class CorrelationTest:
+    """A test that takes all lags 1..L together."""
 
     correlation: FloatArray
-    """Correlation of the residual with the command's change 1..L ticks earlier, in standard deviations,
-    shape (L,)."""
+    """Correlation at each lag, shape (L,)."""
     bound: float
-    """Two-sided bound of one lag at the test's level."""
+    """Two-sided bound of a single lag at the test's level."""
     statistic: float
-    """F for all lags together."""
     p_value: float
-    passed: bool
+    level: float
+
+    @property
+    def passed(self) -> bool:
+        """Whether the test found nothing that the law misses."""
+        return self.p_value > self.level
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualTests:
-    """Both tests and their level."""
+    """Tests of the residuals of a law."""
 
-    whiteness: Whiteness
-    input_correlation: InputCorrelation
-    level: float
+    whiteness: CorrelationTest
+    """Ljung-Box test: autocorrelation of the residuals, by lag in samples."""
+    input_correlation: CorrelationTest
+    """F test: correlation [standard deviations] with the command's change, by lag in ticks."""
 
     @property
     def passed(self) -> bool:
@@ -86,11 +77,11 @@ def residual_tests(
     at = linearise(runs, estimate)
     predicted = at.problem.predict(estimate.coefficients, at.traces)[at.problem.group]
     return ResidualTests(
-        _whiteness(runs, predicted, lags, level), _input_correlation(at, lags, level, fitted), level
+        _whiteness(runs, predicted, lags, level), _input_correlation(at, lags, level, fitted)
     )
 
 
-def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level: float) -> Whiteness:
+def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level: float) -> CorrelationTest:
     """G. M. Ljung and G. E. P. Box, Biometrika 65 (1978), pooled over runs; gaps are not lags."""
     products, counts, power, samples = np.zeros(lags), np.zeros(lags), 0.0, 0
     parts = np.split(predicted, np.cumsum([len(run.speed_rpm) for run in runs])[:-1])
@@ -107,17 +98,17 @@ def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level
             counts[lag - 1] += int(np.sum(near))
     used = counts > 0
     if power <= 0.0 or not np.any(used):
-        return Whiteness(np.zeros(lags), np.inf, 0.0, 1.0, True)
+        return CorrelationTest(np.zeros(lags), np.inf, 0.0, 1.0, level)
     # For white residuals, each lag's mean product over the mean square, times sqrt(pairs), is standard
     # normal.
     correlation = np.where(used, products / np.maximum(counts, 1.0), 0.0) / (power / samples)
     statistic = float(np.sum(counts * correlation**2))
     p_value = float(chi2.sf(statistic, int(np.sum(used))))
     bound = float(norm.isf(level / 2.0) / np.sqrt(np.max(counts)))
-    return Whiteness(correlation, bound, statistic, p_value, p_value > level)
+    return CorrelationTest(correlation, bound, statistic, p_value, level)
 
 
-def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) -> InputCorrelation:
+def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) -> CorrelationTest:
     """F test of the residuals regressed on the command changes of the last `lags` ticks, plain and by size.
 
     The regressors are changes, since a held command correlates with itself at every lag. What the fit has
@@ -145,7 +136,7 @@ def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) ->
     noise = np.sqrt(at.sum_of_squares / freedom) if freedom > 0 else 0.0
     bound = float(norm.isf(level / 2.0))
     if noise <= 0.0 or not np.any(usable):
-        return InputCorrelation(np.zeros(lags), bound, 0.0, 1.0, True)
+        return CorrelationTest(np.zeros(lags), bound, 0.0, 1.0, level)
     correlation = np.zeros(2 * lags)
     correlation[usable] = (outside.T @ at.residual)[usable] / (scale[usable] * noise)
     left, singular, _ = np.linalg.svd(outside[:, usable] / scale[usable], full_matrices=False)
@@ -154,7 +145,7 @@ def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) ->
     rank, rest = basis.shape[1], freedom - basis.shape[1]
     left_over = at.sum_of_squares - explained
     if rest <= 0 or left_over <= 0.0:
-        return InputCorrelation(correlation[:lags], bound, 0.0, 1.0, True)
+        return CorrelationTest(correlation[:lags], bound, 0.0, 1.0, level)
     statistic = explained / rank / (left_over / rest)
     p_value = float(fisher.sf(statistic, rank, rest))
-    return InputCorrelation(correlation[:lags], bound, statistic, p_value, p_value > level)
+    return CorrelationTest(correlation[:lags], bound, statistic, p_value, level)

@@ -130,7 +130,7 @@ def test_coloured_noise_fails_whiteness(exact_runs):
         runs.append(replace(run, speed_rpm=run.speed_rpm + coloured, sigma_rpm=np.full(len(coloured), 0.7)))
     tests = residual_tests(runs, estimate(runs, options=ONE))
     assert not tests.whiteness.passed
-    assert tests.whiteness.autocorrelation[0] == pytest.approx(0.5, abs=0.1)
+    assert tests.whiteness.correlation[0] == pytest.approx(0.5, abs=0.1)
 
 
 def test_coefficients_that_trade_off_are_named(paper):

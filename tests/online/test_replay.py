@@ -112,7 +112,7 @@ def test_the_program_writes_results_and_a_plot(changing_log, tmp_path, capsys):
         assert np.unique(np.asarray(picture.convert("L").resize((64, 64)))).size > 10
 
 
-def test_the_program_says_when_the_wheel_is_no_such_law(tmp_path, capsys):
+def test_the_program_reports_a_wheel_that_no_law_describes(tmp_path, capsys):
     rng = np.random.default_rng(4)
     command = np.repeat(rng.integers(-100, 101, 100), 12).astype(float)
     write_log(tmp_path / "run.csv", command, np.rint(40.0 * rng.standard_normal(1200)))

@@ -47,7 +47,7 @@ def test_a_right_law_passes_the_residual_tests(realisations):
     assert 0.2 < np.mean([t.input_correlation.p_value for t in tests]) < 0.8
 
 
-def test_intervals_of_what_the_law_means_cover_the_truth(realisations, paper):
+def test_intervals_of_the_metrics_cover_the_truth(realisations, paper):
     truth = law_step_metrics(paper.wheel.law)
     sure = [uncertainty(runs, fitted)["rise_time_s"] for runs, fitted in realisations]
     assert np.mean([q.low < truth.rise_time_s < q.high for q in sure]) > 0.85
@@ -170,7 +170,7 @@ def test_a_pair_that_trades_off_is_named(paper):
     assert "D and E can hardly be told apart: correlation -0.9" in text
 
 
-def test_the_order_is_what_the_data_ask_for():
+def test_the_order_is_that_of_the_data():
     # A first-order law, a second-order law and the paper's, at the same noise.
     for abc, d, order in (
         ((0.9, 0.0, 0.0), 0.04, 1),
@@ -219,7 +219,7 @@ def test_noise_and_rounding_add_in_squares():
 
 
 def test_the_predicted_bias_is_what_antithetic_noise_shows(paper, exact_runs):
-    """The mean error of a fit to +noise and of one to -noise leaves the second order alone."""
+    """The mean error of fits to +noise and -noise contains only the second order."""
     law, rng = paper.wheel.law, np.random.default_rng(1)
     errors = []
     for _ in range(25):

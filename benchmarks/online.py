@@ -1,7 +1,7 @@
-"""How fast the online estimator learns, how fast it follows a changed law, and what a sample costs.
+"""How fast the online estimator learns, how fast it follows a changed law, and the time per sample.
 
-Whole commands within +-135 rpm held for 0.1 s, 120 samples a second, 0.5 rpm noise, 1 rpm rounding. "Error"
-is that of the free-running law on new data, over the noise: 1 is perfect.
+Commands are whole numbers within +-135 rpm, held for 0.1 s; 120 samples per second, 0.5 rpm noise, 1 rpm
+rounding. "Error" is the rms error of the free-running law on new data over the noise: 1 is perfect.
 
     python benchmarks/online.py --out out/benchmark_online.json
 """
@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from time import perf_counter
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from tqdm import tqdm
@@ -24,26 +24,28 @@ from mecanum_env.model import paper_model
 from sysid.online import OnlineEstimator, OnlineOptions, first_order_law
 from sysid.studies.synthetic import Samples, free_run_error_rpm, random_samples, random_stable_law
 
-NOISE_RPM = float(np.hypot(0.5, 1.0 / np.sqrt(12.0)))
-AFTER_S = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+NOISE_RPM: Final = float(np.hypot(0.5, 1.0 / np.sqrt(12.0)))
+"""Standard deviation of noise and rounding together [rpm]."""
+AFTER_S: Final = (0.5, 1.0, 1.5, 2.0, 3.0, 4.0)
+"""Times at which the error is evaluated [s]."""
 
 
 def benchmark(trials: int = 100, seed: int = 0, quick: bool = False, out: Path | None = None) -> None:
-    """Print the figures; write them as JSON with --out.
+    """Print the results, and write them as JSON with --out.
 
     Example: python benchmarks/online.py --trials 100
 
     Args:
-        trials: random changes of law, and random starts.
-        seed: of laws, commands and noise.
-        quick: 10 trials.
+        trials: number of trials of learning and of changing laws.
+        seed: seed of laws, commands and noise.
+        quick: run 10 trials.
         out: JSON file to write.
     """
     trials = 10 if quick else trials
     law = paper_model().wheel.law
     results = {
-        "learning": learning(law, trials, seed),
-        "change": changes(law, trials, seed),
+        "learning": learning(law, trials, seed, change=False),
+        "change": learning(law, trials, seed, change=True),
         "cost": cost(law, seed),
     }
     for name, title in (
@@ -70,35 +72,24 @@ def benchmark(trials: int = 100, seed: int = 0, quick: bool = False, out: Path |
         write_json(out, {"format": "mecanum-benchmark-online/1", "seed": seed, "results": results})
 
 
-def learning(law: WheelLaw, trials: int, seed: int) -> dict[str, Any]:
-    """Learn the law from a first-order lag."""
-    start = first_order_law(law.sample_period_s)
+def learning(law: WheelLaw, trials: int, seed: int, *, change: bool) -> dict[str, Any]:
+    """Learn the law from a first-order lag; with `change`, a random one after 5 s of the law."""
     rows, stable = [], []
-    for trial in tqdm(range(trials), desc="learning", leave=False, disable=None):
-        rng = np.random.default_rng([seed, 1, trial])
-        data = random_samples([(law, round(AFTER_S[-1] / law.sample_period_s))], rng)
-        errors, steady = _follow(OnlineEstimator(OnlineOptions(), start), data, 0, law, rng)
+    ticks = round(AFTER_S[-1] / law.sample_period_s)
+    for trial in tqdm(range(trials), desc="changes" if change else "learning", leave=False, disable=None):
+        rng = np.random.default_rng([seed, 2 if change else 1, trial])
+        new = random_stable_law(rng, law.sample_period_s) if change else law
+        before = [(law, 600)] if change else []
+        data = random_samples([*before, (new, ticks)], rng)
+        estimator = OnlineEstimator(OnlineOptions(), first_order_law(law.sample_period_s))
+        errors, stable_share = _follow(estimator, data, 600 if change else 0, new, rng)
         rows.append(errors)
-        stable.append(steady)
-    return _summary(rows, stable)
-
-
-def changes(law: WheelLaw, trials: int, seed: int) -> dict[str, Any]:
-    """Five seconds of the law, then another one."""
-    rows, stable = [], []
-    for trial in tqdm(range(trials), desc="changes", leave=False, disable=None):
-        rng = np.random.default_rng([seed, 2, trial])
-        other = random_stable_law(rng, law.sample_period_s)
-        data = random_samples([(law, 600), (other, round(AFTER_S[-1] / law.sample_period_s))], rng)
-        start = first_order_law(law.sample_period_s)
-        errors, steady = _follow(OnlineEstimator(OnlineOptions(), start), data, 600, other, rng)
-        rows.append(errors)
-        stable.append(steady)
+        stable.append(stable_share)
     return _summary(rows, stable)
 
 
 def cost(law: WheelLaw, seed: int) -> dict[str, float]:
-    """Time of `update`, and of one tick of the law in the same run."""
+    """Measure the time of `update`, and that of one tick of the law."""
     data = random_samples([(law, 6000)], np.random.default_rng([seed, 3]))
     estimator = OnlineEstimator(OnlineOptions(), first_order_law(law.sample_period_s))
     times = np.empty(len(data.speed_rpm))
@@ -121,7 +112,7 @@ def cost(law: WheelLaw, seed: int) -> dict[str, float]:
 def _follow(
     estimator: OnlineEstimator, data: Samples, begin: int, law: WheelLaw, rng: np.random.Generator
 ) -> tuple[list[float], float]:
-    """Return error / noise at `AFTER_S` behind tick `begin`, and the share of samples with a stable law."""
+    """Return error / noise at `AFTER_S` after tick `begin`, and the share of samples with a stable law."""
     held_out = random_samples([(law, 1200)], rng)
     found = [estimator.update(r, y).law for r, y in zip(data.command_rpm, data.speed_rpm, strict=True)]
     at = [begin + round(after / law.sample_period_s) - 1 for after in AFTER_S]

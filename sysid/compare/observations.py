@@ -109,7 +109,7 @@ def observe(dataset: Dataset) -> Observations:
     Raises:
         InputError: no run has a measured sample.
     """
-    held = {(f.file, f.message.split(":")[0]) for f in dataset.findings if f.kind == "held_samples"}
+    held = {(f.file, f.channel) for f in dataset.findings if f.kind == "held_samples"}
     grouped: dict[tuple[object, ...], list[Run]] = {}
     for run in dataset.runs:
         grouped.setdefault(_key(run), []).append(run)

@@ -154,14 +154,14 @@ def _residuals(fit: Fit, views: list[RunView]) -> dict[str, Any]:
 
 def _autocorrelation(fit: Fit) -> dict[str, Any]:
     test = fit.residual_tests.whiteness
-    lags = list(range(1, len(test.autocorrelation) + 1))
+    lags = list(range(1, len(test.correlation) + 1))
     bound = [
         {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "y0": sign * test.bound, "y1": sign * test.bound,
          "line": {"color": _BLUE, "dash": "dot", "width": 1}}
         for sign in (-1, 1)
     ]  # fmt: skip
     return figure(
-        [{"type": "bar", "x": lags, "y": test.autocorrelation.tolist(), "marker": {"color": _GREY}}],
+        [{"type": "bar", "x": lags, "y": test.correlation.tolist(), "marker": {"color": _GREY}}],
         title="autocorrelation of the residual",
         x="lag [samples]",
         layout={"shapes": bound},

@@ -204,8 +204,8 @@ def independent_share(dataset: Dataset) -> float:
 
     A slow sensor's repeated samples say nothing new, nor does a channel that repeats another.
     """
-    held = {(f.file, f.message.split(":")[0]): f.value for f in dataset.findings if f.kind == "held_samples"}
-    copies = {(f.file, f.message.split(" ")[0]) for f in dataset.findings if f.kind == "same_channel"}
+    held = {(f.file, f.channel): f.value for f in dataset.findings if f.kind == "held_samples"}
+    copies = {(f.file, f.channel) for f in dataset.findings if f.kind == "same_channel"}
     total = independent = 0.0
     for run in dataset.split("fit"):
         for column in wheel_columns(run).values():

@@ -73,7 +73,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
         "method": fit.estimate.method,
         "methods": {name: figures.as_json() for name, figures in fit.methods.items()},
         "parameters": {q.name: _quantity(q) for q in sure.parameters},
-        "functionals": {q.name: _quantity(q) for q in sure.functionals},
+        "functionals": {q.name: _quantity(q) for q in sure.metrics},
         "wheels": {wheel: _law(estimate.law) for wheel, estimate in fit.wheels.items()},
         "robot": _robot(fit),
         "noise": {
@@ -88,7 +88,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
             "warnings": list(sure.warnings),
         },
         "residual_tests": {
-            "level": tests.level,
+            "level": tests.whiteness.level,
             "whiteness": {
                 "passed": tests.whiteness.passed,
                 "p_value": finite_or_none(tests.whiteness.p_value),
@@ -102,7 +102,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
         },
         "command_path": {k: _plain(v) for k, v in asdict(fit.path).items() if k != "notes"},
         "notes": list(fit.notes),
-        "findings": [asdict(finding) for finding in fit.dataset.findings],
+        "findings": [finding.to_json() for finding in fit.dataset.findings],
         "provenance": {
             "version": mecanum_env.__version__,
             "data_sha256": fit.dataset.sha256,

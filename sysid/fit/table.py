@@ -44,7 +44,7 @@ def quantity_table(fit: Fit) -> list[tuple[str, ...]]:
     """Return coefficients and what they mean as rows of cells, the head first."""
     return [
         _QUANTITY_HEAD,
-        *(_quantity_row(q) for q in (*fit.uncertainty.parameters, *fit.uncertainty.functionals)),
+        *(_quantity_row(q) for q in (*fit.uncertainty.parameters, *fit.uncertainty.metrics)),
     ]
 
 

@@ -1,4 +1,4 @@
-"""Which topic of a ROS bag is what: by message type, or by an explicit map; never a guess between two."""
+"""The role of each topic of a ROS bag: by message type or by an explicit map; ambiguity is an error."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ ROLES: Final[Mapping[str, tuple[str, ...]]] = {
     "command_rpm": _NUMBERS,
     "speed_rpm": (*_NUMBERS, *_JOINTS),
 }
-"""What a topic can be, and the message types that can be it; the last two make a bench log."""
+"""Message types that each role accepts; the last two roles make a bench log."""
 
 AUTOMATIC: Final[Mapping[str, tuple[str, ...]]] = {
     "command": _TWISTS,
@@ -34,14 +34,14 @@ AUTOMATIC: Final[Mapping[str, tuple[str, ...]]] = {
     "imu": ROLES["imu"],
     "battery": ROLES["battery"],
 }
-"""What is found by type alone. Plain numbers do not say what they mean, so they need a map."""
+"""Roles that the message type alone decides. Plain numbers do not state their meaning and need a map."""
 
 BENCH_ROLES: Final = ("command_rpm", "speed_rpm")
 NONE: Final = "none"
 
 
 @dataclass(frozen=True)
-class Choice:
+class TopicChoice:
     """The chosen topics and joints."""
 
     topics: Mapping[str, str]
@@ -77,17 +77,17 @@ def parse_map(items: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
     return topics, names
 
 
-def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> Choice:
-    """Return what each topic of a bag is taken for.
+def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> TopicChoice:
+    """Return the topic chosen for each role.
 
     Args:
-        bag: Its name, for messages.
-        types: Message type by topic.
-        items: The user's map; ``ROLE=none`` leaves a role out.
+        bag: name of the bag, for error messages.
+        types: message type by topic.
+        items: the user's map; ``ROLE=none`` leaves a role out.
 
     Raises:
-        InputError: no or several topics for a needed role, or a mapped topic that is not there or of another
-            type; the message lists the topics with their types.
+        InputError: no topic or several for a role that is needed, or a mapped topic that is absent or of
+            another type; the message lists the topics with their types.
     """
     listing = "; topics: " + (", ".join(f"{t} ({types[t]})" for t in sorted(types)) or "none")
     mapped, joints = parse_map(items)
@@ -103,11 +103,9 @@ def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> C
         chosen[role] = topic
     bench = any(role in chosen for role in BENCH_ROLES)
     for role, wanted_types in AUTOMATIC.items():
-        if (
-            role in mapped
-            or (bench and role != "battery")
-            or (role == "command" and "wheel_commands" in chosen)
-        ):
+        if role in mapped or (bench and role != "battery"):
+            continue
+        if role == "command" and "wheel_commands" in chosen:
             continue
         found = sorted(topic for topic, kind in types.items() if kind in wanted_types)
         if len(found) > 1:
@@ -118,7 +116,7 @@ def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> C
         if found:
             chosen[role] = found[0]
     _require_complete(bag, chosen, bench, listing)
-    return Choice(chosen, joints)
+    return TopicChoice(chosen, joints)
 
 
 def _require_complete(bag: str, chosen: Mapping[str, str], bench: bool, listing: str) -> None:
@@ -142,15 +140,15 @@ def _require_complete(bag: str, chosen: Mapping[str, str], bench: bool, listing:
 
 
 def match_joints(where: str, names: Sequence[str], stated: Mapping[str, str]) -> dict[str, int]:
-    """Return the index of each wheel's joint by its name: front_left_wheel, wheel_fl, lf_joint and alike.
+    """Return the index of each wheel's joint by its name, such as front_left_wheel, wheel_fl or lf_joint.
 
     Args:
-        where: Bag and topic, for messages.
-        names: All joints of the topic.
-        stated: Joint by wheel, where the user gave one.
+        where: bag and topic, for error messages.
+        names: all joints of the topic.
+        stated: joint by wheel, where the user gave one.
 
     Raises:
-        InputError: a wheel without, or with several, matching joints; the message lists the names.
+        InputError: no joint or several match a wheel; the message lists the names.
     """
     found = {}
     for wheel in WHEELS:
@@ -159,15 +157,15 @@ def match_joints(where: str, names: Sequence[str], stated: Mapping[str, str]) ->
         else:
             hits = [i for i, name in enumerate(names) if _wheel_of(name) == wheel]
         if len(hits) != 1:
-            many = "no joint" if not hits else f"{len(hits)} joints"
+            count = f"{len(hits)} joints" if hits else "no joint"
             raise InputError(
-                f"{where}: {many} for wheel {wheel}; give --map {wheel}=JOINT; joints: {', '.join(names)}"
+                f"{where}: {count} for wheel {wheel}; give --map {wheel}=JOINT; joints: {', '.join(names)}"
             )
         found[wheel] = hits[0]
     return found
 
 
-_SHORT: Final = {"lf": "fl", "rf": "fr", "lr": "rl", "bl": "rl", "lb": "rl", "br": "rr", "rb": "rr"}
+_ABBREVIATIONS: Final = {"lf": "fl", "rf": "fr", "lr": "rl", "bl": "rl", "lb": "rl", "br": "rr", "rb": "rr"}
 
 
 def _wheel_of(name: str) -> str | None:
@@ -178,7 +176,7 @@ def _wheel_of(name: str) -> str | None:
     if front != rear and left != right:
         return ("f" if front else "r") + ("l" if left else "r")
     for token in re.split(r"[^a-z]+", text):
-        wheel = _SHORT.get(token, token)
+        wheel = _ABBREVIATIONS.get(token, token)
         if wheel in WHEELS:
             return wheel
     return None

@@ -6,26 +6,18 @@ from collections.abc import Sequence
 
 from sysid.logs.findings import KINDS
 from sysid.logs.noise import noise_from_repeats
-from sysid.logs.runs import SPLITS, UNITS, Dataset, Finding, Run
+from sysid.logs.runs import SPLITS, UNITS, Dataset, Run
 
 
 def describe(dataset: Dataset, *, all_findings: bool = False) -> str:
-    """Return a table of the runs, then findings (one a kind, or all), then the noise that repeats give."""
+    """Return a table of the runs, then findings (one per kind, or `all_findings`), then the noise floor."""
     count = {name: len(dataset.split(name)) for name in SPLITS}
     split = ", ".join(f"{number} {name}" for name, number in count.items() if number)
     runs = "1 run" if len(dataset.runs) == 1 else f"{len(dataset.runs)} runs"
-    title = (
-        f"{dataset.name}: {dataset.level} log, {runs} ({split}), {len(dataset.groups())} command sequences"
-    )
-    lines = [
-        title,
-        *_channels(dataset.runs),
-        "",
-        *_table(dataset.runs),
-        "",
-        *_findings(dataset, all_findings),
-        "",
-    ]
+    sequences = f"{len(dataset.groups())} command sequences"
+    lines = [f"{dataset.name}: {dataset.level} log, {runs} ({split}), {sequences}"]
+    lines += [*_channels(dataset.runs), "", *_table(dataset.runs), ""]
+    lines += [*_findings(dataset, all_findings), ""]
     noise = noise_from_repeats(dataset.runs)
     if noise is None:
         lines.append("noise floor: unknown, no two runs have the same commands (record repeats to get one)")
@@ -39,7 +31,7 @@ def describe(dataset: Dataset, *, all_findings: bool = False) -> str:
 
 
 def _channels(runs: Sequence[Run]) -> list[str]:
-    """Return one line a set of measured channels."""
+    """Return one line per set of measured channels."""
     sets: dict[tuple[str, ...], list[str]] = {}
     for run in runs:
         sets.setdefault(tuple(run.channels), []).append(run.file)
@@ -51,37 +43,22 @@ def _channels(runs: Sequence[Run]) -> list[str]:
 def _table(runs: Sequence[Run]) -> list[str]:
     rows = [("run", "group", "split", "rows", "seconds", "Hz", "commands")]
     for run in runs:
-        times, _ = run.command_changes()
-        rows.append(
-            (
-                run.file,
-                run.group,
-                run.split,
-                str(run.time_s.size),
-                f"{run.duration_s:.2f}",
-                f"{1.0 / run.median_interval_s:.4g}",
-                str(len(times)),
-            )
-        )
+        numbers = str(run.time_s.size), f"{run.duration_s:.2f}", f"{1.0 / run.median_interval_s:.4g}"
+        rows.append((run.file, run.group, run.split, *numbers, str(len(run.command_rows()))))
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    right = (3, 4, 5, 6)
+    align = (str.ljust, str.ljust, str.ljust, str.rjust, str.rjust, str.rjust, str.rjust)
     return [
-        "  ".join(
-            cell.rjust(w) if i in right else cell.ljust(w)
-            for i, (cell, w) in enumerate(zip(r, widths, strict=True))
-        ).rstrip()
-        for r in rows
+        "  ".join(place(cell, w) for place, cell, w in zip(align, row, widths, strict=True)).rstrip()
+        for row in rows
     ]
 
 
 def _findings(dataset: Dataset, every: bool) -> list[str]:
     if not dataset.findings:
         return ["nothing odd found"]
-    by_kind: dict[str, list[Finding]] = {kind: [] for kind in KINDS}
-    for finding in dataset.findings:
-        by_kind[finding.kind].append(finding)
     lines = ["noticed:"]
-    for kind, found in by_kind.items():
+    for kind in KINDS:
+        found = [finding for finding in dataset.findings if finding.kind == kind]
         if not found:
             continue
         files = {finding.file for finding in found if finding.file}

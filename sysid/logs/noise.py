@@ -1,9 +1,10 @@
-"""The noise floor: how far repeats of one command sequence differ, channel by channel."""
+"""The noise floor: how much repeats of one command sequence differ, channel by channel."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -11,8 +12,8 @@ from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
 from sysid.logs.runs import Run
 
-BRIDGED_INTERVALS = 3.0
-"""Across a longer gap than this many median intervals nothing is interpolated."""
+BRIDGED_INTERVALS: Final = 3.0
+"""Longest gap across which samples are interpolated, in median sample intervals."""
 
 
 @dataclass(frozen=True)
@@ -22,24 +23,24 @@ class ChannelNoise:
     std: float
     """Standard deviation of one sample, in the channel's unit."""
     degrees_of_freedom: int
-    """Samples compared, less one for each mean taken."""
+    """Number of samples compared, less one for each mean taken."""
     groups: int
-    """Groups of repeats that it was pooled over."""
+    """Number of groups of repeats over which it was pooled."""
 
     @property
     def relative_error(self) -> float:
-        """Standard error of `std`, relative, for white normal noise."""
+        """Standard error of `std` relative to `std`, for white normal noise."""
         return float(1.0 / np.sqrt(2.0 * self.degrees_of_freedom))
 
 
 def noise_from_repeats(runs: Sequence[Run]) -> dict[str, ChannelNoise] | None:
-    """Return the noise of each channel, pooled over the groups that have repeats; None where none has.
+    """Return the noise of each channel, pooled over the groups with repeats; None if no group has any.
 
-    Repeats are compared at equal times after their first change of command, counted from when the robot's
-    clock says that it had it, since uneven stamps show it late by up to a row. Where stamps differ, values
-    are interpolated; a mean of two neighbours with weights 1-f and f has (1-f)^2 + f^2 of the variance, which
-    is accounted for, so the estimate is unbiased for noise that is independent from sample to sample. What
-    the runs do differently (a latch at another phase, a warmer motor) counts as noise: no model can know it.
+    Repeats are compared at equal times after their first change of command, dated by the robot's clock
+    (`Run.held_since`), since uneven stamps may show it up to a row late. Where stamps differ, values are
+    interpolated: a mean of two neighbours with weights 1-f and f has (1-f)^2 + f^2 of the variance, which is
+    accounted for, so that the estimate is unbiased for white noise. Real differences between runs (another
+    phase of the command latch, a warmer motor) count as noise, since no model can know them.
     """
     groups: dict[str, list[Run]] = {}
     for run in runs:
@@ -58,35 +59,35 @@ def noise_from_repeats(runs: Sequence[Run]) -> dict[str, ChannelNoise] | None:
 
 
 def _spread(runs: Sequence[Run], name: str) -> tuple[float, float, int]:
-    """Return the sum of squares about the repeats' mean, what it is per unit variance, and its freedom."""
-    times = runs[0].time_s - _begins_s(runs[0])
-    parts = [_at(run, name, times) for run in runs]
+    """Return the sum of squares about the repeats' mean, its expectation for unit variance, and its d.o.f."""
+    times = runs[0].time_s - _first_change_s(runs[0])
+    parts = [_interpolated(run, name, times) for run in runs]
     values, variances = (np.array([part[i] for part in parts]) for i in range(2))
-    there = np.isfinite(values)
-    count = there.sum(axis=0)
+    known = np.isfinite(values)
+    count = known.sum(axis=0)
     use = count >= 2
     if not use.any():
         return 0.0, 0.0, 0
-    values, variances, there, count = values[:, use], variances[:, use], there[:, use], count[use]
-    mean = np.where(there, values, 0.0).sum(axis=0) / count
-    squares = float(np.where(there, (values - mean) ** 2, 0.0).sum())
-    weight = float(((1.0 - 1.0 / count) * np.where(there, variances, 0.0).sum(axis=0)).sum())
+    values, variances, known, count = values[:, use], variances[:, use], known[:, use], count[use]
+    mean = np.where(known, values, 0.0).sum(axis=0) / count
+    squares = float(np.where(known, (values - mean) ** 2, 0.0).sum())
+    weight = float(((1.0 - 1.0 / count) * np.where(known, variances, 0.0).sum(axis=0)).sum())
     return squares, weight, int((count - 1).sum())
 
 
-def _begins_s(run: Run) -> float:
-    """Return from when the robot had the first new command [s]; 0 where there is none."""
+def _first_change_s(run: Run) -> float:
+    """Return the time at which the robot had the first new command [s]; 0 if there is none."""
     rows = run.command_rows()
     return float(run.held_since(Wheel.command_period_s)[rows[1]]) if rows.size > 1 else 0.0
 
 
-def _at(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return a channel at times after the first change, and the variance of each value per unit noise.
+def _interpolated(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return a channel at times after the first change, and the variance of each value for unit noise.
 
-    NaN where the run has no sample near.
+    Both are NaN where the run has no sample nearby.
     """
-    there = run.finite(name)
-    t, x = run.time_s[there] - _begins_s(run), run.channel(name)[there]
+    finite = run.finite(name)
+    t, x = run.time_s[finite] - _first_change_s(run), run.channel(name)[finite]
     nothing = np.full(times.shape, np.nan)
     if t.size < 2:
         return nothing, nothing
@@ -95,7 +96,7 @@ def _at(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, FloatArray]
     left = np.clip(np.searchsorted(t, times, side="right") - 1, 0, t.size - 2)
     interval = t[left + 1] - t[left]
     fraction = (times - t[left]) / interval
-    # Stamps are rarely equal to the last digit; a thousandth of an interval is equal.
+    # Stamps are rarely equal to the last digit: a difference of a thousandth of an interval counts as equal.
     median = float(np.median(np.diff(t)))
     equal = np.abs(fraction - np.rint(fraction)) * interval < 1e-3 * median
     fraction = np.where(equal, np.rint(fraction), fraction)

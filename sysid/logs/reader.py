@@ -1,11 +1,11 @@
-"""From a folder of log files to a `Dataset`, checked on the way; the contract is section 1 of FORMATS.md."""
+"""Reading a folder of log files into a `Dataset`, strictly; the contract is section 1 of FORMATS.md."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
@@ -14,31 +14,46 @@ import numpy as np
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.tables import Table, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
-from sysid.logs import runs as columns
-from sysid.logs.findings import dataset_findings, run_findings
-from sysid.logs.runs import BenchCommand, BodyCommand, Command, Dataset, Finding, Run, WheelCommand
+from sysid.logs.checks import dataset_findings, run_findings
+from sysid.logs.findings import Finding
+from sysid.logs.runs import (
+    BENCH_COMMAND,
+    BODY_COMMAND,
+    COMMANDS,
+    KNOWN,
+    ROBOT_MOTION,
+    TIME,
+    UNITS,
+    WHEEL_COMMAND,
+    BenchCommand,
+    BodyCommand,
+    Command,
+    Dataset,
+    Run,
+    WheelCommand,
+)
 from sysid.logs.settings import FILE_NAME, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
 
 LONGEST_JUMP_S: Final = 3600.0
-"""Between two rows [s]. A run is simulated from its first stamp to its last, whatever lies between, so one
-wrong stamp takes all the memory there is; nobody waits for an hour between two samples."""
+"""Longest time between two rows [s]. A run is simulated from its first stamp to its last, so a single wrong
+stamp could exhaust the memory."""
 LONGEST_RUN_S: Final = 86400.0
-"""From the first row to the last [s]: ten million ticks of the law, which still fit into memory."""
+"""Longest time from the first row to the last [s]: ten million ticks of the law still fit into memory."""
 
 
 def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     """Read all runs of a folder, or one run, with the `dataset.toml` beside them where there is one.
 
     Every file of the folder that ends in .csv, .csv.gz or .parquet is a run, whether `dataset.toml` lists it
-    or not; other files and names starting with a dot are passed over.
+    or not; other files, and names that start with a dot, are ignored.
 
     Args:
-        path: A folder, one log file in it, or its `dataset.toml`.
+        path: a folder, one log file in it, or its `dataset.toml`.
 
     Raises:
-        InputError: anything that cannot be used; the message names the file, the line counted from 1 with
-            the header, the value and what would be right.
+        InputError: the input cannot be used; the message names the file, the line (the header is line 1), the
+            value and what would be right.
     """
     path = Path(path)
     if path.name == FILE_NAME:
@@ -46,23 +61,23 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     folder = path if path.is_dir() else path.parent
     files = _run_files(path)
     settings = read_settings(folder)
-    _check_listed(settings, folder, files if path.is_dir() else None)
+    if path.is_dir():
+        _check_listed(settings, folder, files)
     tables = [read_table(file) for file in files]
     _check_sources(settings, tables)
-    parts = [_read_run(table, settings) for table in tables]
-    runs = [part.run for part in parts]
+    runs, findings = [], []
+    for table in tables:
+        run, noticed = _read_run(table, settings)
+        runs.append(run)
+        findings += noticed
     for run in runs[1:]:
         if run.level != runs[0].level:
             raise InputError(
                 f"{folder}: {runs[0].file} is a {runs[0].level} log and {run.file} a {run.level} log; "
                 "put them in two folders"
             )
-    findings = [finding for part in parts for finding in part.findings]
     if settings.runs and path.is_dir():
-        unlisted = [run.file for run in runs if run.file not in settings.runs]
-        findings += [
-            Finding(name, "unlisted", f"not listed in {FILE_NAME}; read too", 1.0) for name in unlisted
-        ]
+        findings += [Finding(run.file, "unlisted", 1.0) for run in runs if run.file not in settings.runs]
     entries = [entry for entry in settings.runs.values() if any(run.file == entry.file for run in runs)]
     names, noticed = group_names(runs, {e.file: e.group for e in entries if e.group is not None})
     runs = [replace(run, group=name) for run, name in zip(runs, names, strict=True)]
@@ -70,9 +85,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     splits, noticed = assign_splits(runs, {e.file: e.split for e in entries if e.split is not None})
     runs = [replace(run, split=split) for run, split in zip(runs, splits, strict=True)]
     findings += noticed
-    for run in runs:
-        findings += run_findings(run)
-    findings += dataset_findings(runs)
+    findings += [finding for run in runs for finding in run_findings(run)] + dataset_findings(runs)
     name = settings.name or (folder.resolve().name if path.is_dir() else table_stem(path))
     return Dataset(name, tuple(runs), tuple(findings), _digest(files, settings))
 
@@ -83,10 +96,9 @@ def _run_files(path: Path) -> list[Path]:
             raise InputError(f"{path}: not a log; a run ends in .csv, .csv.gz or .parquet")
         return [path]
     if not path.is_dir():
-        near = (
-            did_you_mean(path.name, (p.name for p in path.parent.iterdir())) if path.parent.is_dir() else ""
-        )
-        raise InputError(f"{path}: no such file or folder{near}; give a folder of runs in CSV")
+        present = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+        hint = did_you_mean(path.name, present)
+        raise InputError(f"{path}: no such file or folder{hint}; give a folder of runs in CSV")
     files = _logs_in(path)
     if not files:
         inside = sorted(p for p in path.iterdir() if p.is_dir() and _logs_in(p))
@@ -105,15 +117,11 @@ def _run_files(path: Path) -> list[Path]:
 
 
 def _logs_in(folder: Path) -> list[Path]:
-    found = (
-        p for p in folder.iterdir() if p.is_file() and has_table_suffix(p) and not p.name.startswith(".")
-    )
-    return sorted(found, key=lambda p: p.name)
+    files = (file for file in folder.iterdir() if file.is_file() and not file.name.startswith("."))
+    return sorted(filter(has_table_suffix, files), key=lambda file: file.name)
 
 
-def _check_listed(settings: Settings, folder: Path, files: Sequence[Path] | None) -> None:
-    if files is None:
-        return
+def _check_listed(settings: Settings, folder: Path, files: Sequence[Path]) -> None:
     present = [file.name for file in files]
     for name in settings.runs:
         if name not in present:
@@ -124,60 +132,46 @@ def _check_listed(settings: Settings, folder: Path, files: Sequence[Path] | None
 
 
 def _check_sources(settings: Settings, tables: Sequence[Table]) -> None:
-    """Refuse a column that `dataset.toml` names and no file has."""
-    everywhere = dict.fromkeys(name for table in tables for name in table.names)
+    """Refuse a column that `dataset.toml` names although no file has it."""
+    present = dict.fromkeys(name for table in tables for name in table.names)
     named = {rule.source: f"{ours} is to come from it" for ours, rule in settings.columns.items()}
     named |= dict.fromkeys(settings.ignore_columns, "it is to be ignored")
     for source, why in named.items():
-        if source not in everywhere:
+        if source not in present:
             raise InputError(
                 f"{settings.path}: no file has a column {source!r}, though {why}"
-                f"{did_you_mean(source, everywhere)}; the files have {', '.join(everywhere)}"
+                f"{did_you_mean(source, present)}; the files have {', '.join(present)}"
             )
 
 
-@dataclass(frozen=True, eq=False)
-class _Part:
-    run: Run
-    findings: list[Finding]
-
-
-def _read_run(table: Table, settings: Settings) -> _Part:
+def _read_run(table: Table, settings: Settings) -> tuple[Run, list[Finding]]:
     data = _our_columns(table, settings)
-    if columns.TIME not in data:
+    if TIME not in data:
         raise InputError(f"{table.header}: column time_s is missing; the file has {', '.join(table.names)}")
-    time = data.pop(columns.TIME)
+    time = data.pop(TIME)
     _check_stamps(table, time)
     _check_columns(table, data)
     command, findings = _hold_commands(table, data, time)
-    channels = {name: _frozen(data[name]) for name in columns.UNITS if name in data}
+    channels = {name: _frozen(data[name]) for name in UNITS if name in data}
     if not any(np.isfinite(values).any() for name, values in channels.items() if name != "battery_v"):
         raise InputError(
             f"{table.path}: no measured sample in any of {', '.join(channels)}; nothing to compare"
         )
-    run = Run(
-        file=table.path.name,
-        group="",
-        split="fit",
-        time_s=_frozen(time - time[0]),
-        command=command,
-        channels=channels,
-        start_s=float(time[0]),
-    )
-    return _Part(run, findings)
+    time_s = _frozen(time - time[0])
+    return Run(table.path.name, "", "fit", time_s, command, channels, float(time[0])), findings
 
 
 def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
-    """Return the columns in our names and units."""
-    sources = {rule.source: ours for ours, rule in settings.columns.items()}
+    """Return the columns under this project's names and in its units."""
+    sources = {rule.source for rule in settings.columns.values()}
     data = {}
     for name in table.names:
         if name in settings.ignore_columns or name in sources:
             continue
-        if name not in columns.KNOWN:
+        if name not in KNOWN:
             raise InputError(
-                f"{table.header}: unknown column {name!r}{did_you_mean(name, columns.KNOWN)}; known: "
-                f"{', '.join(columns.KNOWN)}. Map it to one of these under [columns] in {FILE_NAME}, or "
+                f"{table.header}: unknown column {name!r}{did_you_mean(name, KNOWN)}; known: "
+                f"{', '.join(KNOWN)}. Map it to one of these under [columns] in {FILE_NAME}, or "
                 "list it in ignore_columns under [dataset]"
             )
         data[name] = table.column(name)
@@ -186,8 +180,8 @@ def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
             continue
         if ours in data:
             raise InputError(
-                f"{table.header}: {ours} is there, and {FILE_NAME} makes it from {rule.source!r} too; "
-                "keep one"
+                f"{table.header}: {ours} is a column of the file, and {FILE_NAME} also makes it from "
+                f"{rule.source!r}; keep one"
             )
         data[ours] = rule.scale * table.column(rule.source) + rule.offset
     return data
@@ -206,7 +200,7 @@ def _check_stamps(table: Table, time: FloatArray) -> None:
         row = int(backwards[0]) + 1
         raise InputError(
             f"{table.where(row)}: time_s = {time[row]!s} after {time[row - 1]!s}, must be larger than the "
-            "stamp before; cut the file where the clock jumps, and remove rows that are there twice"
+            "stamp before; cut the file where the clock jumps, and remove rows that appear twice"
         )
     far = np.flatnonzero(np.diff(time) > LONGEST_JUMP_S)
     if far.size:
@@ -226,28 +220,24 @@ def _check_stamps(table: Table, time: FloatArray) -> None:
 
 def _check_columns(table: Table, data: dict[str, FloatArray]) -> None:
     where = table.header
-    commands = [name for name in columns.COMMANDS if name in data]
-    measured = [name for name in columns.UNITS if name in data]
-    bench = [name for name in (*columns.BENCH_COMMAND, "speed_rpm") if name in data]
-    robot = [n for n in (*columns.BODY_COMMAND, *columns.WHEEL_COMMAND, *columns.ROBOT_MOTION) if n in data]
+    commands = [name for name in COMMANDS if name in data]
+    measured = [name for name in UNITS if name in data]
+    bench = [name for name in (*BENCH_COMMAND, "speed_rpm") if name in data]
+    robot = [n for n in (*BODY_COMMAND, *WHEEL_COMMAND, *ROBOT_MOTION) if n in data]
     if bench and robot:
         raise InputError(
             f"{where}: {bench[0]} belongs to a bench log and {robot[0]} to a robot log; "
             "keep the columns of one"
         )
     if not commands:
-        wanted = (
-            "command_rpm"
-            if bench
-            else f"{', '.join(columns.BODY_COMMAND)} (or {columns.WHEEL_COMMAND[0]} ...)"
-        )
+        wanted = "command_rpm" if bench else f"{', '.join(BODY_COMMAND)} (or {WHEEL_COMMAND[0]} ...)"
         raise InputError(f"{where}: no command column; a {'bench' if bench else 'robot'} log needs {wanted}")
-    sets = [s for s in (columns.BODY_COMMAND, columns.WHEEL_COMMAND) if any(name in data for name in s)]
+    sets = [s for s in (BODY_COMMAND, WHEEL_COMMAND) if any(name in data for name in s)]
     if len(sets) > 1:
         raise InputError(
             f"{where}: both command sets ({', '.join(commands)}); keep V, theta, VC or the four wheels"
         )
-    lacking = [name for name in (sets[0] if sets else columns.BENCH_COMMAND) if name not in data]
+    lacking = [name for name in (sets[0] if sets else BENCH_COMMAND) if name not in data]
     if lacking:
         raise InputError(
             f"{where}: column {', '.join(lacking)} is missing; the file has {', '.join(table.names)}"
@@ -255,34 +245,30 @@ def _check_columns(table: Table, data: dict[str, FloatArray]) -> None:
     if bench and "speed_rpm" not in data:
         raise InputError(f"{where}: column speed_rpm is missing; the file has {', '.join(table.names)}")
     if not [name for name in measured if name != "battery_v"]:
-        raise InputError(
-            f"{where}: no measured column; a robot log needs one of {', '.join(columns.ROBOT_MOTION)}"
-        )
+        raise InputError(f"{where}: no measured column; a robot log needs one of {', '.join(ROBOT_MOTION)}")
 
 
 def _hold_commands(
     table: Table, data: dict[str, FloatArray], time: FloatArray
 ) -> tuple[Command, list[Finding]]:
-    """Zero-order hold each command over its missing cells; 0 before the first."""
+    """Apply a zero-order hold to each command over its missing cells; 0 before the first value."""
     held, findings = {}, []
-    for name in (name for name in columns.COMMANDS if name in data):
-        there = np.isfinite(data[name])
-        if not there.any():
+    for name in (name for name in COMMANDS if name in data):
+        given = np.isfinite(data[name])
+        if not given.any():
             raise InputError(
-                f"{table.path}: {name} has no value in any row; write it where it changes, at least"
+                f"{table.path}: {name} has no value in any row; write it at least where it changes"
             )
-        last = np.maximum.accumulate(np.where(there, np.arange(len(there)), -1))
+        last = np.maximum.accumulate(np.where(given, np.arange(len(given)), -1))
         held[name] = _frozen(np.where(last < 0, 0.0, data[name][np.maximum(last, 0)]))
-        late = int(np.argmax(there))
-        if late:
-            seconds = float(time[late] - time[0])
-            message = f"{name} first appears after {seconds:.3g} s; taken as 0 until then"
-            findings.append(Finding(table.path.name, "late_command", message, seconds))
-    if "command_rpm" in held:
-        return BenchCommand(held["command_rpm"]), findings
-    if columns.BODY_COMMAND[0] in held:
-        return BodyCommand(*(held[name] for name in columns.BODY_COMMAND)), findings
-    return WheelCommand(_frozen(np.column_stack([held[name] for name in columns.WHEEL_COMMAND]))), findings
+        first = int(np.argmax(given))
+        if first:
+            findings.append(Finding(table.path.name, "late_command", float(time[first] - time[0]), name))
+    if BENCH_COMMAND[0] in held:
+        return BenchCommand(held[BENCH_COMMAND[0]]), findings
+    if BODY_COMMAND[0] in held:
+        return BodyCommand(*(held[name] for name in BODY_COMMAND)), findings
+    return WheelCommand(_frozen(np.column_stack([held[name] for name in WHEEL_COMMAND]))), findings
 
 
 def _frozen(values: FloatArray) -> FloatArray:

@@ -1,7 +1,4 @@
-"""The columns a log may have, with their units; the one list that reader, writer and importer share.
-
-What a log is once read: runs with their commands and measured channels, and what was noticed in them.
-"""
+"""Columns, runs and datasets: what a log may contain, and what it is once it has been read."""
 
 from __future__ import annotations
 
@@ -15,13 +12,13 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS, command_to_wheels
 from mecanum_env.units import FloatArray
+from sysid.logs.findings import Finding
 
 TIME: Final = "time_s"
 BENCH_COMMAND: Final = ("command_rpm",)
 BODY_COMMAND: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
 WHEEL_COMMAND: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
 COMMANDS: Final = (*BENCH_COMMAND, *BODY_COMMAND, *WHEEL_COMMAND)
-
 WHEEL_SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
 
 UNITS: Final[Mapping[str, str]] = {
@@ -37,12 +34,11 @@ UNITS: Final[Mapping[str, str]] = {
 }
 """Measured columns and their units."""
 
-BENCH_CHANNELS: Final = ("speed_rpm", "battery_v")
-ROBOT_CHANNELS: Final = tuple(name for name in UNITS if name != "speed_rpm")
-ROBOT_MOTION: Final = tuple(name for name in ROBOT_CHANNELS if name != "battery_v")
-"""A robot log needs at least one of these."""
+ROBOT_MOTION: Final = tuple(name for name in UNITS if name not in ("speed_rpm", "battery_v"))
+"""A robot log needs at least one of these columns."""
 
 KNOWN: Final = (TIME, *COMMANDS, *UNITS)
+"""All columns that a log may have."""
 
 REST: Final[Mapping[str, float]] = {
     "speed_rpm": 1.0,
@@ -51,18 +47,18 @@ REST: Final[Mapping[str, float]] = {
     "vy_m_s": 0.02,
     "yaw_rate_rad_s": 0.05,
 }
-"""Speeds up to which a channel counts as at rest, in its own unit: about 1 rpm of a wheel, sensor noise."""
-
+"""Largest speed of a channel at rest, in its own unit: sensor noise, about 1 rpm of a wheel."""
 
 Split: TypeAlias = Literal["fit", "validation", "test"]
 Level: TypeAlias = Literal["bench", "robot"]
 SPLITS: Final[tuple[Split, ...]] = get_args(Split)
-_ROUNDING: Final = 1e-6  # of a command period: of stamps that a program has converted
+_ROUNDING: Final = 1e-6
+"""Rounding error of stamps that a program has converted, in command periods."""
 
 
 @dataclass(frozen=True, eq=False)
 class BenchCommand:
-    """The commanded speed of one wheel."""
+    """Commanded speed of a single wheel."""
 
     command_rpm: FloatArray
     """Shape (n,)."""
@@ -92,11 +88,7 @@ class BodyCommand:
 
     def columns(self) -> dict[str, FloatArray]:
         """Return the log columns that hold this command."""
-        return {
-            "command_v_rpm": self.v_rpm,
-            "command_theta_deg": self.theta_deg,
-            "command_vc_rpm": self.vc_rpm,
-        }
+        return dict(zip(BODY_COMMAND, (self.v_rpm, self.theta_deg, self.vc_rpm), strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,8 +100,7 @@ class WheelCommand:
 
     def columns(self) -> dict[str, FloatArray]:
         """Return the log columns that hold this command."""
-        names = ("command_fl_rpm", "command_fr_rpm", "command_rl_rpm", "command_rr_rpm")
-        return {name: self.wheels_rpm[:, i] for i, name in enumerate(names)}
+        return dict(zip(WHEEL_COMMAND, self.wheels_rpm.T, strict=True))
 
 
 Command: TypeAlias = BenchCommand | BodyCommand | WheelCommand
@@ -119,7 +110,7 @@ Command: TypeAlias = BenchCommand | BodyCommand | WheelCommand
 class Run:
     """One recording.
 
-    Arrays are read-only and have one entry a row of the file.
+    Arrays are read-only and have one entry per row of the file.
     """
 
     file: str
@@ -130,11 +121,11 @@ class Run:
     time_s: FloatArray
     """Stamps [s] from the run's first one, which is 0; shape (n,), strictly increasing, n >= 2."""
     command: Command
-    """Zero-order held: a row without a command repeats the one before, and 0 before the first."""
+    """Zero-order hold: a row without a command repeats the one before, and is 0 before the first."""
     channels: Mapping[str, FloatArray]
-    """Measured columns by name, in units of `columns.UNITS`, shape (n,); NaN where a sample is missing."""
+    """Measured columns by name, in the units of `UNITS`, shape (n,); NaN where a sample is missing."""
     start_s: float = 0.0
-    """The file's own first stamp [s]."""
+    """First stamp of the file [s]."""
 
     @property
     def level(self) -> Level:
@@ -173,56 +164,40 @@ class Run:
         return np.isfinite(self.channel(name))
 
     def command_rows(self) -> npt.NDArray[np.intp]:
-        """Return the rows, shape (m,), whose wheel command differs from the row before; the first always."""
+        """Return the first row and every row whose wheel command differs from the row before, shape (m,)."""
         wheels = self.command.wheels_rpm
         changed = np.any(wheels[1:] != wheels[:-1], axis=1)
         return np.concatenate([[0], np.flatnonzero(changed) + 1])
 
     def command_changes(self) -> tuple[FloatArray, FloatArray]:
-        """Return the times [s], shape (m,), and wheel commands [rpm], shape (m, 1 or 4), where they change.
-
-        The first row is always among them, so m >= 1.
-        """
+        """Return times [s], shape (m,), and wheel commands [rpm], shape (m, 1 or 4), of `command_rows`."""
         rows = self.command_rows()
         return self.time_s[rows], self.command.wheels_rpm[rows]
 
     def held_since(self, command_period_s: float) -> FloatArray:
-        """Return from when the robot may have held each row's command [s], shape (n,), increasing.
+        """Return the earliest time at which the robot may have held each row's command [s], shape (n,).
 
-        A log shows a command in the first row after it was given, and stamps are never quite even. A row that
-        comes a little after the robot looked for a command, the first to do so, may show what the robot found
-        then: it is taken to. Without this a command 20 us late in the log would be 0.1 s late in a replay.
+        A log shows a command in the first row after it was given, and stamps are never quite even. The robot
+        looks for a command at multiples of its period. The first row after such a time is taken to show what
+        the robot found then: otherwise a command logged 20 us late would be replayed 0.1 s late.
 
         Args:
-            command_period_s: the robot looks for a command this often, from the run's start on.
+            command_period_s: interval at which the robot looks for a command, from the run's start on.
         """
         looked = np.floor(self.time_s / command_period_s + _ROUNDING) * command_period_s
         before = np.concatenate([[-np.inf], self.time_s[:-1]])
         return np.where(looked > before + _ROUNDING * command_period_s, looked, self.time_s)
 
 
-@dataclass(frozen=True)
-class Finding:
-    """Something noticed in a log that is no error but that a user should know."""
-
-    file: str
-    """The run it is about; empty when it is about the dataset."""
-    kind: str
-    """One of `findings.KINDS`."""
-    message: str
-    value: float
-    """The figure behind the message; its unit is in the message."""
-
-
 @dataclass(frozen=True, eq=False)
 class Dataset:
-    """All runs of a folder, in the order of their file names, and what was noticed in them."""
+    """All runs of a folder in the order of their file names, and what was noticed in them."""
 
     name: str
     runs: tuple[Run, ...]
     findings: tuple[Finding, ...]
     sha256: str = ""
-    """Of the files read, for provenance."""
+    """Digest of the files that were read, for provenance."""
 
     @property
     def level(self) -> Level:
@@ -230,7 +205,7 @@ class Dataset:
         return self.runs[0].level
 
     def split(self, name: Split) -> tuple[Run, ...]:
-        """Return the runs of one split, which may be none."""
+        """Return the runs of one split, possibly none."""
         return tuple(run for run in self.runs if run.split == name)
 
     def groups(self) -> dict[str, tuple[Run, ...]]:

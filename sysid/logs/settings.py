@@ -1,4 +1,4 @@
-"""`dataset.toml`: the dataset's name, its columns in our names and units, groups and splits of its runs."""
+"""`dataset.toml`: name of the dataset, mapping of its columns, groups and splits of its runs."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FILE_NAME: Final = "dataset.toml"
 
 @dataclass(frozen=True)
 class ColumnRule:
-    """Where one of our columns comes from: ours = `scale` * theirs + `offset`."""
+    """Origin of one of the log columns: `scale` * (column `source` of the file) + `offset`."""
 
     source: str
     scale: float = 1.0
@@ -27,7 +27,7 @@ class ColumnRule:
 
 @dataclass(frozen=True)
 class RunEntry:
-    """What the file says about one run; None where it says nothing."""
+    """What `dataset.toml` states about one run; None where it states nothing."""
 
     file: str
     group: str | None = None
@@ -36,22 +36,22 @@ class RunEntry:
 
 @dataclass(frozen=True)
 class Settings:
-    """A whole `dataset.toml`; the default is that of a folder without one."""
+    """Contents of a `dataset.toml`; the defaults are those of a folder without one."""
 
     path: Path | None = None
     name: str | None = None
     ignore_columns: tuple[str, ...] = ()
-    """Columns of the files that are left out."""
+    """Columns of the files that are not read."""
     columns: Mapping[str, ColumnRule] = field(default_factory=dict)
     runs: Mapping[str, RunEntry] = field(default_factory=dict)
-    """By file name."""
+    """Stated runs by file name."""
 
 
 def read_settings(folder: Path) -> Settings:
-    """Read the folder's `dataset.toml`, or return the defaults where there is none.
+    """Read the folder's `dataset.toml`, or return the defaults if there is none.
 
     Raises:
-        InputError: not TOML, an unknown key, a value of the wrong kind, a run listed twice.
+        InputError: invalid TOML, an unknown key, a value of the wrong type, or a run listed twice.
     """
     path = folder / FILE_NAME
     if not path.exists():
@@ -69,7 +69,7 @@ def read_settings(folder: Path) -> Settings:
 
 
 class _Parser:
-    """Checks every key and value; keeps the text to name lines."""
+    """Checks every key and value; keeps the text, so that errors can name the line."""
 
     def __init__(self, path: Path, text: str) -> None:
         self.path = path
@@ -82,10 +82,9 @@ class _Parser:
         ignored = dataset.get("ignore_columns", [])
         if not isinstance(ignored, list) or not all(isinstance(item, str) for item in ignored):
             self.fail("ignore_columns", f"ignore_columns = {ignored!r}, must be a list of column names")
-        name = self.string(dataset, "name")
         return Settings(
             path=self.path,
-            name=name,
+            name=self.string(dataset, "name"),
             ignore_columns=tuple(ignored),
             columns=self.columns(self.table(value.get("columns", {}), "[columns]")),
             runs=self.runs(value.get("runs", [])),
@@ -96,9 +95,8 @@ class _Parser:
         rules = {}
         for name, entry in value.items():
             if not isinstance(entry, dict):
-                self.fail(
-                    name, f'{name} = {entry!r}, must be a table such as {{ from = "omega", scale = 9.55 }}'
-                )
+                example = '{ from = "omega", scale = 9.55 }'
+                self.fail(name, f"{name} = {entry!r}, must be a table such as {example}")
             self.keys(entry, ("from", "scale", "offset"), f"{name}: ")
             source = self.string(entry, "from")
             if source is None:
@@ -123,22 +121,16 @@ class _Parser:
                 self.fail(file, f'file = "{file}", must be a file name in the same folder, without a path')
             if file in entries:
                 self.fail(file, f'run "{file}" is listed twice; remove one entry', last=True)
-            split = self.string(entry, "split")
-            for known in SPLITS:
-                if split == known:
-                    entries[file] = RunEntry(file, self.string(entry, "group"), known)
-            if split is None:
-                entries[file] = RunEntry(file, self.string(entry, "group"))
-            if file not in entries:
-                self.fail(
-                    split or "split",
-                    f'split = "{split}"{did_you_mean(split or "", SPLITS)}, '
-                    f"must be one of {', '.join(SPLITS)}",
-                )
+            stated = self.string(entry, "split")
+            split = next((known for known in SPLITS if known == stated), None)
+            if stated and not split:
+                hint = did_you_mean(stated, SPLITS)
+                self.fail(stated, f'split = "{stated}"{hint}, must be one of {", ".join(SPLITS)}')
+            entries[file] = RunEntry(file, self.string(entry, "group"), split)
         return entries
 
     def fail(self, token: str, message: str, *, last: bool = False) -> NoReturn:
-        """Raise, naming the (last) line on which the token stands."""
+        """Raise an `InputError` that names the first (or last) line on which the token stands."""
         word = re.compile(rf"(?<![\w.]){re.escape(token)}(?![\w.])")
         found = [number for number, line in enumerate(self.lines, 1) if word.search(line.split("#")[0])]
         line = f", line {found[-1 if last else 0]}" if found else ""

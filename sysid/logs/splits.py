@@ -1,14 +1,14 @@
 """Repeats, groups and splits: which runs had the same commands, and which of them fit, validate and test.
 
-Repeats. Two runs are repeats when their commands start alike and change to the same values after the same
-times, counted from the first change, within two sample intervals (at least 20 ms). How long they were
-recorded before the first change and after the last does not matter. A group that `dataset.toml` states wins.
+Two runs are repeats if their commands start alike and change to the same values after the same times, counted
+from the first change, within two sample intervals (at least 20 ms). How long they were recorded before the
+first change and after the last does not matter. A group stated in `dataset.toml` takes precedence.
 
-Splits where `dataset.toml` is silent. They are deterministic and go by whole groups, since a repeat of a
-sequence that was fitted tests the noise and not the model. With three or more groups a fifth of them
-(rounded, at least one) is for validation and as many for test; the groups are ordered by the rms of their
-command, the held-out ones are spread evenly over that order, and the largest always fits, so that the fit
-covers the range. With fewer groups repeats are split instead where there are any; one run alone fits.
+Splits that `dataset.toml` does not state are deterministic and hold out whole groups, since a repeat of a
+fitted sequence tests the noise and not the model. With three or more groups, a fifth (rounded, at least one)
+is for validation and as many for test. The groups are ordered by the rms of their command; the held-out
+ones are spread evenly over that order, and the largest is always fitted, so that the fit covers the range.
+With fewer groups, repeats are split instead, if there are any; a single run is fitted.
 """
 
 from __future__ import annotations
@@ -16,25 +16,31 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
+from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
-from sysid.logs.runs import Finding, Run, Split
+from sysid.logs.findings import Finding
+from sysid.logs.runs import SPLITS, Run, Split
 
-VALUE_TOLERANCE_RPM = 1e-6
-TIME_TOLERANCE_S = 0.02
+VALUE_TOLERANCE_RPM: Final = 1e-6
+"""Commands of repeats differ by no more than this [rpm]."""
+TIME_TOLERANCE_S: Final = 0.02
+"""Command changes of repeats may always differ by this [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class CommandSequence:
-    """The shape of a run's commands, free of when the recording was started."""
+    """A run's commands, independent of when the recording was started."""
 
     after_s: FloatArray
     """Times of the changes [s] after the first one, shape (m,)."""
     wheels_rpm: FloatArray
     """Wheel commands [rpm] before the first change and after each, shape (m + 1, 1 or 4)."""
     tolerance_s: float
+    """Largest difference between the times of repeats [s]."""
 
 
 def command_sequence(run: Run) -> CommandSequence:
@@ -50,17 +56,17 @@ def are_repeats(one: CommandSequence, other: CommandSequence) -> bool:
         return False
     if np.max(np.abs(one.wheels_rpm - other.wheels_rpm)) > VALUE_TOLERANCE_RPM:
         return False
-    apart = np.abs(one.after_s - other.after_s)
-    return bool(np.all(apart <= max(one.tolerance_s, other.tolerance_s)))
+    difference_s = np.abs(one.after_s - other.after_s)
+    return bool(np.all(difference_s <= max(one.tolerance_s, other.tolerance_s)))
 
 
 def group_names(runs: Sequence[Run], stated: Mapping[str, str]) -> tuple[list[str], list[Finding]]:
-    """Return the group of each run, and findings where a stated group has commands that differ.
+    """Return the group of each run, and a finding for each run whose commands differ from its stated group's.
 
     Args:
-        runs: Their own `group` is not looked at.
-        stated: Group by file name, where the user said one. A run without takes the group of a run with the
-            same commands, or is named after the first such file.
+        runs: the runs to group; their own `group` is ignored.
+        stated: group by file name, where the user stated one. Any other run takes the group of a run with the
+            same commands; a new group is named after its first file.
     """
     sequences = [command_sequence(run) for run in runs]
     findings = []
@@ -72,8 +78,7 @@ def group_names(runs: Sequence[Run], stated: Mapping[str, str]) -> tuple[list[st
         if group not in members:
             members[group] = sequence
         elif not are_repeats(members[group], sequence):
-            message = f'its commands differ from the first run of its group "{group}"; not a repeat of it'
-            findings.append(Finding(run.file, "group", message, 1.0))
+            findings.append(Finding(run.file, "group", 1.0, details={"group": group}))
     names = []
     for run, sequence in zip(runs, sequences, strict=True):
         group = stated.get(run.file)
@@ -92,37 +97,37 @@ def group_names(runs: Sequence[Run], stated: Mapping[str, str]) -> tuple[list[st
 
 
 def assign_splits(runs: Sequence[Run], stated: Mapping[str, Split]) -> tuple[list[Split], list[Finding]]:
-    """Return the split of each run, and what a user should know about it.
+    """Return the split of each run, and findings about what is held out.
 
     Args:
-        runs: With their groups; their own `split` is not looked at.
-        stated: Split by file name, where the user said one. Other runs of a group with a stated split join
-            it (its commonest one).
+        runs: the runs with their groups; their own `split` is ignored.
+        stated: split by file name, where the user stated one. The other runs of a group take the split that
+            is stated most often in it.
     """
     splits: dict[str, Split] = dict(stated)
     groups: dict[str, list[Run]] = {}
     for run in runs:
         groups.setdefault(run.group, []).append(run)
     for members in groups.values():
-        said = Counter(stated[run.file] for run in members if run.file in stated)
-        if said:
-            splits.update({run.file: said.most_common(1)[0][0] for run in members if run.file not in stated})
-    free = {name: members for name, members in groups.items() if members[0].file not in splits}
+        counts = Counter(stated[run.file] for run in members if run.file in stated)
+        if counts:
+            common = counts.most_common(1)[0][0]
+            splits.update({run.file: common for run in members if run.file not in stated})
+    open_groups = {name: members for name, members in groups.items() if members[0].file not in splits}
     if not stated:
-        splits.update(_split_groups(free) if len(free) >= 3 else _split_repeats(free))
+        splits.update(_split_groups(open_groups) if len(open_groups) >= 3 else _split_repeats(open_groups))
     else:
-        splits.update(_fill_up(free, set(stated.values())))
+        splits.update(_complete(open_groups, set(stated.values())))
     chosen = [splits[run.file] for run in runs]
     return chosen, _split_findings([replace(run, split=s) for run, s in zip(runs, chosen, strict=True)])
 
 
 def _by_size(groups: Mapping[str, Sequence[Run]]) -> list[list[Run]]:
     """Return the groups ordered by the rms of their command, then by name."""
-
-    def size(name: str) -> tuple[float, str]:
-        return float(np.sqrt(np.mean(groups[name][0].command.wheels_rpm ** 2))), name
-
-    return [list(groups[name]) for name in sorted(groups, key=size)]
+    return [
+        list(groups[name])
+        for name in sorted(groups, key=lambda name: (rms(groups[name][0].command.wheels_rpm), name))
+    ]
 
 
 def _split_groups(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:
@@ -136,7 +141,7 @@ def _split_groups(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:
 
 
 def _split_repeats(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:
-    """Split one or two groups: the last repeat tests, the one before validates where three remain."""
+    """Split one or two groups: the last repeat tests, the last but one of three or more validates."""
     splits: dict[str, Split] = {run.file: "fit" for members in groups.values() for run in members}
     for members in groups.values():
         if len(members) >= 2:
@@ -148,12 +153,12 @@ def _split_repeats(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:
     return splits
 
 
-def _fill_up(groups: Mapping[str, Sequence[Run]], stated: set[Split]) -> dict[str, Split]:
-    """Give the groups that a partly written `dataset.toml` leaves out to fit, and to what it lacks."""
+def _complete(groups: Mapping[str, Sequence[Run]], stated: set[Split]) -> dict[str, Split]:
+    """Split the groups that `dataset.toml` does not state: into the splits it lacks, else into fit."""
     ordered = _by_size(groups)
     splits: dict[str, Split] = {run.file: "fit" for members in ordered for run in members}
     lacking: list[Split] = [name for name in ("test", "validation") if name not in stated]
-    # The largest goes to fit, unless the user has named what fits.
+    # The largest group is fitted, unless the user has stated what to fit.
     spare = ordered if "fit" in stated else ordered[:-1]
     for role, members in zip(lacking, spare, strict=False):
         splits.update({run.file: role for run in members})
@@ -161,19 +166,16 @@ def _fill_up(groups: Mapping[str, Sequence[Run]], stated: set[Split]) -> dict[st
 
 
 def _split_findings(runs: Sequence[Run]) -> list[Finding]:
-    findings = []
     if len(runs) == 1:
-        message = f"one run only: it is used to {runs[0].split}, and nothing is held out to check the result"
-        return [Finding("", "split", message, 1.0)]
-    for name in ("fit", "validation", "test"):
-        if not any(run.split == name for run in runs):
-            findings.append(Finding("", "split", f"no run is for {name}", 0.0))
+        return [Finding("", "split", 1.0, variant="one run", details={"split": runs[0].split})]
+    findings = [
+        Finding("", "split", 0.0, variant="no run", details={"split": name})
+        for name in SPLITS
+        if not any(run.split == name for run in runs)
+    ]
     fitted = {run.group for run in runs if run.split == "fit"}
     shared = sorted({run.group for run in runs if run.split != "fit"} & fitted)
     if shared:
-        message = (
-            f"{len(shared)} group(s) are both fitted and held out ({', '.join(shared[:3])}): "
-            "held-out repeats test the noise, not new commands"
-        )
-        findings.append(Finding("", "split", message, float(len(shared))))
+        details = {"groups": ", ".join(shared[:3])}
+        findings.append(Finding("", "split", float(len(shared)), variant="shared groups", details=details))
     return findings

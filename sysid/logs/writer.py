@@ -1,4 +1,4 @@
-"""Writing runs in the form that `read_dataset` reads: one CSV each, and a `dataset.toml`."""
+"""Writing runs as `read_dataset` reads them: one table per run, and a `dataset.toml`."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from sysid.logs.settings import FILE_NAME
 
 
 def write_dataset(dataset: Dataset, folder: str | os.PathLike[str]) -> None:
-    """Write every run under its own file name, and the `dataset.toml` with name, groups and splits.
+    """Write every run under its own file name, and a `dataset.toml` with name, groups and splits.
 
-    Numbers are written in full double precision; what `read_dataset` then gives is equal.
+    Numbers are written in full double precision, so that `read_dataset` returns an equal dataset.
 
     Raises:
-        InputError: a file name that is no log's, or a folder that cannot be written.
+        InputError: a file name that is not a log's, or a folder that cannot be written.
     """
     folder = Path(folder)
     for run in dataset.runs:
@@ -40,8 +40,7 @@ def write_run(run: Run, path: str | os.PathLike[str]) -> None:
     Raises:
         InputError: another suffix, or the folder cannot be written.
     """
-    columns = {TIME: run.time_s + run.start_s, **run.command.columns(), **run.channels}
-    write_columns(columns, path)
+    write_columns({TIME: run.time_s + run.start_s, **run.command.columns(), **run.channels}, path)
 
 
 def write_columns(columns: Mapping[str, FloatArray], path: str | os.PathLike[str]) -> None:
@@ -65,7 +64,7 @@ def write_columns(columns: Mapping[str, FloatArray], path: str | os.PathLike[str
         text.write(",".join("" if cell != cell else _shortest(cell) for cell in row) + "\n")
     data = text.getvalue().encode()
     with atomic_path(path) as temporary:
-        # No time stamp inside, so that equal runs make equal files.
+        # The gzip header has no time stamp, so that equal runs make equal files.
         temporary.write_bytes(gzip.compress(data, mtime=0) if kind == "gz" else data)
 
 
@@ -87,12 +86,11 @@ def _kind(path: Path) -> Literal["csv", "gz", "parquet"]:
 
 def _shortest(value: float) -> str:
     """Return the shortest text that reads back equal; whole numbers without a point."""
-    return (
-        str(int(value)) if value.is_integer() and abs(value) < 1e15 and str(value) != "-0.0" else repr(value)
-    )
+    whole = value.is_integer() and abs(value) < 1e15 and str(value) != "-0.0"
+    return str(int(value)) if whole else repr(value)
 
 
 def quoted(text: str) -> str:
-    """Return a text as a TOML string."""
-    # A JSON string is a TOML string, but for DEL, which only JSON allows bare.
+    """Return `text` as a TOML string."""
+    # A JSON string is a TOML string, except for DEL, which only JSON allows unescaped.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

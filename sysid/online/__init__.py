@@ -1,4 +1,4 @@
-"""Online identification: the wheel law followed while the wheel runs.
+"""Online identification: the wheel law is estimated while the wheel runs.
 
 `OnlineEstimator.update` takes one sample at a time; `track` feeds it arrays; `python -m sysid.online LOG`
 replays a log through it.
@@ -10,19 +10,19 @@ from mecanum_env.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from sysid.online.estimator import OnlineEstimate, OnlineEstimator, first_order_law
-    from sysid.online.history import Functionals, History, functionals, mean_lag_s, track
+    from sysid.online.history import History, LawMetrics, law_metrics, mean_lag_s, track
     from sysid.online.projection import OnlineOptions
 else:
     __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
-    "Functionals",
     "History",
+    "LawMetrics",
     "OnlineEstimate",
     "OnlineEstimator",
     "OnlineOptions",
     "first_order_law",
-    "functionals",
+    "law_metrics",
     "mean_lag_s",
     "track",
 ]

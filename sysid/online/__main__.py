@@ -2,28 +2,15 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import Annotated
 
-import numpy as np
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.law.coefficients import COEFFICIENTS
 from sysid.online.projection import OnlineOptions
-
-if TYPE_CHECKING:
-    from sysid.fit.command_path import CommandPath
-    from sysid.online.history import Functionals
-    from sysid.online.replay import WheelHistory
-
-FORMAT: Final = "mecanum-online-history/1"
-_TABLE_ROWS: Final = 10
-_FIGURES: Final = 400
-_MISFIT: Final = 5.0
 
 
 def main(
@@ -37,7 +24,7 @@ def main(
 ) -> None:
     """Replay a log through the online estimator and plot what it knew over time.
 
-    Writes OUT/online.json and one OUT/online_WHEEL.png a wheel, and prints a short table.
+    Writes OUT/online.json and an OUT/online_WHEEL.png for each wheel, and prints a short table.
 
     Example: python -m sysid.online logs/bench --out online
 
@@ -56,17 +43,18 @@ def main(
     from mecanum_env.files import require_writable, write_json
     from mecanum_env.model import read_model
     from sysid.logs import read_dataset
-    from sysid.online.history import functionals
     from sysid.online.plot import save_plot
     from sysid.online.replay import replay, replay_path
 
     options = OnlineOptions(memory_samples=memory_samples, noise_rpm=noise_rpm, quantum_rpm=quantum_rpm)
     dataset = read_dataset(log)
     require_writable(out / "online.json")
-    wheel = None if model is None else read_model(model).wheel
-    period = sample_period_s if sample_period_s or wheel is None else wheel.law.sample_period_s
-    path = replay_path(dataset, period, None if wheel is None else wheel.saturation_rpm)
-    law = None if wheel is None else wheel.law
+    law = ceiling_rpm = None
+    if model is not None:
+        wheel = read_model(model).wheel
+        law, ceiling_rpm = wheel.law, wheel.saturation_rpm
+        sample_period_s = sample_period_s or law.sample_period_s
+    path = replay_path(dataset, sample_period_s, ceiling_rpm)
     with tqdm(unit=" samples", desc="replay", leave=False, disable=None) as bar:
 
         def counted(ticks: Iterable[int]) -> Iterable[int]:
@@ -75,96 +63,16 @@ def main(
                 bar.update()
 
         wheels = replay(dataset, options, law, path, counted)
-    figures = [functionals(w.history, max(1, len(w.history.speed_rpm) // _FIGURES)) for w in wheels]
+    metrics = [report_metrics(wheel) for wheel in wheels]
     for note in path.notes:
         print(f"note: {note}")
-    for item, values in zip(wheels, figures, strict=True):
-        print(_table(item, values))
-        if (times := item.history.noise_rpm[-1] / options.noise_rpm) > _MISFIT:
-            print(
-                f"note: {item.wheel}: the innovations are still {times:.0f} times the noise expected "
-                f"({options.noise_rpm:g} rpm): the wheel is more than a law, or --noise-rpm is too small"
-            )
-        save_plot(out / f"online_{item.wheel}.png", f"{dataset.name}: {item.wheel}", item, values)
-    write_json(out / "online.json", _json(dataset.name, dataset.sha256, path, options, wheels, figures))
+    for history, values in zip(wheels, metrics, strict=True):
+        print(table(history, values))
+        if misfit := misfit_note(history, options):
+            print(f"note: {misfit}")
+        save_plot(out / f"online_{history.wheel}.png", f"{dataset.name}: {history.wheel}", history, values)
+    write_json(out / "online.json", online_json(dataset, path, options, wheels, metrics))
     print(f"wrote {out / 'online.json'} and {len(wheels)} plot(s) online_*.png beside it")
-
-
-def _table(wheel: WheelHistory, figures: Functionals) -> str:
-    history = wheel.history
-    rows = np.unique(np.linspace(0, len(figures.tick) - 1, _TABLE_ROWS + 1).astype(int))[1:]
-    head = f"{wheel.wheel}: {len(wheel.files)} run(s), {len(history.speed_rpm)} ticks of "
-    lines = [
-        head + f"{history.sample_period_s * 1e3:.4g} ms",
-        f"{'time s':>8} "
-        + " ".join(f"{name:>7}" for name in COEFFICIENTS)
-        + f" {'rise ms':>8} {'lag ms':>14} {'pole':>6} {'error rpm':>9}",
-    ]
-    before = 0
-    for row in rows:
-        tick = int(figures.tick[row])
-        error = _rms(history.innovation_rpm[before : tick + 1])
-        lag = f"{1e3 * figures.mean_lag_s[row]:.1f} +- {1e3 * figures.mean_lag_error_s[row]:.1f}"
-        lines.append(
-            f"{history.time_s[tick]:8.2f} "
-            + " ".join(f"{value:7.3f}" for value in history.coefficients[tick])
-            + f" {1e3 * figures.rise_time_s[row]:8.1f} {lag:>14}"
-            + f" {figures.dominant_pole[row]:6.3f} {error:9.2f}"
-        )
-        before = tick + 1
-    return "\n".join(lines)
-
-
-def _rms(values: Any) -> float:
-    finite = np.asarray(values)[np.isfinite(values)]
-    return float(np.sqrt(np.mean(finite**2))) if finite.size else math.nan
-
-
-def _json(
-    name: str,
-    sha256: str,
-    path: CommandPath,
-    options: OnlineOptions,
-    wheels: tuple[WheelHistory, ...],
-    figures: list[Functionals],
-) -> dict[str, Any]:
-    return {
-        "format": FORMAT,
-        "dataset": name,
-        "data_sha256": sha256,
-        "notes": list(path.notes),
-        "options": {k: _plain(v) for k, v in vars(options).items()},
-        "wheels": {w.wheel: _wheel_json(w, f) for w, f in zip(wheels, figures, strict=True)},
-    }
-
-
-def _wheel_json(wheel: WheelHistory, figures: Functionals) -> dict[str, Any]:
-    history = wheel.history
-    final = history.law(-1)
-    errors = history.standard_errors[figures.tick]
-    return {
-        "files": list(wheel.files),
-        "run_start_s": [_plain(history.time_s[tick]) for tick in wheel.run_start],
-        "law": {**{n: getattr(final, n) for n in COEFFICIENTS}, "sample_period_s": final.sample_period_s},
-        "standard_errors": dict(zip(COEFFICIENTS, errors[-1].tolist(), strict=True)),
-        "innovation_rms_rpm": _plain(_rms(history.innovation_rpm)),
-        "history": {
-            "time_s": history.time_s[figures.tick].tolist(),
-            "noise_rpm": history.noise_rpm[figures.tick].tolist(),
-            "coefficients": history.coefficients[figures.tick].tolist(),
-            "standard_errors": errors.tolist(),
-            "rise_time_s": [_plain(v) for v in figures.rise_time_s],
-            "mean_lag_s": figures.mean_lag_s.tolist(),
-            "mean_lag_error_s": figures.mean_lag_error_s.tolist(),
-            "dominant_pole": figures.dominant_pole.tolist(),
-            "dc_gain": figures.dc_gain.tolist(),
-        },
-    }
-
-
-def _plain(value: float) -> float | None:
-    """JSON has no infinity and no nan."""
-    return float(value) if math.isfinite(value) else None
 
 
 if __name__ == "__main__":

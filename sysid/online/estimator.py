@@ -1,9 +1,9 @@
-"""The wheel law, re-estimated at every sample as it comes.
+"""Recursive estimation of the wheel law, at every sample.
 
 A recursive output-error method: the recursive prediction error method (RPEM) with the free-running law as
 the predictor, L. Ljung, "System Identification: Theory for the User" (2nd ed. 1999), sections 11.4-11.5, and
 L. Ljung and T. Soderstrom, "Theory and Practice of Recursive Identification" (1983), chapter 3. Least squares
-on measured past speeds would be simpler and is biased by measurement noise; a free-running predictor is not.
+on measured past speeds would be simpler but is biased by measurement noise; a free-running predictor is not.
 
 With theta = (A, B, C, D, F), E = 1 - A - B - C - D - F, and everything relative to r(k-1):
 
@@ -14,13 +14,13 @@ With theta = (A, B, C, D, F), E = 1 - A - B - C - D - F, and everything relative
     theta   += R^-1 (psi e + g R0 (theta0 - theta))      e: the innovation, clipped
 
 - Stabilised forgetting (R. Kulhavy and M. B. Zarrop, "On a general concept of forgetting", Int. J. Control
-  58 (1993)): information fades towards R0, not towards nothing, so R is never singular. The rate g never
-  exceeds a multiple of the information that the sample brings, psi' R^-1 psi: a constant command brings none
-  and hence neither forgets nor blows up.
+  58 (1993)): information decays towards R0, not to zero, so R is never singular. The rate g never exceeds a
+  multiple of the information in the sample, psi' R^-1 psi: a constant command contains none, so nothing is
+  forgotten and nothing diverges.
 - Variable memory (T. R. Fortescue, L. S. Kershenbaum and B. E. Ydstie, Automatica 17 (1981)): g grows with
-  the ratio of recent to usual innovation power, so a changed law is learnt anew within a second or two.
+  the ratio of recent to usual innovation power, so a changed law is learnt within a second or two.
 - Projection: every step ends in the region of stable poles (`projection.feasible_step`).
-- The predictor's past speeds move with theta, w += psi . step, to first order what the new law would have
+- The predictor's past speeds follow theta, w += psi . step, to first order what the new law would have
   predicted: the extended Kalman filter of a state without process noise (Ljung, IEEE TAC 24 (1979)).
 """
 
@@ -36,54 +36,91 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from mecanum_env.units import FloatArray
-from sysid.online.noise import NoiseTracker
 from sysid.online.projection import OnlineOptions, feasible_start, feasible_step, free_parameters, law_of
 
 STATE_FORMAT: Final = "mecanum-online/1"
 
 _N: Final = 5
 _ABSURD_RPM: Final = 1e6
-"""Values beyond this are a broken sensor or message, treated as missing."""
+"""Commands and speeds beyond this come from a broken sensor or message and count as missing."""
 _FORGETTING_PER_INFORMATION: Final = 2.0
-"""Under steady excitation psi' R^-1 psi averages 5 g: 2/5 of it binds only when little happens."""
+"""Largest g relative to psi' R^-1 psi / 5, which averages g under steady excitation: binds if it is poor."""
 _LARGEST_CONDITION: Final = 1e13
-"""Samples weigh less where R would come to exceed the prior by more: double precision could not invert it."""
-_TO_SIX: Final = np.array(
-    [
-        [1, 0, 0, 0, 0],
-        [0, 1, 0, 0, 0],
-        [0, 0, 1, 0, 0],
-        [0, 0, 0, 1, 0],
-        [-1, -1, -1, -1, -1],
-        [0, 0, 0, 0, 1],
-    ],
-    float,
-)  # d(A..F)/d(A, B, C, D, F)
+"""Ratio of R to the prior up to which samples have full weight, so that double precision can invert R."""
+_TO_SIX: Final = np.insert(np.eye(_N), 4, -1.0, axis=0)
+"""d(A..F)/d(A, B, C, D, F), shape (6, 5)."""
+
+
+_MEDIAN_OF_THREE: Final = 0.70346
+"""E m^2 for m the median of three |z|, z standard normal: 6 int z^2 G (1 - G) g dz, G and g those of |z|."""
+_FASTEST_GROWTH: Final = (25.0, 6.0)
+"""Largest power of a sample, as a multiple of the average it enters: recent, usual."""
+_SMALLEST_NOISE_RPM: Final = 1e-3
+
+
+@dataclass
+class NoiseTracker:
+    """Averages of innovation power over a recent and a usual span [rpm^2].
+
+    Each sample enters as the median of the last three magnitudes. So a single outlier never counts, while a
+    changed law, which disturbs several samples in a row, counts from its second sample on. Outliers in up to
+    about a tenth of the samples leave both averages near the truth.
+    """
+
+    recent_rpm2: float
+    usual_rpm2: float
+    floor_rpm2: float
+    last: float = 0.0
+    before_last: float = 0.0
+
+    @staticmethod
+    def start(noise_rpm: float, quantum_rpm: float) -> NoiseTracker:
+        """Return a tracker that expects `noise_rpm`, and never less than the noise of rounding."""
+        floor = max(quantum_rpm / math.sqrt(12.0), _SMALLEST_NOISE_RPM)
+        power = max(noise_rpm, floor) ** 2
+        return NoiseTracker(power, power, floor**2)
+
+    @property
+    def ratio(self) -> float:
+        """Recent power over usual power: about 1 while the law fits as well as before."""
+        return self.recent_rpm2 / self.usual_rpm2
+
+    def update(self, innovation_rpm: float, recent_samples: float, usual_samples: float) -> None:
+        """Add one innovation (measured minus predicted) to the averages over both spans [samples]."""
+        size = abs(innovation_rpm)
+        typical = sorted((size, self.last, self.before_last))[1]
+        self.last, self.before_last = size, self.last
+        power = typical * typical / _MEDIAN_OF_THREE
+        fast, slow = _FASTEST_GROWTH
+        self.recent_rpm2 += (min(power, fast * self.recent_rpm2) - self.recent_rpm2) / recent_samples
+        self.usual_rpm2 += (min(power, slow * self.usual_rpm2) - self.usual_rpm2) / usual_samples
+        self.recent_rpm2 = max(self.recent_rpm2, self.floor_rpm2)
+        self.usual_rpm2 = max(self.usual_rpm2, self.floor_rpm2)
 
 
 @dataclass(frozen=True, eq=False)
 class OnlineEstimate:
-    """What is known after a sample."""
+    """The estimate after a sample."""
 
     law: WheelLaw
     """Stable, its coefficients summing to 1."""
     predicted_rpm: float
-    """The speed expected at this sample before it was seen [rpm], by a law that free-runs since the start."""
+    """Speed predicted for this sample before it was measured [rpm], in free run since the start."""
     innovation_rpm: float
     """Measured minus predicted [rpm]; NaN without a measurement."""
     noise_rpm: float
-    """Usual standard deviation of the innovations [rpm]; of the speed noise once the law fits."""
+    """Usual standard deviation of the innovations [rpm]: that of the speed noise once the law fits."""
     forgetting: float
     """Share of the information forgotten at this sample; its inverse is the memory in samples."""
     information: FloatArray
-    """R: information about (A, B, C, D, F) in units of the noise variance [rpm^2], shape (5, 5)."""
+    """Information R about (A, B, C, D, F) in units of the noise variance [rpm^2], shape (5, 5)."""
 
     @property
     def covariance(self) -> FloatArray:
         """Covariance of A-F, shape (6, 6): noise^2 R^-1.
 
-        With forgetting this is up to twice what noise alone does to a constant law (Ljung 1999, section
-        11.2), which leaves room for what the law may have drifted since the old samples.
+        With forgetting this is up to twice the effect of noise on a constant law (Ljung 1999, section 11.2),
+        which leaves room for drift of the law since the old samples.
         """
         inverse = np.linalg.inv(self.information)
         return np.asarray(self.noise_rpm**2 * _TO_SIX @ inverse @ _TO_SIX.T)
@@ -99,8 +136,8 @@ class OnlineEstimator:
 
     Args:
         options: settings.
-        initial_law: the law to start from and, where the data are silent, to stay near; its period is the one
-            at which `update` is to be called. An unstable one is made stable first.
+        initial_law: the law to start from, and to stay near where the data contain no information. `update`
+            must be called at its period. An unstable law is made stable first.
 
     Example:
         estimator = OnlineEstimator(OnlineOptions(), first_order_law(1 / 120))
@@ -121,7 +158,7 @@ class OnlineEstimator:
 
     @property
     def options(self) -> OnlineOptions:
-        """The settings it was made with."""
+        """Settings of the estimator."""
         return self._options
 
     @property
@@ -130,9 +167,9 @@ class OnlineEstimator:
         return law_of(self._theta, self._period)
 
     def restart(self) -> None:
-        """Begin another run of the same wheel: forget where it was, keep what is known about its law.
+        """Begin another run of the same wheel: reset the speeds and keep the estimate of its law.
 
-        The wheel is taken to have followed a constant command for long, at the speed first measured.
+        The wheel is assumed to be in a steady state at the first measured speed.
         """
         self._started = False
         self._speeds = np.zeros(3)  # w(k), w(k-1), w(k-2)
@@ -140,11 +177,11 @@ class OnlineEstimator:
         self._commands = np.zeros(3)  # r(k), r(k-1), r(k-2)
 
     def update(self, command_rpm: float, speed_rpm: float) -> OnlineEstimate:
-        """Take in one sample period: the speed measured at tick k, and the command held from k to k + 1.
+        """Process one sample period: the speed measured at tick k, and the command held from k to k + 1.
 
         Args:
-            command_rpm: r(k) [rpm]; not finite: the command before is held.
-            speed_rpm: measured speed at tick k [rpm]; not finite: no measurement, the law runs on.
+            command_rpm: r(k) [rpm]; if not finite, the previous command is held.
+            speed_rpm: measured speed at tick k [rpm]; if not finite, there is no measurement.
 
         Returns:
             The estimate after this sample.
@@ -162,7 +199,7 @@ class OnlineEstimator:
         return OnlineEstimate(self.law, predicted, innovation, noise, forgetting, self._information)
 
     def state(self) -> dict[str, Any]:
-        """Return all there is to continue from, as JSON values; `from_state` gives an equal estimator."""
+        """Return the complete state as JSON values; `from_state` makes an equal estimator of it."""
         return {
             "format": STATE_FORMAT,
             "options": {k: None if math.isinf(v) else v for k, v in asdict(self._options).items()},
@@ -177,7 +214,7 @@ class OnlineEstimator:
         """Return the estimator whose `state` this is.
 
         Raises:
-            InputError: not such a state, or a value is missing, misshapen or out of range.
+            InputError: another format, or a value that is missing, misshapen or out of range.
         """
         if state.get("format") != STATE_FORMAT:
             raise InputError(f'online state: "format" is {state.get("format")!r}, must be "{STATE_FORMAT}"')
@@ -203,7 +240,7 @@ class OnlineEstimator:
         self._commands[:] = speed_rpm
 
     def _learn(self, innovation: float) -> float:
-        """Move the estimate by one measurement; return the share of information forgotten."""
+        """Update the estimate with one measurement; return the share of information forgotten."""
         options, noise = self._options, self._noise
         weight = min(1.0, self._largest_gradient / max(float(np.max(np.abs(self._gradients[0]))), 1e-300))
         psi = weight * self._gradients[0]
@@ -216,9 +253,8 @@ class OnlineEstimator:
         forgetting = urgency * min(
             1.0 / options.memory_samples, _FORGETTING_PER_INFORMATION / _N * max(gained, 0.0)
         )
-        information = (
-            (1.0 - forgetting) * self._information + forgetting * self._prior + psi[:, None] * psi[None, :]
-        )
+        kept = (1.0 - forgetting) * self._information + forgetting * self._prior
+        information = kept + psi[:, None] * psi[None, :]
         pull = forgetting * (self._prior @ (self._initial - self._theta))
         step = np.linalg.solve(information, psi * clipped + pull)
         self._information = information
@@ -252,7 +288,7 @@ def _usable(value: float) -> bool:
 
 
 def first_order_law(sample_period_s: float, time_constant_s: float = 0.05) -> WheelLaw:
-    """Return a plain first-order lag of unit gain: a start that assumes little about the drive.
+    """Return a plain first-order lag of unit gain: an initial law that assumes little about the drive.
 
     Raises:
         InputError: a period or time constant that is not above 0.

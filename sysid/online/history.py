@@ -1,7 +1,7 @@
-"""What the online estimator knew over time: coefficients, and the figures of a law that data do determine.
+"""History of an online estimate: coefficients, and metrics of the law that the data do determine.
 
-Under 10 Hz commands many different triples of poles predict nearly the same speeds, so single coefficients
-wander while the behaviour stands still. Rise time and mean lag show the behaviour.
+With commands at 10 Hz, many different triples of poles predict nearly the same speeds, so single coefficients
+wander although the behaviour is constant. Rise time and mean lag show the behaviour.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from sysid.online.estimator import OnlineEstimator
 
 @dataclass(frozen=True, eq=False)
 class History:
-    """One entry a tick, N in all."""
+    """The estimate at each of N ticks."""
 
     sample_period_s: float
     speed_rpm: FloatArray
-    """Measured [rpm], NaN where there was none, shape (N,)."""
+    """Measured speed [rpm], NaN where there was none, shape (N,)."""
     predicted_rpm: FloatArray
-    """Expected before the measurement [rpm], shape (N,)."""
+    """Speed predicted before the measurement [rpm], shape (N,)."""
     coefficients: FloatArray
     """A-F after the measurement, shape (N, 6)."""
     covariance: FloatArray
-    """Of A-F, shape (N, 6, 6)."""
+    """Covariance of A-F, shape (N, 6, 6)."""
     noise_rpm: FloatArray
     """Usual standard deviation of the innovations [rpm], shape (N,)."""
     forgetting: FloatArray
@@ -59,12 +59,12 @@ class History:
 
 
 @dataclass(frozen=True, eq=False)
-class Functionals:
-    """Figures of the estimated laws at chosen ticks, each of shape (M,)."""
+class LawMetrics:
+    """Metrics of the estimated laws at chosen ticks, each of shape (M,)."""
 
     tick: npt.NDArray[np.intp]
     rise_time_s: FloatArray
-    """10 to 90 % of a step [s]."""
+    """Rise time from 10 to 90 % of a step [s]."""
     mean_lag_s: FloatArray
     """Area between a unit command step and its response [s]."""
     mean_lag_error_s: FloatArray
@@ -72,7 +72,7 @@ class Functionals:
     dominant_pole: FloatArray
     """Magnitude of the largest pole."""
     dc_gain: FloatArray
-    """Steady speed over command; 1 by construction."""
+    """Steady speed over command: 1 by construction."""
 
 
 def track(
@@ -81,10 +81,10 @@ def track(
     speed_rpm: npt.ArrayLike,
     progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
 ) -> History:
-    """Feed samples to `estimator` one by one and keep what it says.
+    """Pass samples to `estimator` one by one and record its estimates.
 
     Args:
-        estimator: is moved on by the samples; call its `restart` first where they begin another run.
+        estimator: is updated by the samples; call its `restart` first if they begin another run.
         command_rpm: r(0..N-1) at the law's ticks [rpm], shape (N,).
         speed_rpm: speed measured at the same ticks [rpm], shape (N,); NaN where there was none.
         progress: wraps the iteration, such as `tqdm`.
@@ -98,25 +98,21 @@ def track(
             f"command_rpm has shape {commands.shape} and speed_rpm {speeds.shape}; must be two rows of equal "
             "length, at least 1"
         )
-    n = len(speeds)
-    predicted, noise, forgetting = np.empty(n), np.empty(n), np.empty(n)
-    coefficients, covariance = np.empty((n, 6)), np.empty((n, 6, 6))
-    ticks: Iterable[int] = range(n) if progress is None else progress(range(n))
-    for k in ticks:
-        estimate = estimator.update(float(commands[k]), float(speeds[k]))
-        predicted[k], noise[k], forgetting[k] = (
-            estimate.predicted_rpm,
-            estimate.noise_rpm,
-            estimate.forgetting,
-        )
-        coefficients[k] = estimate.law.coefficients
-        covariance[k] = estimate.covariance
-    period = estimator.law.sample_period_s
-    return History(period, speeds, predicted, coefficients, covariance, noise, forgetting)
+    ticks: Iterable[int] = range(len(speeds)) if progress is None else progress(range(len(speeds)))
+    estimates = [estimator.update(float(commands[k]), float(speeds[k])) for k in ticks]
+    return History(
+        estimator.law.sample_period_s,
+        speeds,
+        predicted_rpm=np.array([estimate.predicted_rpm for estimate in estimates]),
+        coefficients=np.array([estimate.law.coefficients for estimate in estimates]),
+        covariance=np.array([estimate.covariance for estimate in estimates]),
+        noise_rpm=np.array([estimate.noise_rpm for estimate in estimates]),
+        forgetting=np.array([estimate.forgetting for estimate in estimates]),
+    )
 
 
-def functionals(history: History, every: int = 1) -> Functionals:
-    """Return the figures of every `every`-th tick and of the last.
+def law_metrics(history: History, every: int = 1) -> LawMetrics:
+    """Return the metrics at every `every`-th tick and at the last.
 
     Raises:
         InputError: `every` is below 1.
@@ -126,15 +122,13 @@ def functionals(history: History, every: int = 1) -> Functionals:
     n = len(history.speed_rpm)
     ticks = np.unique(np.append(np.arange(0, n, every), n - 1))
     laws = [history.law(int(tick)) for tick in ticks]
-    lag_errors = [
-        np.sqrt(max(float(g @ history.covariance[tick] @ g), 0.0))
-        for tick, g in zip(ticks, (_mean_lag_gradient(law) for law in laws), strict=True)
-    ]
-    return Functionals(
+    slopes = [_mean_lag_gradient(law) for law in laws]
+    variances = [float(g @ history.covariance[tick] @ g) for tick, g in zip(ticks, slopes, strict=True)]
+    return LawMetrics(
         tick=ticks,
         rise_time_s=np.array([law_step_metrics(law).rise_time_s for law in laws]),
         mean_lag_s=np.array([mean_lag_s(law) for law in laws]),
-        mean_lag_error_s=np.array(lag_errors),
+        mean_lag_error_s=np.sqrt(np.maximum(variances, 0.0)),
         dominant_pole=np.array([abs(law.poles[0]) for law in laws]),
         dc_gain=np.array([law.dc_gain for law in laws]),
     )
@@ -143,8 +137,8 @@ def functionals(history: History, every: int = 1) -> Functionals:
 def mean_lag_s(law: WheelLaw) -> float:
     """Return the area between a unit step of the command and the response to it [s], for unit DC gain.
 
-    It is -dH/dz at z = 1 of H = (D/z + E/z^2 + F/z^3) / (1 - A/z - B/z^2 - C/z^3), the delay of a response
-    as W. C. Elmore defines it (J. Appl. Phys. 19 (1948)).
+    It is -dH/dz at z = 1 of H = (D/z + E/z^2 + F/z^3) / (1 - A/z - B/z^2 - C/z^3), the delay as defined by
+    W. C. Elmore (J. Appl. Phys. 19 (1948)).
     """
     moments = law.D + 2.0 * law.E + 3.0 * law.F + law.A + 2.0 * law.B + 3.0 * law.C
     return moments / (1.0 - law.A - law.B - law.C) * law.sample_period_s

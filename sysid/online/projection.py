@@ -1,17 +1,15 @@
-"""What a user may choose about the online estimator.
-
-The projection facility: every published law is stable, with unit DC gain.
+"""Settings of the online estimator, and the projection that keeps every published law within their limits.
 
 L. Ljung and T. Soderstrom, "Theory and Practice of Recursive Identification" (1983), section 6.6: a recursive
-prediction error method converges only if its estimates are kept where the predictor is stable. There a step
-that leaves the region is shortened; here its poles are contracted first, which keeps more of the step.
+prediction error method converges only if its estimates stay where the predictor is stable. There, a step that
+leaves the region is shortened; here, its poles are contracted first, which keeps more of the step.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -25,7 +23,7 @@ from mecanum_env.units import FloatArray
 class OnlineOptions:
     """Settings of `OnlineEstimator`; the defaults suit 120 samples a second with 1 rpm rounding.
 
-    Lengths are counted in samples, since it is samples that carry information.
+    Spans are counted in samples, since samples carry the information.
 
     Raises:
         InputError: a value out of range; the message names it.
@@ -36,48 +34,45 @@ class OnlineOptions:
     shortest_memory_samples: float = 4.0
     """Memory while the innovations say that the law has changed."""
     noise_rpm: float = 0.6
-    """Rough standard deviation of the measured speed [rpm]: scales the prior; the noise is estimated."""
+    """Rough standard deviation of the measured speed [rpm]. It scales the prior; the noise is estimated."""
     quantum_rpm: float = 1.0
-    """Resolution of the measured speed [rpm]: the noise is never taken below what rounding makes."""
+    """Resolution of the measured speed [rpm]. The estimated noise is at least that of rounding to it."""
     prior_deviation: float = 0.5
-    """How far a coefficient may lie from the initial law as long as the data do not tell [1]."""
+    """Standard deviation of a coefficient about the initial law before any data [1]."""
     largest_pole: float = 0.99
-    """No published law has a pole above this magnitude; below 1."""
+    """Largest pole magnitude of a published law; below 1."""
     largest_numerator: float = 2.0
-    """No published law has D, E or F beyond +- this."""
+    """Largest magnitude of D, E and F of a published law."""
     largest_step: float = 0.5
-    """No coefficient moves by more than this in one sample, before projection."""
+    """Largest change of a coefficient in one sample, before projection."""
     outlier_deviations: float = 6.0
     """Innovations are clipped at this many standard deviations (Huber)."""
     change_ratio: float = 1.5
     """Memory shortens when recent innovation power exceeds the usual by more than this factor."""
     recent_samples: float = 24.0
-    """Over this many samples "recent" power is averaged."""
+    """Number of samples over which the recent power is averaged."""
     usual_samples: float = 480.0
-    """Over this many samples "usual" power is averaged."""
+    """Number of samples over which the usual power is averaged."""
     saturation_rpm: float = math.inf
     """Commands are clipped to +- this [rpm] before the law; infinite: no known ceiling."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if math.isnan(value) or value < 0.0 or (math.isinf(value) and field.name != "saturation_rpm"):
-                raise InputError(f"online options: {field.name} = {value}, must be a number of at least 0")
-            if value == 0.0 and field.name != "quantum_rpm":
-                raise InputError(f"online options: {field.name} = 0, must be above 0")
+        least = {"quantum_rpm": 0.0, "outlier_deviations": 1.0, "change_ratio": 1.0}
+        least |= dict.fromkeys(("shortest_memory_samples", "recent_samples", "usual_samples"), 2.0)
+        for name, value in vars(self).items():
+            if math.isnan(value) or (math.isinf(value) and name != "saturation_rpm"):
+                raise InputError(f"online options: {name} = {value}, must be a finite number")
+            if name in least and value < least[name]:
+                raise InputError(f"online options: {name} = {value:g}, must be at least {least[name]:g}")
+            if name not in least and value <= 0.0:
+                raise InputError(f"online options: {name} = {value:g}, must be above 0")
         if self.largest_pole >= 1.0:
             raise InputError(f"online options: largest_pole = {self.largest_pole}, must be below 1")
-        for name in ("shortest_memory_samples", "recent_samples", "usual_samples"):
-            if getattr(self, name) < 2.0:
-                raise InputError(f"online options: {name} = {getattr(self, name)}, must be at least 2")
         if self.shortest_memory_samples > self.memory_samples:
             raise InputError(
                 f"online options: shortest_memory_samples = {self.shortest_memory_samples:g}, "
                 f"must be at most memory_samples = {self.memory_samples:g}"
             )
-        for name in ("outlier_deviations", "change_ratio"):
-            if getattr(self, name) < 1.0:
-                raise InputError(f"online options: {name} = {getattr(self, name)}, must be at least 1")
 
 
 _BISECTIONS: Final = 40
@@ -96,12 +91,12 @@ def law_of(parameters: FloatArray, sample_period_s: float) -> WheelLaw:
 
 
 def poles_within(abc: Sequence[float], radius: float) -> bool:
-    """Return whether all roots of z^3 - A z^2 - B z - C, `abc` = (A, B, C), are smaller than `radius`.
+    """Return whether all roots of z^3 - A z^2 - B z - C, `abc` = (A, B, C), lie within `radius`.
 
     Multiplying A, B, C by 1/radius, 1/radius^2, 1/radius^3 divides the roots by the radius.
     """
     a, b, c = abc[0] / radius, abc[1] / radius**2, abc[2] / radius**3
-    # `stability_margins` in scalars, 20 times faster for one law; a test holds the two equal.
+    # `stability_margins` in scalars, 20 times faster for one law; a test compares the two.
     margins = (1 - a - b - c, 3 + a + b - 3 * c, 1 + a - b + c, 1 + b + a * c - c * c)
     return min(margins) > 0.0
 
@@ -109,7 +104,7 @@ def poles_within(abc: Sequence[float], radius: float) -> bool:
 def contracted(abc: Sequence[float], radius: float) -> Sequence[float]:
     """Return `abc` = (A, B, C) with all poles scaled by one factor so that the largest lies within `radius`.
 
-    Unchanged when all are within already. A common factor keeps the angles of the poles and their ratios.
+    If all are within, nothing changes. A common factor keeps the poles' angles and ratios.
     """
     if poles_within(abc, radius):
         return abc
@@ -127,9 +122,9 @@ def contracted(abc: Sequence[float], radius: float) -> Sequence[float]:
 def feasible_step(parameters: FloatArray, step: FloatArray, options: OnlineOptions) -> FloatArray:
     """Return the new (A, B, C, D, F), shape (5,), after as much of `step` as the limits in `options` allow.
 
-    Where the poles leave the circle of `largest_pole` they are contracted; where D, E or F then exceed
-    `largest_numerator` the step is halved, and given up after ten halvings. `parameters` must be within the
-    limits themselves, and so is the result.
+    Poles that leave the circle of `largest_pole` are contracted. If D, E or F then exceeds
+    `largest_numerator`, the step is halved, and abandoned after ten halvings. `parameters` must be within the
+    limits, and so is the result.
     """
     for halving in range(_HALVINGS):
         new = parameters + step * 0.5**halving
@@ -140,9 +135,9 @@ def feasible_step(parameters: FloatArray, step: FloatArray, options: OnlineOptio
 
 
 def feasible_start(parameters: FloatArray, options: OnlineOptions) -> FloatArray:
-    """Return a start within the limits of `options` near `parameters`.
+    """Return parameters within the limits of `options` near `parameters`, to start from.
 
-    Its poles are contracted, and D, E, F made equal where they are too large.
+    The poles are contracted, and D, E, F are made equal if one is too large.
     """
     new = parameters.copy()
     new[:3] = contracted(new[:3].tolist(), options.largest_pole)

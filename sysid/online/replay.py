@@ -1,10 +1,10 @@
-"""Replaying logs through the online estimator, one wheel after the other, as if they came in live."""
+"""Replay of logs through the online estimator, one wheel after the other, as if they were live."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -22,28 +22,28 @@ from sysid.online.history import History, track
 from sysid.online.projection import OnlineOptions
 
 _SPARSE: Final = 1.5
-"""A log with more ticks than this between samples gets a slower law: between samples it would be a guess."""
+"""Ticks per sample above which the law is slowed down, since it is not determined between samples."""
 _NEIGHBOURS_TICKS: Final = 2.0
-"""Samples no further apart than this are interpolated at the tick between them."""
+"""Largest distance of two samples that are interpolated at the tick between them [ticks]."""
 
 
 @dataclass(frozen=True, eq=False)
 class WheelHistory:
-    """One wheel over all runs of a log, end to end."""
+    """One wheel over all runs of a log, in sequence."""
 
     wheel: str
     history: History
     run_start: tuple[int, ...]
     """Tick at which each run begins."""
     files: tuple[str, ...]
-    """Each run's file."""
+    """File of each run."""
 
 
 def tick_speeds(run: WheelRun) -> FloatArray:
-    """Return the speed measured at ticks 0..K-1 [rpm], shape (K,), NaN where none was.
+    """Return the speed measured at ticks 0..K-1 [rpm], shape (K,), NaN where there is none.
 
-    Between samples at most two ticks apart it is interpolated; any other sample goes to the nearest tick,
-    where the last one counts if there are several.
+    It is interpolated between samples at most two ticks apart. Any other sample is assigned to the nearest
+    tick; of several samples at one tick the last counts.
     """
     n = len(run.command_rpm)
     speeds = np.full(n, math.nan)
@@ -63,10 +63,10 @@ def tick_speeds(run: WheelRun) -> FloatArray:
 def replay_path(
     dataset: Dataset, sample_period_s: float | None = None, saturation_rpm: float | None = None
 ) -> CommandPath:
-    """Return how the log's commands reach the law, and the law's period.
+    """Return the path from the log's commands to the law, with the law's period.
 
-    The period is that of `infer_command_path` unless the log has fewer samples: then as near to the log's own
-    interval as fits a whole number of times into the command period. No ceiling is assumed that is not given.
+    The period is that of `infer_command_path`, unless the samples are sparser: then it is the fraction of the
+    command period nearest to the sample interval. No ceiling is assumed unless `saturation_rpm` is given.
 
     Raises:
         InputError: see `infer_command_path`.
@@ -88,12 +88,12 @@ def replay(
     path: CommandPath | None = None,
     progress: Callable[[Iterable[int]], Iterable[int]] | None = None,
 ) -> tuple[WheelHistory, ...]:
-    """Feed all runs to one estimator per wheel, in order; the law is kept from run to run.
+    """Pass all runs in order to one estimator per wheel, which keeps its law from run to run.
 
     Args:
         dataset: bench or robot logs with wheel speeds.
         options: settings of the estimators.
-        initial_law: where to start, brought to the path's period; default: a first-order lag.
+        initial_law: law to start from, converted to the path's period; default: a first-order lag.
         path: default: `replay_path` of the dataset.
         progress: wraps the iteration over the ticks of one run of one wheel, such as `tqdm`.
 
@@ -122,7 +122,7 @@ def replay(
             result.append(WheelHistory(wheel, _joined(parts), tuple(int(s) for s in starts), tuple(files)))
     if not result:
         raise InputError(
-            f"{dataset.name}: no wheel speed was measured in any run; nothing to learn a law from"
+            f"{dataset.name}: no wheel speed was measured in any run, so there is nothing to learn from"
         )
     return tuple(result)
 
@@ -134,15 +134,6 @@ def _at_period(law: WheelLaw, period_s: float) -> WheelLaw:
 
 
 def _joined(parts: list[History]) -> History:
-    def joined(name: str) -> FloatArray:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return History(
-        parts[0].sample_period_s,
-        joined("speed_rpm"),
-        joined("predicted_rpm"),
-        joined("coefficients"),
-        joined("covariance"),
-        joined("noise_rpm"),
-        joined("forgetting"),
-    )
+    names = [field.name for field in fields(History) if field.name != "sample_period_s"]
+    arrays = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    return History(parts[0].sample_period_s, **arrays)

@@ -80,9 +80,7 @@ def test_missing_samples_are_left_out(bench: Callable[..., Dataset]) -> None:
 def test_held_samples_do_not_count_twice(bench: Callable[..., Dataset]) -> None:
     data = bench()
     plain = fit_dataset(data, QUICK).uncertainty
-    said = tuple(
-        Finding(run.file, "held_samples", "speed_rpm: 75 % of the samples repeat", 0.75) for run in data.runs
-    )
+    said = tuple(Finding(run.file, "held_samples", 0.75, "speed_rpm") for run in data.runs)
     held = fit_dataset(replace(data, findings=said), QUICK).uncertainty
     assert held.effective_samples == pytest.approx(0.25 * plain.samples)
     assert held["A"].standard_error == pytest.approx(2.0 * plain["A"].standard_error, rel=0.02)

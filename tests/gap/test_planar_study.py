@@ -52,9 +52,8 @@ def test_two_wheels_on_one_sensor_are_both_compared() -> None:
     left = [
         replace(r, channels={**r.channels, "speed_rl_rpm": r.channels["speed_fl_rpm"]}) for r in logs.runs
     ]
-    findings = [
-        Finding(r.file, "same_channel", "speed_rl_rpm repeats speed_fl_rpm: one sensor", 1.0) for r in left
-    ]
+    other = {"other": "speed_fl_rpm"}
+    findings = [Finding(r.file, "same_channel", 1.0, "speed_rl_rpm", details=other) for r in left]
     seen = observe(replace(logs, runs=tuple(left), findings=tuple(findings)))
     # Else an effect of the wheel that is left out could do anything there.
     assert {"speed_fl_rpm", "speed_rl_rpm"} <= set(seen.channels)

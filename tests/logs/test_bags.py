@@ -151,9 +151,8 @@ def test_a_drive_is_imported_with_units_names_and_axes(
     body = run.finite("vx_m_s")
     np.testing.assert_allclose(run.channel("vx_m_s")[body], 0.01 * k)
     np.testing.assert_allclose(run.channel("yaw_rad")[body], 0.3 * k, atol=1e-12)
-    np.testing.assert_allclose(
-        run.channel("yaw_rate_rad_s")[body], 0.02 * k
-    )  # the gyroscope's, not odometry's
+    # The gyroscope's yaw rate, not odometry's.
+    np.testing.assert_allclose(run.channel("yaw_rate_rad_s")[body], 0.02 * k)
     assert run.finite("battery_v").sum() == 1
 
 
@@ -218,18 +217,10 @@ def test_headers_stamp_the_samples_unless_their_clock_is_another(write_bag: Call
     np.testing.assert_allclose(got.columns["time_s"], [0.0, 0.014, 0.024, 0.034], atol=1e-9)
 
 
-def test_joints_of_the_arm_in_messages_of_their_own_are_passed_over(write_bag: Callable[..., Path]) -> None:
-    arm = (
-        "/joint_states",
-        "sensor_msgs/msg/JointState",
-        START + 15 * MS,
-        {
-            **stamp(START + 15 * MS),
-            "name": ["arm_joint"],
-            "position": [0.0],
-            "velocity": [1.0],
-        },
-    )
+def test_messages_with_only_other_joints_are_ignored(write_bag: Callable[..., Path]) -> None:
+    at = START + 15 * MS
+    fields = {**stamp(at), "name": ["arm_joint"], "position": [0.0], "velocity": [1.0]}
+    arm = ("/joint_states", "sensor_msgs/msg/JointState", at, fields)
     messages = [twist(START, 0.1, 0, 0), joint_state(START + 10 * MS, (1, 2, 3, 4)), arm]
     got = import_bag(write_bag("mcap", messages), Robot()).columns
     np.testing.assert_allclose(got["speed_fr_rpm"], [np.nan, 2.0, np.nan])
@@ -322,7 +313,7 @@ def test_a_damaged_bag_is_refused(kind: str, write_bag: Callable[..., Path]) -> 
         import_bag(bag, Robot())
 
 
-def test_what_is_no_bag_is_refused(tmp_path: Path) -> None:
+def test_a_path_that_is_not_a_bag_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no such bag"):
         import_bag(tmp_path / "absent.bag", Robot())
     with pytest.raises(InputError, match=r"no metadata.yaml, so no ROS 2 bag; `ros2 bag reindex` writes one"):
@@ -341,18 +332,8 @@ def test_import_from_the_command_line(
     bag, out = write_bag("ros1", drive()), tmp_path / "logs"
     robot = tmp_path / "robot.json"
     robot.write_text('{"wheel_radius_m": 0.1}')
-    arguments = [
-        "import",
-        str(bag),
-        "--out",
-        str(out),
-        "--robot",
-        str(robot),
-        "--map",
-        "imu=none",
-        "--map",
-        "battery=none",
-    ]
+    arguments = ["import", str(bag), "--out", str(out), "--robot", str(robot)]
+    arguments += ["--map", "imu=none", "--map", "battery=none"]
     assert main(arguments) == 0
     assert "command = /cmd_vel" in capsys.readouterr().out
     assert sorted(p.name for p in out.iterdir()) == ["dataset.toml", "drive.csv"]

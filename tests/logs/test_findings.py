@@ -5,7 +5,8 @@ import pytest
 
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.logs import BodyCommand, Finding, Run
-from sysid.logs.findings import KINDS, dataset_findings, run_findings
+from sysid.logs.checks import dataset_findings, run_findings
+from sysid.logs.findings import KINDS
 
 BenchRun = Callable[..., Run]
 Step = Callable[..., np.ndarray]
@@ -39,6 +40,7 @@ def test_held_samples_are_seen_with_their_share(factor: int, bench_run: BenchRun
     held = np.repeat(follow(COMMAND)[::factor], factor)[: COMMAND.size]
     found = kinds(bench_run("a.csv", COMMAND, held))
     assert found["held_samples"].value == pytest.approx(1 - 1 / factor, abs=0.06)
+    assert found["held_samples"].channel == "speed_rpm"
 
 
 def test_uneven_stamps_are_seen_with_their_spread(bench_run: BenchRun) -> None:
@@ -78,24 +80,24 @@ def test_rest_while_nothing_is_commanded_is_not_stuck(bench_run: BenchRun) -> No
 
 
 @pytest.mark.parametrize(
-    ("scale", "said"),
+    ("scale", "sentence"),
     [
         (RAD_S_PER_RPM, "speed_rpm in rad/s? (scale = 9.549"),
         (1 / RAD_S_PER_RPM, "the command in rad/s? (scale = 9.549"),
         (1 / 60, "speed_rpm in turns/s? (scale = 60)"),
-        (-1.0, "the sign is turned round? (scale = -1)"),
+        (-1.0, "is the sign reversed? (scale = -1)"),
     ],
 )
-def test_a_wrong_unit_is_seen(scale: float, said: str, bench_run: BenchRun) -> None:
+def test_a_wrong_unit_is_seen(scale: float, sentence: str, bench_run: BenchRun) -> None:
     run = bench_run("a.csv", COMMAND, scale * follow(COMMAND))
     (finding,) = dataset_findings([run])
     assert finding.kind == "units"
-    assert said in finding.message
+    assert sentence in finding.message
     assert finding.value == pytest.approx(scale, rel=0.02)
 
 
 @pytest.mark.parametrize("gain", [0.3, 0.7, 1.0, 1.4, 3.0])
-def test_a_wheel_that_is_merely_slow_or_fast_is_no_unit(gain: float, bench_run: BenchRun) -> None:
+def test_a_slow_or_fast_wheel_is_not_taken_for_a_unit(gain: float, bench_run: BenchRun) -> None:
     assert dataset_findings([bench_run("a.csv", COMMAND, gain * follow(COMMAND))]) == []
 
 
@@ -153,16 +155,15 @@ def test_one_sensor_under_two_names_is_seen() -> None:
     base = body_run(0.0, 0.1)
     speed = np.sin(np.arange(50))
     both = {"speed_fl_rpm": speed, "speed_rl_rpm": speed.copy()}
-    assert (
-        "one sensor"
-        in kinds(Run("a.csv", "a", "fit", base.time_s, base.command, both))["same_channel"].message
-    )
+    found = kinds(Run("a.csv", "a", "fit", base.time_s, base.command, both))["same_channel"]
+    assert (found.channel, found.details["other"]) == ("speed_rl_rpm", "speed_fl_rpm")
+    assert found.message == "speed_rl_rpm repeats speed_fl_rpm: one sensor, not two"
 
 
 @pytest.mark.parametrize(
     "damage", [lambda x: x * np.nan, lambda x: np.where(np.arange(x.size) < 1, x, np.nan)]
 )
-def test_findings_bear_channels_without_samples(
+def test_channels_without_samples_raise_no_error(
     damage: Callable[[np.ndarray], np.ndarray], bench_run: BenchRun
 ) -> None:
     run = bench_run("a.csv", COMMAND, damage(follow(COMMAND)))

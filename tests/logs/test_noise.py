@@ -59,7 +59,7 @@ def test_noise_is_recovered_where_stamps_differ(
     command = bench_run(
         "1.csv", values, values + 0.5 * rng.standard_normal(time.size), time_s=time, group="g"
     )
-    # The step itself is a real difference between runs that change one sample apart: compare from there on.
+    # The step is a real difference between runs that change one sample apart: compare after it.
     late = [_after(first, 0.3), _after(command, 0.3)]
     noise = noise_from_repeats(late)
     assert noise is not None

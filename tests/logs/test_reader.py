@@ -84,7 +84,7 @@ def test_a_missing_command_is_still_held(folder: Folder) -> None:
     ],
     ids=["crlf", "cr", "bom", "no last newline", "blank end", "spaces", "quotes"],
 )
-def test_other_programs_text_is_understood(folder: Folder, step: str, change: Callable[[str], str]) -> None:
+def test_text_of_other_programs_is_read(folder: Folder, step: str, change: Callable[[str], str]) -> None:
     run = read_dataset(folder({"run.csv": change(step)})).runs[0]
     np.testing.assert_array_equal(run.channel("speed_rpm"), [0, 0, 30, 39])
 
@@ -127,7 +127,7 @@ def test_one_file_is_read_with_the_settings_beside_it(folder: Folder, step: str)
     assert len(read_dataset(path / "dataset.toml").runs) == 2
 
 
-def test_other_files_and_hidden_ones_are_passed_over(folder: Folder, step: str) -> None:
+def test_other_files_and_hidden_ones_are_ignored(folder: Folder, step: str) -> None:
     path = folder({"a.csv": step, "._a.csv": b"\x00\x01", "robot.json": "{}", "LICENSE": "free"})
     assert [run.file for run in read_dataset(path).runs] == ["a.csv"]
 
@@ -184,7 +184,7 @@ def runs(draw: st.DrawFn) -> Run:
     suffix=st.sampled_from(["csv", "csv.gz", "parquet"]),
     name=st.text(min_size=1).filter(str.strip),
 )
-def test_what_is_written_reads_back_equal(
+def test_a_written_dataset_reads_back_equal(
     run: Run, suffix: str, name: str, tmp_path_factory: pytest.TempPathFactory
 ) -> None:
     if suffix == "parquet":

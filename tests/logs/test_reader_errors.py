@@ -146,7 +146,7 @@ BAD_SETTINGS = {
     ),
     "made twice": (
         "[columns]\nspeed_rpm = {from='command_rpm'}\n",
-        "run.csv, line 1: speed_rpm is there, and dataset.toml makes it from 'command_rpm' too; keep one",
+        "speed_rpm is a column of the file, and dataset.toml also makes it from 'command_rpm'; keep one",
     ),
     "runs table": ("[runs]\nfile='run.csv'\n", "runs must be an array of tables: [[runs]]"),
     "run key": ("[[runs]]\nfile='run.csv'\nsplits='fit'\n", 'line 3: [[runs]] unknown key "splits"'),

@@ -1,4 +1,4 @@
-"""Recordings of two real robots; skipped where they are not there."""
+"""Recordings of two real robots; skipped if they are not available."""
 
 from collections import Counter
 from pathlib import Path

@@ -121,7 +121,7 @@ def test_splits_do_not_depend_on_the_order_of_the_runs(
     assert [plain[i] for i in order] == shuffled
 
 
-def test_one_group_splits_its_repeats_and_says_so(bench_run: BenchRun, step_command: Step) -> None:
+def test_one_group_splits_its_repeats_and_is_reported(bench_run: BenchRun, step_command: Step) -> None:
     runs = [bench_run(f"{r}.csv", step_command(40), group="g") for r in range(3)]
     splits, findings = assign_splits(runs, {})
     assert splits == ["fit", "validation", "test"]
@@ -132,7 +132,7 @@ def test_two_sequences_without_repeats_fit_the_larger(split_of: SplitOf) -> None
     assert split_of([40, 80], repeats=1) == {"40_0.csv": "test", "80_0.csv": "fit"}
 
 
-def test_one_run_is_not_split_and_that_is_said(bench_run: BenchRun, step_command: Step) -> None:
+def test_one_run_is_not_split_and_is_reported(bench_run: BenchRun, step_command: Step) -> None:
     splits, (finding,) = assign_splits([bench_run("a.csv", step_command(40), group="a")], {})
     assert splits == ["fit"]
     assert "one run only" in finding.message
@@ -144,7 +144,7 @@ def test_stated_splits_are_kept_and_repeats_follow(split_of: SplitOf) -> None:
     assert splits["10_0.csv"] == splits["10_1.csv"] == "fit"
 
 
-def test_what_stated_splits_lack_is_filled_up(split_of: SplitOf) -> None:
+def test_splits_that_none_states_are_assigned(split_of: SplitOf) -> None:
     splits = split_of([10, 40, 80, 120], 1, {"80_0.csv": "test"})
     assert splits == {"10_0.csv": "validation", "40_0.csv": "fit", "80_0.csv": "test", "120_0.csv": "fit"}
 

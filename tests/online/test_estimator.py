@@ -26,14 +26,13 @@ def published(estimator, command_rpm, speed_rpm):
 
 
 @given(st.lists(st.tuples(anything, anything), min_size=1, max_size=80))
-def test_whatever_comes_in_every_law_is_finite_stable_and_of_unit_gain(samples):
+def test_every_law_is_finite_stable_and_of_unit_gain_for_any_input(samples):
     estimator = OnlineEstimator(OnlineOptions(), first_order_law(PERIOD))
     for command, speed in samples:
         found = estimator.update(command, speed)
         assert found.law.is_stable
-        assert (
-            abs(found.law.poles[0]) <= 0.99 + 1e-4
-        )  # a triple pole is only known to the cube root of rounding
+        # A triple pole is only known to the cube root of the rounding error.
+        assert abs(found.law.poles[0]) <= 0.99 + 1e-4
         assert found.law.normalised() == found.law
         assert found.law.dc_gain == pytest.approx(1.0, abs=1e-8)
         assert np.isfinite(found.predicted_rpm)
@@ -71,7 +70,7 @@ def test_after_ten_seconds_it_predicts_new_data_to_the_noise(law, start, seed):
     assert found.noise_rpm == pytest.approx(FLOOR_RPM, rel=0.15)
 
 
-def test_it_comes_to_what_the_batch_method_finds(law, start):
+def test_it_converges_to_the_law_of_the_batch_method(law, start):
     data = random_samples([(law, 1200)], np.random.default_rng(3))
     found = published(OnlineEstimator(OnlineOptions(), start), data.command_rpm, data.speed_rpm)[-1]
     ticks = np.arange(1200.0)
@@ -99,7 +98,7 @@ def test_a_changed_law_is_followed_within_two_seconds_of_data(law, after, seed):
     data = random_samples([(law, 600), (after, 240)], rng)
     held_out = random_samples([(after, 1200)], rng)
     found = published(OnlineEstimator(OnlineOptions(), law), data.command_rpm, data.speed_rpm)
-    assert free_run_error_rpm(found[599].law, held_out) > 5.0 * FLOOR_RPM  # the change is one that matters
+    assert free_run_error_rpm(found[599].law, held_out) > 5.0 * FLOOR_RPM  # the change is significant
     assert free_run_error_rpm(found[-1].law, held_out) <= 1.2 * FLOOR_RPM
 
 
@@ -132,7 +131,7 @@ def test_information_never_falls_below_the_priors_however_poor_the_excitation(la
         assert np.linalg.eigvalsh(found.information)[0] >= 0.999 * floor
 
 
-def test_half_of_the_samples_missing_does_little_harm(law, start):
+def test_half_of_the_samples_missing_has_little_effect(law, start):
     rng = np.random.default_rng(6)
     data, held_out = random_samples([(law, 2400)], rng), random_samples([(law, 1200)], rng)
     speed = np.where(rng.random(2400) < 0.5, np.nan, data.speed_rpm)
@@ -142,7 +141,7 @@ def test_half_of_the_samples_missing_does_little_harm(law, start):
     assert np.isnan(found[0].innovation_rpm)
 
 
-def test_a_missing_measurement_teaches_nothing_and_a_missing_command_is_the_last_one(law, start):
+def test_a_missing_measurement_changes_nothing_and_a_missing_command_is_the_last_one(law, start):
     data = random_samples([(law, 240)], np.random.default_rng(7))
     one, other = (OnlineEstimator(OnlineOptions(), start) for _ in range(2))
     for estimator in (one, other):
@@ -155,7 +154,7 @@ def test_a_missing_measurement_teaches_nothing_and_a_missing_command_is_the_last
 
 
 @pytest.mark.parametrize("share", [0.01, 0.05])
-def test_outliers_do_little_harm(law, start, share):
+def test_outliers_have_little_effect(law, start, share):
     rng = np.random.default_rng(8)
     data, held_out = random_samples([(law, 2400)], rng), random_samples([(law, 1200)], rng)
     wild = rng.random(2400) < share
@@ -176,7 +175,7 @@ def test_commands_beyond_a_known_ceiling_count_as_the_ceiling(law, start):
 
 
 @pytest.mark.parametrize("speed", [0.0, 77.0], ids=["dead", "stuck"])
-def test_a_sensor_that_shows_one_value_gives_a_stable_law_and_owns_up(law, start, speed):
+def test_a_sensor_that_shows_one_value_gives_a_stable_law_and_a_large_noise(law, start, speed):
     data = random_samples([(law, 1200)], np.random.default_rng(10))
     found = published(OnlineEstimator(OnlineOptions(), start), data.command_rpm, np.full(1200, speed))
     assert all(item.law.is_stable for item in found)
@@ -189,7 +188,7 @@ def test_without_any_measurement_the_initial_law_stays(start):
     assert found.predicted_rpm == pytest.approx(80.0, rel=1e-3)
 
 
-def test_same_samples_same_figures_and_a_saved_state_continues_bit_for_bit(law, start):
+def test_a_saved_state_continues_bit_for_bit(law, start):
     data = random_samples([(law, 600)], np.random.default_rng(11))
     whole = published(OnlineEstimator(OnlineOptions(), start), data.command_rpm, data.speed_rpm)
     first = OnlineEstimator(OnlineOptions(), start)
@@ -217,7 +216,7 @@ def test_a_broken_state_is_refused(start, change, message):
         OnlineEstimator.from_state(state)
 
 
-def test_restart_keeps_the_law_and_forgets_where_the_wheel_was(law, start):
+def test_restart_keeps_the_law_and_resets_the_speeds(law, start):
     data = random_samples([(law, 600)], np.random.default_rng(12))
     estimator = OnlineEstimator(OnlineOptions(), start)
     published(estimator, data.command_rpm, data.speed_rpm)
@@ -240,11 +239,11 @@ def test_standard_errors_cover_the_truth(law, start):
         found = published(OnlineEstimator(OnlineOptions(), start), data.command_rpm, data.speed_rpm)[-1]
         scaled.append((found.law.coefficients - law.coefficients) / found.standard_errors)
     spread = np.sqrt(np.mean(np.square(scaled), axis=0))
-    assert np.all((spread > 0.3) & (spread < 1.3)), spread  # below 1: some is kept for drift
+    assert np.all((spread > 0.3) & (spread < 1.3)), spread  # below 1, since they allow for drift
 
 
 def test_the_gradient_is_the_derivative_of_the_prediction(law):
-    """The recursion for psi against differences of the free run, at parameters that stand still."""
+    """The recursion for psi is compared with differences of the free run at constant parameters."""
     options = OnlineOptions()
     rng = np.random.default_rng(13)
     command = random_samples([(law, 60)], rng).command_rpm

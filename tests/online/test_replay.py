@@ -12,7 +12,7 @@ from mecanum_env.law.metrics import law_step_metrics
 from mecanum_env.model import write_model
 from sysid.fit.estimators import WheelRun
 from sysid.logs import read_dataset
-from sysid.online import OnlineEstimator, OnlineOptions, first_order_law, functionals, mean_lag_s, track
+from sysid.online import OnlineEstimator, OnlineOptions, first_order_law, law_metrics, mean_lag_s, track
 from sysid.online.__main__ import main
 from sysid.online.replay import replay, replay_path, tick_speeds
 from sysid.studies.synthetic import random_samples, random_stable_law
@@ -81,21 +81,21 @@ def test_mean_lag_is_the_area_between_step_and_response():
         assert mean_lag_s(law) == pytest.approx(area, rel=1e-8)
 
 
-def test_functionals_are_those_of_the_laws_and_their_errors_cover_the_truth(law, start):
+def test_metrics_are_those_of_the_laws_and_their_errors_cover_the_truth(law, start):
     errors = []
     for seed in range(12):
         data = random_samples([(law, 900)], np.random.default_rng(300 + seed))
         history = track(OnlineEstimator(OnlineOptions(), start), data.command_rpm, data.speed_rpm)
-        figures = functionals(history, 400)
-        errors.append((figures.mean_lag_s[-1] - mean_lag_s(law)) / figures.mean_lag_error_s[-1])
-    assert figures.tick.tolist() == [0, 400, 800, 899]
-    assert figures.rise_time_s[-1] == law_step_metrics(history.law(-1)).rise_time_s
-    assert figures.dominant_pole[-1] == abs(history.law(-1).poles[0])
-    np.testing.assert_allclose(figures.dc_gain, 1.0, atol=1e-9)
+        metrics = law_metrics(history, 400)
+        errors.append((metrics.mean_lag_s[-1] - mean_lag_s(law)) / metrics.mean_lag_error_s[-1])
+    assert metrics.tick.tolist() == [0, 400, 800, 899]
+    assert metrics.rise_time_s[-1] == law_step_metrics(history.law(-1)).rise_time_s
+    assert metrics.dominant_pole[-1] == abs(history.law(-1).poles[0])
+    np.testing.assert_allclose(metrics.dc_gain, 1.0, atol=1e-9)
     assert 0.3 < np.sqrt(np.mean(np.square(errors))) < 1.3
 
 
-def test_the_program_writes_figures_and_a_picture(changing_log, tmp_path, capsys):
+def test_the_program_writes_results_and_a_plot(changing_log, tmp_path, capsys):
     folder, slow = changing_log
     assert run(main, [str(folder), "--out", str(tmp_path / "out")]) == 0
     shown = capsys.readouterr().out
@@ -112,7 +112,7 @@ def test_the_program_writes_figures_and_a_picture(changing_log, tmp_path, capsys
         assert np.unique(np.asarray(picture.convert("L").resize((64, 64)))).size > 10
 
 
-def test_the_program_says_when_the_wheel_is_no_such_law(tmp_path, capsys):
+def test_the_program_reports_a_wheel_that_no_law_describes(tmp_path, capsys):
     rng = np.random.default_rng(4)
     command = np.repeat(rng.integers(-100, 101, 100), 12).astype(float)
     write_log(tmp_path / "run.csv", command, np.rint(40.0 * rng.standard_normal(1200)))

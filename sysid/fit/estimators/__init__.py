@@ -1,4 +1,4 @@
-"""Methods that identify the wheel law from runs, all behind one interface: `estimate`."""
+"""Methods that identify the wheel law from runs, all behind one function: `estimate`."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ def estimate(
     """Identify the wheel law.
 
     Args:
-        runs: one wheel's runs, or several wheels' to be pooled into one law.
+        runs: the runs of one wheel, or of several wheels to be pooled into one law.
         method: a name in `METHODS`.
-        options: starts, seed, unit gain, delay, saturation, loss.
+        options: how to estimate; each method reads what concerns it.
 
     Raises:
         InputError: an unknown method, or data that cannot be fitted; the message says why.

@@ -1,13 +1,15 @@
 """The free-running error of many laws at once, with its exact gradient by A-F.
 
 The prediction is linear in the command, and the cost is quadratic in the prediction. So the commands are
-first reduced to a basis (steps of one shape and any height: one row), the measurements to the quadratic form
-H = constant - 2 q.y + y.Q.y of the basis responses y; what remains per law is two passes of the recursion.
+first reduced to a basis (steps of one shape and any height need one row), and the measurements to the
+quadratic form H = constant - 2 q.y + y.Q.y of the basis responses y. This leaves two passes of the recursion
+per law.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,8 +19,8 @@ from scipy.sparse import csr_matrix
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.problem import LawProblem
 
-_FEW = 100
-"""Up to this many laws a compiled filter per law is quicker than one vectorised recursion."""
+_FEW: Final = 100
+"""Number of laws up to which a compiled filter per law is faster than one vectorised recursion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,15 +28,15 @@ class BatchCost:
     """H(A-F), the weighted mean of (measured - predicted)^2 [rpm^2]; build it with `batch_cost`."""
 
     basis: FloatArray
-    """Basis of the commands less the start [rpm], shape (K, R)."""
+    """Basis of the commands relative to the start [rpm], shape (K, R)."""
     quadratic: csr_matrix
-    """Q, shape (K R, K R): banded."""
+    """Q, banded, shape (K R, K R)."""
     linear: FloatArray
     """q, shape (K R, 1)."""
     constant: float
 
     def value(self, laws: npt.ArrayLike) -> FloatArray:
-        """Return H alone, shape (S,), of laws A-F, shape (S, 6); infinite where it overflows."""
+        """Return H, shape (S,), of `laws` A-F, shape (S, 6); infinite on overflow."""
         x = np.asarray(laws, float)
         with np.errstate(over="ignore", invalid="ignore"):
             flat = self._response(x, self._by_d(x)).reshape(-1, len(x))
@@ -42,9 +44,9 @@ class BatchCost:
         return np.where(np.isfinite(cost), np.maximum(cost, 0.0), np.inf)
 
     def __call__(self, laws: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
-        """Return H, shape (S,), and dH/d(A-F), shape (S, 6), of laws A-F, shape (S, 6).
+        """Return H, shape (S,), infinite on overflow, and dH/d(A-F), shape (S, 6), of `laws`, shape (S, 6).
 
-        Stable or not: the horizon is that of the data. Where the numbers overflow, H is infinite.
+        The laws may be unstable, since the horizon is that of the data.
         """
         x = np.asarray(laws, float)
         count, (ticks, rank) = len(x), self.basis.shape
@@ -57,14 +59,12 @@ class BatchCost:
             product = self.quadratic @ flat
             cost = self.constant + np.sum(flat * (product - 2.0 * self.linear), axis=0)
             back = (2.0 * (product - self.linear)).reshape(y.shape)
-            gradient = np.stack(
-                [
-                    np.einsum("krs,krs->s", back[lag:], signal[: ticks - lag])
-                    for signal in (by_a, by_d)
-                    for lag in range(3)
-                ],
-                axis=1,
-            )
+            columns = [
+                np.einsum("krs,krs->s", back[lag:], signal[: ticks - lag])
+                for signal in (by_a, by_d)
+                for lag in range(3)
+            ]
+        gradient = np.stack(columns, axis=1)
         lost = ~(np.isfinite(cost) & np.all(np.isfinite(gradient), axis=1))
         cost[lost], gradient[lost] = np.inf, 0.0
         return np.maximum(cost, 0.0), gradient
@@ -108,10 +108,10 @@ def all_pole(abc: FloatArray, drive: FloatArray) -> FloatArray:
 
 
 def batch_cost(problem: LawProblem) -> BatchCost:
-    """Reduce a stacked problem to the cost of many laws.
+    """Reduce a problem to the cost of many laws at once.
 
-    The commands are those of the problem without further delay or limit. Runs are deviations from their
-    steady start, which is exact for starts at rest and for laws of unit gain.
+    The commands have no additional delay or limit. Runs are treated as deviations from their steady start,
+    which is exact for starts at rest and for laws of unit gain.
     """
     inputs = problem.traces().command_rpm - problem.initial_rpm[:, None]  # (U, K)
     left, values, right = np.linalg.svd(inputs, full_matrices=False)
@@ -120,17 +120,15 @@ def batch_cost(problem: LawProblem) -> BatchCost:
     ticks, rank = basis.shape
     samples = len(problem.row)
     pieces = []
-    # A measurement at tick + fraction mixes the responses after ticks `tick - 1` and `tick`; tick 0 is the
-    # start.
+    # A measurement at tick + fraction mixes the responses after ticks `tick - 1` and `tick`, from tick 0 on.
     for shift, share in ((-1, 1.0 - problem.fraction), (0, problem.fraction)):
         after = problem.tick + shift
         used = (after >= 0) & (share != 0.0)
         index = after[used, None] * rank + np.arange(rank)
         data = share[used, None] * loading[problem.row[used]]
         rows = np.broadcast_to(np.flatnonzero(used)[:, None], index.shape)
-        pieces.append(
-            csr_matrix((data.ravel(), (rows.ravel(), index.ravel())), shape=(samples, ticks * rank))
-        )
+        places = (rows.ravel(), index.ravel())
+        pieces.append(csr_matrix((data.ravel(), places), shape=(samples, ticks * rank)))
     gather = (pieces[0] + pieces[1]).tocsr()
     precision = problem.weight**2
     precision /= np.sum(precision)

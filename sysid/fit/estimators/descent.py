@@ -1,12 +1,12 @@
 """Gradient descent from many starts at once, with or without constraints on (A, B, C).
 
 One iteration is Steps 2-4 of Nie, Igo and Hoshino, section 3.2: the gradient of the Lagrangian
-L = H + sum lambda_i g_i, a step against it, the multipliers lambda_i <- max(0, lambda_i + alpha g_i), and a
-point outside the region is pulled back into it. Step 5 stops where the gradient or the change of H is small.
+L = H + sum lambda_i g_i, a step against it, the update lambda_i <- max(0, lambda_i + alpha g_i), and the
+return of a point outside the region. Step 5 stops when the gradient or the change of H is small.
 
 As printed, with g_i >= 0 meaning stable, Steps 2 and 4 drive the point *out* of the region: lambda grows
-while the law is stable and the step goes down g. With g_i <= 0 meaning stable both signs are right, and that
-is what runs here; `Constraint.printed_signs` keeps the printed form for comparison.
+while the law is stable, and the step descends g. With g_i <= 0 meaning stable both signs are right, which is
+what is implemented; `Constraint.printed_signs` keeps the printed form for comparison.
 """
 
 from __future__ import annotations
@@ -21,59 +21,56 @@ import numpy.typing as npt
 from mecanum_env.units import FloatArray
 
 CostAndGradient = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""Laws A-F, shape (S, 6), to H, shape (S,), and dH/d(A-F), shape (S, 6); H is infinite where it overflows."""
+"""From laws A-F, shape (S, 6), to H, shape (S,), infinite on overflow, and dH/d(A-F), shape (S, 6)."""
 
 Rule = Literal["fixed", "spectral"]
-"""How long a step is.
+"""Length of the steps, which go against the gradient.
 
-fixed: alpha is constant, as in the paper. spectral: the Barzilai-Borwein lengths (J. Barzilai and J. M.
-Borwein, "Two-point step size gradient methods", IMA J. Numerical Analysis 8, 1988), accepted only where H
-falls (Armijo) and cut to a quarter otherwise. Both step against the gradient and use nothing else.
+fixed: constant alpha, as in the paper. spectral: the Barzilai-Borwein lengths (J. Barzilai and J. M. Borwein,
+"Two-point step size gradient methods", IMA J. Numerical Analysis 8, 1988), accepted only if H falls (Armijo)
+and cut to a quarter otherwise.
 """
 
 CHANGE_TOLERANCE: Final = 1e-6
-"""Stop where H fell by less than this share of itself in `CHANGE_WINDOW` iterations."""
-
+"""Stop when H fell by less than this share of itself in `CHANGE_WINDOW` iterations."""
 CHANGE_WINDOW: Final = 50
 GRADIENT_TOLERANCE: Final = 1e-12
-"""Stop where a step of the rate `alpha` would move the coefficients by less than this."""
-
+"""Stop when a step of the rate `alpha` would move the coefficients by less than this."""
 _LARGEST: Final = 1e3
-"""A coefficient beyond this has diverged."""
-
+"""Coefficients beyond this have diverged."""
 _ARMIJO: Final = 1e-4
 _SHRINK: Final = 0.25
 _GROW: Final = 4.0
 _SAFEGUARD: Final = 1e10
-"""Largest change of the length from one step to the next."""
+"""Largest factor between the lengths of successive steps."""
 
 
 @dataclass(frozen=True)
 class Constraint:
-    """Inequalities g(A, B, C) <= 0 and the way back for a point that breaks them."""
+    """Inequalities g(A, B, C) <= 0, and how to return a point that violates them."""
 
     values: Callable[[FloatArray], FloatArray]
-    """(S, 3) to g, shape (S, n)."""
+    """From (S, 3) to g, shape (S, n)."""
     gradients: Callable[[FloatArray], FloatArray]
-    """(S, 3) to dg/d(A, B, C), shape (S, n, 3)."""
+    """From (S, 3) to dg/d(A, B, C), shape (S, n, 3)."""
     pull_back: Callable[[FloatArray], FloatArray]
-    """(S, 3) to points that keep the constraints, shape (S, 3)."""
+    """From (S, 3) to points that satisfy the constraints, shape (S, 3)."""
     printed_signs: bool = False
-    """Take g >= 0 as stable in the Lagrangian and the multipliers, as the paper prints it: for comparison."""
+    """Treat g >= 0 as stable in the Lagrangian and the multipliers, as printed in the paper, to compare."""
 
 
 @dataclass(frozen=True, eq=False)
 class Descent:
-    """Where S starts led; every array has S rows."""
+    """Results of S starts; every array has S rows."""
 
     laws: FloatArray
     """A-F, shape (S, 6)."""
     cost: FloatArray
-    """H, infinite where the search diverged."""
+    """H; infinite if the search diverged."""
     multipliers: FloatArray
     """lambda, shape (S, n)."""
     converged: npt.NDArray[np.bool_]
-    """A stop criterion was met before the limit of iterations."""
+    """Whether a stop criterion was met before the limit of iterations."""
     iterations: npt.NDArray[np.intp]
 
 
@@ -93,14 +90,13 @@ def descend(
         cost: H and its gradient.
         starts: A-F, shape (S, 6).
         rate: alpha of the fixed rule; the spectral rule uses it for the stop criterion only.
-        iterations: limit for each start.
+        iterations: largest number of iterations of each start.
         rule: length of the steps.
         constraint: None for plain descent. A start outside is pulled back before the first step.
-        unit_gain: stay where A+B+C+D+E+F = 1; the gradient's mean is removed, which is its exact projection.
+        unit_gain: keep A+B+C+D+E+F = 1; the gradient's mean is removed, which is its exact projection.
     """
-    x = np.array(starts, float)
+    x = _admitted(np.array(starts, float), constraint, unit_gain)
     count = len(x)
-    x = _admitted(x, constraint, unit_gain)
     h, gradient = cost(x)
     rows = 0 if constraint is None else constraint.values(x[:1, :3]).shape[1]
     multipliers = np.zeros((count, rows))
@@ -154,12 +150,11 @@ def descend(
 
 def _admitted(x: FloatArray, constraint: Constraint | None, unit_gain: bool) -> FloatArray:
     """Return the points pulled back into the constraints and onto unit gain, shape (S, 6)."""
+    x = x.copy()
     if constraint is not None:
-        x = x.copy()
         x[:, :3] = constraint.pull_back(x[:, :3])
     if unit_gain:
-        # D, E and F take the difference equally: the nearest point of unit gain that leaves the poles alone.
-        x = x.copy()
+        # D, E and F share the difference equally: the nearest point of unit gain that keeps the poles.
         x[:, 3:] += ((1.0 - np.sum(x, axis=1)) / 3.0)[:, None]
     return x
 
@@ -180,9 +175,9 @@ def _pressure(x: FloatArray, multipliers: FloatArray, constraint: Constraint | N
 def _next_step(
     alpha: FloatArray, moved: FloatArray, change: FloatArray, accepted: npt.NDArray[np.bool_], *, odd: bool
 ) -> FloatArray:
-    """Return the next lengths: both Barzilai-Borwein formulae in turn, a longer one where H is not convex."""
+    """Return the next lengths: both Barzilai-Borwein formulae in turn, longer ones where H is not convex."""
     size = np.maximum(np.max(np.abs(change), axis=1), 1e-150)
-    scaled = change / size[:, None]  # The gradients of unstable laws would overflow when squared.
+    scaled = change / size[:, None]  # the squared gradients of unstable laws would overflow
     curvature = np.sum(moved * scaled, axis=1)
     convex = curvature > 0.0
     safe = np.where(convex, curvature, 1.0)

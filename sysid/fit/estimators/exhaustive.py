@@ -4,13 +4,12 @@ Y. Nakagawa, N. Igo and K. Hoshino, "Controlling a Mecanum-wheeled robot with mu
 by three commands", Sensors 25(3), 2025, as S. Nie, N. Igo and K. Hoshino describe it (section 1). The motor
 without inductance is T dw/dt + w = u, its gain absorbed by the controller; u = Kp e + Ki (integral of e), e =
 r - w. With the discretisation of the wheel law (forward difference, incremental PI) and n = T/period it
-becomes a wheel law with C = F = 0:
+becomes a wheel law with C = F = 0, whose coefficients sum to 1:
 
     A = 2 - (1 + Kp + Ki period)/n,   B = -1 + (1 + Kp)/n,   D = (Kp + Ki period)/n,   E = -Kp/n
 
-whose coefficients sum to 1. The three parameters form two groups, (Kp, Ki) and T: one is held and the other
-searched over its whole grid, in turn, twice. Ranges, steps and the first T are prior knowledge, which
-`Search` holds.
+The parameters form two groups, (Kp, Ki) and T. In turn, one group is held and the other is searched over its
+whole grid. Ranges, steps and the first T are prior knowledge, given by `SearchGrid`.
 """
 
 from __future__ import annotations
@@ -18,24 +17,24 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.batch import BatchCost, batch_cost
-from sysid.fit.estimators.interface import Estimate, Options, StartResult, WheelRun
-from sysid.fit.estimators.problem import stack
+from sysid.fit.estimators.interface import Estimate, Options, WheelRun
+from sysid.fit.estimators.problem import single_estimate, stack
 
-_CHUNK = 2000
-"""Laws simulated together: small enough for the cache."""
+_CHUNK: Final = 2000
+"""Number of laws simulated together: small enough for the cache."""
 
 
 @dataclass(frozen=True)
-class Search:
-    """What the search must be told: ranges and steps, the first T and the speed of the data.
+class SearchGrid:
+    """Ranges and steps of the parameters, the first T and the speed of the data to fit.
 
     Raises:
         InputError: an empty range, or a value that must be positive and is not.
@@ -48,7 +47,7 @@ class Search:
     time_constant_s: tuple[float, float, float] = (0.02, 1.0, 0.001)
     """T [s]: lowest, highest, step."""
     first_time_constant_s: float = 0.1
-    """T while (Kp, Ki) are searched for the first time [s]."""
+    """T during the first search of (Kp, Ki) [s]."""
     rounds: int = 2
     """How often both groups are searched."""
     speed_rpm: float = 60.0
@@ -69,36 +68,32 @@ class Search:
 
 
 def exhaustive(
-    runs: Sequence[WheelRun], options: Options | None = None, search: Search | None = None
+    runs: Sequence[WheelRun], options: Options | None = None, search: SearchGrid | None = None
 ) -> Estimate:
     """Estimate the three parameters by alternating exhaustive search on the runs nearest to 60 rpm.
 
     Args:
-        runs: one or more runs; only those with the largest command nearest to `Search.speed_rpm` are fitted,
-        and
-            the one start's `kind` says at which speed. The rms is that of all runs.
-        options: none apply; the law has unit DC gain by its structure.
-        search: ranges, steps, first value; None: the defaults.
+        runs: one or more runs. Those whose largest command is nearest to `SearchGrid.speed_rpm` are fitted;
+            the start's `kind` states their speed. The rms is that of all runs.
+        options: ignored; the law has unit DC gain by its structure.
+        search: ranges, steps and first value; None: the defaults.
 
     Raises:
         InputError: no usable data, or every law of the grid diverges.
     """
     del options
-    search = search or Search()
+    search = search or SearchGrid()
     began = time.perf_counter()
     problem = stack(runs)
     period = problem.sample_period_s
     used, speed = runs_near(runs, search.speed_rpm)
     cost = batch_cost(stack(used))
     kp = ki = np.nan
-    first = search.first_time_constant_s
-    constant = first
-    evaluations = 0
-    proportional, integral = np.meshgrid(
-        _axis(search.proportional), _axis(search.integral_per_s), indexing="ij"
-    )
-    pairs = np.stack([proportional.ravel(), integral.ravel()], axis=1)
+    constant = search.first_time_constant_s
+    grid = np.meshgrid(_axis(search.proportional), _axis(search.integral_per_s), indexing="ij")
+    pairs = np.stack([values.ravel() for values in grid], axis=1)
     constants = _axis(search.time_constant_s)
+    evaluations = search.rounds * (len(pairs) + len(constants))
     best = np.inf
     for _ in range(search.rounds):
         index, best = _lowest(cost, pairs[:, 0], pairs[:, 1], np.full(len(pairs), constant), period)
@@ -106,37 +101,19 @@ def exhaustive(
         gains = np.full((2, len(constants)), [[kp], [ki]])
         index, best = _lowest(cost, gains[0], gains[1], constants, period)
         constant = float(constants[index])
-        evaluations += len(pairs) + len(constants)
     if not np.isfinite(best):
         raise InputError(
             f"exhaustive: every one of {evaluations} laws diverges at {period:g} s a tick; "
             "widen the ranges of the search"
         )
-    coefficients = pi_law(kp, ki, constant, period)
-    law = WheelLaw.from_coefficients(coefficients, period)
-    predicted = problem.predict(coefficients, problem.traces())
-    residual = (predicted - problem.speed_rpm) * problem.weight
-    with np.errstate(all="ignore"):
-        total = 0.5 * float(residual @ residual) + problem.within_cost
-    seconds = time.perf_counter() - began
-    start = StartResult(
-        kind=f"grid at {speed:g} rpm",
-        initial=(),
-        coefficients=tuple(float(x) for x in coefficients),
-        rms_rpm=problem.rms(predicted),
-        stable=law.is_stable,
-        converged=True,
-        iterations=evaluations,
-        seconds=seconds,
-    )
-    return Estimate(
+    return single_estimate(
+        problem,
+        pi_law(kp, ki, constant, period),
         method="exhaustive",
-        law=law,
-        rms_rpm=start.rms_rpm,
-        cost=total if np.isfinite(total) else np.inf,
+        kind=f"grid at {speed:g} rpm",
         free=("A", "B", "D"),
-        starts=(start,),
-        seconds=seconds,
+        iterations=evaluations,
+        began=began,
     )
 
 

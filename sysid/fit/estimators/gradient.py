@@ -1,9 +1,7 @@
-"""The paper's gradient descent on the free-running error, without and with the stability criterion.
+"""The paper's gradient descent on the free-running error, without and with constraints on stability.
 
 S. Nie, N. Igo and K. Hoshino, "Parameter identification of Mecanum wheel robot using descent with stability
-criterion", sections 3.2 and 3.3.
-
-What `Options.first_starts` chooses:
+criterion", sections 3.2, 3.3 and 4.1. `Options.first_starts` chooses between two forms:
 
 - random: as published. Random starts (`random_starts`) and one constant learning rate alpha = 1.9/L_h, just
   inside the paper's bound 2/L_h, with L_h the largest curvature of H at the best Steiglitz-McBride law.
@@ -11,18 +9,9 @@ What `Options.first_starts` chooses:
   spectral lengths (`descent.Rule`). The kth start is drawn from the same random numbers as the published kth
   start, which are its first prefilter, so that the two can be compared start by start.
 
-The paper's proof needs H convex and the region convex. Neither holds: H of the free run is not convex in A,
-B, C (only the one-step error is), and the region is not convex (the midpoint of two stable laws can be
-unstable). So descent finds a local minimum, the projection is the nearest point of a non-convex set, and
-several starts are worth while.
-
-Gradient descent constrained by the magnitudes of the poles themselves: the paper's third variant.
-
-The paper names it ("pole discrimination", section 4.1), gives no equations and reports that all trials fail.
-Here it is the loop of `kkt` with other constraints: g_i = |z_i| - limit <= 0 for the three roots z_i, and an
-unstable update is brought back by moving each offending pole radially to the limit. Two things set it apart
-from Routh-Hurwitz: d|z|/d(A, B, C) is infinite at a double pole, and the radial move is not the nearest
-point, so that it may raise H.
+The paper's proof requires that H and the region are convex. Neither is: H of the free run is not convex in A,
+B, C (only the one-step error is), and the midpoint of two stable laws can be unstable. So descent finds a
+local minimum, the projection is the nearest point of a non-convex set, and several starts are worthwhile.
 """
 
 from __future__ import annotations
@@ -39,7 +28,7 @@ from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.stability import FEASIBLE_POLE, nearest_feasible, violation_gradients, violations
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.batch import BatchCost, batch_cost
-from sysid.fit.estimators.descent import Constraint, Descent, Rule, descend
+from sysid.fit.estimators.descent import Constraint, Descent, descend
 from sysid.fit.estimators.interface import Estimate, Options, StartResult, WheelRun
 from sysid.fit.estimators.linear import (
     one_step_coefficients,
@@ -49,40 +38,38 @@ from sysid.fit.estimators.linear import (
 from sysid.fit.estimators.problem import LawProblem, stack
 
 ITERATIONS_PER_EVALUATION: Final = 25
-"""A descent gets this many iterations for each of `Options.max_iterations`: they are many and cheap."""
-
+"""Iterations of a descent for each of `Options.max_iterations`, since they are many and cheap."""
 RATE_SHARE: Final = 1.9
-"""The constant learning rate in units of 1/L_h; the paper allows 0 to 2."""
-
+"""Constant learning rate in units of 1/L_h; the paper allows 0 to 2."""
 REFINING_ROUNDS: Final = 10
 """Rounds of Steiglitz-McBride that turn a random start into an informed one."""
-
 ROUTH_HURWITZ: Final = Constraint(violations, violation_gradients, nearest_feasible)
-"""The four Routh-Hurwitz conditions, and the nearest stable point for an update that breaks them."""
+"""The four Routh-Hurwitz conditions, and the nearest stable point for an update that violates them."""
+_SMALLEST_SLOPE: Final = 1e-9
+"""Least slope of the characteristic polynomial, which bounds the derivative of a double root."""
 
 
 def gradient(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
     """Estimate by unconstrained gradient descent (section 3.2 of the paper, its method of comparison).
 
-    Nothing keeps the result stable: the start with the least error wins, be it stable or not.
+    Nothing keeps the result stable: the start with the smallest error is returned, whether stable or not.
 
     Args:
         runs: one or more runs.
-        options: `starts`, `seed`, `first_starts` (see the module), `initial`, `unit_gain` and
-        `max_iterations`
-            are used. Delay and saturation are not estimated, the loss is linear.
+        options: `starts`, `seed`, `first_starts`, `initial`, `unit_gain` and `max_iterations` are used. Delay
+            and saturation are not estimated, and the loss is linear.
 
     Raises:
         InputError: no usable data, or no start whose error stays finite.
     """
-    return estimate_by_descent("gradient", runs, options or Options(), None)
+    return _estimate_by_descent("gradient", runs, options or Options(), None)
 
 
 def kkt(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
     """Estimate by gradient descent with Routh-Hurwitz constraints (sections 3.2 and 3.3, the proposal).
 
     KKT multipliers press on violated conditions, and an unstable update is projected to the nearest stable
-    law, so every result is stable. The multipliers have the signs that work (see `descent`), not those
+    law, so that every result is stable. The multipliers have the signs that work (see `descent`), not those
     printed.
 
     Args:
@@ -92,7 +79,26 @@ def kkt(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
     Raises:
         InputError: no usable data.
     """
-    return estimate_by_descent("kkt", runs, options or Options(), ROUTH_HURWITZ)
+    return _estimate_by_descent("kkt", runs, options or Options(), ROUTH_HURWITZ)
+
+
+def pole_discrimination(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
+    """Estimate by gradient descent with constraints on the pole magnitudes (section 4.1 of the paper).
+
+    The paper names this variant, gives no equations and reports that all trials fail. Here it is `kkt` with
+    other constraints: g_i = |z_i| - limit <= 0 for the three poles z_i, and an unstable update is brought
+    back by moving each offending pole radially to the limit. Two things differ from Routh-Hurwitz: d|z|/d(A,
+    B, C) is infinite at a double pole, and the radial move does not lead to the nearest point and may raise
+    H.
+
+    Args:
+        runs: one or more runs.
+        options: as for `gradient`.
+
+    Raises:
+        InputError: no usable data.
+    """
+    return _estimate_by_descent("poles", runs, options or Options(), POLE_MAGNITUDES)
 
 
 def random_starts(count: int, seed: int) -> FloatArray:
@@ -103,29 +109,65 @@ def random_starts(count: int, seed: int) -> FloatArray:
     return np.random.default_rng(seed).uniform(-1.0, 1.0, (count, 6))
 
 
-def starting_laws(
+def _estimate_by_descent(
+    method: str, runs: Sequence[WheelRun], options: Options, constraint: Constraint | None
+) -> Estimate:
+    """Run one descent from all starts together and keep the best; each start is given an equal time."""
+    began = time.perf_counter()
+    problem = stack(runs)
+    cost = batch_cost(problem)
+    kinds, starts = _starting_laws(runs, options, cost)
+    descent = descend(
+        cost,
+        starts,
+        rate=_learning_rate(problem, _refined(runs, _one_step_law(runs, options), options, cost)),
+        iterations=ITERATIONS_PER_EVALUATION * options.max_iterations,
+        rule="fixed" if options.first_starts == "random" else "spectral",
+        constraint=constraint,
+        unit_gain=options.unit_gain,
+    )
+    if not np.any(np.isfinite(descent.cost)):
+        raise InputError(
+            f"{method}: none of {len(starts)} starts kept a finite error; "
+            "use more starts, informed ones, or the method output-error"
+        )
+    seconds = time.perf_counter() - began
+    results = _results(problem, kinds, starts, descent, seconds)
+    best = int(np.argmin(descent.cost))
+    return Estimate(
+        method=method,
+        law=WheelLaw.from_coefficients(descent.laws[best], problem.sample_period_s),
+        rms_rpm=results[best].rms_rpm,
+        cost=0.5 * float(descent.cost[best]) * float(np.sum(problem.weight**2)),
+        free=options.free_coefficients,
+        starts=tuple(results),
+        seconds=seconds,
+    )
+
+
+def _starting_laws(
     runs: Sequence[WheelRun], options: Options, cost: BatchCost
 ) -> tuple[list[str], FloatArray]:
-    """Return the kind of every start and its A-F, shape (S, 6), as the options ask for."""
+    """Return the kind of every start and its A-F, shape (S, 6)."""
     if options.initial:
         return ["given"] * len(options.initial), np.array(options.initial, float)
     drawn = random_starts(options.starts, options.seed)
     if options.first_starts == "random":
         return ["random"] * options.starts, drawn
-    one_step = baseline(runs, options)
-    laws = [refined(runs, one_step, options, cost), one_step]
-    laws += [refined(runs, row, options, cost) for row in drawn[2:]]
+    one_step = _one_step_law(runs, options)
+    laws = [_refined(runs, one_step, options, cost), one_step]
+    laws += [_refined(runs, row, options, cost) for row in drawn[2:]]
     kinds = ["steiglitz-mcbride", "one-step"] + ["random"] * max(options.starts - 2, 0)
     return kinds[: options.starts], np.array(laws[: options.starts])
 
 
-def baseline(runs: Sequence[WheelRun], options: Options) -> FloatArray:
-    """Return the one-step-ahead law A-F made stable."""
+def _one_step_law(runs: Sequence[WheelRun], options: Options) -> FloatArray:
+    """Return the one-step-ahead law A-F, made stable."""
     law = one_step_coefficients(runs, unit_gain=options.unit_gain)
     return stable_coefficients(law, unit_gain=options.unit_gain)
 
 
-def refined(runs: Sequence[WheelRun], law: FloatArray, options: Options, cost: BatchCost) -> FloatArray:
+def _refined(runs: Sequence[WheelRun], law: FloatArray, options: Options, cost: BatchCost) -> FloatArray:
     """Return the best of `REFINING_ROUNDS` rounds of Steiglitz-McBride that start with the poles of `law`.
 
     The best and not the last: the rounds do not minimise H, and with a slow pole in the data they may cycle.
@@ -139,55 +181,11 @@ def refined(runs: Sequence[WheelRun], law: FloatArray, options: Options, cost: B
     return rounds[int(np.argmin(cost.value(np.array(rounds))))]
 
 
-def learning_rate(problem: LawProblem, law: FloatArray) -> float:
-    """Return alpha = 1.9/L_h with L_h the largest eigenvalue of the Gauss-Newton matrix at a good law A-F."""
+def _learning_rate(problem: LawProblem, law: FloatArray) -> float:
+    """Return alpha = 1.9/L_h; L_h is the largest eigenvalue of the Gauss-Newton matrix at a good law A-F."""
     jacobian = problem.predict_with_jacobian(law, problem.traces())[1][:, :6] * problem.weight[:, None]
     largest = float(np.linalg.eigvalsh(2.0 * jacobian.T @ jacobian / np.sum(problem.weight**2))[-1])
     return RATE_SHARE / largest
-
-
-def estimate_by_descent(
-    method: str, runs: Sequence[WheelRun], options: Options, constraint: Constraint | None
-) -> Estimate:
-    """Run one descent from all starts together and keep the best; the seconds of a start are its equal share.
-
-    `method` is the name that the estimate bears.
-
-    Raises:
-        InputError: no usable data, or no start whose error stays finite.
-    """
-    began = time.perf_counter()
-    problem = stack(runs)
-    cost = batch_cost(problem)
-    kinds, starts = starting_laws(runs, options, cost)
-    rule: Rule = "fixed" if options.first_starts == "random" else "spectral"
-    descent = descend(
-        cost,
-        starts,
-        rate=learning_rate(problem, refined(runs, baseline(runs, options), options, cost)),
-        iterations=ITERATIONS_PER_EVALUATION * options.max_iterations,
-        rule=rule,
-        constraint=constraint,
-        unit_gain=options.unit_gain,
-    )
-    if not np.any(np.isfinite(descent.cost)):
-        raise InputError(
-            f"{method}: none of {len(starts)} starts kept a finite error; "
-            "take more starts, informed ones, or the method output-error"
-        )
-    seconds = time.perf_counter() - began
-    results = _results(problem, kinds, starts, descent, seconds)
-    best = int(np.argmin(descent.cost))
-    law = WheelLaw.from_coefficients(descent.laws[best], problem.sample_period_s)
-    return Estimate(
-        method=method,
-        law=law,
-        rms_rpm=results[best].rms_rpm,
-        cost=0.5 * float(descent.cost[best]) * float(np.sum(problem.weight**2)),
-        free=("A", "B", "C", "D", "F") if options.unit_gain else ("A", "B", "C", "D", "E", "F"),
-        starts=tuple(results),
-        seconds=seconds,
-    )
 
 
 def _results(
@@ -213,27 +211,6 @@ def _results(
             )
         )
     return results
-
-
-_SMALLEST_SLOPE: Final = 1e-9
-"""Bounds the derivative of a root where two meet."""
-
-
-def pole_discrimination(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
-    """Estimate by gradient descent with constraints on the pole magnitudes (section 4.1 of the paper).
-
-    S. Nie, N. Igo and K. Hoshino, "Parameter identification of Mecanum wheel robot using descent with
-    stability criterion"; how it fails there is not told, so its 0 % is reported beside ours rather than
-    reproduced.
-
-    Args:
-        runs: one or more runs.
-        options: as for `gradient.gradient`.
-
-    Raises:
-        InputError: no usable data.
-    """
-    return estimate_by_descent("poles", runs, options or Options(), POLE_MAGNITUDES)
 
 
 def poles(abc: npt.ArrayLike) -> npt.NDArray[np.complex128]:
@@ -274,4 +251,4 @@ def radially_stable(abc: FloatArray) -> FloatArray:
 
 
 POLE_MAGNITUDES: Final = Constraint(magnitude_excess, magnitude_gradients, radially_stable)
-"""The three pole magnitudes and the radial way back."""
+"""The three pole magnitudes, and the radial move for an update that violates them."""

@@ -1,29 +1,29 @@
-"""What an estimator is given: one wheel in one run, on the clock of the wheel law.
-
-What every estimator takes and gives back.
-"""
+"""What every estimator takes and returns: runs on the clock of the wheel law, options, and an estimate."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, require_at_least
-from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
 from mecanum_env.units import FloatArray
 
 CommandSource = Callable[[float, float], npt.ArrayLike]
 """``source(delay_s, saturation_rpm) -> r``: r(0..K-1) [rpm], shape (K,), rebuilt from the log."""
 
+SUCCESS_RATIO: Final = 1.05
+"""A start succeeds if its rms is at most this multiple of the best start's rms."""
+
 
 @dataclass(frozen=True, eq=False)
 class WheelRun:
-    """One wheel in one run: what it was told at every tick of the law, and what was measured.
+    """One wheel in one run: its command at every tick of the law, and its measured speeds.
 
     Raises:
         InputError: shapes that disagree, a value that is not finite, a sigma that is not positive or a sample
@@ -33,17 +33,17 @@ class WheelRun:
     command_rpm: FloatArray
     """Commands r(0..K-1) at the law's ticks [rpm], shape (K,), after latch, rounding and known limits."""
     sample_tick: FloatArray
-    """When each speed was measured [ticks], 0 to K, whole or fractional, shape (N,)."""
+    """Times of the measured speeds [ticks], 0 to K, whole or fractional, shape (N,)."""
     speed_rpm: FloatArray
     """Measured wheel speed [rpm], shape (N,)."""
     sigma_rpm: FloatArray
-    """Standard deviation of each measurement's noise, rounding included [rpm], shape (N,)."""
+    """Standard deviation of each measurement's noise, including rounding [rpm], shape (N,)."""
     initial_rpm: float
-    """Speed before tick 0 [rpm]: the wheel had followed a constant command for long."""
+    """Steady speed and command before tick 0 [rpm]."""
     sample_period_s: float
     """Period of the law's ticks [s]."""
     name: str = "run"
-    """Shown in messages: the log file and, for robot logs, the wheel."""
+    """Name for messages: the log file and, for robot logs, the wheel."""
     source: CommandSource | None = None
     """Rebuilds the command for another delay and saturation; None: `command_rpm` is shifted and clipped."""
 
@@ -82,20 +82,17 @@ class WheelRun:
             )
 
     def command(self, delay_s: float = 0.0, saturation_rpm: float = np.inf) -> FloatArray:
-        """Return r(0..K-1) [rpm], shape (K,), with a further transport delay and a limit on the command.
+        """Return r(0..K-1) [rpm], shape (K,), with an additional transport delay and a limit on the command.
 
-        Without a `source` the delay is fractional, the mean of the delayed zero-order hold over each tick,
-        and before the run the wheel was commanded its initial speed.
+        Without a `source` the delay may be a fraction of a tick: each value is the mean of the delayed
+        zero-order hold over the tick. Before the run the command was the initial speed.
 
         Raises:
-            InputError: the source gave something that is not K finite numbers.
+            InputError: the source returned something other than K finite numbers.
         """
         if self.source is None:
-            return shifted_command(
-                np.clip(self.command_rpm, -saturation_rpm, saturation_rpm),
-                delay_s / self.sample_period_s,
-                self.initial_rpm,
-            )
+            limited = np.clip(self.command_rpm, -saturation_rpm, saturation_rpm)
+            return shifted_command(limited, delay_s / self.sample_period_s, self.initial_rpm)
         command = np.asarray(self.source(delay_s, saturation_rpm), float)
         if command.shape != self.command_rpm.shape or not np.all(np.isfinite(command)):
             raise InputError(
@@ -106,9 +103,9 @@ class WheelRun:
 
 
 def shifted_command(command_rpm: FloatArray, delay_ticks: float, before_rpm: float) -> FloatArray:
-    """Return `command_rpm` later by `delay_ticks` >= 0, a real number, with `before_rpm` ahead of it.
+    """Return `command_rpm` delayed by `delay_ticks` >= 0, a real number, with `before_rpm` ahead of it.
 
-    The command is held between ticks, so the mean over a tick of the shifted hold mixes two neighbours.
+    The command is held between ticks, so the mean of the shifted hold over a tick mixes two neighbours.
     """
     if delay_ticks <= 0.0:
         return command_rpm
@@ -117,27 +114,6 @@ def shifted_command(command_rpm: FloatArray, delay_ticks: float, before_rpm: flo
     padded = np.concatenate([np.full(whole + 1, before_rpm), command_rpm])
     n = len(command_rpm)
     return np.asarray((1.0 - fraction) * padded[1 : n + 1] + fraction * padded[:n])
-
-
-def require_same_period(runs: Sequence[WheelRun]) -> float:
-    """Return the law's period [s] that all runs share.
-
-    Raises:
-        InputError: no runs at all, or runs on different clocks.
-    """
-    if not runs:
-        raise InputError("no runs to fit; give at least one run with a changing command")
-    periods = {run.sample_period_s for run in runs}
-    if len(periods) > 1:
-        raise InputError(
-            f"runs on different clocks (sample_period_s {min(periods):g} to {max(periods):g}); "
-            "put all on one law period before fitting"
-        )
-    return runs[0].sample_period_s
-
-
-SUCCESS_RATIO = 1.05
-"""A start succeeds when its rms is within 5 % of the best start's."""
 
 
 @dataclass(frozen=True)
@@ -149,27 +125,27 @@ class Options:
     """
 
     starts: int = 10
-    """How many starting points."""
+    """Number of starting points."""
     seed: int = 0
-    """Of the random starting points."""
+    """Seed of the random starting points."""
     first_starts: Literal["informed", "random"] = "informed"
     """informed: Steiglitz-McBride, then one-step-ahead, then random ones; random: only random ones."""
     initial: tuple[tuple[float, ...], ...] = ()
-    """Starting points A-F given by the caller; replaces all others when not empty."""
+    """Starting points A-F given by the caller; they replace all others unless empty."""
     unit_gain: bool = True
     """Hold A+B+C+D+E+F = 1, the unit DC gain of a drive with integral action; E is then eliminated."""
     order: Literal["auto", "third"] = "auto"
-    """auto: C and F (then B) are 0 where the data are explained as well without; third: never."""
+    """auto: C and F (then B) are 0 if the data are explained as well without them; third: never."""
     fit_delay: bool = False
     """Estimate a pure transport delay of the command."""
     max_delay_s: float = 0.25
     """Longest delay tried [s]."""
     fit_saturation: bool = False
-    """Estimate a limit on the command where the speeds show a ceiling."""
+    """Estimate a limit on the command if the speeds show a ceiling."""
     loss: Literal["linear", "huber"] = "linear"
     """linear: least squares; huber: outliers beyond 1.345 sigma count linearly."""
     max_iterations: int = 200
-    """Evaluations allowed to one start."""
+    """Largest number of evaluations per start."""
 
     def __post_init__(self) -> None:
         require_at_least(1, starts=self.starts, max_iterations=self.max_iterations)
@@ -180,10 +156,15 @@ class Options:
             if len(row) != 6 or not np.all(np.isfinite(row)):
                 raise InputError(f"initial start {row}, must be six finite numbers A-F")
 
+    @property
+    def free_coefficients(self) -> tuple[str, ...]:
+        """Names of the coefficients that are estimated: all, or all but E with unit gain."""
+        return tuple(name for name in COEFFICIENTS if name != "E" or not self.unit_gain)
+
 
 @dataclass(frozen=True)
 class StartResult:
-    """Where one starting point led."""
+    """Result of the search from one starting point."""
 
     kind: str
     """steiglitz-mcbride, one-step, random, given, or for `exhaustive` the speed that was fitted."""
@@ -192,7 +173,7 @@ class StartResult:
     coefficients: tuple[float, ...]
     """A-F reached; may be unstable or not finite for methods without a guarantee."""
     rms_rpm: float
-    """Of the free-running error; infinite where the result is unstable and diverges."""
+    """Rms of the free-running error [rpm]; infinite if the law is unstable and diverges."""
     stable: bool
     converged: bool
     iterations: int
@@ -206,22 +187,22 @@ class Estimate:
     method: str
     law: WheelLaw
     rms_rpm: float
-    """Root mean square of measured minus predicted, free-running [rpm]."""
+    """Rms of measured minus predicted speed in free run [rpm]."""
     cost: float
-    """Half the square sum of (measured - predicted)/sigma; the negative log likelihood up to a constant."""
+    """Half the sum of squares of (measured - predicted)/sigma: minus the log likelihood, plus a constant."""
     free: tuple[str, ...]
-    """Estimated parameters: five or six of A-F, then delay_s and saturation_rpm where fitted."""
+    """Estimated parameters: five or six of A-F, then delay_s and saturation_rpm if fitted."""
     starts: tuple[StartResult, ...]
     seconds: float
-    """All starts together, preparation included [s]."""
+    """Time for all starts together, including preparation [s]."""
     delay_s: float = 0.0
     """Transport delay of the command beyond what the runs already contain [s]."""
     saturation_rpm: float = math.inf
-    """Limit on the command [rpm]; infinite: no ceiling was seen, or none was looked for."""
+    """Limit on the command [rpm]; infinite if no ceiling was seen or looked for."""
 
     @property
     def success_share(self) -> float:
-        """Share of starts within 5 % of the best rms among the stable ones."""
+        """Share of starts that are stable and within 5 % of the smallest rms of a stable start."""
         best = min((s.rms_rpm for s in self.starts if s.stable), default=math.inf)
         return sum(s.stable and s.rms_rpm <= SUCCESS_RATIO * best for s in self.starts) / len(self.starts)
 

@@ -1,6 +1,6 @@
-"""Where a search starts: one-step-ahead least squares, Steiglitz-McBride, and random stable laws.
+"""Linear least squares: one-step-ahead prediction, Steiglitz-McBride, and random stable laws to start from.
 
-One-step-ahead least squares (equation error): the textbook baseline.
+The first is the textbook baseline (equation error); all three serve the other methods as starting points.
 """
 
 from __future__ import annotations
@@ -13,19 +13,46 @@ import numpy.typing as npt
 from scipy.linalg import lstsq
 from scipy.signal import lfilter
 
-from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.stability import stabilised_abc
 from mecanum_env.units import FloatArray
-from sysid.fit.estimators.interface import Estimate, Options, StartResult, WheelRun
-from sysid.fit.estimators.problem import stack
+from sysid.fit.estimators.interface import Estimate, Options, WheelRun
+from sysid.fit.estimators.problem import single_estimate, stack
+
+
+def one_step(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
+    """Estimate the law by predicting each speed from the three *measured* ones before it.
+
+    Linear least squares needs no starting point and has no local minimum. However, noise in the regressors
+    biases it (Ljung, "System Identification", section 7.3), and it may be unstable. Delay and saturation are
+    not estimated.
+
+    Args:
+        runs: one or more runs.
+        options: only `unit_gain` is used.
+
+    Raises:
+        InputError: no usable data (see `problem.require_excitation`).
+    """
+    options = options or Options()
+    began = time.perf_counter()
+    problem = stack(runs)
+    coefficients = one_step_coefficients(runs, unit_gain=options.unit_gain)
+    return single_estimate(
+        problem,
+        coefficients,
+        method="one-step",
+        kind="one-step",
+        free=options.free_coefficients,
+        iterations=1,
+        began=began,
+    )
 
 
 def one_step_coefficients(runs: Sequence[WheelRun], *, unit_gain: bool = True) -> FloatArray:
     """Return A-F, shape (6,), that predict w(k+1) best from the *measured* three speeds before it.
 
-    Linear least squares, with `unit_gain` under the condition that the six sum to 1. Noise in the regressors
-    biases it (equation error); nothing makes it stable. Samples between ticks are interpolated linearly;
-    ticks after the last sample are left out.
+    With `unit_gain` the six sum to 1. Samples between ticks are interpolated linearly; ticks after the last
+    sample are left out.
     """
     return _solve(*_regression([_on_ticks(run) for run in runs], unit_gain), unit_gain)
 
@@ -37,12 +64,16 @@ def steiglitz_mcbride_coefficients(
     rounds: int = 10,
     filtered_by: npt.ArrayLike | None = None,
 ) -> FloatArray:
-    """Return stable A-F, shape (6,): one-step least squares on signals filtered by the last 1/(denominator).
+    """Return stable A-F, shape (6,), by repeated one-step least squares on filtered signals.
 
-    `unit_gain` makes the six sum to 1. The first filter has the poles of `filtered_by`, (A, B, C) of shape
-    (3,), or of the plain one-step law.
     K. Steiglitz and L. E. McBride, "A technique for the identification of linear systems", IEEE Trans.
-    Automatic Control 10 (1965). Close to the free-running optimum after a few rounds, without a derivative.
+    Automatic Control 10 (1965). A few rounds come close to the free-running optimum, without a derivative.
+
+    Args:
+        runs: one or more runs.
+        unit_gain: make the six sum to 1.
+        rounds: largest number of rounds. Each filters with 1/(denominator) of the law before.
+        filtered_by: (A, B, C) of the first filter, shape (3,); None: those of the one-step law.
     """
     series = [_on_ticks(run) for run in runs]
     if filtered_by is None:
@@ -62,7 +93,7 @@ def steiglitz_mcbride_coefficients(
 
 
 def stable_coefficients(coefficients: FloatArray, *, unit_gain: bool) -> FloatArray:
-    """Return `coefficients` A-F with unstable poles reflected, and with `unit_gain` E moved to a sum of 1."""
+    """Return `coefficients` A-F with unstable poles reflected; with `unit_gain`, E makes the sum 1."""
     result: FloatArray = np.nan_to_num(np.array(coefficients, float), nan=0.0, posinf=0.0, neginf=0.0)
     result[:3] = stabilised_abc(result[:3])
     if unit_gain:
@@ -73,7 +104,7 @@ def stable_coefficients(coefficients: FloatArray, *, unit_gain: bool) -> FloatAr
 def random_coefficients(rng: np.random.Generator) -> FloatArray:
     """Return a random stable law A-F of unit gain, shape (6,).
 
-    Poles lie in the disc of radius 0.98, one law in two has a complex pair; D and F lie in -0.5..0.5.
+    The poles lie in the disc of radius 0.98, half of the laws have a complex pair; D and F lie in -0.5..0.5.
     """
     first, second = rng.uniform(-0.98, 0.98, 2)
     if rng.random() < 0.5:
@@ -87,19 +118,20 @@ def random_coefficients(rng: np.random.Generator) -> FloatArray:
 
 
 def _on_ticks(run: WheelRun) -> tuple[FloatArray, FloatArray]:
-    """Return (speed, command) at every tick as deviations from the start, after three ticks of past."""
+    """Return (speed, command) at every tick as deviations from the start, preceded by three steady ticks."""
     order = np.argsort(run.sample_tick, kind="stable")
     time, speed = run.sample_tick[order], run.speed_rpm[order]
     last = int(np.floor(time[-1]))
-    ticks = np.arange(last + 1)
-    w = np.interp(ticks, np.concatenate([[-1.0], time]), np.concatenate([[run.initial_rpm], speed]))
+    w = np.interp(
+        np.arange(last + 1), np.concatenate([[-1.0], time]), np.concatenate([[run.initial_rpm], speed])
+    )
     past = np.zeros(3)
     command = run.command()[:last] - run.initial_rpm
     return np.concatenate([past, w - run.initial_rpm]), np.concatenate([past, command])
 
 
 def _regression(series: Sequence[tuple[FloatArray, ...]], unit_gain: bool) -> tuple[FloatArray, FloatArray]:
-    """Return the regressors, shape (n, 6), and w(k+1), shape (n,), with E eliminated when `unit_gain`."""
+    """Return the regressors, shape (n, 6), and w(k+1), shape (n,); with `unit_gain`, E is eliminated."""
     rows, targets = [], []
     for w, r in series:
         j = np.arange(3, len(r))  # r[j] = r(k), w[j] = w(k); the first three are the steady past
@@ -118,48 +150,3 @@ def _solve(x: FloatArray, y: FloatArray, unit_gain: bool) -> FloatArray:
         return solution
     a, b, c, d, f = solution
     return np.array([a, b, c, d, 1.0 - (a + b + c + d + f), f])
-
-
-def one_step(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
-    """Estimate the law by predicting each speed from the three *measured* ones before it.
-
-    Linear least squares, hence no starting point and no local minimum; but noise in the regressors biases it
-    (Ljung, "System Identification", section 7.3), and nothing makes it stable. Samples between ticks are
-    interpolated. Delay and saturation are not estimated.
-
-    Args:
-        runs: one or more runs.
-        options: `unit_gain` is used.
-
-    Raises:
-        InputError: no usable data (see `problem.require_excitation`).
-    """
-    options = options or Options()
-    began = time.perf_counter()
-    problem = stack(runs)
-    coefficients = one_step_coefficients(runs, unit_gain=options.unit_gain)
-    law = WheelLaw.from_coefficients(coefficients, problem.sample_period_s)
-    predicted = problem.predict(coefficients, problem.traces())
-    residual = (predicted - problem.speed_rpm) * problem.weight
-    with np.errstate(all="ignore"):
-        cost = 0.5 * float(residual @ residual) + problem.within_cost
-    seconds = time.perf_counter() - began
-    start = StartResult(
-        kind="one-step",
-        initial=(),
-        coefficients=tuple(float(x) for x in coefficients),
-        rms_rpm=problem.rms(predicted),
-        stable=law.is_stable,
-        converged=True,
-        iterations=1,
-        seconds=seconds,
-    )
-    return Estimate(
-        method="one-step",
-        law=law,
-        rms_rpm=start.rms_rpm,
-        cost=cost if np.isfinite(cost) else np.inf,
-        free=("A", "B", "C", "D", "F") if options.unit_gain else ("A", "B", "C", "D", "E", "F"),
-        starts=(start,),
-        seconds=seconds,
-    )

@@ -1,9 +1,9 @@
-"""How many poles the data ask for: lower-order laws, and when one of them does as well.
+"""How many poles the data support: laws of lower order, and when one of them explains the data as well.
 
-Where a second-order law explains the data as well as a third-order one, the third pole may lie anywhere as
-long as a zero cancels it. The least-squares third-order law then follows the noise: it may ring at a
-frequency that the samples never show. The lower order is the honest answer, and its coefficients have honest
-intervals.
+If a second-order law explains the data as well as a third-order one, the third pole may lie anywhere as long
+as a zero cancels it. The least-squares third-order law then fits the noise: it may ring at a frequency that
+the samples never show. The law of lower order is preferred, and the intervals of its coefficients are
+realistic.
 """
 
 from __future__ import annotations
@@ -20,30 +20,30 @@ from mecanum_env.units import FloatArray
 from sysid.fit.estimators.problem import LawProblem, Traces
 
 FREE_BY_ORDER: Final = {1: ("A", "D", "E"), 2: ("A", "B", "D", "E"), 3: ("A", "B", "C", "D", "E", "F")}
-"""What an order estimates; the others are 0. With unit gain E follows from the rest."""
+"""Coefficients that a law of each order has; the others are 0. With unit gain, E follows from the rest."""
 
 _FEW: Final = 30
-"""Degrees of freedom below which the noise given is trusted over a smaller one seen."""
+"""Degrees of freedom below which the stated noise is preferred to a smaller residual."""
 _START_POLES: Final = (0.5, 0.9)
 
 
 @dataclass(frozen=True, eq=False)
-class LowerOrder:
-    """The best law of an order below three."""
+class FittedOrder:
+    """The best law of one order."""
 
     order: int
     coefficients: FloatArray
-    """A-F, shape (6,), stable; of unit gain if asked for."""
+    """A-F, shape (6,), stable; of unit gain if requested."""
     cost: float
-    """As in `Estimate`: half the weighted square sum, repeats included."""
+    """As in `Estimate`: half the weighted sum of squares, including that of repeats about their mean."""
 
 
 def lower_order(
     problem: LawProblem, traces: Traces, order: int, *, unit_gain: bool, gain: float = 1.0
-) -> LowerOrder:
+) -> FittedOrder:
     """Fit a first- or second-order law (`order`) by output error.
 
-    The DC gain is 1 with `unit_gain`, else free and starting at `gain`.
+    The DC gain is 1 with `unit_gain`; otherwise it is free and starts at `gain`.
     """
 
     def law(x: FloatArray) -> FloatArray:
@@ -53,25 +53,39 @@ def lower_order(
         e = 1.0 - (float(np.sum(abc)) + d) if unit_gain else float(x[order + 1])
         return np.array([*abc, d, e, 0.0])
 
-    def residual(x: FloatArray) -> FloatArray:
-        return np.asarray((problem.predict(law(x), traces) - problem.speed_rpm) * problem.weight)
-
-    best: LowerOrder | None = None
+    found = []
     for pole in _START_POLES:
         half = 0.5 * gain * (1.0 - pole)
         start = [*free_coordinates([pole, 0.0, 0.0])[:order], *([half] if unit_gain else [half, half])]
-        found = least_squares(residual, start, ftol=1e-10, xtol=1e-10, max_nfev=100)
-        cost = float(found.cost) + problem.within_cost
-        if best is None or cost < best.cost:
-            best = LowerOrder(order, law(found.x), cost)
-    assert best is not None
+        reached = least_squares(
+            lambda x: problem.residual(law(x), traces), start, ftol=1e-10, xtol=1e-10, max_nfev=100
+        )
+        found.append(FittedOrder(order, law(reached.x), float(reached.cost) + problem.within_cost))
+    return min(found, key=lambda one: one.cost)
+
+
+def simplest_law(problem: LawProblem, traces: Traces, third: FittedOrder, *, unit_gain: bool) -> FittedOrder:
+    """Return the law of lowest order that explains the data as well as the next order does.
+
+    `third` is the best third-order law, with DC gain 1 if `unit_gain`.
+    """
+    c, samples = third.coefficients, len(problem.group)
+    gain = 1.0 if unit_gain else float(np.sum(c[3:]) / (1.0 - np.sum(c[:3])))
+    correlated = correlation_factor(problem.measured_rpm - problem.predict(c, traces)[problem.group])
+    best = third
+    for order in (2, 1):
+        lower = lower_order(problem, traces, order, unit_gain=unit_gain, gain=gain)
+        variance = noise_variance(best.cost, samples, 2 * best.order - unit_gain)
+        if 2.0 * (lower.cost - best.cost) > noise_gain(samples) * variance * correlated:
+            break
+        best = lower
     return best
 
 
 def noise_variance(cost: float, samples: float, parameters: int) -> float:
-    """Return the residual variance over the given one; at least 1 where few `samples` make it unsure.
+    """Return the residual variance relative to the stated one, at least 1 if the `samples` are few.
 
-    `cost` is half the weighted square sum; each of the `parameters` takes a degree of freedom.
+    `cost` is half the weighted sum of squares; each of the `parameters` takes one degree of freedom.
     """
     freedom = samples - parameters
     if freedom <= 0:
@@ -81,26 +95,27 @@ def noise_variance(cost: float, samples: float, parameters: int) -> float:
 
 
 def noise_gain(samples: int) -> float:
-    """Return how much noise alone lets one more pole and zero lower the square sum over the noise variance.
+    """Return how much one more pole and zero lower the sum of squares, in noise variances, by fitting noise.
 
-    A pole-zero pair that may lie anywhere picks the largest of about N = `samples` independent noise terms,
-    each of two degrees of freedom: 2 log N (an extreme value, as for a periodogram's peak); 6 more make it a
-    5 % event.
+    A pole-zero pair that may lie anywhere selects the largest of about N = `samples` independent noise terms
+    of two degrees of freedom each: 2 log N (an extreme value, as for a periodogram's peak). The 6 on top
+    makes exceeding the result a 5 % event.
     """
     return 2.0 * math.log(samples) + 6.0
 
 
-def correlated_share(residual: FloatArray) -> float:
-    """Return by how much the residuals' autocorrelation overstates their number, >= 1, for samples in order.
+def correlation_factor(residual: FloatArray) -> float:
+    """Return the number of residuals per independent one, >= 1, from their autocorrelation in time order.
 
-    1 + 2 (rho_1 + rho_2 + ...) up to the first negative one (Geyer's initial positive sequence): 1 for noise,
-    large where the law misses something slow, and a test that counted every sample would find it anywhere.
+    1 + 2 (rho_1 + rho_2 + ...) up to the first insignificant one (after Geyer's initial positive sequence): 1
+    for white noise, and large if the law misses something slow, which would make any test of all samples
+    fail.
     """
     power = float(residual @ residual)
     total, longest = 1.0, min(200, len(residual) // 4)
     for lag in range(1, longest + 1):
         rho = float(residual[lag:] @ residual[:-lag]) / power if power > 0.0 else 0.0
-        # Half the lags of white residuals are positive by chance; only what is beyond it counts.
+        # Half of the lags of white residuals are positive by chance; only larger ones count.
         if rho * math.sqrt(len(residual)) < 2.0:
             break
         total += 2.0 * rho

@@ -1,4 +1,4 @@
-"""The fitting problem: all runs at once, their simulation by the law, and its exact derivatives.
+"""The fitting problem of the law: all runs together, their simulation by the law, and its exact derivatives.
 
 With w' and r' the deviations from the steady start, the law is the filter
 W'(z) = (D + E/z + F/z^2) / (1 - A/z - B/z^2 - C/z^3) R'(z)/z. The derivative by a coefficient obeys the same
@@ -9,6 +9,7 @@ identification, Ljung, "System Identification", section 10.3).
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -18,19 +19,19 @@ import numpy.typing as npt
 from scipy.signal import lfilter
 
 from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
-from sysid.fit.estimators.interface import WheelRun, require_same_period
+from sysid.fit.estimators.interface import Estimate, StartResult, WheelRun
 
 _LEAST_GAIN: Final = 1e-6
-"""No command holds a wheel at speed through a gain of 0; a search may pass there all the same."""
-
+"""Smallest DC gain assumed for the steady start, so that a search may pass through a gain of 0."""
 _DELAY_STEP: Final = 1e-4
-"""Step [ticks] for d(command)/d(delay): the command is piecewise linear in the delay."""
+"""Step of the finite difference d(command)/d(delay) [ticks]; the command is piecewise linear in the delay."""
 
 
 @dataclass(frozen=True, eq=False)
 class Traces:
-    """Commands that differ from each other, shape (U, K); repeats of one command share a row."""
+    """The different commands of a problem, shape (U, K); repeats of one command share a row."""
 
     command_rpm: FloatArray
     by_delay: FloatArray | None = None
@@ -41,7 +42,7 @@ class Traces:
 
 @dataclass(frozen=True, eq=False)
 class LawProblem:
-    """All runs stacked: U different traces of K ticks, M measurements to predict.
+    """All runs together: U different traces of K ticks, M measurements to predict.
 
     Build it with `stack`. Arrays that describe measurements have shape (M,).
     """
@@ -51,20 +52,20 @@ class LawProblem:
     initial_rpm: FloatArray
     """Steady speed before each trace [rpm], shape (U,)."""
     length: int
-    """K, of the longest trace."""
+    """Number of ticks K of the longest trace."""
     row: npt.NDArray[np.intp]
     tick: npt.NDArray[np.intp]
     fraction: FloatArray
     """A measurement lies at tick + fraction of trace `row`."""
     speed_rpm: FloatArray
     weight: FloatArray
-    """1/sigma [1/rpm]; of a merged measurement, of the mean."""
+    """1/sigma [1/rpm]; of the mean, for merged measurements."""
     within_cost: float
-    """Half the weighted square sum of repeats about their mean, which no law can change."""
+    """Half the weighted sum of squares of repeats about their mean, which no law can change."""
     group: npt.NDArray[np.intp]
-    """Which of the M measurements each original sample went into, in the order of the runs, shape (N,)."""
+    """Index of the measurement that contains each original sample, in the order of the runs, shape (N,)."""
     measured_rpm: FloatArray
-    """The original samples in the order of the runs, shape (N,)."""
+    """The original samples in the order of the runs [rpm], shape (N,)."""
     sample_period_s: float
 
     @property
@@ -103,13 +104,17 @@ class LawProblem:
     def predict(self, coefficients: npt.ArrayLike, traces: Traces) -> FloatArray:
         """Return the free-running prediction [rpm] of every measurement, shape (M,), for `coefficients` A-F.
 
-        Of an unstable law it may be infinite or NaN, without a warning.
+        The prediction of an unstable law may be infinite or NaN; there is no warning.
         """
         c = np.asarray(coefficients, float)
         start = self.initial_rpm[:, None]
         with np.errstate(all="ignore"):
             deviation = lfilter(c[3:], _denominator(c), traces.command_rpm - start / _dc_gain(c))
             return np.asarray(self.initial_rpm[self.row] + self._gather(deviation, 0))
+
+    def residual(self, coefficients: npt.ArrayLike, traces: Traces) -> FloatArray:
+        """Return (predicted - measured)/sigma of every measurement, shape (M,), for `coefficients` A-F."""
+        return np.asarray((self.predict(coefficients, traces) - self.speed_rpm) * self.weight)
 
     def predict_with_jacobian(
         self, coefficients: npt.ArrayLike, traces: Traces
@@ -124,27 +129,28 @@ class LawProblem:
         by_d = lfilter([1.0], denominator, command)
         deviation = lfilter(c[3:], [1.0], by_d)
         by_a = lfilter([0.0, 1.0], denominator, deviation)
-        columns = [self._gather(by_a, lag) for lag in range(3)] + [
-            self._gather(by_d, lag) for lag in range(3)
-        ]
+        columns = [self._gather(signal, lag) for signal in (by_a, by_d) for lag in range(3)]
         extra = [x for x in (traces.by_delay, traces.by_saturation) if x is not None]
         columns += [self._gather(lfilter(c[3:], denominator, x), 0) for x in extra]
         jacobian = np.stack(columns, axis=1)
         if np.any(self.initial_rpm):
-            # The command that held the start is initial/gain: it moves with the coefficients.
+            # The command that held the start is initial/gain, which depends on the coefficients.
             step = self._gather(lfilter(c[3:], denominator, np.broadcast_to(start, command.shape)), 0)
             by_inverse_gain = np.concatenate([-np.ones(3), np.full(3, -1.0 / gain)]) / np.sum(c[3:])
             jacobian[:, :6] -= step[:, None] * by_inverse_gain
         return self.initial_rpm[self.row] + self._gather(deviation, 0), jacobian
 
     def linear_columns(self, abc: npt.ArrayLike, traces: Traces) -> FloatArray:
-        """Return what multiplies D, E and F in the prediction, shape (M, 3), for `abc` and unit gain."""
+        """Return the factors of D, E and F in the prediction, shape (M, 3), for `abc` and unit gain."""
         command = traces.command_rpm - self.initial_rpm[:, None]
         by_d = lfilter([1.0], _denominator(np.asarray(abc, float)), command)
         return np.stack([self._gather(by_d, lag) for lag in range(3)], axis=1)
 
     def rms(self, predicted: FloatArray) -> float:
-        """Return the unweighted rms [rpm] of all original samples about `predicted`, shape (M,)."""
+        """Return the unweighted rms [rpm] of all original samples about `predicted`, shape (M,).
+
+        It is infinite if any prediction is not finite.
+        """
         with np.errstate(all="ignore"):
             value = float(np.sqrt(np.mean((self.measured_rpm - predicted[self.group]) ** 2)))
         return value if np.isfinite(value) else np.inf
@@ -162,20 +168,20 @@ class LawProblem:
 
 
 def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> LawProblem:
-    """Stack runs into one problem; with `merge`, repeats of one sample become their weighted mean.
+    """Combine runs into one problem; with `merge`, repeats of one sample become their weighted mean.
 
-    Merging changes no least-squares estimate (the mean is sufficient) and shortens every step.
+    Merging changes no least-squares estimate, since the mean is sufficient, and makes every step faster.
 
     Raises:
-        InputError: no runs, different clocks, or nothing to fit a law to (`require_excitation`).
+        InputError: no runs, different clocks, or data that cannot determine a law (`require_excitation`).
     """
-    period = require_same_period(runs)
+    period = _common_period(runs)
     require_excitation(runs)
     keys: dict[tuple[bytes, float], int] = {}
     sources: list[WheelRun] = []
     rows = np.empty(len(runs), np.intp)
     for i, run in enumerate(runs):
-        # Unlimited commands: two runs that one limit makes equal may differ under another.
+        # Unlimited commands: two runs that are equal under one limit may differ under another.
         key = (np.ascontiguousarray(run.command()).tobytes(), run.initial_rpm)
         if key not in keys:
             keys[key] = len(sources)
@@ -183,27 +189,26 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> LawProblem:
         rows[i] = keys[key]
     length = max(len(run.command_rpm) for run in sources)
     row = np.repeat(rows, [len(run.speed_rpm) for run in runs])
-    time = np.concatenate([run.sample_tick for run in runs])
+    sampled = np.concatenate([run.sample_tick for run in runs])
     speed = measured = np.concatenate([run.speed_rpm for run in runs])
     precision = np.concatenate([run.sigma_rpm for run in runs]) ** -2.0
     group: npt.NDArray[np.intp] = np.arange(len(speed), dtype=np.intp)
     within = 0.0
     if merge:
-        place = row * (length + 1.0) + time
-        _, first, group = np.unique(place, return_index=True, return_inverse=True)
+        _, first, group = np.unique(row * (length + 1.0) + sampled, return_index=True, return_inverse=True)
         total = np.bincount(group, precision)
         mean = np.bincount(group, precision * speed) / total
         within = 0.5 * float(np.sum(precision * (speed - mean[group]) ** 2))
-        row, time = row[first], time[first]
+        row, sampled = row[first], sampled[first]
         speed, precision = mean, np.asarray(total, float)
-    tick = np.minimum(time.astype(np.intp), length)
+    tick = np.minimum(sampled.astype(np.intp), length)
     return LawProblem(
         sources=tuple(sources),
         initial_rpm=np.array([run.initial_rpm for run in sources]),
         length=length,
         row=row,
         tick=tick,
-        fraction=time - tick,
+        fraction=sampled - tick,
         speed_rpm=speed,
         weight=np.sqrt(precision),
         within_cost=within,
@@ -214,7 +219,7 @@ def stack(runs: Sequence[WheelRun], *, merge: bool = True) -> LawProblem:
 
 
 def require_excitation(runs: Sequence[WheelRun]) -> None:
-    """Check that the data can say anything about a law.
+    """Check that the data can determine a law at all.
 
     Raises:
         InputError: fewer samples than coefficients, no command that ever differs from the steady start, or
@@ -227,10 +232,9 @@ def require_excitation(runs: Sequence[WheelRun]) -> None:
         )
     moved = max(float(np.max(np.abs(run.command() - run.initial_rpm))) for run in runs)
     if moved == 0.0:
-        value = runs[0].initial_rpm
         raise InputError(
-            f"the command never leaves the steady start ({value:g} rpm), so nothing can be learnt from "
-            f"{len(runs)} run(s) starting with {runs[0].name}; record a step from rest"
+            f"the command never leaves the steady start ({runs[0].initial_rpm:g} rpm), so nothing can be "
+            f"learnt from {len(runs)} run(s) starting with {runs[0].name}; record a step from rest"
         )
     still = all(float(np.ptp(run.speed_rpm)) == 0.0 for run in runs)
     if still and len({float(run.speed_rpm[0]) for run in runs}) == 1:
@@ -240,12 +244,58 @@ def require_excitation(runs: Sequence[WheelRun]) -> None:
         )
 
 
+def single_estimate(
+    problem: LawProblem,
+    coefficients: FloatArray,
+    *,
+    method: str,
+    kind: str,
+    free: tuple[str, ...],
+    iterations: int,
+    began: float,
+) -> Estimate:
+    """Return the estimate of a method that does not search from starting points.
+
+    Args:
+        problem: all runs, also those that the method did not fit.
+        coefficients: A-F found, shape (6,).
+        method: name of the method.
+        kind: `StartResult.kind` of the only start.
+        free: names of the estimated coefficients.
+        iterations: number of laws that were evaluated.
+        began: `time.perf_counter()` when the method began.
+    """
+    law = WheelLaw.from_coefficients(coefficients, problem.sample_period_s)
+    predicted = problem.predict(coefficients, problem.traces())
+    rms = problem.rms(predicted)
+    with np.errstate(all="ignore"):
+        residual = (predicted - problem.speed_rpm) * problem.weight
+        cost = 0.5 * float(residual @ residual) + problem.within_cost
+    seconds = time.perf_counter() - began
+    found = tuple(float(x) for x in coefficients)
+    start = StartResult(kind, (), found, rms, law.is_stable, True, iterations, seconds)
+    return Estimate(method, law, rms, cost if np.isfinite(cost) else np.inf, free, (start,), seconds)
+
+
+def _common_period(runs: Sequence[WheelRun]) -> float:
+    """Return the law's period [s], which all runs must share."""
+    if not runs:
+        raise InputError("no runs to fit; give at least one run with a changing command")
+    periods = {run.sample_period_s for run in runs}
+    if len(periods) > 1:
+        raise InputError(
+            f"runs on different clocks (sample_period_s {min(periods):g} to {max(periods):g}); "
+            "put all on one law period before fitting"
+        )
+    return runs[0].sample_period_s
+
+
 def _denominator(coefficients: FloatArray) -> FloatArray:
     return np.array([1.0, -coefficients[0], -coefficients[1], -coefficients[2]])
 
 
 def _dc_gain(c: FloatArray) -> float:
-    """Steady speed over command; 1 exactly where the six sum to 1, so that rounding adds no transient."""
+    """Return steady speed over command; exactly 1 if the six sum to 1, so that rounding adds no transient."""
     numerator, denominator = float(c[3] + c[4] + c[5]), float(1.0 - c[0] - c[1] - c[2])
     if abs(numerator - denominator) <= 1e-12:
         return 1.0

@@ -1,14 +1,15 @@
-"""Variable projection: D, E and F solved for, the search left with the three pole coordinates.
+"""Variable projection: D, E and F are solved for, which leaves a search in three pole coordinates.
 
 G. H. Golub and V. Pereyra, "The differentiation of pseudo-inverses and nonlinear least squares problems whose
 variables separate", SIAM J. Numer. Anal. 10 (1973); L. Kaufman, BIT 15 (1975) for the Jacobian used.
 
-First guesses of what lies before the law: transport delay, a ceiling on the command, the DC gain.
-
-Each is scanned with variable projection: the best law for every candidate, from one benign start.
+It also gives first guesses of transport delay and saturation: the best law is found for every candidate
+value.
 """
 
 from __future__ import annotations
+
+from typing import Final
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -18,14 +19,18 @@ from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Options
 from sysid.fit.estimators.problem import LawProblem, Traces
 
-_MOST_EVALUATIONS = 100
+_MOST_EVALUATIONS: Final = 100
+_BENIGN: Final = free_coordinates([0.8, 0.0, 0.0])
+"""Start of the searches for first guesses: a first-order lag."""
+_F_LIMIT: Final = 12.0
+"""Cost reduction by one parameter, in residual variances, that makes it significant: about 3.5 sigma."""
 
 
 def project(problem: LawProblem, traces: Traces, abc: FloatArray) -> tuple[FloatArray, int]:
-    """Stage 1, from `abc`: return A-F of unit gain, shape (6,), and the number of evaluations used.
+    """Search from `abc`; return A-F of unit gain, shape (6,), and the number of evaluations used.
 
-    The projected cost still has a few local minima (poles stuck near the unit circle). They are left by a
-    second search from the best of the poles reached, the other two at zero.
+    The projected cost still has a few local minima (poles stuck near the unit circle). A second search
+    escapes them: it starts from the best single pole of those reached, with the other two at zero.
     """
     projection = Projection(problem, traces)
     reached, used = search_poles(projection, free_coordinates(abc))
@@ -51,7 +56,7 @@ def search_poles(projection: Projection, t: FloatArray) -> tuple[FloatArray, int
 
 
 class Projection:
-    """The problem with D, E and F solved for: a function of the three pole coordinates only."""
+    """The problem with D, E and F solved for, as a function of the three pole coordinates only."""
 
     def __init__(self, problem: LawProblem, traces: Traces) -> None:
         self._problem, self._traces = problem, traces
@@ -66,7 +71,7 @@ class Projection:
         return self._last[1]
 
     def cost(self, t: FloatArray) -> float:
-        """Return the weighted square sum of the residuals."""
+        """Return the weighted sum of squares of the residuals."""
         return float(np.sum(self.at(t)[1] ** 2))
 
     def jacobian(self, t: FloatArray) -> FloatArray:
@@ -88,20 +93,15 @@ class Projection:
         return np.array([a, b, c, d, 1.0 - (a + b + c + d + f), f]), basis @ inner - offset, basis
 
 
-_BENIGN = free_coordinates([0.8, 0.0, 0.0])
-_F_LIMIT = 12.0
-"""Improvement by one parameter over the residual variance that counts as seen: about 3.5 sigma."""
-
-
 def drive_start(problem: LawProblem, options: Options) -> tuple[float, float]:
-    """Return a first guess of (delay_s, saturation_rpm); 0 and infinity where not asked for or not seen."""
+    """Return a first guess of (delay_s, saturation_rpm); 0 and infinity if not requested or not seen."""
     limit = _saturation_start(problem) if options.fit_saturation else np.inf
     delay = _delay_start(problem, options.max_delay_s, limit) if options.fit_delay else 0.0
     return delay, limit
 
 
 def gain_start(problem: LawProblem, command: np.ndarray) -> float:
-    """Return a first guess of steady speed over command: the regression on commands held for 20 ticks."""
+    """Return a first guess of the DC gain: the regression of speed on commands held for 20 ticks."""
     if problem.length <= 20:
         return 1.0
     held = np.zeros(command.shape, bool)
@@ -126,22 +126,22 @@ def _delay_start(problem: LawProblem, longest_s: float, limit: float) -> float:
     def best(ticks: range) -> int:
         return min(ticks, key=lambda tick: _cost(problem, tick * period, limit))
 
-    # D, E and F make up for two ticks of delay, so a minimum is seen from three ticks away.
+    # D, E and F can represent two ticks of delay, so a minimum is visible from three ticks away.
     last = int(longest_s / period + 1e-9)
     coarse = best(range(0, last + 1, 3))
     return period * best(range(max(coarse - 2, 0), min(coarse + 2, last) + 1))
 
 
 def _saturation_start(problem: LawProblem) -> float:
-    """Scan limits around the fastest speed; infinite unless one explains the data better than none."""
-    largest = problem.largest_command
+    """Scan limits around the highest speeds; infinite unless one explains the data better than none."""
     fastest = float(np.quantile(np.abs(problem.speed_rpm), 0.99))
+    largest = problem.largest_command
     limits = [x for x in fastest * np.linspace(0.6, 1.05, 10) if 0.0 < x < largest]
     if not limits:
         return np.inf
     costs = [_cost(problem, 0.0, x) for x in limits]
-    # `cost` is a weighted square sum; the residual variance makes the threshold independent of sigma.
     best = int(np.argmin(costs))
+    # Relative to the residual variance, so that the threshold does not depend on sigma.
     variance = (costs[best] + 2.0 * problem.within_cost) / len(problem.group)
     gained = _cost(problem, 0.0, np.inf) - costs[best]
     return float(limits[best]) if gained > _F_LIMIT * variance else np.inf

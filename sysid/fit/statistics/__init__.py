@@ -1,16 +1,14 @@
-"""How sure an estimate is: standard errors, Cramer-Rao bounds, residual tests, identifiability."""
+"""The uncertainty of an estimate: standard errors, Cramer-Rao bounds, residual tests, identifiability."""
 
-from sysid.fit.statistics.identifiability import weak_combinations
-from sysid.fit.statistics.quantity import Quantity
-from sysid.fit.statistics.residuals import InputCorrelation, ResidualTests, Whiteness, residual_tests
+from sysid.fit.statistics.identifiability import Quantity, weak_combinations
+from sysid.fit.statistics.residuals import CorrelationTest, ResidualTests, residual_tests
 from sysid.fit.statistics.uncertainty import Uncertainty, noise_sigma, uncertainty
 
 __all__ = [
-    "InputCorrelation",
+    "CorrelationTest",
     "Quantity",
     "ResidualTests",
     "Uncertainty",
-    "Whiteness",
     "noise_sigma",
     "residual_tests",
     "uncertainty",

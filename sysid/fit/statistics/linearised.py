@@ -1,7 +1,4 @@
-"""The fit linearised at the estimate: weighted residuals and Jacobian, split into directions.
-
-The bias that curvature gives a least-squares estimate, to second order in the noise.
-"""
+"""The fit linearised at the estimate: residuals, Jacobian and its directions; the bias from curvature."""
 
 from __future__ import annotations
 
@@ -19,23 +16,25 @@ from sysid.fit.estimators.order import noise_variance
 from sysid.fit.estimators.problem import LawProblem, Traces, stack
 
 _RANK_TOLERANCE: Final = 1e-11
-"""A direction weaker than this share of the strongest is lost in rounding: nothing is known along it."""
+"""Singular value, relative to the largest, below which a direction is lost in rounding: it is unknown."""
+_STEP: Final = 0.2
+"""Step of the second differences, in standard deviations of each direction."""
 
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
     """Weighted residuals and derivatives at an estimate.
 
-    With J S^-1 = U diag(s) V^T for column norms S, the parameters q = `names` move as
-    `spread` @ z for independent directions z of standard deviation 1/s.
+    With J S^-1 = U diag(s) V^T for column norms S, the q parameters in `names` change by `spread` @ z for
+    independent directions z of standard deviation 1/s.
     """
 
     problem: LawProblem
     traces: Traces
     names: tuple[str, ...]
-    """A-F, then delay_s and saturation_rpm where they were fitted."""
+    """A-F, then delay_s and saturation_rpm if they were fitted."""
     value: FloatArray
-    """Of each name, shape (q,)."""
+    """Value of each parameter in `names`, shape (q,)."""
     residual: FloatArray
     """(measured - predicted)/sigma, repeats merged, shape (M,)."""
     jacobian: FloatArray
@@ -50,34 +49,34 @@ class Linearised:
     samples: int
     """Measurements before merging."""
     fixed_gain: bool
-    """E was eliminated: the DC gain is 1 whatever the other coefficients."""
+    """Whether E was eliminated, so that the DC gain is always 1."""
 
     @property
-    def square_sum(self) -> float:
-        """Weighted square sum of all residuals, repeats included."""
+    def sum_of_squares(self) -> float:
+        """Weighted sum of squares of all residuals, including those of repeats about their mean."""
         return float(self.residual @ self.residual) + 2.0 * self.problem.within_cost
 
     def noise_ratio(self, independent: float) -> float:
-        """Residual standard deviation over the sigma given, with so many samples counted as independent."""
-        share = independent / self.samples
-        return math.sqrt(noise_variance(0.5 * self.square_sum * share, independent, self.jacobian.shape[1]))
+        """Return the residual standard deviation over the stated sigma, for `independent` samples."""
+        cost = 0.5 * self.sum_of_squares * (independent / self.samples)
+        return math.sqrt(noise_variance(cost, independent, self.jacobian.shape[1]))
 
     @property
     def factor(self) -> FloatArray:
-        """A matrix L with L L^T the covariance of the named parameters for the given sigmas, shape (q, rank).
+        """A matrix L with L L^T the covariance of the parameters for the stated sigmas, shape (q, rank).
 
-        Directions in which nothing is known are left out; see `unknown`.
+        Unknown directions are left out; see `unknown`.
         """
         return np.asarray(self.spread[:, : self.rank] / self.singular[: self.rank])
 
     @property
     def lost(self) -> FloatArray:
-        """The named parameters' share in directions in which nothing is known, shape (q, p - rank)."""
+        """The columns of `spread` of the unknown directions, shape (q, p - rank)."""
         return self.spread[:, self.rank :]
 
     @property
     def unknown(self) -> np.ndarray:
-        """True for a named parameter that has a share in a lost direction, shape (q,)."""
+        """Whether each parameter changes along an unknown direction, shape (q,)."""
         size = np.linalg.norm(self.spread, axis=1)
         lost = np.linalg.norm(self.lost, axis=1)
         return np.asarray(lost > 1e-6 * np.where(size > 0.0, size, 1.0))
@@ -107,7 +106,7 @@ def linearise(runs: Sequence[WheelRun], estimate: Estimate) -> Linearised:
     jacobian = (full @ by_free) * problem.weight[:, None]
     norms = np.linalg.norm(jacobian, axis=0)
     norms = np.where(norms > 0.0, norms, 1.0)
-    # The full right factor is needed where samples are fewer than parameters; the left one never.
+    # The full right factor is needed if there are fewer samples than parameters; the left one never is.
     singular, right = _singular(jacobian / norms)
     rank = int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
     return Linearised(
@@ -133,18 +132,13 @@ def _singular(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.concatenate([singular, np.zeros(len(right) - len(singular))]), right
 
 
-_STEP: Final = 0.2
-"""Step of the second differences, in standard deviations of each direction."""
-
-
 def second_order_bias(at: Linearised) -> FloatArray:
-    """Return the expected error of the named parameters for the given sigmas, shape (q,).
+    """Return the expected error of the parameters for the stated sigmas, shape (q,).
 
     M. J. Box, "Bias in nonlinear estimation", J. Royal Statistical Society B 33 (1971):
-    bias = -1/2 (J^T J)^-1 J^T m with m_i = trace(covariance x Hessian of prediction i). It falls with the
-    noise variance, so beside the standard error it vanishes as data grow; delay and saturation count as
-    linear.
-    nan where a law within `_STEP` standard deviations is unstable.
+    bias = -1/2 (J^T J)^-1 J^T m with m_i = trace(covariance x Hessian of prediction i). It is proportional to
+    the noise variance, so it vanishes relative to the standard error as data grow. Delay and saturation are
+    taken as linear. NaN if a law within `_STEP` standard deviations is unstable.
     """
     law, problem = at.value[:6], at.problem
     centre = problem.predict(law, at.traces)

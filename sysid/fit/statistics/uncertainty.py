@@ -1,4 +1,4 @@
-"""Standard errors, intervals and Cramer-Rao bounds of A-F and of what they mean for the wheel."""
+"""Standard errors, intervals and Cramer-Rao bounds of A-F and of the metrics of the law."""
 
 from __future__ import annotations
 
@@ -17,40 +17,49 @@ from mecanum_env.law.metrics import step_response
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Estimate, WheelRun
 from sysid.fit.estimators.order import lower_order, noise_gain
-from sysid.fit.statistics.identifiability import weak_combinations
+from sysid.fit.statistics.identifiability import Quantity, weak_combinations
 from sysid.fit.statistics.linearised import Linearised, linearise, second_order_bias
-from sysid.fit.statistics.quantity import Quantity
 
 _DIFFERENCE: Final = 0.1
+"""Step of the finite differences of the metrics, in standard deviations of a direction."""
 _LARGEST_MOVE: Final = 1e-4
-"""Step of the delta method's differences: in standard deviations of a direction, and in any coefficient."""
+"""Largest change of a coefficient in these finite differences."""
+_METRICS: Final = (
+    ("dc_gain", ""),
+    ("rise_time_s", "s"),
+    ("settling_time_s", "s"),
+    ("overshoot", ""),
+    ("slowest_time_constant_s", "s"),
+)
+"""Names and units of the metrics of a law."""
 
 
 @dataclass(frozen=True, eq=False)
 class Uncertainty:
-    """How sure an estimate is."""
+    """Uncertainty of an estimate."""
 
     parameters: tuple[Quantity, ...]
-    """A-F, then delay_s and saturation_rpm where fitted."""
-    functionals: tuple[Quantity, ...]
+    """A-F, then delay_s and saturation_rpm if fitted."""
+    metrics: tuple[Quantity, ...]
     """DC gain, rise time, settling time, overshoot and the slowest pole's time constant: often well
-    determined where A-F are not."""
+    determined even if A-F are not."""
     covariance: FloatArray
-    """Of the parameters, with the noise taken from the residuals, shape (q, q); infinite where unknown."""
+    """Covariance of the parameters with the noise estimated from the residuals, shape (q, q); infinite where
+    unknown."""
     condition_number: float
-    """Of the Jacobian with its columns scaled to length 1."""
+    """Condition number of the Jacobian with its columns scaled to length 1."""
     noise_ratio: float
-    """Residual standard deviation over the sigma given: 1 when the law explains all but the noise."""
+    """Residual standard deviation over the stated sigma: 1 if the law explains all but the noise."""
     samples: int
     effective_samples: float
-    """Samples that count as independent."""
+    """Number of samples that count as independent."""
     degrees_of_freedom: float
     warnings: tuple[str, ...]
-    """Which coefficients these inputs cannot tell apart, in words."""
+    """Sentences about coefficients that these data cannot tell apart."""
 
     def __getitem__(self, name: str) -> Quantity:
-        """Return a parameter or functional by its name."""
-        for quantity in (*self.parameters, *self.functionals):
+        """Return a parameter or metric by its name."""
+        for quantity in (*self.parameters, *self.metrics):
             if quantity.name == name:
                 return quantity
         raise KeyError(name)
@@ -59,7 +68,7 @@ class Uncertainty:
 def noise_sigma(noise_rpm: npt.ArrayLike, quantum_rpm: float = 0.0) -> FloatArray:
     """Return the standard deviation [rpm] of noise and rounding together: sqrt(noise^2 + quantum^2/12).
 
-    Rounding acts as independent noise where the noise is at least about half a quantum (Widrow).
+    Rounding acts as independent noise if the noise is at least about half a quantum (Widrow).
     """
     return np.asarray(np.hypot(np.asarray(noise_rpm, float), quantum_rpm / math.sqrt(12.0)))
 
@@ -71,16 +80,16 @@ def uncertainty(
     level: float = 0.95,
     effective_samples: float | None = None,
 ) -> Uncertainty:
-    """Return standard errors, intervals, bounds and warnings for an estimate from the runs it was fitted to.
+    """Return standard errors, intervals, bounds and warnings for an estimate.
 
-    The covariance is (J^T J)^-1 with J = d(prediction)/d(parameters)/sigma, exact at the estimate: as it is
-    for the Cramer-Rao bound, scaled by the residual variance for the standard errors.
+    The covariance is (J^T J)^-1 with J = d(prediction)/d(parameters)/sigma, exact at the estimate. It gives
+    the Cramer-Rao bound, and scaled by the residual variance the standard errors.
 
     Args:
-        runs: what the estimate was fitted to.
-        estimate: of any method; its law must be stable.
-        level: of the intervals.
-        effective_samples: how many samples count as independent, for held (repeated) samples; None: all.
+        runs: the runs that the estimate was fitted to.
+        estimate: result of any method; its law must be stable.
+        level: level of the intervals.
+        effective_samples: number of independent samples, if a slow sensor repeats samples; None: all.
 
     Raises:
         InputError: data without excitation, a level outside (0, 1), a bad `effective_samples`.
@@ -94,13 +103,13 @@ def uncertainty(
         raise InputError(f"effective_samples = {effective_samples}, must be above 0 and at most {at.samples}")
     freedom = effective - len(estimate.free)
     simpler = _second_order_if_as_good(at, estimate)
-    # N samples of which N_eff are independent: every direction is known worse by sqrt(N/N_eff).
+    # With N_eff independent samples of N, errors grow by sqrt(N/N_eff) in every direction.
     held = at.samples / effective
     ratio = at.noise_ratio(effective)
     quantile = float(student.ppf(0.5 + level / 2.0, freedom)) if freedom > 0.0 else math.inf
 
     def quantity(name: str, unit: str, value: float, gradient: FloatArray, known: bool) -> Quantity:
-        """Make a quantity from its derivatives by the independent directions, shape (rank,)."""
+        """Return a quantity from its derivatives with respect to the directions, shape (rank,)."""
         bound = math.sqrt(held) * float(np.linalg.norm(gradient)) if known else math.inf
         error = ratio * bound if bound > 0.0 else 0.0
         half = quantile * error if error > 0.0 else 0.0
@@ -108,81 +117,71 @@ def uncertainty(
 
     units = {"delay_s": "s", "saturation_rpm": "rpm"}
     bias = second_order_bias(at) * held * ratio**2 if freedom > 0.0 else np.full(len(at.names), np.nan)
-    parameters = tuple(
-        replace(
-            quantity(
-                name,
-                units.get(name, ""),
-                float(at.value[i]),
-                at.factor[i],
-                not at.unknown[i] and (name in units or simpler is None),
-            ),
-            bias=float(bias[i]),
-        )
-        for i, name in enumerate(at.names)
-    )
-    functionals = tuple(
-        quantity(name, unit, value, gradient, known)
-        for name, unit, value, gradient, known in _functionals(at, estimate.law, simpler, freedom > 0.0)
-    )
+    parameters = []
+    for i, name in enumerate(at.names):
+        known = not at.unknown[i] and (name in units or simpler is None)
+        plain = quantity(name, units.get(name, ""), float(at.value[i]), at.factor[i], known)
+        parameters.append(replace(plain, bias=float(bias[i])))
+    metrics = tuple(quantity(*one) for one in _metrics(at, estimate.law, simpler, freedom > 0.0))
     with np.errstate(invalid="ignore"):
         covariance = at.factor @ at.factor.T * (held * ratio**2)
     unsure = np.array([not math.isfinite(q.standard_error) for q in parameters])
     covariance[unsure, :] = covariance[:, unsure] = np.inf
     smallest = at.singular[-1]
     return Uncertainty(
-        parameters=parameters,
-        functionals=functionals,
+        parameters=tuple(parameters),
+        metrics=metrics,
         covariance=covariance,
         condition_number=float(at.singular[0] / smallest) if at.rank == len(at.singular) else math.inf,
         noise_ratio=ratio,
         samples=at.samples,
         effective_samples=effective,
         degrees_of_freedom=max(freedom, 0.0),
-        warnings=weak_combinations(at, parameters, functionals, simpler is not None),
+        warnings=weak_combinations(at, parameters, metrics, simpler is not None),
     )
 
 
 def _second_order_if_as_good(at: Linearised, estimate: Estimate) -> WheelLaw | None:
-    """Return a second-order law that does as well as a third-order estimate; None where there is none."""
+    """Return a second-order law that fits as well as a third-order estimate; None if there is none."""
     if "C" not in estimate.free:
         return None
     gain = estimate.law.dc_gain
     found = lower_order(at.problem, at.traces, 2, unit_gain=at.fixed_gain, gain=gain)
-    gained = 2.0 * found.cost - at.square_sum
+    gained = 2.0 * found.cost - at.sum_of_squares
     if gained > noise_gain(at.samples) * at.noise_ratio(at.samples) ** 2:
         return None
     return WheelLaw.from_coefficients(found.coefficients, estimate.law.sample_period_s)
 
 
-def _functionals(
+def _metrics(
     at: Linearised, law: WheelLaw, simpler: WheelLaw | None, usable: bool
 ) -> list[tuple[str, str, float, FloatArray, bool]]:
-    """Return (name, unit, value, derivatives by direction, known) of what the law means for the wheel."""
+    """Return (name, unit, value, derivatives with respect to the directions, known) of every metric."""
     period = law.sample_period_s
-    ticks = _horizon(law)
-    centre = _meaning(law.coefficients, period, ticks)
+    slowest = max(min(abs(law.poles[0]), 0.9999), 0.1)
+    ticks = int(min(200 + 12.0 / -math.log(slowest), 50_000))
+    centre = _metric_values(law.coefficients, period, ticks)
 
     def gradient(directions: FloatArray, most: float) -> FloatArray:
         columns = []
         for direction in directions.T:
             size = min(most, _LARGEST_MOVE / max(float(np.max(np.abs(direction))), 1e-300))
-            up = _meaning(law.coefficients + size * direction, period, ticks)
-            down = _meaning(law.coefficients - size * direction, period, ticks)
+            up = _metric_values(law.coefficients + size * direction, period, ticks)
+            down = _metric_values(law.coefficients - size * direction, period, ticks)
             columns.append((up - down) / (2.0 * size))
         return np.stack(columns, axis=1) if columns else np.zeros((len(centre), 0))
 
     slopes = gradient(at.factor[:6], _DIFFERENCE)
     if at.fixed_gain:
-        slopes[0] = 0.0  # differences would leave rounding noise
+        slopes[0] = 0.0  # differences would have rounding noise
     lost = at.lost[:6]
     scale = np.linalg.norm(lost, axis=0)
     nudges = gradient(lost / np.where(scale > 0.0, scale, 1.0), _LARGEST_MOVE)
-    # Two laws that do equally well differ by what the data leave open: one more direction.
-    other = None if simpler is None else _meaning(simpler.coefficients, period, ticks)
+    # Two laws that fit equally well differ by something the data leave open: one more direction.
+    other = None if simpler is None else _metric_values(simpler.coefficients, period, ticks)
     noise = at.noise_ratio(at.samples)
     result = []
-    for i, (name, unit) in enumerate(_MEANINGS):
+    for i, (name, unit) in enumerate(_METRICS):
         known = usable and bool(
             np.isfinite(centre[i]) and np.all(np.isfinite(slopes[i])) and np.all(np.abs(nudges[i]) < 1e-6)
         )
@@ -192,25 +191,11 @@ def _functionals(
     return result
 
 
-_MEANINGS = (
-    ("dc_gain", ""),
-    ("rise_time_s", "s"),
-    ("settling_time_s", "s"),
-    ("overshoot", ""),
-    ("slowest_time_constant_s", "s"),
-)
-
-
-def _horizon(law: WheelLaw) -> int:
-    slowest = min(abs(law.poles[0]), 0.9999)
-    return int(min(200 + 12.0 / -math.log(max(slowest, 0.1)), 50_000))
-
-
-def _meaning(coefficients: FloatArray, period: float, ticks: int) -> FloatArray:
-    """Return the functionals of A-F, shape (5,), as continuous functions; nan for an unstable law."""
+def _metric_values(coefficients: FloatArray, period: float, ticks: int) -> FloatArray:
+    """Return the metrics of A-F, shape (5,), interpolated between ticks; NaN for an unstable law."""
     law = WheelLaw.from_coefficients(coefficients, period)
     if not law.is_stable or abs(law.dc_gain) < 1e-9:
-        return np.full(len(_MEANINGS), np.nan)
+        return np.full(len(_METRICS), np.nan)
     progress = step_response(law, ticks) / law.dc_gain
     outside = np.flatnonzero(np.abs(progress - 1.0) > 0.02)
     last = int(outside[-1]) if len(outside) else 0
@@ -231,11 +216,9 @@ def _meaning(coefficients: FloatArray, period: float, ticks: int) -> FloatArray:
 
 
 def _first_crossing(progress: FloatArray, level: float) -> float:
-    """Return when `level` is first reached, in ticks, interpolated; nan if never."""
+    """Return the time [ticks] at which `level` is first reached, interpolated; NaN if never."""
     reached = np.flatnonzero(progress >= level)
     if len(reached) == 0:
         return math.nan
     i = int(reached[0])
-    if i == 0:
-        return 0.0
-    return i - 1 + float((level - progress[i - 1]) / (progress[i] - progress[i - 1]))
+    return 0.0 if i == 0 else i - 1 + float((level - progress[i - 1]) / (progress[i] - progress[i - 1]))

@@ -131,7 +131,7 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "evidence": report.evidence,
             "empirical": report.empirical,
             "notes": report.notes,
-            "findings": report.findings,
+            "findings": [finding.to_json() for finding in report.findings],
             "provenance": report.provenance,
         }
     )

@@ -8,7 +8,7 @@ from typing import Final
 
 from mecanum_env.errors import InputError
 from sysid.fit.estimators import Estimate, Options, estimate
-from sysid.fit.estimators.exhaustive import Search, exhaustive
+from sysid.fit.estimators.exhaustive import SearchGrid, exhaustive
 from sysid.fit.estimators.gradient import random_starts
 from sysid.fit.estimators.interface import WheelRun
 
@@ -60,7 +60,7 @@ class ExperimentEffort:
     """Random starts for the success rates."""
     max_iterations: int = 200
     """As for `Options`; a gradient descent gets 25 iterations for each."""
-    search: Search = field(default_factory=Search)
+    search: SearchGrid = field(default_factory=SearchGrid)
     cost_repeats: int = 10
     """Number of timed identifications."""
     exhaustive_repeats: int = 2
@@ -70,7 +70,7 @@ class ExperimentEffort:
 QUICK: Final = ExperimentEffort(
     starts=20,
     max_iterations=8,
-    search=Search(
+    search=SearchGrid(
         proportional=(0.0, 5.0, 0.1), integral_per_s=(0.0, 50.0, 1.0), time_constant_s=(0.02, 1.0, 0.01)
     ),
     cost_repeats=2,

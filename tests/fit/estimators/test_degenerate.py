@@ -1,4 +1,4 @@
-"""Data that cannot carry a fit: a clear refusal, or wide honest intervals; never a traceback or a warning."""
+"""Data that cannot determine a law: a clear error, or wide intervals; never a traceback or a warning."""
 
 from dataclasses import replace
 
@@ -62,7 +62,7 @@ def test_twenty_samples_give_wide_intervals(paper):
     residual_tests([few], found)
 
 
-def test_seven_samples_do_not_carry_a_third_order_law(paper):
+def test_seven_samples_do_not_determine_a_third_order_law(paper):
     run = step_runs(paper.wheel.law, np.random.default_rng(1), repeats=1, steps_rpm=[40.0])[0]
     pick = np.array([0, 13, 14, 15, 16, 17, 18])
     few = replace(
@@ -78,7 +78,7 @@ def test_seven_samples_do_not_carry_a_third_order_law(paper):
     residual_tests([few], found)
 
 
-def test_gaps_are_no_obstacle(noisy_runs):
+def test_missing_samples_do_not_disturb_the_fit(noisy_runs):
     rng = np.random.default_rng(2)
     gappy = []
     for run in noisy_runs:
@@ -112,7 +112,7 @@ def test_saturation_throughout(paper):
     assert uncertainty(limited, found)["saturation_rpm"].standard_error < 0.1
 
 
-def test_noise_alone_is_fitted_with_honest_intervals():
+def test_noise_alone_gives_a_stable_law_and_warnings():
     noise = np.random.default_rng(5).standard_normal(241)
     run = plain_run(np.full(240, 40.0), noise)
     for gain in (True, False):

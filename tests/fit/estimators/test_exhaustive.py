@@ -8,11 +8,11 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from sysid.fit.estimators import WheelRun, estimate
-from sysid.fit.estimators.exhaustive import Search, exhaustive, pi_law, runs_near
+from sysid.fit.estimators.exhaustive import SearchGrid, exhaustive, pi_law, runs_near
 from sysid.studies.synthetic import step_runs
 
 PERIOD_S = 1 / 120
-COARSE = Search(
+COARSE = SearchGrid(
     proportional=(0.0, 4.0, 0.5),
     integral_per_s=(0.0, 40.0, 4.0),
     time_constant_s=(0.1, 0.5, 0.05),
@@ -33,7 +33,7 @@ def pi_runs(proportional: float, integral: float, constant: float) -> list[Wheel
     )
 
 
-def test_law_is_the_motor_and_controller_simulated_apart() -> None:
+def test_law_equals_a_simulation_of_motor_and_controller() -> None:
     proportional, integral, constant = 2.0, 15.0, 0.25
     law = WheelLaw.from_coefficients(pi_law(proportional, integral, constant, PERIOD_S), PERIOD_S)
     speeds = law.simulate(np.full(60, 60.0))
@@ -61,7 +61,7 @@ def test_truth_on_the_grid_is_found_when_its_time_constant_is_the_first() -> Non
 
 
 def test_search_alternates_and_each_round_searches_the_whole_grid() -> None:
-    """Against three nested loops written out."""
+    """Compared with three nested loops."""
     runs = pi_runs(1.3, 11.0, 0.22)
     used, _ = runs_near(runs, 60.0)
 
@@ -85,7 +85,7 @@ def test_only_runs_at_60_rpm_are_fitted() -> None:
     assert found.starts[0].kind == "grid at 60 rpm"
 
 
-def test_without_60_rpm_the_nearest_speed_is_used_and_said() -> None:
+def test_without_60_rpm_the_nearest_speed_is_used_and_stated() -> None:
     found = exhaustive(pi_runs(2.0, 16.0, 0.3)[:1], None, COARSE)
     assert found.starts[0].kind == "grid at 20 rpm"
 
@@ -115,4 +115,4 @@ def test_reduced_model_is_worse_than_output_error(noisy_runs: list[WheelRun]) ->
 )
 def test_impossible_search_is_refused(changes: dict[str, Any], field: str) -> None:
     with pytest.raises(InputError, match=field):
-        Search(**changes)
+        SearchGrid(**changes)

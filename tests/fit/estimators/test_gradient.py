@@ -136,7 +136,7 @@ def test_stable_region_is_not_convex() -> None:
 
 
 def test_free_running_error_is_not_convex(noisy_runs: list[WheelRun]) -> None:
-    """The paper's proof needs H convex. Of random pairs of stable laws one in seven disproves it."""
+    """The paper's proof needs a convex H. One in seven random pairs of stable laws is a counterexample."""
     rng = np.random.default_rng(0)
     first, second = (np.array([random_coefficients(rng) for _ in range(200)]) for _ in range(2))
     cost = batch_cost(stack(noisy_runs))
@@ -161,7 +161,7 @@ def test_constant_rate_converges_below_two_over_the_curvature_and_diverges_above
 
 
 def test_multipliers_work_with_g_below_zero_and_fail_with_the_signs_as_printed() -> None:
-    """The optimum is inside the region and the start beside it: only the printed signs leave."""
+    """The optimum is inside the region and the start is near: only the printed signs leave the region."""
     start = PAPER[None] + 0.05
     right = descend(quadratic(PAPER), start, rate=0.1, iterations=300, rule="fixed", constraint=ROUTH_HURWITZ)
     printed = descend(
@@ -245,7 +245,7 @@ def test_unit_gain_is_held_on_request(noisy_runs: list[WheelRun]) -> None:
     assert "E" not in held.free
 
 
-def test_estimate_cost_is_half_the_weighted_square_sum(noisy_runs: list[WheelRun]) -> None:
+def test_estimate_cost_is_half_the_weighted_sum_of_squares(noisy_runs: list[WheelRun]) -> None:
     found = kkt(noisy_runs, Options(starts=1))
     reference = estimate(noisy_runs, "output-error", Options(starts=1))
     assert found.cost == pytest.approx(reference.cost, rel=1e-4)
@@ -263,7 +263,7 @@ def test_given_starts_replace_the_others(noisy_runs: list[WheelRun], paper: Mode
 def test_kkt_and_output_error_are_stable_and_no_worse_than_one_step_on_random_systems(
     seed: int, noise: float
 ) -> None:
-    """Poles up to 0.98, any zeros; without choice of order, which gives up a little error on purpose."""
+    """Poles up to 0.98, any zeros; without the choice of order, which accepts a slightly larger error."""
     rng = np.random.default_rng(seed)
     law = WheelLaw.from_coefficients(random_coefficients(rng), 1 / 120)
     runs = step_runs(law, rng, noise_rpm=noise, repeats=1, seconds=0.8, steps_rpm=(40.0, 80.0))

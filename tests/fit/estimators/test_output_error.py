@@ -74,7 +74,7 @@ def test_a_freed_gain_is_found(paper, noisy_runs):
     assert "E" in found.free
     held = estimate(runs, options=FEW)
     assert abs(np.sum(held.coefficients) - 1.0) <= 1e-12
-    assert held.rms_rpm > 1.2 * found.rms_rpm  # only a slow creep towards 1 is left to it
+    assert held.rms_rpm > 1.2 * found.rms_rpm  # all it can do is creep slowly towards 1
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.0123, 0.1])

@@ -75,7 +75,7 @@ def test_jacobian_equals_differences(law, gain):
     assert np.allclose(jacobian[:, 7], by_limit, atol=1e-5)
 
 
-def test_merging_repeats_keeps_the_weighted_square_sum(law, noisy_runs):
+def test_merging_repeats_keeps_the_weighted_sum_of_squares(law, noisy_runs):
     c = law.coefficients * np.array([1.0, 0.9, 1.0, 1.0, 1.1, 1.0])
     sums = []
     for merge in (True, False):
@@ -101,7 +101,7 @@ def test_shifting_by_whole_ticks_moves_the_command():
     assert shifted_command(np.array([1.0, 2.0, 3.0]), 2.0, 9.0).tolist() == [9.0, 9.0, 1.0]
 
 
-def test_the_fractional_shift_is_what_the_drive_does(paper):
+def test_the_fractional_shift_equals_the_delay_of_the_drive(paper):
     command = np.repeat([0.0, 50.0, 120.0, 20.0], 12)
     times = np.arange(4) * 0.1
     plain = paper.wheel.drive_parameters()

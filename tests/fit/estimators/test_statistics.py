@@ -47,7 +47,7 @@ def test_a_right_law_passes_the_residual_tests(realisations):
     assert 0.2 < np.mean([t.input_correlation.p_value for t in tests]) < 0.8
 
 
-def test_intervals_of_what_the_law_means_cover_the_truth(realisations, paper):
+def test_intervals_of_the_metrics_cover_the_truth(realisations, paper):
     truth = law_step_metrics(paper.wheel.law)
     sure = [uncertainty(runs, fitted)["rise_time_s"] for runs, fitted in realisations]
     assert np.mean([q.low < truth.rise_time_s < q.high for q in sure]) > 0.85
@@ -130,7 +130,7 @@ def test_coloured_noise_fails_whiteness(exact_runs):
         runs.append(replace(run, speed_rpm=run.speed_rpm + coloured, sigma_rpm=np.full(len(coloured), 0.7)))
     tests = residual_tests(runs, estimate(runs, options=ONE))
     assert not tests.whiteness.passed
-    assert tests.whiteness.autocorrelation[0] == pytest.approx(0.5, abs=0.1)
+    assert tests.whiteness.correlation[0] == pytest.approx(0.5, abs=0.1)
 
 
 def test_coefficients_that_trade_off_are_named(paper):
@@ -139,7 +139,7 @@ def test_coefficients_that_trade_off_are_named(paper):
     text = "\n".join(sure.warnings)
     assert "interval wider than the value" in text
     assert "least known combination" in text
-    assert "well determined all the same: rise_time_s = 0.12" in text
+    assert "well determined nevertheless: rise_time_s = 0.12" in text
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -170,7 +170,7 @@ def test_a_pair_that_trades_off_is_named(paper):
     assert "D and E can hardly be told apart: correlation -0.9" in text
 
 
-def test_the_order_is_what_the_data_ask_for():
+def test_the_order_is_that_of_the_data():
     # A first-order law, a second-order law and the paper's, at the same noise.
     for abc, d, order in (
         ((0.9, 0.0, 0.0), 0.04, 1),
@@ -219,7 +219,7 @@ def test_noise_and_rounding_add_in_squares():
 
 
 def test_the_predicted_bias_is_what_antithetic_noise_shows(paper, exact_runs):
-    """The mean error of a fit to +noise and of one to -noise leaves the second order alone."""
+    """The mean error of fits to +noise and -noise contains only the second order."""
     law, rng = paper.wheel.law, np.random.default_rng(1)
     errors = []
     for _ in range(25):

@@ -75,7 +75,7 @@ def bench_report(missing: np.ndarray, after: np.ndarray, noise_rpm: float = 0.7)
         smallest_detectable={"backlash": {"gap_deg": 0.21}, "coulomb_friction": {"torque_n_m": 0.012}},
         next_experiment=None, evidence=(), p_value=1e-9, model=paper_model(), base=paper_model(),
         level="bench", dataset="bench, free wheel",
-        findings=(Finding("run_4.csv", "uneven_stamps", "the time between samples varies by 8 %", 0.08),),
+        findings=(Finding("run_4.csv", "missing", 0.08, "speed_rpm"),),
         notes=("The noise is known from 3 repeats of 4 command sequences.",),
         overlays=tuple(overlays), empirical=None, provenance=PROVENANCE,
     )  # fmt: skip

@@ -1,0 +1,227 @@
+"""Checks of a log that lead to findings, so that nobody fits odd data unawares.
+
+The thresholds are where a person who looks at a plot would begin to wonder.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.model import Wheel
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from sysid.logs.findings import Finding
+from sysid.logs.runs import REST, TIME, WHEEL_SPEEDS, BodyCommand, Run
+
+UNEVEN: Final = 0.05
+"""Spread (5th to 95th percentile) of the sample intervals over their median above which stamps are uneven."""
+GAP_INTERVALS: Final = 5.0
+"""A gap is longer than this many median sample intervals ..."""
+GAP_S: Final = 0.05
+"""... and longer than this [s]."""
+HELD_SHARE: Final = 0.2
+"""Share of repeated samples during motion above which a channel is held; chance repeats stay far below."""
+COMMAND_PERIOD_S: Final = Wheel.command_period_s
+"""Time between two commands that the robot accepts [s]."""
+LIMIT_RPM: Final = Wheel.saturation_rpm
+"""Largest wheel speed of the paper's robot [rpm]."""
+SETTLED_S: Final = 0.5
+"""Time after which a held command has settled [s]; the published robot needs 0.25 s."""
+
+
+def run_findings(run: Run) -> list[Finding]:
+    """Return what was noticed in one run, in the order of `findings.KINDS`."""
+    checks = (_stamps, _held, _missing, _stuck, _same_channels, _units, _commands, _limit, _start)
+    return [finding for check in checks for finding in check(run)]
+
+
+def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
+    """Return what only all runs together show: a wheel speed in another unit or with the wrong sign.
+
+    The gain is the least-squares slope of speed over command where the command has settled; a single run may
+    deviate for other reasons, such as a limit on the body's speed.
+    """
+    findings = []
+    names = ("speed_rpm",) if runs[0].level == "bench" else WHEEL_SPEEDS
+    for index, name in enumerate(names):
+        pairs = [_settled_pairs(run, name, index) for run in runs if name in run.channels]
+        command = np.concatenate([pair[0] for pair in pairs]) if pairs else np.empty(0)
+        speed = np.concatenate([pair[1] for pair in pairs]) if pairs else np.empty(0)
+        power = float(command @ command)
+        if command.size < 5 or power == 0.0:
+            continue
+        gain = float(command @ speed) / power
+        if np.mean((speed - gain * command) ** 2) > 0.25 * np.mean(speed**2):
+            continue  # the command explains too little of the speed for a gain to mean anything
+        findings += list(_wrong_gain(gain, name))
+    return findings
+
+
+def _wrong_gain(gain: float, name: str) -> Iterator[Finding]:
+    for unit, scale in (("rad/s", RAD_S_PER_RPM), ("turns/s", 1.0 / 60.0)):
+        for factor, suspect in ((scale, name), (1.0 / scale, "the command")):
+            if abs(abs(gain) / factor - 1.0) < 0.15:
+                yield Finding(
+                    "", "units", gain, name, "gain", {"suspect": suspect, "unit": unit, "scale": 1.0 / scale}
+                )
+                return
+    if gain < 0.0:
+        yield Finding("", "units", gain, name, "sign")
+
+
+def _settled_pairs(run: Run, name: str, index: int) -> tuple[FloatArray, FloatArray]:
+    """Return wheel commands and speeds [rpm] where the command has been held for `SETTLED_S`."""
+    times, _ = run.command_changes()
+    since = run.time_s - times[np.searchsorted(times, run.time_s, side="right") - 1]
+    use = (since >= SETTLED_S) & run.finite(name)
+    return run.command.wheels_rpm[use, index], run.channel(name)[use]
+
+
+def _stamps(run: Run) -> Iterator[Finding]:
+    """Check the stamps of each channel's samples; channels that agree are reported once."""
+    reported: set[str] = set()
+    for name, values in run.channels.items():
+        interval = np.diff(run.time_s[np.isfinite(values)])
+        if interval.size < 3:
+            continue
+        median = float(np.median(interval))
+        low, high = (float(x) for x in np.percentile(interval, (5.0, 95.0)))
+        gaps = interval[interval > max(GAP_INTERVALS * median, GAP_S)]
+        found = []
+        if high - low > UNEVEN * median:
+            details = {"low_ms": 1000.0 * low, "high_ms": 1000.0 * high, "median_ms": 1000.0 * median}
+            found.append(Finding(run.file, "uneven_stamps", (high - low) / median, name, details=details))
+        if gaps.size:
+            details = {"count": gaps.size, "median_s": median}
+            found.append(Finding(run.file, "gap", float(gaps.max()), name, details=details))
+        for finding in found:
+            sentence = replace(finding, channel="").message
+            if sentence not in reported:
+                reported.add(sentence)
+                yield finding
+
+
+def _held(run: Run) -> Iterator[Finding]:
+    for name, values in run.channels.items():
+        if name == "battery_v":
+            continue
+        x = values[np.isfinite(values)]
+        moving = _moving(x)
+        if moving.sum() < 10:
+            continue
+        share = float(np.mean(x[1:][moving] == x[:-1][moving]))
+        if share > HELD_SHARE:
+            yield Finding(run.file, "held_samples", share, name)
+
+
+def _moving(x: FloatArray) -> npt.NDArray[np.bool_]:
+    """Return where (for samples 1..) the signal moves by far more than its resolution, shape (n - 1,).
+
+    Rounding also makes neighbours equal, but not where five samples span many times the smallest step.
+    """
+    if x.size < 6:
+        return np.zeros(max(x.size - 1, 0), bool)
+    steps = np.abs(np.diff(x))
+    if not np.any(steps > 0.0):
+        return np.zeros(x.size - 1, bool)
+    # The tenth percentile, not the smallest step, which rounding to two decimals may make tiny.
+    resolution = float(np.percentile(steps[steps > 0.0], 10.0))
+    window = np.lib.stride_tricks.sliding_window_view(np.pad(x, 2, mode="edge"), 5)
+    spans = window.max(axis=1) - window.min(axis=1)
+    moving: npt.NDArray[np.bool_] = spans[1:] > 8.0 * resolution
+    return moving
+
+
+def _missing(run: Run) -> Iterator[Finding]:
+    for name, values in run.channels.items():
+        share = float(np.mean(~np.isfinite(values)))
+        if share > 0.0:
+            yield Finding(run.file, "missing", share, name)
+
+
+def _stuck(run: Run) -> Iterator[Finding]:
+    commands_move = float(np.max(np.ptp(run.command.wheels_rpm, axis=0))) > 0.0
+    changes = run.command_changes()[0][1:]
+    for name, values in run.channels.items():
+        finite = np.isfinite(values)
+        x, t = values[finite], run.time_s[finite]
+        if name not in REST or x.size < 2:
+            continue
+        if np.ptp(x) == 0.0:
+            if commands_move or x[0] != 0.0:
+                yield Finding(run.file, "stuck", float(x[0]), name)
+            continue
+        bounds = np.concatenate([[0], np.flatnonzero(np.diff(x)) + 1, [x.size]])
+        for first, last in zip(bounds[:-1], bounds[1:] - 1, strict=True):
+            # Zero may be a dead zone, and a slow sensor repeats; half a second after a command is neither.
+            inside = changes[(changes > t[first]) & (changes < t[last] - SETTLED_S)]
+            if x[first] != 0.0 and last - first >= 4 and inside.size:
+                details = {"level": float(x[first]), "from_s": float(t[first]), "to_s": float(t[last])}
+                held_s = float(t[last] - t[first])
+                yield Finding(run.file, "stuck", held_s, name, "stuck for a while", details)
+                break
+
+
+def _same_channels(run: Run) -> Iterator[Finding]:
+    names = list(run.channels)
+    for index, name in enumerate(names):
+        for earlier in names[:index]:
+            one, other = run.channels[earlier], run.channels[name]
+            if np.nanmax(np.abs(one), initial=0.0) > 0.0 and np.array_equal(one, other, equal_nan=True):
+                yield Finding(run.file, "same_channel", 1.0, name, details={"other": earlier})
+                break
+
+
+def _units(run: Run) -> Iterator[Finding]:
+    interval = np.diff(run.time_s)
+    if np.median(interval) >= 1.0 and interval.size >= 20 and np.all(interval == np.rint(interval)):
+        yield Finding(run.file, "units", float(np.median(interval)), TIME, "milliseconds")
+    if isinstance(run.command, BodyCommand):
+        theta = np.abs(run.command.theta_deg)
+        if 0.0 < theta.max() <= 2.0 * np.pi + 0.01 and np.any(theta != np.rint(theta)):
+            yield Finding(run.file, "units", float(theta.max()), "command_theta_deg", "radians")
+    if "yaw_rate_rad_s" in run.channels:
+        fastest = float(np.nanmax(np.abs(run.channels["yaw_rate_rad_s"]), initial=0.0))
+        if fastest > 20.0:
+            yield Finding(run.file, "units", fastest, "yaw_rate_rad_s", "degrees")
+
+
+def _commands(run: Run) -> Iterator[Finding]:
+    intervals = np.diff(run.command_changes()[0][1:])
+    # A change is stamped with the sample that first shows it, so two may look one sample closer.
+    fast = int(np.sum(intervals < COMMAND_PERIOD_S - run.median_interval_s - 1e-9))
+    if fast:
+        details = {"changes": intervals.size + 1, "period_s": COMMAND_PERIOD_S}
+        yield Finding(run.file, "fast_commands", float(fast), details=details)
+
+
+def _limit(run: Run) -> Iterator[Finding]:
+    speeds = [v for n, v in run.channels.items() if n == "speed_rpm" or n in WHEEL_SPEEDS]
+    # Noise on a wheel at its limit does not exceed the limit.
+    for quantity, values, limit in (
+        ("command", [run.command.wheels_rpm], LIMIT_RPM),
+        ("measured speed", speeds, 1.02 * LIMIT_RPM),
+    ):
+        fastest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
+        if fastest > limit:
+            yield Finding(
+                run.file, "beyond_limit", fastest, details={"quantity": quantity, "limit_rpm": LIMIT_RPM}
+            )
+
+
+def _start(run: Run) -> Iterator[Finding]:
+    for name, rest in REST.items():
+        values = run.channels.get(name)
+        if values is None:
+            continue
+        x = values[np.isfinite(values)]
+        if x.size < 3:
+            continue
+        # The mean of three samples, since one may be noise; the first command has hardly acted by then.
+        first = float(np.mean(x[:3])) if np.ptp(x[:3]) < 3.0 * rest else float(x[0])
+        if abs(first) > rest:
+            yield Finding(run.file, "not_at_rest", first, name)

@@ -108,7 +108,7 @@ def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
     return Minimum(minimum.place, minimum.residual, jacobian, minimum.evaluations + p)
 
 
-def explored(function: Function, minimum: Minimum, along: Mask) -> Minimum:
+def compass_search(function: Function, minimum: Minimum, along: Mask) -> Minimum:
     """Return the minimum after looking about where a slope misleads.
 
     Args:
@@ -128,7 +128,7 @@ def explored(function: Function, minimum: Minimum, along: Mask) -> Minimum:
     return Minimum(place, residual, minimum.jacobian, used)
 
 
-def flat_or(minimum: Minimum, also: Sequence[bool]) -> Mask:
+def derivative_free(minimum: Minimum, also: Sequence[bool]) -> Mask:
     """Return which coordinates have no slope, or are named in `also`, (p,)."""
     lengths = np.linalg.norm(minimum.jacobian, axis=0)
     return np.asarray((lengths < FLAT) | np.asarray(also, bool))

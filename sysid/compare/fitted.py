@@ -15,8 +15,16 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.stability import free_coordinates, stable_abc
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.descent import Function, Minimum, descend, differences, explored, flat_or, refined
-from sysid.compare.problem import ROUGH_STEP, SMOOTH_STEP, ResidualProblem
+from sysid.compare.descent import (
+    Function,
+    Minimum,
+    compass_search,
+    derivative_free,
+    descend,
+    differences,
+    refined,
+)
+from sysid.compare.problem import ROLLER_STEP, SMOOTH_STEP, ResidualProblem
 
 PRIOR: Final = 0.5
 """Spread of a parameter, on the scale 0 .. 1 between its bounds, before any log is looked at."""
@@ -89,7 +97,7 @@ class Fitted(Generic[C]):
         return np.asarray(np.linalg.inv(information + np.eye(self.place.size) / PRIOR**2))
 
 
-def unchanged(problem: ResidualProblem, empty: C) -> Fitted[C]:
+def base_fit(problem: ResidualProblem, empty: C) -> Fitted[C]:
     """Return the base model as a fit of the empty set.
 
     Args:
@@ -117,7 +125,7 @@ def fit(problem: ResidualProblem, candidate: C, place: FloatArray, *, most: int 
     residual = full(place)
     if residual is None:
         return None
-    if not problem.has_quick:
+    if not problem.has_surrogate:
         minimum = _minimum(full, candidate, place, residual, most)
         return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian)
     near = function_near(problem, candidate, place, residual)
@@ -154,7 +162,7 @@ def _minimum(
     if found is None:
         raise AssertionError("a descent from a known residual has an end")
     minimum = refined(function, found, SMOOTH_STEP)
-    looked = explored(function, minimum, flat_or(minimum, candidate.stepwise))
+    looked = compass_search(function, minimum, derivative_free(minimum, candidate.stepwise))
     # The refined derivatives, or a look about, may show a way that Broyden's did not.
     again = descend(
         function, looked.place, residual=looked.residual, jacobian=looked.jacobian, most=max(2, most // 3)
@@ -199,16 +207,18 @@ def function_near(
         jacobian: there (N, p), where it is known.
     """
     full = marginal_function(problem, candidate)
-    there = problem.quick_residual(candidate.model(problem.base, place)) if problem.has_quick else None
+    there = (
+        problem.surrogate_residual(candidate.model(problem.base, place)) if problem.has_surrogate else None
+    )
     if there is None:
         return full
     correction = residual - problem.marginal(there)
-    slow = ~problem.quick_ones(candidate.owners)
+    slow = ~problem.surrogate_mask(candidate.owners)
     if jacobian is None:
-        jacobian = differences(full, place, residual, ROUGH_STEP, along=slow)
+        jacobian = differences(full, place, residual, ROLLER_STEP, along=slow)
 
     def near(at: FloatArray) -> FloatArray | None:
-        quick = problem.quick_residual(candidate.model(problem.base, np.where(slow, place, at)))
+        quick = problem.surrogate_residual(candidate.model(problem.base, np.where(slow, place, at)))
         if quick is None:
             return None
         moved = np.where(slow, at - place, 0.0)
@@ -223,7 +233,7 @@ _REACH: Final = np.array([1.5, 1.5, 1.5, 0.5, 0.5])
 
 
 @dataclass(frozen=True)
-class LawAgain:
+class RefittedLaw:
     """The law's five free numbers as a vector, each 0 .. 1; F keeps the law's steady gain."""
 
     base: Model

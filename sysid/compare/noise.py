@@ -32,7 +32,7 @@ Source = Literal["repeats", "scatter"]
 
 
 @dataclass(frozen=True)
-class Lasting:
+class CorrelatedNoise:
     """Noise that lasts longer than a sample: repeats that differ for a while, not sample by sample."""
 
     share: float
@@ -50,19 +50,19 @@ class Noise:
     source: Mapping[str, Source]
     """Where it is from: repeats of a command, or scatter of neighbouring samples (model error left out)."""
 
-    lasting: Mapping[str, Lasting] = field(default_factory=dict)
+    correlated: Mapping[str, CorrelatedNoise] = field(default_factory=dict)
     """Channel -> the part of the noise that lasts; none where neighbouring samples are independent."""
 
     scatter: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation by neighbouring samples of held commands alone."""
 
-    freedom: float = math.inf
+    degrees_of_freedom: float = math.inf
     """Degrees of freedom with which `sigma` is known, all channels together."""
 
-    shared: Mapping[str, float] = field(default_factory=dict)
+    rounding: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation of rounding that all repeats share; none where noise blurs the steps."""
 
-    def restless(self, factor: float) -> tuple[str, ...]:
+    def inconsistent_channels(self, factor: float) -> tuple[str, ...]:
         """Return the channels whose repeats differ `factor` times as much as neighbouring samples."""
         return tuple(n for n, s in self.sigma.items() if s > factor * self.scatter.get(n, s))
 
@@ -81,9 +81,9 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     """
     sigma: dict[str, float] = {}
     source: dict[str, Source] = {}
-    lasting: dict[str, Lasting] = {}
+    correlated: dict[str, CorrelatedNoise] = {}
     scatter: dict[str, float] = {}
-    shared: dict[str, float] = {}
+    rounding: dict[str, float] = {}
     from_repeats, differences = 0, 0
     repeats = noise_from_repeats(dataset.runs) or {}
     for name in observations.channels:
@@ -93,9 +93,12 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
         step = _resolution(observations, blocks)
         least = max(_LEAST, step / math.sqrt(12.0))
         scatter[name], differences = max(by_neighbours, least), differences + count
-        freedom = sum(block.freedom for block in blocks)
+        freedom = sum(block.degrees_of_freedom for block in blocks)
         if freedom >= _LEAST_SAMPLES:
-            sigma[name], source[name] = math.sqrt(sum(block.spread for block in blocks) / freedom), "repeats"
+            sigma[name], source[name] = (
+                math.sqrt(sum(block.repeat_squares for block in blocks) / freedom),
+                "repeats",
+            )
             from_repeats += freedom
         elif name in repeats and name not in POSE and repeats[name].degrees_of_freedom >= _LEAST_SAMPLES:
             # Stamps differ from repeat to repeat.
@@ -104,13 +107,13 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
         else:
             sigma[name], source[name] = scatter[name], "scatter"
         if sigma[name] < _BLURRED * step:
-            shared[name] = step / math.sqrt(12.0)
+            rounding[name] = step / math.sqrt(12.0)
         sigma[name] = max(sigma[name], least)
         found = _lasting(blocks)
         if found is not None:
-            lasting[name] = found
+            correlated[name] = found
     known = from_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
-    return Noise(sigma, source, lasting, scatter, max(1.0, known), shared)
+    return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding)
 
 
 def _resolution(observations: Observations, blocks: list[Block]) -> float:
@@ -125,10 +128,10 @@ def _resolution(observations: Observations, blocks: list[Block]) -> float:
     return float(np.min(apart[apart > _LEAST], initial=math.inf)) if np.any(apart > _LEAST) else 0.0
 
 
-def _lasting(blocks: list[Block]) -> Lasting | None:
+def _lasting(blocks: list[Block]) -> CorrelatedNoise | None:
     """Return the part of the repeats' deviations that lasts, None where chance makes as much."""
-    products = np.sum([block.products for block in blocks], axis=0)
-    samples = sum(block.value.size * block.repeats for block in blocks if block.freedom)
+    products = np.sum([block.lagged_products for block in blocks], axis=0)
+    samples = sum(block.value.size * block.repeats for block in blocks if block.degrees_of_freedom)
     if products[0] <= 0.0 or blocks[0].channel in POSE:
         return None
     likeness = products / products[0]
@@ -140,7 +143,7 @@ def _lasting(blocks: list[Block]) -> Lasting | None:
     below = np.flatnonzero(likeness[1:] < share / math.e)
     lag = 1 + int(below[0]) if below.size else likeness.size
     interval = float(np.median(np.concatenate([np.diff(b.time_s) for b in blocks if b.time_s.size > 1])))
-    return Lasting(share, lag * interval)
+    return CorrelatedNoise(share, lag * interval)
 
 
 def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, int]:

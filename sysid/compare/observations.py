@@ -67,11 +67,11 @@ class Block:
     """Mean over the repeats, shape (m,)."""
     weight: FloatArray
     """Samples of a log that each value is the mean of, shape (m,)."""
-    spread: float
+    repeat_squares: float
     """Sum over the values of the repeats' squared differences from their mean, each times its samples."""
-    freedom: int
+    degrees_of_freedom: int
     """Degrees of freedom of `spread`."""
-    products: FloatArray
+    lagged_products: FloatArray
     """Like `spread`, of each deviation with that so many samples later (lag 0, 1 ...), shape (LAGS,)."""
     repeats: int
     """Runs that the values are the mean of."""

@@ -20,7 +20,7 @@ from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import Observations, observe
 from sysid.compare.problem import marginal_square
 from sysid.compare.simulator import Simulator
-from sysid.compare.subset import liveliest
+from sysid.compare.subset import most_active_runs
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
 
@@ -39,12 +39,12 @@ def with_own_error(model: Model, dataset: Dataset) -> Model:
         model: as fitted.
         dataset: the logs it was fitted to.
     """
-    observations = observe(replace(dataset, runs=liveliest(dataset.runs, SECONDS[dataset.level])))
+    observations = observe(replace(dataset, runs=most_active_runs(dataset.runs, SECONDS[dataset.level])))
     noise = measure_noise(dataset, observations)
     simulator = Simulator(observations)
     predicted = simulator.predictions(model)
     residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
-    found = estimate_model_error(residuals_of(observations, noise, residual), dataset.sha256)
+    found = estimate_model_error(block_residuals(observations, noise, residual), dataset.sha256)
     law = [simulator.predictions(moved) for moved in plausible_models(model)]
     moved = [[p - q for p, q in zip(parts, predicted, strict=True)] for parts in law]
     for factor in _FACTORS:
@@ -56,7 +56,7 @@ def with_own_error(model: Model, dataset: Dataset) -> Model:
     return with_model_error(model, error)
 
 
-def residuals_of(observations: Observations, noise: Noise, parts: Sequence[FloatArray]) -> list[Residual]:
+def block_residuals(observations: Observations, noise: Noise, parts: Sequence[FloatArray]) -> list[Residual]:
     """Return residuals with their runs and their noise.
 
     Args:

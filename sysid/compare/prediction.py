@@ -14,11 +14,12 @@ from mecanum_env.effects.apply import check_effects, measured, without_sensors
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
-from mecanum_env.simulator import BodyCommands, Commands, RobotPlant, WheelCommands, drive
+from mecanum_env.simulator import BodyCommands, Commands, WheelCommands, drive
 from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
+from sysid.compare.study import Study
 from sysid.logs import BodyCommand, Run
 from sysid.logs.runs import REST
 
@@ -73,21 +74,19 @@ class Motion:
     """How much of it was before the log begins [s]."""
 
 
-def compile_for(
-    model: Model, level: str, timestep_s: float | None = None, plant: RobotPlant = "rollers"
-) -> mujoco.MjModel:
+def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjModel:  # noqa: B008  (frozen)
     """Compile what `predict` simulates: the bench or the robot, without what is only seen.
 
     Args:
         model: wheel, robot and effects.
         level: "bench" or "robot".
-        timestep_s: upper bound of the physics step [s]; the generator's choice when None, on the planar plant
-            `TRAINING_TIMESTEP_S`, which is as good there.
-        plant: of the robot: "rollers", or "planar", which does not slip and is much faster.
+        study: gives the plant and the time step; where that is None, the planar plant takes
+            `TRAINING_TIMESTEP_S`, which is accurate enough there.
 
     Raises:
         InputError: an effect that the plant does not have.
     """
+    plant, timestep_s = study.plant, study.timestep_s
     if level == "bench":
         return bench_spec(model, timestep_s, visuals=False).compile()
     check_effects(model, plant)
@@ -117,7 +116,7 @@ def predict(
     run: Run,
     start: Start | None = None,
     mj_model: mujoco.MjModel | None = None,
-    plant: RobotPlant = "rollers",
+    study: Study = Study(),  # noqa: B008  (frozen)
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 
@@ -128,7 +127,7 @@ def predict(
         run: whose commands are replayed.
         start: how it begins; found from its first samples by default.
         mj_model: `compile_for` of the model as `in_run_frame` has it, to save compiling.
-        plant: of the robot, where the model is compiled here.
+        study: gives the plant and the time step of a model that is compiled here.
 
     Raises:
         InputError: an effect that cannot be simulated.
@@ -136,8 +135,8 @@ def predict(
     """
     start = start_of(run) if start is None else start
     local = in_run_frame(without_sensors(model), start)
-    compiled = compile_for(local, run.level, plant=plant) if mj_model is None else mj_model
-    return shown(model, run, start, motion_of(local, run, start, compiled))
+    compiled = compile_for(local, run.level, study) if mj_model is None else mj_model
+    return sensor_readings(model, run, start, motion_of(local, run, start, compiled))
 
 
 def motion_of(
@@ -165,7 +164,7 @@ def motion_of(
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 
 
-def shown(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
+def sensor_readings(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
     """Return what a model's sensors show of a motion, at a run's rows, each of shape (n,).
 
     Args:

@@ -29,10 +29,10 @@ UNUSABLE: Final = (MecanumError, ValueError)
 """What a model raises that cannot be simulated; MuJoCo refuses a latency too long by ValueError."""
 SMOOTH_STEP: Final = 1e-3
 """Of a difference quotient on the scale 0 .. 1 of a parameter."""
-ROUGH_STEP: Final = 0.02
+ROLLER_STEP: Final = 0.02
 """The same on rollers, which meet the floor a little earlier or later: a smaller step shows mostly that."""
-SMOOTH_LOOK: Final = 0.03
-ROUGH_LOOK: Final = 0.15
+SMOOTH_PROBE: Final = 0.03
+ROLLER_PROBE: Final = 0.15
 _TURNS: Final = 4
 """Draws of the angles at which wheels start."""
 _TURNED: Final = 0.1
@@ -71,11 +71,11 @@ class ResidualProblem:
         planar = replace(self.study, plant="planar")
         self._planar = Simulator(self.observations, planar) if rollers else None
         self._turned = (
-            [Simulator(self.observations, self.study, turned=k) for k in range(1, _TURNS + 1)]
+            [Simulator(self.observations, self.study, wheel_angle_seed=k) for k in range(1, _TURNS + 1)]
             if rollers
             else []
         )
-        self.turned = 0.0
+        self.angle_uncertainty = 0.0
         """How far the wheels' angles at the start are unknown: 0 as in the simulation .. 1 anyhow."""
         self.measured = whitener.whiten(whitener.measured())
         self.base_residual = self._required(base)
@@ -91,7 +91,7 @@ class ResidualProblem:
         return self.whitener.size
 
     @property
-    def has_quick(self) -> bool:
+    def has_surrogate(self) -> bool:
         """Whether there is a quicker simulation than that of `residual`."""
         return self._planar is not None
 
@@ -106,23 +106,23 @@ class ResidualProblem:
             return None
         return self.measured - self.whitener.whiten(predictions)
 
-    def is_quick(self, effects: Sequence[str]) -> bool:
-        """Return whether `quick_residual` is less work than `residual`, and tells what `effects` change."""
+    def surrogate_covers(self, effects: Sequence[str]) -> bool:
+        """Return whether the surrogate is cheaper than `residual` and shows what `effects` change."""
         return self._planar is not None and not OF_THE_ROLLERS.intersection(effects)
 
-    def quick_ones(self, owners: Sequence[str]) -> Mask:
-        """Return of which parameters `quick_residual` tells what they change, (p,).
+    def surrogate_mask(self, owners: Sequence[str]) -> Mask:
+        """Return of which parameters `surrogate_residual` tells what they change, (p,).
 
         Args:
             owners: the effect that each belongs to.
         """
-        return np.array([self.is_quick([owner]) for owner in owners], bool)
+        return np.array([self.surrogate_covers([owner]) for owner in owners], bool)
 
-    def look_step(self, effects: Sequence[str]) -> float:
+    def probe_step(self, effects: Sequence[str]) -> float:
         """Return the step to a first response of `effects` where that has a gradient, on the same scale."""
-        return SMOOTH_LOOK if self._planar is None or self.is_quick(effects) else ROUGH_LOOK
+        return SMOOTH_PROBE if self._planar is None or self.surrogate_covers(effects) else ROLLER_PROBE
 
-    def quick_residual(self, model: Model) -> FloatArray | None:
+    def surrogate_residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model on the planar plant, a tenth of the work.
 
         Only its differences mean something: without slip and without the effects that the plant refuses they
@@ -134,20 +134,22 @@ class ResidualProblem:
         left = {n: v for n, v in model.effects.items() if "planar" not in CATALOGUE[n].refused_by}
         return self._residual(self._planar, replace(model, effects=left))
 
-    def changes(self, models: Sequence[Model], *, quick: bool, at: Model) -> list[FloatArray | None]:
+    def changes(
+        self, models: Sequence[Model], *, surrogate: bool, reference: Model
+    ) -> list[FloatArray | None]:
         """Return how each model's marginal residual differs from that of another, (N,).
 
         Args:
             models: `study.jobs` of them at a time; None where one cannot be simulated.
-            quick: by `quick_residual`.
-            at: the other.
+            surrogate: whether to simulate with `surrogate_residual`.
+            reference: the model that the others are compared with.
         """
-        of = self.quick_residual if quick else self.residual
-        reference = of(at) if models else None
+        of = self.surrogate_residual if surrogate else self.residual
+        unmoved = of(reference) if models else None
 
         def change(model: Model) -> FloatArray | None:
             moved = of(model)
-            return None if moved is None or reference is None else self.marginal(moved - reference)
+            return None if moved is None or unmoved is None else self.marginal(moved - unmoved)
 
         return self.map(change, models)
 
@@ -163,7 +165,7 @@ class ResidualProblem:
         """Return W times a residual (N,) or columns (N, p)."""
         return self._scaled(residual, 1.0 / self._grow - 1.0)
 
-    def unmarginal(self, residual: FloatArray) -> FloatArray:
+    def marginal_inverse(self, residual: FloatArray) -> FloatArray:
         """Return W^-1 times a residual (N,) or columns (N, p): the inverse of `marginal`."""
         return self._scaled(residual, self._grow - 1.0)
 
@@ -178,7 +180,7 @@ class ResidualProblem:
         """Return the residual of a model that must be simulated, errors raised."""
         return self.measured - self.whitener.whiten(self.simulator.predictions(model))
 
-    def rough(self, model: Model) -> FloatArray:
+    def roller_scatter(self, model: Model) -> FloatArray:
         """Return what rollers that meet the floor otherwise would change, (N, k), each by one sigma.
 
         What hardly visible changes of the model do on the rollers, less what they do without rollers; no
@@ -187,9 +189,9 @@ class ResidualProblem:
         Args:
             model: where; it is measured once.
         """
-        if not self.has_quick:
+        if not self.has_surrogate:
             return np.zeros((self.size, 0))
-        key = f"{self.turned} {model_key(model)}"
+        key = f"{self.angle_uncertainty} {model_key(model)}"
         if key not in self._rough:
             here, columns = self._by_rollers(model), []
             gain = model.effects.get("speed_gain", {}).get("gain", 1.0)
@@ -198,12 +200,12 @@ class ResidualProblem:
                 if here is not None and there is not None:
                     columns.append(self.marginal(there - here))
             found = np.stack(columns, axis=1) / np.sqrt(len(columns)) if columns else np.zeros((self.size, 0))
-            if self.turned:
+            if self.angle_uncertainty:
                 found = np.concatenate([found, self._by_turning(model)], axis=1)
             self._rough[key] = found
         return self._rough[key]
 
-    def notice_turned(self, model: Model, residual: FloatArray) -> bool:
+    def update_angle_uncertainty(self, model: Model, residual: FloatArray) -> bool:
         """Find out whether the logs' wheels started at other angles than the simulated ones, and keep it.
 
         Which roller meets the floor when shows as a ripple. Of the change d by other angles the residual of a
@@ -219,9 +221,9 @@ class ResidualProblem:
         ripple, left = self._steps(self._turning(model)), self._steps(residual[:, None])
         square = float(np.sum(ripple**2))
         unknown = min(1.0, -2.0 * float(np.sum(ripple * left)) / square) if square > 0.0 else 0.0
-        if unknown < max(_TURNED, self.turned + _TURNED):
+        if unknown < max(_TURNED, self.angle_uncertainty + _TURNED):
             return False
-        self.turned = unknown
+        self.angle_uncertainty = unknown
         return True
 
     def _by_turning(self, model: Model) -> FloatArray:
@@ -229,7 +231,7 @@ class ResidualProblem:
         blocks = self.observations.blocks
         repeats = np.concatenate([np.full(block.value.size, float(block.repeats)) for block in blocks])
         # Two draws differ by twice the variance of one; the repeats' mean is of several, the prediction one.
-        share = self.turned * 0.5 * (1.0 + 1.0 / repeats) * _COHERENT
+        share = self.angle_uncertainty * 0.5 * (1.0 + 1.0 / repeats) * _COHERENT
         turning = self._turning(model)
         return np.asarray(turning * np.sqrt(share)[:, None] / math.sqrt(max(1, turning.shape[1])))
 
@@ -246,14 +248,14 @@ class ResidualProblem:
 
     def _by_rollers(self, model: Model) -> FloatArray | None:
         """Return how the rollers' residual of a model differs from that without rollers, (N,)."""
-        full, quick = self.residual(model), self.quick_residual(model)
+        full, quick = self.residual(model), self.surrogate_residual(model)
         return None if full is None or quick is None else full - quick
 
     def _nuisance(self) -> FloatArray:
-        quick = self.quick_residual(self.base)
+        quick = self.surrogate_residual(self.base)
 
         def column(model: Model) -> FloatArray | None:
-            moved = self.quick_residual(model)
+            moved = self.surrogate_residual(model)
             if moved is not None and quick is not None and np.any(moved != quick):
                 return quick - moved
             moved = self.residual(model)

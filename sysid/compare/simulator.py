@@ -19,7 +19,7 @@ from mecanum_env.model.file import model_to_dict
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
-from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, shown
+from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, sensor_readings
 from sysid.compare.study import Study
 
 REMEMBERED: Final = 8
@@ -45,16 +45,16 @@ class Simulator:
     Args:
         observations: with the commands.
         study: plant and time step count.
-        turned: seed of the angles at which the robot's wheels start; 0: all as they are drawn.
+        wheel_angle_seed: seed of the angles at which the robot's wheels start; 0: all as they are drawn.
     """
 
     def __init__(
         self,
         observations: Observations,
         study: Study = Study(),  # noqa: B008  (frozen)
-        turned: int = 0,
+        wheel_angle_seed: int = 0,
     ) -> None:
-        self.observations, self.study, self.turned = observations, study, turned
+        self.observations, self.study, self.wheel_angle_seed = observations, study, wheel_angle_seed
         self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
         self._lock = Lock()
 
@@ -67,7 +67,7 @@ class Simulator:
         """
         situations = self.observations.situations
         channels = [
-            shown(model, situation.runs[0], situation.start, motion)
+            sensor_readings(model, situation.runs[0], situation.start, motion)
             for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True)
         ]
         correction = correction_of(model)
@@ -96,19 +96,19 @@ class Simulator:
 
     def _simulate(self, model: Model) -> list[Motion]:
         situations = self.observations.situations
-        how = situations[0].runs[0].level, self.study.timestep_s, self.study.plant
+        level = situations[0].runs[0].level
         # Only a floor that slopes makes the compiled model depend on where a run starts.
-        common = None if "floor_slope" in model.effects else compile_for(model, *how)
+        common = None if "floor_slope" in model.effects else compile_for(model, level, self.study)
         alike: dict[Hashable, list[int]] = {}
         for index, situation in enumerate(situations):
             alike.setdefault(_moves(situation, model.wheel.command_period_s), []).append(index)
         motions: dict[int, Motion] = {}
         for members in alike.values():
             longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
-            angles = np.random.default_rng((self.turned, members[0])).uniform(0.0, 2.0 * np.pi, 4)
-            turned = angles.tolist() if self.turned else []
+            angles = np.random.default_rng((self.wheel_angle_seed, members[0])).uniform(0.0, 2.0 * np.pi, 4)
+            turned = angles.tolist() if self.wheel_angle_seed else []
             local = in_run_frame(model, longest.start)
-            compiled = common or compile_for(local, *how)
+            compiled = common or compile_for(local, level, self.study)
             motions |= dict.fromkeys(
                 members, motion_of(local, longest.runs[0], longest.start, compiled, turned)
             )

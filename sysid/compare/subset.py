@@ -17,19 +17,19 @@ PIECE_S: Final = 5.0
 BEFORE_S: Final = 0.5
 """A piece begins so long before a change of command, when the robot has settled."""
 QUIET: Final = 0.5
-"""Of the fastest command: the largest of quiet ones."""
+"""Of the fastest command: the largest of small_command_runs ones."""
 _BANDS: Final = 4
 """Of commanded speed in each direction, up to the fastest, that pieces are to cover."""
 
 Bands = frozenset[tuple[int, int]]
 
 
-def deciding(runs: Sequence[Run], seconds: float, command_period_s: float) -> tuple[Run, ...]:
+def select_runs(runs: Sequence[Run], seconds: float, command_period_s: float) -> tuple[Run, ...]:
     """Return runs up to so many seconds of distinct commands: all, or pieces of the long ones.
 
     Where all would be too much, runs longer than two pieces are cut, and the pieces that bring the most
     speeds that none before had come first, the livelier ones first among equals. Where no run is so long,
-    whole groups are chosen: see `liveliest`.
+    whole groups are chosen: see `most_active_runs`.
 
     Args:
         runs: of a dataset.
@@ -39,7 +39,7 @@ def deciding(runs: Sequence[Run], seconds: float, command_period_s: float) -> tu
     groups = {run.group: max(r.duration_s for r in runs if r.group == run.group) for run in runs}
     long = [run for run in runs if run.duration_s > 2.0 * PIECE_S]
     if sum(groups.values()) <= seconds or not long:
-        return liveliest(runs, seconds)
+        return most_active_runs(runs, seconds)
     whole = [run for run in runs if run not in long]
     return _covering([*whole, *(piece for run in long for piece in pieces(run, command_period_s))], seconds)
 
@@ -70,7 +70,7 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
         )
 
 
-def quiet(dataset: Dataset, command_period_s: float) -> Dataset:
+def small_command_runs(dataset: Dataset, command_period_s: float) -> Dataset:
     """Return the fit and validation runs, or pieces of the long ones, whose commands stay small.
 
     A linear law is fitted best where no limit of speed acts: below half of the fastest command. What departs
@@ -89,7 +89,7 @@ def quiet(dataset: Dataset, command_period_s: float) -> Dataset:
     return replace(dataset, runs=kept, sha256=hashlib.sha256(f"{dataset.sha256} quiet".encode()).hexdigest())
 
 
-def liveliest(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
+def most_active_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
     """Return whole groups of runs up to so many seconds of distinct commands, in their own order.
 
     Of each split the groups with the largest changes of command come first, in turn; one group of each split
@@ -105,7 +105,7 @@ def liveliest(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
 
 
 def _covering(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
-    """Return groups as `liveliest`, those first that bring speeds that none before had."""
+    """Return groups as `most_active_runs`, those first that bring speeds that none before had."""
     lengths, activity, splits = _groups(runs)
     bands = _bands(runs)
     queues = []

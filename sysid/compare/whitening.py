@@ -78,10 +78,10 @@ class Whitener:
 
     def _factor(self, block: Block) -> FloatArray:
         variance = self.noise.sigma[block.channel] ** 2 / block.weight
-        lasting = self.noise.lasting.get(block.channel)
+        lasting = self.noise.correlated.get(block.channel)
         error = error_of(self.error, block.channel)
         exact = error is None or (error.settled == 0.0 and error.transient == 0.0)
-        shared = self.noise.shared.get(block.channel, 0.0)
+        shared = self.noise.rounding.get(block.channel, 0.0)
         if exact and lasting is None and not shared:
             return np.sqrt(variance)
         apart = np.abs(block.time_s[:, None] - block.time_s[None, :])

@@ -17,7 +17,7 @@ import numpy as np
 
 from sysid.fit.command_path import COMMAND_PERIOD_S, CommandPath
 from sysid.fit.estimators import Estimate, Options, WheelRun, estimate
-from sysid.fit.figures import Runs, residual, rms
+from sysid.fit.metrics import Runs, residual, rms
 from sysid.fit.statistics import uncertainty
 from sysid.fit.wheel_data import driven, longest_delay_s, wheel_runs
 from sysid.logs import Dataset

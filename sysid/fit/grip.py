@@ -20,7 +20,7 @@ from scipy.stats import t as student
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData, liveliest_runs
+from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData, largest_command_runs
 
 SHOWN: Final = 0.25
 """Relative standard error up to which a parameter counts as shown by the logs."""
@@ -74,7 +74,7 @@ def profile_grip(model: Model, data: PlantData) -> GripProfile:
         model: the model with its grip.
         data: runs that start at rest.
     """
-    few = replace(data, runs=liveliest_runs(data.runs, _PROFILE_SECONDS))
+    few = replace(data, runs=largest_command_runs(data.runs, _PROFILE_SECONDS))
     ends = np.cumsum([replace(few, runs=(run,)).measured().size for run in few.runs])[:-1]
     measured, start = few.measured(), math.log(model.robot.friction)
     costs: dict[int, FloatArray] = {}
@@ -131,7 +131,7 @@ def scan_grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
     if not any(name in data.channels for name in BODY_VELOCITY):
         reason = "left: without body velocities slip does not show"
         return RobotParameter("friction", nominal, math.inf, False, reason)
-    few = replace(data, runs=liveliest_runs(data.runs, ROLLER_SECONDS))
+    few = replace(data, runs=largest_command_runs(data.runs, ROLLER_SECONDS))
     measured = few.measured()
 
     def residual(log_friction: float) -> FloatArray:

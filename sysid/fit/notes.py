@@ -10,7 +10,7 @@ import numpy as np
 from sysid.fit.command_path import CommandPath
 from sysid.fit.drive_choice import LONGEST_DELAY_S, Search, held_out_rms, pooled, representative
 from sysid.fit.estimators import Estimate
-from sysid.fit.figures import Runs
+from sysid.fit.metrics import Runs
 from sysid.fit.wheel_data import longest_delay_s
 from sysid.logs import Dataset
 

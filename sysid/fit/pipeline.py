@@ -22,7 +22,7 @@ from sysid.fit.drive_choice import (
     runs_by_split,
 )
 from sysid.fit.estimators import DEFAULT_METHOD, Estimate
-from sysid.fit.figures import MethodFigures, Runs, method_figures
+from sysid.fit.metrics import MethodMetrics, Runs, method_metrics
 from sysid.fit.notes import drive_notes, gain_notes
 from sysid.fit.robot_parameters import RobotFit
 from sysid.fit.robot_stages import robot_of
@@ -74,7 +74,7 @@ class Fit:
     """Of the first method, on the fit runs of all wheels."""
     uncertainty: Uncertainty
     residual_tests: ResidualTests
-    methods: Mapping[str, MethodFigures]
+    methods: Mapping[str, MethodMetrics]
     wheels: Mapping[str, Estimate]
     """With `per_wheel`: wheel name -> its own estimate."""
     runs: Runs
@@ -142,7 +142,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         runs = runs_by_split(dataset, path, sigma)
         notes.append("no repeats: the noise is taken from the fit's own residuals, model error included")
     notes += drive_notes(dataset, path, found, options.delay_s is None)
-    methods = {method: method_figures(found, runs, memory)}
+    methods = {method: method_metrics(found, runs, memory)}
     for name in options.methods[1:]:
         progress(name)
         methods[name] = _other_method(runs, search, options, found, name)
@@ -247,7 +247,7 @@ def _all_starts(runs: Runs, search: Search, options: FitOptions, drive: Estimate
 
 def _other_method(
     runs: Runs, search: Search, options: FitOptions, found: Estimate, name: str
-) -> MethodFigures:
+) -> MethodMetrics:
     """Run another method behind the delay and ceiling of the first."""
     data = pooled(runs["fit"])
 
@@ -257,4 +257,4 @@ def _other_method(
         )
 
     estimate = run(options.starts)
-    return method_figures(estimate, runs, peak_memory_mib(lambda: run(1)))
+    return method_metrics(estimate, runs, peak_memory_mib(lambda: run(1)))

@@ -79,7 +79,7 @@ class PlantData:
         return np.concatenate(parts)
 
 
-def liveliest_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
+def largest_command_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
     """Return runs up to so many seconds altogether, those of the largest commands first, at least one."""
     chosen: list[Run] = []
     for run in sorted(runs, key=lambda run: -float(np.sqrt(np.mean(run.command.wheels_rpm**2)))):

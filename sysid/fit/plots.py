@@ -19,7 +19,7 @@ from mecanum_env.model import Model
 from mecanum_env.simulator.bench import replay_bench
 from mecanum_env.units import FloatArray
 from sysid.fit.drive_choice import pooled
-from sysid.fit.figures import residual, rms, simulate
+from sysid.fit.metrics import residual, rms, simulate
 from sysid.fit.pipeline import Fit
 from sysid.logs import Split
 

@@ -14,7 +14,7 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
 from sysid.compare.own_error import with_own_error
-from sysid.fit.figures import finite_or_none
+from sysid.fit.metrics import finite_or_none
 from sysid.fit.pipeline import Fit, latency, wheel_model
 from sysid.fit.robot_stages import on_rollers
 from sysid.fit.statistics import Quantity

@@ -28,7 +28,7 @@ from mecanum_env.model import Model, Robot
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.fit.grip import EVIDENCE, ROLLER_SECONDS, SHOWN, RobotParameter, profile_grip, scan_grip
-from sysid.fit.plant_prediction import PlantData, liveliest_runs
+from sysid.fit.plant_prediction import PlantData, largest_command_runs
 
 SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
 _RANGE: Final = math.log(30.0)
@@ -71,7 +71,7 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
     """
     wheels = replace(
         data,
-        runs=liveliest_runs(data.runs, _PLANAR_SECONDS),
+        runs=largest_command_runs(data.runs, _PLANAR_SECONDS),
         channels=tuple(name for name in data.channels if name.startswith("speed_")),
     )
     before = wheels.spread(model)
@@ -103,7 +103,7 @@ def _in_turns(
     Returns:
         What `_shown` returns, and the grip.
     """
-    used = replace(data, runs=liveliest_runs(data.runs, ROLLER_SECONDS))
+    used = replace(data, runs=largest_command_runs(data.runs, ROLLER_SECONDS))
 
     def search(law: WheelLaw, friction: float) -> _Search:
         wheel, robot = replace(model.wheel, law=law), replace(model.robot, friction=friction)

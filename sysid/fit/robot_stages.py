@@ -17,14 +17,14 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.fitted import LawAgain, fit
+from sysid.compare.fitted import RefittedLaw, fit
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
-from sysid.compare.subset import liveliest
+from sysid.compare.subset import most_active_runs
 from sysid.compare.whitening import Whitener
-from sysid.fit.figures import Runs
+from sysid.fit.metrics import Runs
 from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData
 from sysid.fit.robot_parameters import RobotFit, fit_robot
 from sysid.logs import Dataset, Run, Split
@@ -115,7 +115,7 @@ _SIMULATIONS: Final = 20
 class LawAndRobot:
     """The law's five free numbers and some of the robot's, each 0 .. 1."""
 
-    law: LawAgain
+    law: RefittedLaw
     robot: tuple[str, ...]
     """Names of the robot's parameters that move."""
 
@@ -164,7 +164,7 @@ def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Mo
         robot: names of the robot's parameters that may move.
     """
     runs = dataset.split("fit")
-    candidate = LawAndRobot(LawAgain(model), tuple(robot))
+    candidate = LawAndRobot(RefittedLaw(model), tuple(robot))
     plain = replace(model, uncertainty={})
     with without_engine_warnings():
         problem = _problem(plain, dataset, runs)
@@ -184,5 +184,5 @@ def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Mo
 
 
 def _problem(model: Model, dataset: Dataset, runs: Sequence[Run]) -> ResidualProblem:
-    observations = observe(replace(dataset, runs=liveliest(runs, SECONDS)))
+    observations = observe(replace(dataset, runs=most_active_runs(runs, SECONDS)))
     return ResidualProblem(model, Whitener(observations, measure_noise(dataset, observations), None))

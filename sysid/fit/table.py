@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from sysid.fit.figures import MethodFigures
+from sysid.fit.metrics import MethodMetrics
 from sysid.fit.pipeline import Fit
 from sysid.fit.statistics import Quantity
 
@@ -70,7 +70,7 @@ _METHOD_HEAD = ("method", "rms fit", "validation", "test rpm", "worst", "rise s"
 _QUANTITY_HEAD = ("", "value", "standard error", "Cramer-Rao", "95 % interval")
 
 
-def _method_row(name: str, m: MethodFigures) -> tuple[str, ...]:
+def _method_row(name: str, m: MethodMetrics) -> tuple[str, ...]:
     found = m.estimate
     errors = [m.errors.get(split) for split in ("fit", "validation", "test")]
     worst = max((e.max_rpm for e in errors if e), default=math.nan)

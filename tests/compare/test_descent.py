@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.units import FloatArray
-from sysid.compare.descent import Minimum, descend, differences, explored, reach, refined
+from sysid.compare.descent import Minimum, compass_search, descend, differences, reach, refined
 
 _TIME = np.linspace(0.0, 1.0, 50)
 
@@ -71,7 +71,7 @@ def _threshold(place: FloatArray) -> FloatArray:
 
 def test_a_threshold_without_slope_is_found_by_looking_about() -> None:
     start = Minimum(np.array([0.52]), _threshold(np.array([0.52])), np.zeros((10, 1)), 0)
-    found = explored(_threshold, start, np.ones(1, bool))
+    found = compass_search(_threshold, start, np.ones(1, bool))
     assert found.cost == 0.0
 
 

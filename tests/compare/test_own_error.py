@@ -19,7 +19,7 @@ from sysid.compare.model_error import (
     with_model_error,
 )
 from sysid.compare.own_error import with_own_error
-from sysid.compare.subset import liveliest
+from sysid.compare.subset import most_active_runs
 from sysid.logs import BenchCommand, Run, Split
 from tests.gap.conftest import MakeLogs
 
@@ -81,5 +81,5 @@ def test_the_liveliest_runs_are_kept_whole_groups_and_every_split() -> None:
         _run([0.0, 100.0], name="wild"),
         _run([0.0, 50.0], name="held", split="validation"),
     ]
-    assert [run.group for run in liveliest(runs, 4.0)] == ["wild", "held"]
-    assert len(liveliest(runs, 100.0)) == 3
+    assert [run.group for run in most_active_runs(runs, 4.0)] == ["wild", "held"]
+    assert len(most_active_runs(runs, 100.0)) == 3

@@ -46,7 +46,7 @@ def test_whitening_has_an_inverse(bench_logs: MakeLogs, base: Model) -> None:
 def test_marginalising_has_an_inverse(bench_logs: MakeLogs, base: Model) -> None:
     problem = _problem(bench_logs(base), base, ERROR)
     assert problem.nuisance.shape[1] > 0
-    again = problem.unmarginal(problem.marginal(problem.base_residual))
+    again = problem.marginal_inverse(problem.marginal(problem.base_residual))
     assert again == pytest.approx(problem.base_residual, abs=1e-9)
 
 
@@ -71,12 +71,12 @@ def test_repeats_that_differ_for_a_while_are_noise_with_memory(bench_logs: MakeL
         drift = np.repeat(rng.standard_normal(run.time_s.size // 20 + 1), 20)[: run.time_s.size]
         run.channels["speed_rpm"][:] += 2.0 * drift
     noise = measure_noise(dataset, observe(dataset))
-    assert noise.lasting["speed_rpm"].share > 0.7
-    assert 0.05 < noise.lasting["speed_rpm"].time_s < 0.25
+    assert noise.correlated["speed_rpm"].share > 0.7
+    assert 0.05 < noise.correlated["speed_rpm"].time_s < 0.25
     problem = _problem(dataset, base)
     assert float(np.mean(problem.base_residual**2)) < 1.5
 
 
 def test_white_repeats_have_no_memory(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base)
-    assert measure_noise(dataset, observe(dataset)).lasting == {}
+    assert measure_noise(dataset, observe(dataset)).correlated == {}

@@ -29,7 +29,8 @@ from sysid.compare.model_error import ModelError
 from sysid.compare.noise import Noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import observe
-from sysid.compare.prediction import POSE, Start, compile_for, motion_of, predict, shown
+from sysid.compare.prediction import POSE, Start, compile_for, motion_of, predict, sensor_readings
+from sysid.compare.study import Study
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
@@ -199,8 +200,8 @@ class Trial:
                 return predict(model, self.run, Start())
             posed = self._run(self.run.command, self.run.time_s, (*self.setting.channels, *POSE))
             physics = without_sensors(model)
-            compiled = compile_for(physics, "robot", self._timestep_s)
-            channels = shown(model, posed, Start(), motion_of(physics, posed, Start(), compiled))
+            compiled = compile_for(physics, "robot", Study(timestep_s=self._timestep_s))
+            channels = sensor_readings(model, posed, Start(), motion_of(physics, posed, Start(), compiled))
         except MecanumError:
             return None
         away = max(float(np.max(np.abs(channels[name]))) for name in ("x_m", "y_m"))

@@ -14,7 +14,6 @@ import numpy as np
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
-from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import observe
@@ -22,6 +21,7 @@ from sysid.compare.prediction import predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
+from sysid.compare.study import Study
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
 from sysid.gap.search.adequacy import Floor, enough, expected
 from sysid.gap.search.coordinates import EffectSet
@@ -62,17 +62,15 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
     return split, dataset.split(split)
 
 
-def predicted(
-    model: Model, runs: Sequence[Run], plant: RobotPlant = "rollers"
-) -> list[dict[str, FloatArray]]:
+def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str, FloatArray]]:
     """Return what a model predicts for each run: channel -> values at its rows, (n,).
 
     Args:
         model: wheel, robot and effects.
         runs: bench or robot logs.
-        plant: of the robot.
+        study: settings of the simulations.
     """
-    shown = [predict(model, run, plant=plant) for run in runs]
+    shown = [predict(model, run, study=study) for run in runs]
     correction = correction_of(model)
     return (
         shown

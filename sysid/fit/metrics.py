@@ -20,7 +20,7 @@ Runs = Mapping[Split, Mapping[str, Sequence[WheelRun]]]
 
 
 @dataclass(frozen=True)
-class ErrorFigures:
+class ErrorMetrics:
     """Measured minus simulated on the runs of one split."""
 
     rms_rpm: float
@@ -30,11 +30,11 @@ class ErrorFigures:
 
 
 @dataclass(frozen=True)
-class MethodFigures:
+class MethodMetrics:
     """What one method reached."""
 
     estimate: Estimate
-    errors: Mapping[Split, ErrorFigures]
+    errors: Mapping[Split, ErrorMetrics]
     """Only the splits that have runs."""
     metrics: StepMetrics
     """Of the law's response to a unit step."""
@@ -66,7 +66,7 @@ class MethodFigures:
         }
 
 
-def method_figures(estimate: Estimate, runs: Runs, peak_memory_mib: float) -> MethodFigures:
+def method_metrics(estimate: Estimate, runs: Runs, peak_memory_mib: float) -> MethodMetrics:
     """Evaluate an estimate on all splits.
 
     Args:
@@ -79,8 +79,8 @@ def method_figures(estimate: Estimate, runs: Runs, peak_memory_mib: float) -> Me
         data = [run for wheel in runs[split].values() for run in wheel]
         if data:
             error = np.concatenate([residual(run, estimate) for run in data])
-            errors[split] = ErrorFigures(rms(error), float(np.max(np.abs(error))), error.size, len(data))
-    return MethodFigures(estimate, errors, law_step_metrics(estimate.law), peak_memory_mib)
+            errors[split] = ErrorMetrics(rms(error), float(np.max(np.abs(error))), error.size, len(data))
+    return MethodMetrics(estimate, errors, law_step_metrics(estimate.law), peak_memory_mib)
 
 
 def residual(run: WheelRun, estimate: Estimate) -> FloatArray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.units import FloatArray
 from sysid.compare.model_error import command_changes
@@ -21,6 +22,8 @@ SETTLED_S: Final = 0.5
 _LEAST_SAMPLES: Final = 20
 _LEAST: Final = 1e-9
 _CLEAR: Final = 4.0  # standard deviations above chance
+_HOLE: Final = 1.5
+"""Rows between two neighbours, relative to the median, above which samples are missing between them."""
 _EFFICIENCY: Final = 0.37 / 1.94
 """Degrees of freedom of a variance by the median of squared second differences, per difference: the median of
 a squared normal tells 0.37 as much as its mean, and neighbouring differences share samples (correlations -2/3
@@ -156,11 +159,19 @@ def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, in
         second = np.diff(block.value, 2)
         settled = since[:-2] >= (SETTLED_S if block.channel not in POSE else 0.0)
         weight = 1.0 / block.weight[:-2] + 4.0 / block.weight[1:-1] + 1.0 / block.weight[2:]
-        squares.append((second**2 / weight)[settled])
+        squares.append((second**2 / weight)[settled & _adjacent(block)])
     together = np.concatenate(squares) if squares else np.empty(0)
     if together.size < _LEAST_SAMPLES:
         together = np.concatenate(
-            [np.diff(block.value, 2) ** 2 * block.weight[1:-1] / 6.0 for block in blocks] or [np.zeros(1)]
+            [(np.diff(block.value, 2) ** 2 * block.weight[1:-1] / 6.0)[_adjacent(block)] for block in blocks]
         )
     # A median, since a few second differences are motion: that of a squared normal is 0.4549 of its mean.
     return (math.sqrt(float(np.median(together)) / 0.4549) if together.size else 0.0), together.size
+
+
+def _adjacent(block: Block) -> npt.NDArray[np.bool_]:
+    """Return which second differences (m - 2,) are of samples without a hole between them."""
+    first = block.rows[0] if block.channel in POSE else np.array([rows[0] for rows in block.rows])
+    gap = np.diff(first)
+    near: npt.NDArray[np.bool_] = gap <= _HOLE * np.median(gap) if gap.size else np.zeros(0, bool)
+    return near[1:] & near[:-1]

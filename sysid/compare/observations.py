@@ -78,12 +78,14 @@ class Block:
 
     rows: tuple[Rows, ...]
     """Rows of the run that each value is the mean of; for poses the windows, one array."""
+    shares: tuple[FloatArray, ...]
+    """Samples at each of these rows relative to the first: missing ones make them unequal."""
 
     def of(self, run: Run, channels: Channels) -> FloatArray:
         """Return from a run's (predicted) channels what is compared with `value`, shape (m,)."""
         if self.channel in POSE:
             return _ways(run.time_s, channels)[self.channel][1][self.rows[0]]
-        return _means(channels[self.channel], self.rows)
+        return _means(channels[self.channel], self.rows, self.shares)
 
 
 @dataclass(frozen=True, eq=False)
@@ -176,14 +178,18 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
             products,
             len(runs),
             (use,),
+            (),
         )
     rows = _thinned(use)
     index = {int(row): i for i, row in enumerate(use)}
     chosen = [np.array([index[int(row)] for row in part]) for part in rows]
     weights = np.array([count[part].sum() for part in chosen], float)
     value = np.array([np.average(mean[part], weights=count[part]) for part in chosen])
+    shares = tuple(count[part] / count[part][0] for part in chosen)
     stamps = np.array([time[use][part].mean() for part in chosen])
-    return Block(situation, name, stamps, value, weights, spread, freedom, products, len(runs), tuple(rows))
+    return Block(
+        situation, name, stamps, value, weights, spread, freedom, products, len(runs), tuple(rows), shares
+    )
 
 
 def _thinned(rows: Rows) -> list[Rows]:
@@ -191,10 +197,10 @@ def _thinned(rows: Rows) -> list[Rows]:
     return [rows[i : i + together] for i in range(0, rows.size, together)]
 
 
-def _means(values: FloatArray, rows: Sequence[Rows]) -> FloatArray:
+def _means(values: FloatArray, rows: Sequence[Rows], shares: Sequence[FloatArray]) -> FloatArray:
     if len(rows[0]) == 1:
         return values[np.array(rows)[:, 0]]
-    return np.array([values[part].mean() for part in rows])
+    return np.array([(values[r] * s).sum() / s.sum() for r, s in zip(rows, shares, strict=True)])
 
 
 def _pose_values(name: str, runs: Sequence[Run]) -> tuple[FloatArray, FloatArray]:

@@ -27,6 +27,8 @@ LEAD_S: Final = 1.5
 """A robot that a log finds moving is taken to have had its first command for this long."""
 FIRST_S: Final = 0.05
 """What the channels show in the first so many seconds (at least three samples) is the start."""
+_LATE: Final = 3.5
+"""Sampling intervals after the beginning of a run from which a sample no longer shows how it began."""
 _CLEAR: Final = 4.0
 """Standard deviations of the first samples' mean from which a start in motion is told from noise."""
 _TOO_FEW: Final = 20
@@ -212,9 +214,14 @@ def _first_mean(run: Run, name: str) -> float:
 
 
 def _first(run: Run, name: str) -> FloatArray:
+    """Return the samples that show how a run begins; of a pose, which always starts somewhere, the first."""
     finite = run.finite(name)
     time, values = run.time_s[finite], run.channels[name][finite]
-    return values[: max(3, int(np.sum(time <= FIRST_S)))]
+    few = values[: max(3, int(np.sum(time <= FIRST_S)))]
+    if name in POSE:
+        return few
+    # After a hole at the beginning the wheel may have been started.
+    return few[time[: few.size] <= max(FIRST_S, _LATE * run.median_interval_s)]
 
 
 def _noise(run: Run, name: str) -> float:
@@ -223,4 +230,6 @@ def _noise(run: Run, name: str) -> float:
     if values.size < _TOO_FEW:
         return 0.0
     # A median, which what moves does not reach: that of |normal| is 0.6745; 1 + 4 + 1 is the variance.
-    return float(np.median(np.abs(np.diff(values, 2)))) / (0.6745 * math.sqrt(6.0 * _first(run, name).size))
+    return float(np.median(np.abs(np.diff(values, 2)))) / (
+        0.6745 * math.sqrt(6.0 * max(1, _first(run, name).size))
+    )

@@ -76,7 +76,11 @@ class Noise:
 
 
 def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
-    """Return the noise of each channel.
+    """Return the noise of each channel, without a look at the test runs that decisions must not see.
+
+    It is from the repeats among the observations, else (where their stamps differ, or only some of the
+    repeats are observed) from those of the dataset's fit and validation runs, else from neighbouring samples.
+    Repeats of test runs count only if the observations are of test runs themselves.
 
     Args:
         dataset: bench or robot logs.
@@ -88,7 +92,8 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     scatter: dict[str, float] = {}
     rounding: dict[str, float] = {}
     from_repeats, differences = 0, 0
-    repeats = noise_from_repeats(dataset.runs) or {}
+    splits = {"fit", "validation", *(situation.split for situation in observations.situations)}
+    repeats = noise_from_repeats([run for run in dataset.runs if run.split in splits]) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
         by_neighbours, count = _scatter(observations, blocks)

@@ -1,4 +1,8 @@
-"""A readable correction of predicted channels, found by regression."""
+"""A readable correction of predicted channels, found by regression of their residuals.
+
+Its terms are functions of command, prediction and time. None of them uses a measurement, so that a correction
+can be added to any prediction.
+"""
 
 from __future__ import annotations
 
@@ -18,140 +22,25 @@ from sysid.logs import Run
 from sysid.logs.runs import UNITS
 
 KEY: Final = "empirical"
-"""Of the model file's own field that holds an adopted correction."""
+"""Field of a model file that holds an adopted correction."""
 LABEL: Final = "added to the predicted channel; found by regression on what was left over, not physics"
-
-
-@dataclass(frozen=True)
-class Term:
-    """One feature with its coefficient, or a pair with those of sine and cosine."""
-
-    feature: str
-    coefficients: tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Correction:
-    """What is added to predicted channels."""
-
-    terms: Mapping[str, tuple[Term, ...]]
-    """By channel."""
-    explained: Mapping[str, float]
-    """Channel -> share of the squared error on command sequences that were left out."""
-
-    def added(
-        self, channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
-    ) -> FloatArray:
-        """Return a predicted channel with the correction, shape (n,).
-
-        Args:
-            channel: column of the log; one without terms comes back as it is.
-            time_s: of the samples from the start of the run [s], shape (n,).
-            wheels: commands of the wheels.
-            predicted: by the model without the correction, shape (n,).
-
-        Raises:
-            InputError: a term that this version does not know.
-        """
-        terms = self.terms.get(channel, ())
-        if not terms or time_s.size < 2:
-            return predicted
-        known = features(channel, time_s, wheels, predicted)
-        total = np.array(predicted, float)
-        for term in terms:
-            if term.feature not in known or len(term.coefficients) != known[term.feature].columns.shape[1]:
-                raise InputError(
-                    f"{KEY}: {channel} has no term {term.feature!r}{did_you_mean(term.feature, known)}"
-                )
-            total += known[term.feature].columns @ np.array(term.coefficients)
-        return total
-
-    def added_to(self, run: Run, predicted: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return all predicted channels of a run with the correction.
-
-        Args:
-            run: whose commands count.
-            predicted: channel -> values at the run's rows, shape (n,).
-        """
-        wheels = HeldCommand(*run.command_changes())
-        return {name: self.added(name, run.time_s, wheels, values) for name, values in predicted.items()}
-
-    def as_json(self) -> dict[str, Any]:
-        """Return what a model file keeps under `KEY`."""
-        return {
-            "what": LABEL,
-            "channels": {
-                channel: [{"feature": t.feature, "coefficients": list(t.coefficients)} for t in terms]
-                for channel, terms in self.terms.items()
-            },
-            "explained": dict(self.explained),
-        }
-
-
-def correction_of(model: Model) -> Correction | None:
-    """Return the correction that a model file holds, if any.
-
-    Raises:
-        InputError: the file's field is not what `Correction.as_json` gives.
-    """
-    stored = model.extra.get(KEY)
-    if stored is None:
-        return None
-    try:
-        terms = {
-            str(channel): tuple(Term(str(t["feature"]), tuple(map(float, t["coefficients"]))) for t in parts)
-            for channel, parts in stored["channels"].items()
-        }
-        explained = {str(channel): float(share) for channel, share in stored.get("explained", {}).items()}
-    except (TypeError, KeyError, ValueError, AttributeError) as error:
-        raise InputError(
-            f"{KEY}: must hold channels, each a list of feature and coefficients, as python -m sysid.gap "
-            "--empirical writes them"
-        ) from error
-    return Correction(terms, explained)
-
-
-def formula(channel: str, terms: Sequence[Term]) -> str:
-    """Return a sum of terms with units, such as "-0.03 x command + 3.9 rpm x sin(wheel angle + 12 deg)".
-
-    Args:
-        channel: whose unit the sum has.
-        terms: at least one.
-    """
-    still = HeldCommand(np.zeros(1), np.zeros((1, 4 if channel != "speed_rpm" else 1)))
-    known = features(channel, np.array([0.0, 1.0]), still, np.zeros(2))
-    text = " + ".join(_term_text(UNITS[channel], known[term.feature], term) for term in terms)
-    return text.replace("+ -", "- ")
-
-
-def _term_text(unit: str, feature: Feature, term: Term) -> str:
-    per = unit if not feature.unit else "" if feature.unit == unit else f"{unit} per {feature.unit}"
-    if len(term.coefficients) == 1:
-        value = f"{term.coefficients[0]:.3g}{' ' + per if per else ''}"
-        return value if feature.name == "1" else f"{value} x {feature.name}"
-    sine, cosine = term.coefficients
-    factor, _, angle = feature.name.rpartition(", ")
-    phase = math.degrees(math.atan2(cosine, sine))
-    value = f"{math.hypot(sine, cosine):.3g}{' ' + per if per else ''}"
-    wave = f"sin({angle} {'-' if phase < 0 else '+'} {abs(phase):.0f} deg)"
-    return " x ".join(filter(None, (value, factor, wave)))
-
-
+"""Explanation that the model file gives with it."""
 HARMONICS: Final = tuple(range(1, 13))
-"""Of the wheel's turn that are tried: once a turn is an uneven wheel or encoder, ten are the rollers."""
+"""Harmonics of the wheel angle: the first is an uneven wheel or encoder, the tenth the ten rollers."""
 DECAYS_S: Final = (0.1, 0.5)
-"""Time constants with which the memory of a command's change fades."""
+"""Time constants of the memory of a change of command [s]."""
 LONGEST_MEMORY_S: Final = 10.0
+"""Largest value of the time since a change of command [s]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """One candidate: a column, or a sine and a cosine that are taken together."""
+    """A candidate for a term: one column, or a sine and a cosine that belong together."""
 
     name: str
-    """As in a formula; of a pair, the angle."""
+    """As written in a formula; of a pair, the angle."""
     unit: str
-    """Of the columns; empty for a pure number."""
+    """Unit of the columns; empty for a pure number."""
     columns: FloatArray
     """Shape (n, 1), or (n, 2) for sine and cosine."""
 
@@ -159,13 +48,13 @@ class Feature:
 def features(
     channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
 ) -> dict[str, Feature]:
-    """Return the candidates of a channel by name.
+    """Return the features of a channel by name.
 
     Args:
-        channel: column of the log; a wheel's speed follows its own command, a velocity the body's.
-        time_s: of the samples [s], shape (n,), n >= 2.
+        channel: column of a log; a wheel's speed follows that wheel's command, a velocity the body's.
+        time_s: times of the samples [s], shape (n,), n >= 2.
         wheels: commands of the wheels.
-        predicted: the channel as the model has it, shape (n,).
+        predicted: the channel predicted by the model, in its unit, shape (n,).
     """
     found = _general(time_s, wheels, UNITS[channel], predicted)
     if wheels.level_rpm.shape[1] == 1 or wheel_of(channel):
@@ -239,10 +128,125 @@ def _column(name: str, unit: str, values: FloatArray) -> Feature:
 
 
 def _clean(values: FloatArray) -> FloatArray:
-    """Return values with what is next to nothing at 0, so that its sign is not chance."""
+    """Return the values with those below a thousandth of the largest as 0, whose sign would be random."""
     largest = float(np.max(np.abs(values), initial=0.0))
     return np.where(np.abs(values) > 1e-3 * largest, values, 0.0)
 
 
 def _trapezia(time_s: FloatArray, values: FloatArray) -> FloatArray:
     return np.diff(time_s) * 0.5 * (values[1:] + values[:-1])
+
+
+@dataclass(frozen=True)
+class Term:
+    """A feature with its coefficient, or its two of sine and cosine."""
+
+    feature: str
+    coefficients: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Terms that are added to predicted channels."""
+
+    terms: Mapping[str, tuple[Term, ...]]
+    """Channel -> its terms."""
+    explained: Mapping[str, float]
+    """Channel -> explained share of the squared error, on command sequences left out of the regression."""
+
+    def added(
+        self, channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
+    ) -> FloatArray:
+        """Return a predicted channel with the correction, shape (n,).
+
+        Args:
+            channel: column of a log; one without terms is returned unchanged.
+            time_s: times of the samples from the start of the run [s], shape (n,).
+            wheels: commands of the wheels.
+            predicted: prediction without the correction, in the channel's unit, shape (n,).
+
+        Raises:
+            InputError: a term with an unknown feature.
+        """
+        terms = self.terms.get(channel, ())
+        if not terms or time_s.size < 2:
+            return predicted
+        known = features(channel, time_s, wheels, predicted)
+        total = np.array(predicted, float)
+        for term in terms:
+            if term.feature not in known or len(term.coefficients) != known[term.feature].columns.shape[1]:
+                raise InputError(
+                    f"{KEY}: {channel} has no term {term.feature!r}{did_you_mean(term.feature, known)}"
+                )
+            total += known[term.feature].columns @ np.array(term.coefficients)
+        return total
+
+    def added_to(self, run: Run, predicted: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+        """Return all predicted channels of a run with the correction.
+
+        Args:
+            run: gives the commands and the times.
+            predicted: channel -> values at the run's rows, shape (n,).
+        """
+        wheels = HeldCommand(*run.command_changes())
+        return {name: self.added(name, run.time_s, wheels, values) for name, values in predicted.items()}
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the value of the model file's field `KEY`."""
+        return {
+            "what": LABEL,
+            "channels": {
+                channel: [{"feature": t.feature, "coefficients": list(t.coefficients)} for t in terms]
+                for channel, terms in self.terms.items()
+            },
+            "explained": dict(self.explained),
+        }
+
+
+def correction_of(model: Model) -> Correction | None:
+    """Return the correction that a `model` file holds, None if it holds none.
+
+    Raises:
+        InputError: the field is not in the form of `Correction.as_json`.
+    """
+    stored = model.extra.get(KEY)
+    if stored is None:
+        return None
+    try:
+        terms = {
+            str(channel): tuple(Term(str(t["feature"]), tuple(map(float, t["coefficients"]))) for t in parts)
+            for channel, parts in stored["channels"].items()
+        }
+        explained = {str(channel): float(share) for channel, share in stored.get("explained", {}).items()}
+    except (TypeError, KeyError, ValueError, AttributeError) as error:
+        raise InputError(
+            f"{KEY}: must hold channels, each a list of feature and coefficients, as python -m sysid.gap "
+            "--empirical writes them"
+        ) from error
+    return Correction(terms, explained)
+
+
+def formula(channel: str, terms: Sequence[Term]) -> str:
+    """Return a sum of terms with units, such as "-0.03 x command + 3.9 rpm x sin(wheel angle + 12 deg)".
+
+    Args:
+        channel: gives the unit of the sum.
+        terms: at least one.
+    """
+    still = HeldCommand(np.zeros(1), np.zeros((1, 4 if channel != "speed_rpm" else 1)))
+    known = features(channel, np.array([0.0, 1.0]), still, np.zeros(2))
+    text = " + ".join(_term_text(UNITS[channel], known[term.feature], term) for term in terms)
+    return text.replace("+ -", "- ")
+
+
+def _term_text(unit: str, feature: Feature, term: Term) -> str:
+    per = unit if not feature.unit else "" if feature.unit == unit else f"{unit} per {feature.unit}"
+    if len(term.coefficients) == 1:
+        value = f"{term.coefficients[0]:.3g}{' ' + per if per else ''}"
+        return value if feature.name == "1" else f"{value} x {feature.name}"
+    sine, cosine = term.coefficients
+    factor, _, angle = feature.name.rpartition(", ")
+    phase = math.degrees(math.atan2(cosine, sine))
+    value = f"{math.hypot(sine, cosine):.3g}{' ' + per if per else ''}"
+    wave = f"sin({angle} {'-' if phase < 0 else '+'} {abs(phase):.0f} deg)"
+    return " x ".join(filter(None, (value, factor, wave)))

@@ -1,4 +1,4 @@
-"""Simulating all situations of a study, and remembering motions that only other sensors look at."""
+"""Simulation of all situations of a study; motions are shared by models that differ in their sensors only."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_o
 from sysid.compare.study import Study
 
 REMEMBERED: Final = 8
-"""Motions of all situations kept; one takes some megabytes."""
+"""Number of models whose motions are kept; those of one model take some megabytes."""
 
 
 @contextmanager
 def without_engine_warnings() -> Iterator[None]:
-    """Keep MuJoCo from writing about states that diverge: a search tries them, and drops what does."""
+    """Silence MuJoCo's warnings of diverging states: a search tries such models and drops them."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:
@@ -40,12 +40,10 @@ def without_engine_warnings() -> Iterator[None]:
 class Simulator:
     """Predicts the blocks of some observations.
 
-    What a sensor does to a motion is no physics: models that differ in their sensors only share a simulation.
-
     Args:
-        observations: with the commands.
-        study: plant and time step count.
-        wheel_angle_seed: seed of the angles at which the robot's wheels start; 0: all as they are drawn.
+        observations: give the commands and the times.
+        study: gives the plant and the time step.
+        wheel_angle_seed: seed of random initial wheel angles; 0: those of the MJCF model.
     """
 
     def __init__(
@@ -97,26 +95,25 @@ class Simulator:
     def _simulate(self, model: Model) -> list[Motion]:
         situations = self.observations.situations
         level = situations[0].runs[0].level
-        # Only a floor that slopes makes the compiled model depend on where a run starts.
+        # The compiled model depends on the initial heading of a run only if the floor slopes.
         common = None if "floor_slope" in model.effects else compile_for(model, level, self.study)
         alike: dict[Hashable, list[int]] = {}
         for index, situation in enumerate(situations):
-            alike.setdefault(_moves(situation, model.wheel.command_period_s), []).append(index)
+            alike.setdefault(_motion_key(situation, model.wheel.command_period_s), []).append(index)
         motions: dict[int, Motion] = {}
         for members in alike.values():
             longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
-            angles = np.random.default_rng((self.wheel_angle_seed, members[0])).uniform(0.0, 2.0 * np.pi, 4)
-            turned = angles.tolist() if self.wheel_angle_seed else []
+            rng = np.random.default_rng((self.wheel_angle_seed, members[0]))
+            angles = rng.uniform(0.0, 2.0 * np.pi, 4).tolist() if self.wheel_angle_seed else []
             local = in_run_frame(model, longest.start)
             compiled = common or compile_for(local, level, self.study)
-            motions |= dict.fromkeys(
-                members, motion_of(local, longest.runs[0], longest.start, compiled, turned)
-            )
+            motion = motion_of(local, longest.runs[0], longest.start, compiled, angles)
+            motions |= dict.fromkeys(members, motion)
         return [motions[index] for index in range(len(situations))]
 
 
-def _moves(situation: Situation, command_period_s: float) -> Hashable:
-    """Return what a motion depends on: repeats move alike, whatever the stamps of their samples."""
+def _motion_key(situation: Situation, command_period_s: float) -> Hashable:
+    """Return what a motion depends on; the times of the samples are not part of it."""
     run = situation.runs[0]
     rows = run.command_rows()
     since = run.held_since(command_period_s)[rows]
@@ -125,10 +122,10 @@ def _moves(situation: Situation, command_period_s: float) -> Hashable:
 
 
 def model_key(model: Model) -> str:
-    """Return what tells apart two models that may move otherwise.
+    """Return a key of what a model's motion depends on.
 
     Args:
-        model: its wheel, robot and effects count.
+        model: wheel, robot and effects.
     """
     physics = replace(model, uncertainty={}, provenance={}, extra={})
     return json.dumps(model_to_dict(physics), sort_keys=True)

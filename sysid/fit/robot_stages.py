@@ -10,13 +10,12 @@ inertia are moved until the robot on its rollers does what the fit runs say.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Any, Final
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
 
 from mecanum_env.model import Model
-from mecanum_env.units import FloatArray
 from sysid.compare.fitted import RefittedLaw, fit
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -107,52 +106,7 @@ def _with_body_velocities(dataset: Dataset, data: PlantData, model: Model) -> Pl
 
 SECONDS: Final = 30.0
 """Of log that is simulated, of each split."""
-_FACTOR: Final = 3.0  # by which a robot's parameter may move
 _SIMULATIONS: Final = 20
-
-
-@dataclass(frozen=True)
-class LawAndRobot:
-    """The law's five free numbers and some of the robot's, each 0 .. 1."""
-
-    law: RefittedLaw
-    robot: tuple[str, ...]
-    """Names of the robot's parameters that move."""
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """What it is, for a message."""
-        return (*self.law.names, *self.robot)
-
-    @property
-    def parameter_count(self) -> int:
-        """Free numbers."""
-        return self.law.parameter_count + len(self.robot)
-
-    @property
-    def stepwise(self) -> tuple[bool, ...]:
-        """None of them jumps."""
-        return (False,) * self.parameter_count
-
-    @property
-    def owners(self) -> tuple[str, ...]:
-        """None of them belongs to an effect."""
-        return ("",) * self.parameter_count
-
-    def start(self) -> FloatArray:
-        """Return the place of the model as it is."""
-        return np.concatenate([self.law.start(), np.full(len(self.robot), 0.5)])
-
-    def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
-        """Return the `base` model at a place `unit`, shape (5 + robot,)."""
-        places = np.asarray(unit, float)
-        count = self.law.parameter_count
-        factors = _FACTOR ** (2.0 * places[count:] - 1.0)
-        moved: dict[str, Any] = {
-            name: getattr(base.robot, name) * float(factor)
-            for name, factor in zip(self.robot, factors, strict=True)
-        }
-        return replace(self.law.model(base, places[:count]), robot=replace(base.robot, **moved))
 
 
 def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Model, str]:
@@ -164,7 +118,7 @@ def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Mo
         robot: names of the robot's parameters that may move.
     """
     runs = dataset.split("fit")
-    candidate = LawAndRobot(RefittedLaw(model), tuple(robot))
+    candidate = RefittedLaw(model, tuple(robot))
     plain = replace(model, uncertainty={})
     with without_engine_warnings():
         problem = _problem(plain, dataset, runs)

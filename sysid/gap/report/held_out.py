@@ -216,7 +216,7 @@ def evidence(
             bic=fitted.cost / decision.inflation + p * math.log(problem.size),
         )
 
-    return tuple(problem.map(row, sorted(listed, key=lambda j: (j.score, j.names))))
+    return tuple(problem.study.map(row, sorted(listed, key=lambda j: (j.score, j.names))))
 
 
 def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:

@@ -122,7 +122,7 @@ class Search:
             gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
             if gain >= _HOPE * best and growth.key not in self.fitted and len(chosen) < most:
                 chosen.setdefault(growth.key, growth)
-        for key, found in zip(chosen, self.problem.map(self._fit, chosen.values()), strict=True):
+        for key, found in zip(chosen, self.problem.study.map(self._fit, chosen.values()), strict=True):
             if found is not None:
                 self.fitted[key] = found
 

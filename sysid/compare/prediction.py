@@ -100,7 +100,7 @@ def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjMo
 
 
 def in_run_frame(model: Model, start: Start) -> Model:
-    """Return the model with a sloping floor's heading relative to the initial yaw, as a simulation starts at 0.
+    """Return the model with a sloping floor's heading relative to the initial yaw, where simulations start.
 
     Args:
         model: wheel, robot and effects.

@@ -103,7 +103,7 @@ class Samples:
 
     @property
     def command(self) -> HeldCommand:
-        """Command that the channel follows [rpm]: that of its wheel (1 column), or forward, left, turn (3)."""
+        """Command that the channel follows [rpm]: its wheel's (1 column), or forward, left and turn (3)."""
         levels = self.wheels.level_rpm
         if levels.shape[1] == 1:
             return self.wheels

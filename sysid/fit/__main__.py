@@ -14,11 +14,10 @@ from mecanum_env.errors import install_command
 from mecanum_env.files import require_writable, write_json
 from mecanum_env.model import Robot, read_robot, write_model
 from sysid.fit.estimators import DEFAULT_METHOD, METHODS
-from sysid.fit.page import write_fit_report
 from sysid.fit.pipeline import FitOptions, fit_dataset
 from sysid.fit.plots import write_fit_plots
+from sysid.fit.report import fit_table, write_fit_report
 from sysid.fit.result import fit_json, fitted_model
-from sysid.fit.table import fit_table
 from sysid.logs import read_dataset
 from sysid.progress import stage_bar
 

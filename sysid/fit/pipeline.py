@@ -18,14 +18,14 @@ from sysid.fit.drive_choice import (
     choose_clock,
     choose_drive,
     delay_is_vague,
+    drive_notes,
+    gain_notes,
     pooled,
     runs_by_split,
 )
 from sysid.fit.estimators import DEFAULT_METHOD, Estimate
 from sysid.fit.metrics import MethodMetrics, Runs, method_metrics
-from sysid.fit.notes import drive_notes, gain_notes
-from sysid.fit.robot_parameters import RobotFit
-from sysid.fit.robot_stages import robot_of
+from sysid.fit.robot_parameters import RobotFit, robot_of
 from sysid.fit.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
 from sysid.fit.wheel_data import wheel_columns
 from sysid.logs import Dataset

@@ -1,7 +1,9 @@
-"""The page of a fit."""
+"""The report of a fit: the table in the terminal and the page `report.html`."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,24 +13,127 @@ import mecanum_env
 from mecanum_env.law.metrics import step_response
 from mecanum_env.model import Model
 from mecanum_env.report import figure, report_available, write_page
+from sysid.fit.metrics import MethodMetrics
 from sysid.fit.pipeline import Fit
-from sysid.fit.plots import BenchReplay, RunView, replay_worst, run_views
-from sysid.fit.table import method_table, quantity_table, robot_table
-from sysid.logs import Split
+from sysid.fit.plots import HELD_OUT_FIRST, BenchReplay, RunView, replay_worst, run_views
+from sysid.fit.statistics import Quantity
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
 _GREY, _RED, _BLUE = "#8a8a8a", "#c8102e", "#1f4e79"
 _MOST_FINDINGS: Final = 40
-_HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")
+
+
+def fit_table(fit: Fit) -> str:
+    """Return the result of a `fit` as text: noise, methods, coefficients, residual tests and notes."""
+    sure, tests = fit.uncertainty, fit.residual_tests
+    source = "from repeats" if fit.sigma_from_repeats else "from the residuals, no repeats"
+    noise = ", ".join(f"{name} {value:.3g}" for name, value in sorted(fit.sigma_rpm.items()))
+    lines = [
+        f"{fit.dataset.name}: {len(fit.dataset.runs)} runs; noise {noise} rpm ({source})",
+        "",
+        *_columns(method_table(fit)),
+        "",
+        *_columns(quantity_table(fit)),
+        "",
+        *([*_columns(robot_table(fit)), ""] if fit.robot else []),
+        f"residuals: {_passed('white', tests.whiteness.passed, tests.whiteness.p_value)}; "
+        f"{_passed('free of the input', tests.input_correlation.passed, tests.input_correlation.p_value)}; "
+        f"{sure.noise_ratio:.2f} times the noise",
+    ]
+    lines += [f"warning: {warning}" for warning in sure.warnings]
+    lines += [f"note: {note}" for note in fit.notes]
+    kinds = sorted({finding.kind for finding in fit.dataset.findings})
+    if kinds:
+        lines.append(f"in the logs: {', '.join(kinds)} (python -m sysid.logs check LOGS says more)")
+    return "\n".join(lines)
+
+
+def method_table(fit: Fit) -> list[tuple[str, ...]]:
+    """Return the metrics of a `fit`'s methods as rows of cells, the head first."""
+    return [_METHOD_HEAD, *(_method_row(name, metrics) for name, metrics in fit.methods.items())]
+
+
+def quantity_table(fit: Fit) -> list[tuple[str, ...]]:
+    """Return the coefficients of a `fit` and what follows from them as rows of cells, the head first."""
+    return [
+        _QUANTITY_HEAD,
+        *(_quantity_row(q) for q in (*fit.uncertainty.parameters, *fit.uncertainty.functionals)),
+    ]
+
+
+def robot_table(fit: Fit) -> list[tuple[str, ...]]:
+    """Return the robot's parameters of a `fit` as rows of cells, the head first; none for bench logs."""
+    parameters = fit.robot.parameters if fit.robot else ()
+    return [
+        ("robot", "value", "standard error", ""),
+        *(
+            (
+                p.name,
+                f"{p.value:.4g}",
+                f"{p.standard_error:.2g}" if p.fitted and math.isfinite(p.standard_error) else "-",
+                p.reason,
+            )
+            for p in parameters
+        ),
+    ]
+
+
+_METHOD_HEAD = ("method", "rms fit", "validation", "test rpm", "worst", "rise s", "settling s", "dc gain - 1",
+                "stable", "starts ok", "seconds", "MiB")  # fmt: skip
+_QUANTITY_HEAD = ("", "value", "standard error", "Cramer-Rao", "95 % interval")
+
+
+def _method_row(name: str, m: MethodMetrics) -> tuple[str, ...]:
+    found = m.estimate
+    errors = [m.errors.get(split) for split in ("fit", "validation", "test")]
+    worst = max((e.max_rpm for e in errors if e), default=math.nan)
+    return (
+        name,
+        *(f"{e.rms_rpm:.3f}" if e else "-" for e in errors),
+        f"{worst:.2f}",
+        f"{m.metrics.rise_time_s:.4f}",
+        f"{m.metrics.settling_time_s:.4f}",
+        f"{found.law.dc_gain - 1.0:.1e}",
+        "yes" if found.law.is_stable else "NO",
+        f"{found.success_share:.0%} of {len(found.starts)}",
+        f"{found.seconds:.2f}",
+        f"{m.peak_memory_mib:.1f}",
+    )
+
+
+def _quantity_row(q: Quantity) -> tuple[str, ...]:
+    unit = f" {q.unit}" if q.unit else ""
+    return (
+        q.name,
+        f"{q.value:.5g}{unit}",
+        f"{q.standard_error:.2g}",
+        f"{q.cramer_rao:.2g}",
+        f"{q.low:.5g} .. {q.high:.5g}",
+    )
+
+
+def _passed(what: str, passed: bool, p_value: float) -> str:
+    return f"{'' if passed else 'not '}{what} (p = {p_value:.2g})"
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    return [
+        "  ".join(
+            cell.ljust(w) if i == 0 else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
 
 
 def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
-    """Write the page of a fit; return False, writing nothing, where the `report` extra is not installed.
+    """Write the page of a fit; return False, writing nothing, if the `report` extra is not installed.
 
     Args:
         fit: the fitted wheel.
-        model: what was written to model.json; it is replayed in MuJoCo beside the law.
-        path: of the page.
+        model: the model of the fit, which is replayed in MuJoCo.
+        path: file to write.
     """
     if not report_available():
         return False
@@ -77,7 +182,7 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
 
 def _verdict(fit: Fit) -> str:
     found = fit.methods[fit.estimate.method]
-    split = next(split for split in _HELD_OUT_FIRST if split in found.errors)
+    split = next(split for split in HELD_OUT_FIRST if split in found.errors)
     error, sigma = found.errors[split], float(np.mean(list(fit.sigma_rpm.values())))
     free = fit.estimate.free
     order = ("first", "second", "third")[("B" in free) + ("C" in free)]

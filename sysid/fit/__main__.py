@@ -47,18 +47,18 @@ def fit(
 
     Args:
         logs: Folder of bench or robot logs, or one file.
-        robot: JSON with what is known of the robot (wheel_radius_m, mass_kg ...); not fitted then.
+        robot: JSON file of measured robot parameters (wheel_radius_m, mass_kg ...), which are not fitted.
         out: Folder to write.
-        method: Methods to run, or "all"; the first gives the model.
-        starts: Starting points of each method.
-        seed: Of the random starting points.
+        method: Methods to run, or "all"; the model is from the first.
+        starts: Number of starting points of each method.
+        seed: Seed of the random starting points.
         free_gain: Estimate the DC gain instead of holding it at exactly 1.
-        per_wheel: On robot logs, fit each wheel as well as all together.
-        delay: Transport delay of the command [s]; auto: adopted where the logs ask for one.
+        per_wheel: On robot logs, fit each wheel, too.
+        delay: Transport delay of the command [s]; auto: estimated, and adopted on evidence.
         sample_period: Period of the law [s]; default near 1/120 s.
         command_period: Shortest time between commands [s]; default 0.1.
         quantum: Rounding of commands [rpm]; default 1.
-        saturation: Ceiling of the wheel's speed [rpm]; default 135, or estimated where commands go beyond.
+        saturation: Ceiling of the wheel speed [rpm]; default 135, or estimated if commands exceed it.
     """
     options = FitOptions(
         methods=tuple(METHODS) if method == ("all",) else method,

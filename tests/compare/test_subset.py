@@ -1,4 +1,4 @@
-"""Which runs decide: all, or what covers the speeds where all would be too much."""
+"""Runs, or pieces of runs, that decide: all of them, or those that cover the commanded speeds."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def test_pieces_are_the_run_cut_before_changes_of_command() -> None:
     assert all(p.file == "long.csv" and p.time_s[0] == 0.0 and p.duration_s >= PIECE_S - 0.1 for p in cut)
     for before, after in pairwise(cut):
         change = after.command_changes()[0][1]
-        assert BEFORE_S <= change < BEFORE_S + 2 * PERIOD_S  # it has settled, and soon has something to do
+        assert BEFORE_S <= change < BEFORE_S + 2 * PERIOD_S  # it has settled, and the command soon changes
         assert after.command.wheels_rpm[0] == before.command.wheels_rpm[-1]
 
 
@@ -59,6 +59,13 @@ def test_a_robots_commands_are_cut_with_it() -> None:
 def test_runs_that_fit_are_all_taken_whole() -> None:
     runs = (held([10.0, 20.0], 15.0), held([-10.0], 3.0, "validation", "short"))
     assert select_runs(runs, 33.0, PERIOD_S) == runs
+
+
+def test_the_most_active_groups_of_every_split_are_kept_whole() -> None:
+    calm, wild = held([0.0, 10.0], 1.0, name="calm"), held([0.0, 100.0], 1.0, name="wild")
+    runs = (calm, wild, held([0.0, 50.0], 1.0, "validation", "held"))
+    assert [run.group for run in most_active_runs(runs, 4.0)] == ["wild", "held"]
+    assert most_active_runs(runs, 100.0) == runs
 
 
 def test_short_runs_are_never_cut() -> None:
@@ -105,7 +112,7 @@ def test_the_time_that_decides_is_above_nothing() -> None:
         analyse(logs, MODEL, GapOptions(seconds=0.0))
 
 
-def test_quiet_logs_have_no_large_command_and_keep_their_splits() -> None:
+def test_runs_of_small_commands_keep_their_splits() -> None:
     loud = held([0.0, 100.0, -90.0], 3.0, name="loud")
     calm = held([0.0, 50.0, -40.0], 3.0, "validation", "calm")
     long = held([20.0, 30.0, -30.0, 95.0, 100.0, 100.0], 6.0)

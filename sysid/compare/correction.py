@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.kinematics import wheels_to_body
+from mecanum_env.kinematics import WHEELS, wheels_to_body
 from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.compare.samples import HeldCommand, wheel_of
@@ -90,7 +90,7 @@ def _of_a_wheel(
     own = wheels
     wheel = wheel_of(channel)
     if wheel is not None:
-        index = ("fl", "fr", "rl", "rr").index(wheel)
+        index = WHEELS.index(wheel)
         own = HeldCommand(wheels.change_s, wheels.level_rpm[:, index : index + 1])
     command = own.at(time_s)[:, 0]
     previous = own.before_change(time_s)[:, 0]

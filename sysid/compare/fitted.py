@@ -46,30 +46,24 @@ class Candidate(Protocol):
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the effects, or of what is fitted instead."""
-        ...
 
     @property
     def parameter_count(self) -> int:
         """Number p of free parameters."""
-        ...
 
     @property
     def stepwise(self) -> tuple[bool, ...]:
         """Which free parameters have a discontinuous response, (p,)."""
-        ...
 
     @property
     def owners(self) -> tuple[str, ...]:
         """The effect that each free parameter belongs to, "" for none, (p,)."""
-        ...
 
     def model(self, base: Model, unit: FloatArray) -> Model:
         """Return the model at a place (p,)."""
-        ...
 
     def start(self) -> FloatArray:
         """Return the place nearest to the base model, (p,)."""
-        ...
 
 
 C = TypeVar("C", bound=Candidate)

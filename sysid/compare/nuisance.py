@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from mecanum_env.errors import MecanumError
-from mecanum_env.kinematics import WHEELS, wheels_to_body
+from mecanum_env.kinematics import wheels_to_body
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
@@ -148,6 +148,6 @@ def _command_levels(model: Model, situation: Situation, channel: str) -> tuple[F
     if channel == "speed_rpm":
         return times, wheels[:, 0]
     if channel in WHEEL_SPEEDS:
-        return times, wheels[:, WHEELS.index(channel.removeprefix("speed_").removesuffix("_rpm"))]
+        return times, wheels[:, WHEEL_SPEEDS.index(channel)]
     body = wheels_to_body(wheels)
     return times, body[:, _KINDS.index(_kind(channel)) - 1]

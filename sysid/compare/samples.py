@@ -13,6 +13,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, wheels_to_body
 from mecanum_env.units import FloatArray
 from sysid.logs import Run
+from sysid.logs.runs import WHEEL_SPEEDS
 
 COMMAND_STEP_RPM: Final = 1.0
 """Largest difference of commands that count as one level [rpm]: the quantum of the robot's commands."""
@@ -153,7 +154,7 @@ def samples_of(
 
 def wheel_of(channel: str) -> str | None:
     """Return which of fl, fr, rl, rr a `channel` measures; None for the body and the bench."""
-    return next((wheel for wheel in WHEELS if channel == f"speed_{wheel}_rpm"), None)
+    return WHEELS[WHEEL_SPEEDS.index(channel)] if channel in WHEEL_SPEEDS else None
 
 
 def _half_turn(angle_rad: FloatArray) -> FloatArray:

@@ -87,9 +87,7 @@ class Search:
         prepared = [driven(run, held_delay, held_limit) for run in data]
         found = estimate(prepared, method or self.method, options)
         return replace(
-            found,
-            delay_s=held_delay + found.delay_s,
-            saturation_rpm=min(held_limit, found.saturation_rpm),
+            found, delay_s=held_delay + found.delay_s, saturation_rpm=min(held_limit, found.saturation_rpm)
         )
 
 

@@ -107,19 +107,18 @@ def _views(fit: Fit, split: Split) -> list[RunView]:
         simulated = simulate(run, found.law, found.delay_s, found.saturation_rpm)
         command = run.command(found.delay_s, found.saturation_rpm)
         error = residual(run, found)
-        views.append(
-            RunView(
-                run.name,
-                split,
-                rms(error),
-                np.asarray(run.sample_tick * tau),
-                run.speed_rpm,
-                error,
-                np.asarray(np.arange(len(simulated)) * tau, float),
-                simulated,
-                np.append(command, command[-1]),
-            )
+        view = RunView(
+            name=run.name,
+            split=split,
+            rms_rpm=rms(error),
+            time_s=np.asarray(run.sample_tick * tau),
+            measured_rpm=run.speed_rpm,
+            residual_rpm=error,
+            tick_s=np.asarray(np.arange(len(simulated)) * tau, float),
+            simulated_rpm=simulated,
+            command_rpm=np.append(command, command[-1]),
         )
+        views.append(view)
     return views
 
 

@@ -63,19 +63,11 @@ def quantity_table(fit: Fit) -> list[tuple[str, ...]]:
 
 def robot_table(fit: Fit) -> list[tuple[str, ...]]:
     """Return the robot's parameters of a `fit` as rows of cells, the head first; none for bench logs."""
-    parameters = fit.robot.parameters if fit.robot else ()
-    return [
-        ("robot", "value", "standard error", ""),
-        *(
-            (
-                p.name,
-                f"{p.value:.4g}",
-                f"{p.standard_error:.2g}" if p.fitted and math.isfinite(p.standard_error) else "-",
-                p.reason,
-            )
-            for p in parameters
-        ),
-    ]
+    rows: list[tuple[str, ...]] = [("robot", "value", "standard error", "")]
+    for p in fit.robot.parameters if fit.robot else ():
+        error = f"{p.standard_error:.2g}" if p.fitted and math.isfinite(p.standard_error) else "-"
+        rows.append((p.name, f"{p.value:.4g}", error, p.reason))
+    return rows
 
 
 _METHOD_HEAD = ("method", "rms fit", "validation", "test rpm", "worst", "rise s", "settling s", "dc gain - 1",
@@ -118,13 +110,8 @@ def _passed(what: str, passed: bool, p_value: float) -> str:
 
 def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    return [
-        "  ".join(
-            cell.ljust(w) if i == 0 else cell.rjust(w)
-            for i, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
+    cells = [[cell.rjust(width) for cell, width in zip(row, widths, strict=True)] for row in rows]
+    return ["  ".join([row[0].ljust(widths[0]), *right[1:]]) for row, right in zip(rows, cells, strict=True)]
 
 
 def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:

@@ -74,15 +74,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
         "parameters": {q.name: _quantity(q) for q in sure.parameters},
         "functionals": {q.name: _quantity(q) for q in sure.functionals},
         "wheels": {wheel: _law(estimate.law) for wheel, estimate in fit.wheels.items()},
-        "robot": {
-            p.name: {
-                "value": p.value,
-                "standard_error": p.standard_error,
-                "fitted": p.fitted,
-                "reason": p.reason,
-            }
-            for p in robot
-        },
+        "robot": {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in robot},
         "noise": {
             "sigma_rpm": fit.sigma_rpm,
             "source": "repeats" if fit.sigma_from_repeats else "residuals of the fit",

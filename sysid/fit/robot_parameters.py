@@ -106,8 +106,8 @@ def robot_of(
     named = [p.name for p in found.parameters if p.fitted]
     how = f"with {', '.join(named)}" if named else "alone (nothing of the robot shows in the logs)"
     caution = (
-        "; the wheels slip in these logs, which makes the error rough: the standard errors of servo and "
-        "inertia are too small then"
+        "; the wheels slip in these logs, so the error is no smooth function of the parameters, and the "
+        "standard errors of servo and inertia are too small"
         if "friction" in named
         else ""
     )

@@ -18,6 +18,7 @@ from mecanum_env.units import FloatArray
 from sysid.fit.command_path import CommandPath
 from sysid.fit.estimators import WheelRun
 from sysid.logs import BenchCommand, BodyCommand, Run
+from sysid.logs.runs import WHEEL_SPEEDS
 
 _AT_REST_SIGMAS: Final = 4.0
 _START_TICKS: Final = 1.0  # samples up to this tick show no response yet: the law responds one tick later
@@ -31,7 +32,7 @@ def wheel_columns(run: Run) -> dict[str, str]:
     """
     if isinstance(run.command, BenchCommand):
         return {"wheel": "speed_rpm"}
-    found = {wheel: f"speed_{wheel}_rpm" for wheel in WHEELS if f"speed_{wheel}_rpm" in run.channels}
+    found = {w: column for w, column in zip(WHEELS, WHEEL_SPEEDS, strict=True) if column in run.channels}
     if not found:
         raise InputError(
             f"{run.file}: no wheel speed (speed_fl_rpm ...); the wheel law is fitted to wheel speeds, "

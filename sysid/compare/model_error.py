@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -147,10 +147,7 @@ def model_error_of(model: Model) -> ModelError | None:
 def with_model_error(model: Model, error: ModelError) -> Model:
     """Return the `model` with its own `error` among the stated uncertainties."""
     stated: dict[str, Any] = {
-        "channels": {
-            name: {"settled": e.settled, "transient": e.transient, "correlation_s": e.correlation_s}
-            for name, e in error.channels.items()
-        },
+        "channels": {name: asdict(channel) for name, channel in error.channels.items()},
         "data_sha256": error.data_sha256,
     }
     return replace(model, uncertainty={**model.uncertainty, "model_error": stated})

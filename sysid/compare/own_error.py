@@ -10,13 +10,7 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import (
-    ChannelError,
-    ModelError,
-    Residual,
-    estimate_model_error,
-    with_model_error,
-)
+from sysid.compare.model_error import ModelError, Residual, estimate_model_error, with_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import Observations, observe
@@ -81,10 +75,10 @@ def block_residuals(observations: Observations, noise: Noise, parts: Sequence[Fl
 
 def _scaled(error: ModelError, factor: float) -> ModelError:
     channels = {
-        name: ChannelError(factor * e.settled, factor * e.transient, e.correlation_s)
+        name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
         for name, e in error.channels.items()
     }
-    return ModelError(channels, error.data_sha256)
+    return replace(error, channels=channels)
 
 
 def _marginal_cost(

@@ -199,23 +199,12 @@ def _line(x: Any, y: Any, name: str, colour: str, **more: Any) -> dict[str, Any]
 
 
 def _overlay(view: RunView) -> dict[str, Any]:
+    dots = {"mode": "markers", "marker": {"size": 3, "color": _GREY}}
+    steps = {"line": {"color": _BLUE, "width": 1, "shape": "hv"}}
     return figure(
         [
-            _line(
-                view.time_s,
-                view.measured_rpm,
-                "measured",
-                _GREY,
-                mode="markers",
-                marker={"size": 3, "color": _GREY},
-            ),
-            _line(
-                view.tick_s,
-                view.command_rpm,
-                "command",
-                _BLUE,
-                line={"color": _BLUE, "width": 1, "shape": "hv"},
-            ),
+            _line(view.time_s, view.measured_rpm, "measured", _GREY, **dots),
+            _line(view.tick_s, view.command_rpm, "command", _BLUE, **steps),
             _line(view.tick_s, view.simulated_rpm, "simulated", _RED),
         ],
         title=f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm",
@@ -263,17 +252,11 @@ def _autocorrelation(fit: Fit) -> dict[str, Any]:
 def _poles(fit: Fit) -> dict[str, Any]:
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     poles = fit.law.poles
+    crosses = {"mode": "markers", "marker": {"symbol": "x", "size": 10, "color": _RED}}
     return figure(
         [
             _line(np.cos(turn), np.sin(turn), "unit circle", _GREY, hoverinfo="skip"),
-            _line(
-                poles.real,
-                poles.imag,
-                "poles",
-                _RED,
-                mode="markers",
-                marker={"symbol": "x", "size": 10, "color": _RED},
-            ),
+            _line(poles.real, poles.imag, "poles", _RED, **crosses),
         ],
         title="poles: |z| = " + ", ".join(f"{abs(p):.3f}" for p in poles),
         height=400,

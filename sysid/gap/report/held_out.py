@@ -105,7 +105,7 @@ def differences(dataset: Dataset, comparison: Comparison) -> tuple[Difference, d
     With several channels the gap is in units of their noise: from repeats, else what is left after.
 
     Args:
-        dataset: all its repeats give the noise.
+        dataset: repeats of all its runs, test runs included, give the noise floor; no decision uses it.
         comparison: of the runs that count.
     """
     repeats = noise_from_repeats(dataset.runs) or {}

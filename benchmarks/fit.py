@@ -1,4 +1,4 @@
-"""How well, how surely and how fast the output-error method fits: synthetic logs with known truth.
+"""Accuracy, reliability and speed of the output-error method on synthetic logs with a known truth.
 
 The paper's law; steps of 10, 40, 80 and 130 rpm with 3 repeats, 2 s at 120 Hz, 1 rpm rounding, 0.5 and 2 rpm
 noise. Success = within 5 % of the best rms of all starts, all starts random.
@@ -30,14 +30,14 @@ NOISES_RPM = (0.5, 2.0)
 def benchmark(
     starts: int = 100, realisations: int = 200, seed: int = 0, quick: bool = False, out: Path | None = None
 ) -> None:
-    """Print the table of figures; write it as JSON with --out.
+    """Print the table of results; write it as JSON with --out.
 
     Example: python benchmarks/fit.py --starts 100 --realisations 200
 
     Args:
         starts: random starting points on one set of logs.
         realisations: noise realisations for errors and bias.
-        seed: of the noise and the starts.
+        seed: seed of the noise and the starts.
         quick: 20 starts and 20 realisations.
         out: JSON file to write.
     """

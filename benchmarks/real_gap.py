@@ -30,7 +30,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.files import write_json, write_text
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model, read_robot
-from sysid.compare.subset import deciding, quiet
+from sysid.compare.subset import select_runs, small_command_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.pipeline import Fit
 from sysid.gap.report.output import gap_json
@@ -153,13 +153,13 @@ def fitted(data: Dataset, robot: Path, starts: int) -> tuple[Model, str]:
         given = tuple(json.loads(robot.read_text(encoding="utf-8")))
         options = replace(options, robot=read_robot(robot), robot_given=given)
     period = min(run.median_interval_s for run in data.runs)
-    part = quiet(data, period)
+    part = small_command_runs(data, period)
     if part is not data:
         fit = fit_dataset(part, options)
         if settles(fit):
             said = f"{part_text(part)}, in which commands stay below half of the fastest"
             return fitted_model(fit), f"Fitted to {said}."
-    runs = deciding(data.split("fit") + data.split("validation"), FIT_S, period)
+    runs = select_runs(data.split("fit") + data.split("validation"), FIT_S, period)
     part = replace(data, runs=runs)
     return fitted_model(fit_dataset(part, options)), f"Fitted to {part_text(part)} that cover all speeds."
 

@@ -1,4 +1,4 @@
-"""Fit recordings of real robots and print what the law reaches on them, as a Markdown table.
+"""Fit recordings of real robots and print the errors of the law as a Markdown table.
 
 Example: python benchmarks/real_logs.py --out out/real_logs.json
 
@@ -17,6 +17,7 @@ from tqdm import tqdm
 
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
+from mecanum_env.markdown import markdown_table
 from sysid.fit import FitOptions, fit_dataset, fit_json
 from sysid.fit.pipeline import Fit
 from sysid.logs import read_dataset
@@ -35,27 +36,27 @@ def main(
     starts: int = 5,
     out: Path | None = None,
 ) -> None:
-    """Fit the recordings, print the table and every note; say so and stop where there are none.
+    """Fit the recordings and print the table and all notes; stop with a message if there are none.
 
     Example: python benchmarks/real_logs.py husky/left --starts 2
 
     Args:
-        names: which recordings.
-        starts: of each fit.
-        out: JSON file to write, with every fit's figures.
+        names: recordings, as folders below MECANUM_REAL_LOGS.
+        starts: number of starting points of each fit.
+        out: JSON file to write, with the results of all fits.
     """
     folder = Path(os.environ.get("MECANUM_REAL_LOGS", BESIDE_THE_CHECKOUT))
     if not (folder / "husky").is_dir():
         print("no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/")
         return
-    rows, notes, results = [HEAD, tuple("---" for _ in HEAD)], [], {}
+    rows, notes, results = [], [], {}
     for name in tqdm(names, desc="recordings", leave=False, disable=None):
         data = read_dataset(folder / name)
         fit, seconds = seconds_of(lambda data=data: fit_dataset(data, FitOptions(starts=starts)))
         rows.append((name, *row(fit), f"{seconds:.0f}"))
         notes.append(f"\n{name}\n" + "".join(f"\n- {note}" for note in fit.notes))
         results[name] = {"seconds": seconds, **fit_json(fit)}
-    print("\n".join("| " + " | ".join(cells) + " |" for cells in rows))
+    print(markdown_table(HEAD, rows))
     print("\n".join(notes))
     if out is not None:
         write_json(out, results)
@@ -63,11 +64,11 @@ def main(
 
 def row(fit: Fit) -> tuple[str, ...]:
     """Return the cells of one recording between its name and its seconds."""
-    figures, found, tests = fit.methods[fit.estimate.method], fit.estimate, fit.residual_tests
+    metrics, found, tests = fit.methods[fit.estimate.method], fit.estimate, fit.residual_tests
     ceiling = found.saturation_rpm
     return (
-        *(f"{figures.errors[s].rms_rpm:.1f}" for s in ("fit", "validation", "test")),
-        f"{figures.metrics.rise_time_s:.3g}",
+        *(f"{metrics.errors[s].rms_rpm:.1f}" for s in ("fit", "validation", "test")),
+        f"{metrics.metrics.rise_time_s:.3g}",
         str(1 + ("B" in found.free) + ("C" in found.free)),
         f"{found.delay_s * 1e3:.0f}",
         f"{ceiling:.0f}" if ceiling < float("inf") else "-",

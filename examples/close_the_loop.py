@@ -169,7 +169,7 @@ def fit_bench(out: Path) -> Fit:
     from mecanum_env.files import write_json
     from mecanum_env.model import write_model
     from sysid.fit import fit_dataset, fit_json, fitted_model
-    from sysid.fit.page import write_fit_report
+    from sysid.fit.report import write_fit_report
     from sysid.logs import read_dataset
     from sysid.progress import stage_bar
 

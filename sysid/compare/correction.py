@@ -1,30 +1,145 @@
-"""A readable correction of predicted channels, found by regression."""
+"""A readable correction of predicted channels, found by regression of their residuals.
+
+Its terms are functions of command, prediction and time. None of them uses a measurement, so that a correction
+can be added to any prediction.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.kinematics import WHEELS, wheels_to_body
 from mecanum_env.model import Model
-from mecanum_env.units import FloatArray
-from sysid.compare.features import Feature, features
-from sysid.compare.samples import HeldCommand
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from sysid.compare.samples import HeldCommand, wheel_of
 from sysid.logs import Run
 from sysid.logs.runs import UNITS
 
 KEY: Final = "empirical"
-"""Of the model file's own field that holds an adopted correction."""
+"""Field of a model file that holds an adopted correction."""
 LABEL: Final = "added to the predicted channel; found by regression on what was left over, not physics"
+"""Explanation that the model file gives with it."""
+HARMONICS: Final = tuple(range(1, 13))
+"""Harmonics of the wheel angle: the first is an uneven wheel or encoder, the tenth the ten rollers."""
+DECAYS_S: Final = (0.1, 0.5)
+"""Time constants of the memory of a change of command [s]."""
+LONGEST_MEMORY_S: Final = 10.0
+"""Largest value of the time since a change of command [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feature:
+    """A candidate for a term: one column, or a sine and a cosine that belong together."""
+
+    name: str
+    """As written in a formula; of a pair, the angle."""
+    unit: str
+    """Unit of the columns; empty for a pure number."""
+    columns: FloatArray
+    """Shape (n, 1), or (n, 2) for sine and cosine."""
+
+
+def features(
+    channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
+) -> dict[str, Feature]:
+    """Return the features of a channel by name.
+
+    Args:
+        channel: column of a log; a wheel's speed follows that wheel's command, a velocity the body's.
+        time_s: times of the samples [s], shape (n,), n >= 2.
+        wheels: commands of the wheels.
+        predicted: the channel predicted by the model, in its unit, shape (n,).
+    """
+    found = _general(time_s, wheels, UNITS[channel], predicted)
+    if wheels.level_rpm.shape[1] == 1 or wheel_of(channel):
+        found = (*found, *_of_a_wheel(channel, time_s, wheels, predicted))
+    else:
+        found = (*found, *_of_the_body(time_s, wheels))
+    return {feature.name: feature for feature in found}
+
+
+def _general(
+    time_s: FloatArray, wheels: HeldCommand, unit: str, predicted: FloatArray
+) -> tuple[Feature, ...]:
+    rate = np.gradient(predicted, time_s)
+    one = np.ones(time_s.size)
+    return (
+        _column("1", "", one),
+        _column("prediction", unit, predicted),
+        _column("|prediction|", unit, np.abs(predicted)),
+        _column("sign(prediction)", "", np.sign(_clean(predicted))),
+        _column("prediction |prediction|", f"{unit}^2", predicted * np.abs(predicted)),
+        _column("rate of the prediction", f"{unit}/s", rate),
+        _column("|rate of the prediction|", f"{unit}/s", np.abs(rate)),
+        _column("time in the run", "s", time_s),
+        _column("prediction x time in the run", f"{unit} s", predicted * time_s),
+        _column("time since the command changed", "s",
+                np.minimum(wheels.since_change_s(time_s), LONGEST_MEMORY_S)),
+    )  # fmt: skip
+
+
+def _of_a_wheel(
+    channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
+) -> Iterator[Feature]:
+    own = wheels
+    wheel = wheel_of(channel)
+    if wheel is not None:
+        index = WHEELS.index(wheel)
+        own = HeldCommand(wheels.change_s, wheels.level_rpm[:, index : index + 1])
+    command = own.at(time_s)[:, 0]
+    previous = own.before_change(time_s)[:, 0]
+    yield _column("command", "rpm", command)
+    yield _column("|command|", "rpm", np.abs(command))
+    yield _column("sign(command)", "", np.sign(command))
+    yield _column("command |command|", "rpm^2", command * np.abs(command))
+    yield _column("command^2", "rpm^2", command**2)
+    yield _column("previous command", "rpm", previous)
+    since = own.since_change_s(time_s)
+    for decay_s in DECAYS_S:
+        fading = (command - previous) * np.exp(-since / decay_s)
+        yield _column(f"change of the command x exp(-time since / {decay_s:g} s)", "rpm", fading)
+    angle = RAD_S_PER_RPM * np.concatenate([[0.0], np.cumsum(_trapezia(time_s, predicted))])
+    for n in HARMONICS:
+        pair = np.stack([np.sin(n * angle), np.cos(n * angle)], axis=1)
+        turns = "wheel angle" if n == 1 else f"{n} x wheel angle"
+        yield Feature(turns, "", pair)
+        yield Feature(f"prediction, {turns}", "rpm", predicted[:, None] * pair)
+
+
+def _of_the_body(time_s: FloatArray, wheels: HeldCommand) -> Iterator[Feature]:
+    body = wheels_to_body(wheels.at(time_s))
+    parts = dict(zip(("forward", "left", "turn"), body.T, strict=True))
+    for name, values in parts.items():
+        yield _column(f"{name} command", "rpm", values)
+        yield _column(f"|{name} command|", "rpm", np.abs(values))
+        yield _column(f"sign({name} command)", "", np.sign(_clean(values)))
+    for one, other in (("forward", "left"), ("forward", "turn"), ("left", "turn")):
+        yield _column(f"{one} x {other} command", "rpm^2", parts[one] * parts[other])
+
+
+def _column(name: str, unit: str, values: FloatArray) -> Feature:
+    return Feature(name, unit, values[:, None])
+
+
+def _clean(values: FloatArray) -> FloatArray:
+    """Return the values with those below a thousandth of the largest as 0, whose sign would be random."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    return np.where(np.abs(values) > 1e-3 * largest, values, 0.0)
+
+
+def _trapezia(time_s: FloatArray, values: FloatArray) -> FloatArray:
+    return np.diff(time_s) * 0.5 * (values[1:] + values[:-1])
 
 
 @dataclass(frozen=True)
 class Term:
-    """One feature with its coefficient, or a pair with those of sine and cosine."""
+    """A feature with its coefficient, or its two of sine and cosine."""
 
     feature: str
     coefficients: tuple[float, ...]
@@ -32,12 +147,12 @@ class Term:
 
 @dataclass(frozen=True)
 class Correction:
-    """What is added to predicted channels."""
+    """Terms that are added to predicted channels."""
 
     terms: Mapping[str, tuple[Term, ...]]
-    """By channel."""
+    """Channel -> its terms."""
     explained: Mapping[str, float]
-    """Channel -> share of the squared error on command sequences that were left out."""
+    """Channel -> explained share of the squared error, on command sequences left out of the regression."""
 
     def added(
         self, channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
@@ -45,13 +160,13 @@ class Correction:
         """Return a predicted channel with the correction, shape (n,).
 
         Args:
-            channel: column of the log; one without terms comes back as it is.
-            time_s: of the samples from the start of the run [s], shape (n,).
+            channel: column of a log; one without terms is returned unchanged.
+            time_s: times of the samples from the start of the run [s], shape (n,).
             wheels: commands of the wheels.
-            predicted: by the model without the correction, shape (n,).
+            predicted: prediction without the correction, in the channel's unit, shape (n,).
 
         Raises:
-            InputError: a term that this version does not know.
+            InputError: a term with an unknown feature.
         """
         terms = self.terms.get(channel, ())
         if not terms or time_s.size < 2:
@@ -70,14 +185,14 @@ class Correction:
         """Return all predicted channels of a run with the correction.
 
         Args:
-            run: whose commands count.
+            run: gives the commands and the times.
             predicted: channel -> values at the run's rows, shape (n,).
         """
         wheels = HeldCommand(*run.command_changes())
         return {name: self.added(name, run.time_s, wheels, values) for name, values in predicted.items()}
 
     def as_json(self) -> dict[str, Any]:
-        """Return what a model file keeps under `KEY`."""
+        """Return the value of the model file's field `KEY`."""
         return {
             "what": LABEL,
             "channels": {
@@ -89,10 +204,10 @@ class Correction:
 
 
 def correction_of(model: Model) -> Correction | None:
-    """Return the correction that a model file holds, if any.
+    """Return the correction that a `model` file holds, None if it holds none.
 
     Raises:
-        InputError: the file's field is not what `Correction.as_json` gives.
+        InputError: the field is not in the form of `Correction.as_json`.
     """
     stored = model.extra.get(KEY)
     if stored is None:
@@ -115,7 +230,7 @@ def formula(channel: str, terms: Sequence[Term]) -> str:
     """Return a sum of terms with units, such as "-0.03 x command + 3.9 rpm x sin(wheel angle + 12 deg)".
 
     Args:
-        channel: whose unit the sum has.
+        channel: gives the unit of the sum.
         terms: at least one.
     """
     still = HeldCommand(np.zeros(1), np.zeros((1, 4 if channel != "speed_rpm" else 1)))

@@ -1,8 +1,7 @@
-"""Least squares where one evaluation is a simulation of all runs: few evaluations count, not few flops.
+"""Least squares for expensive residuals: each evaluation simulates all runs, so few evaluations are made.
 
-Gauss-Newton with the Jacobian kept up to date by Broyden's rank-one formula (Math. Comp. 19:577, 1965)
-between simulations, a damping that grows when a step fails (Marquardt), and bounds kept in the linear
-subproblem.
+Gauss-Newton with Broyden's rank-one updates of the Jacobian (Math. Comp. 19:577, 1965), Marquardt damping
+that grows when a step fails, and the bounds 0..1 kept in the linear subproblem.
 """
 
 from __future__ import annotations
@@ -18,35 +17,35 @@ from scipy.optimize import lsq_linear
 from mecanum_env.units import FloatArray
 
 STEP: Final = 0.02
-"""Of a difference quotient, on the scale 0 .. 1."""
-_GAIN: Final = 0.02  # of the square sum: less is not worth a simulation
+"""Step of a finite difference on the 0..1 scale of a parameter."""
+_GAIN: Final = 0.02  # decrease of the cost that is worth a simulation
 FLAT: Final = 2.0
-"""A derivative shorter than this (sigmas over the whole range) says nothing."""
-_SHORTEST: Final = 0.005
-_LOOKS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.0125)
+"""Norm of a derivative [sigma per whole range] below which it carries no information."""
+_SHORTEST: Final = 0.005  # resolution of `reach`
+_COMPASS_STEPS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.0125)
 _RELATIVE_GAIN: Final = 1e-4
-_MOST_REACH: Final = 0.5  # of the whole range in one step
+_LONGEST_STEP: Final = 0.5  # relative to the whole range
 
 Mask = npt.NDArray[np.bool_]
 Function = Callable[[FloatArray], FloatArray | None]
-"""Place (p,) in 0 .. 1 -> residual (N,), None where there is none."""
+"""Place (p,), each parameter scaled to 0..1 -> residual (N,), None if there is none."""
 
 
 @dataclass(frozen=True, eq=False)
 class Minimum:
-    """Where the descent ended."""
+    """Result of a descent."""
 
     place: FloatArray
-    """(p,), each 0 .. 1."""
+    """Shape (p,), each 0..1."""
     residual: FloatArray
-    """(N,)"""
+    """Shape (N,)."""
     jacobian: FloatArray
-    """(N, p), the residual's derivative; by Broyden's formula until `refined`."""
+    """Derivative of the residual, shape (N, p); by Broyden's formula until `refined`."""
     evaluations: int
 
     @property
     def cost(self) -> float:
-        """Square sum of the residual."""
+        """Sum of squares of the residual."""
         return float(self.residual @ self.residual)
 
 
@@ -58,14 +57,14 @@ def descend(
     jacobian: FloatArray | None = None,
     most: int = 12,
 ) -> Minimum | None:
-    """Minimise |residual|^2 from a place within 0 .. 1; None where the start itself has no residual.
+    """Minimise |residual|^2 within 0..1; None if the start has no residual.
 
     Args:
         function: the residual.
         place: the start (p,).
         residual: at the start (N,), if it is known.
-        jacobian: at the start (N, p), if something like it is known.
-        most: evaluations beyond those of the start.
+        jacobian: an approximation at the start (N, p), if one is known.
+        most: largest number of evaluations after those at the start.
     """
     used = 0
     if residual is None:
@@ -83,8 +82,8 @@ def descend(
         trial = function(place + step)
         used += 1
         if trial is not None:
-            wrong = trial - residual - jacobian @ step
-            jacobian = jacobian + np.outer(wrong, step / float(step @ step))
+            error = trial - residual - jacobian @ step
+            jacobian = jacobian + np.outer(error, step / float(step @ step))
         if trial is not None and float(trial @ trial) < float(residual @ residual):
             place, residual, damping = place + step, trial, 0.1 * damping if damping > 1e-3 else 0.0
         else:
@@ -93,12 +92,12 @@ def descend(
 
 
 def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
-    """Return the minimum with a Jacobian by differences about as wide as the uncertainty.
+    """Return the minimum with a Jacobian by finite differences over about one standard error each.
 
     Args:
         function: the residual.
-        minimum: as `descend` found it.
-        least_step: below this a difference is the simulation's own roughness.
+        minimum: from `descend`.
+        least_step: smallest step of a difference; below it the simulation is not smooth.
     """
     p = minimum.place.size
     normal = minimum.jacobian.T @ minimum.jacobian
@@ -108,17 +107,17 @@ def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
     return Minimum(minimum.place, minimum.residual, jacobian, minimum.evaluations + p)
 
 
-def explored(function: Function, minimum: Minimum, along: Mask) -> Minimum:
-    """Return the minimum after looking about where a slope misleads.
+def compass_search(function: Function, minimum: Minimum, along: Mask) -> Minimum:
+    """Return the minimum after a compass search, which needs no derivative, along some coordinates.
 
     Args:
         function: the residual.
-        minimum: as `descend` found it.
-        along: which coordinates, (p,).
+        minimum: from `descend`.
+        along: mask of the coordinates, (p,).
     """
     place, residual, used = minimum.place, minimum.residual, minimum.evaluations
     for i in np.flatnonzero(along):
-        for step in _LOOKS:
+        for step in _COMPASS_STEPS:
             moved = np.array(place)
             moved[i] = float(np.clip(place[i] + step, 0.0, 1.0))
             trial = function(moved)
@@ -128,22 +127,22 @@ def explored(function: Function, minimum: Minimum, along: Mask) -> Minimum:
     return Minimum(place, residual, minimum.jacobian, used)
 
 
-def flat_or(minimum: Minimum, also: Sequence[bool]) -> Mask:
-    """Return which coordinates have no slope, or are named in `also`, (p,)."""
+def derivative_free(minimum: Minimum, stepwise: Sequence[bool]) -> Mask:
+    """Return which coordinates have no informative derivative: `stepwise` or flat ones, (p,)."""
     lengths = np.linalg.norm(minimum.jacobian, axis=0)
-    return np.asarray((lengths < FLAT) | np.asarray(also, bool))
+    return np.asarray((lengths < FLAT) | np.asarray(stepwise, bool))
 
 
 def reach(function: Function, minimum: Minimum, index: int, rise: float) -> tuple[float, float]:
-    """Return how far one coordinate can move down and up before the square sum rises by `rise`.
+    """Return how far one coordinate alone can move down and up before the cost rises by `rise`.
 
-    The others stay: for coordinates whose derivative tells nothing.
+    It replaces the standard error of a coordinate without an informative derivative.
 
     Args:
         function: the residual.
-        minimum: from where.
+        minimum: where it starts.
         index: of the coordinate.
-        rise: of the square sum.
+        rise: of the cost.
     """
     ends = []
     for sign in (-1.0, 1.0):
@@ -170,14 +169,14 @@ def differences(
     step: FloatArray | float = STEP,
     along: Mask | None = None,
 ) -> FloatArray:
-    """Return the Jacobian (N, p) by one difference each, into the side with more room.
+    """Return the Jacobian (N, p) by one-sided finite differences that stay within 0..1.
 
     Args:
         function: the residual.
-        place: where, (p,).
-        residual: there, (N,).
+        place: where the Jacobian is taken, (p,).
+        residual: at that place, (N,).
         step: of each coordinate, (p,) or one for all.
-        along: which coordinates (p,); the others' columns are 0.
+        along: mask of the coordinates (p,); the columns of the others are 0.
     """
     columns = np.zeros((residual.size, place.size))
     steps = np.broadcast_to(np.asarray(step, float), place.shape)
@@ -192,14 +191,13 @@ def differences(
 
 
 def _step(jacobian: FloatArray, residual: FloatArray, place: FloatArray, damping: float) -> FloatArray:
-    """Return the step that minimises the linearised square sum plus damping, within bounds."""
+    """Return the step within bounds that minimises the linearised cost plus damping."""
     orthogonal, triangle = np.linalg.qr(jacobian)
     scale = damping * float(np.linalg.norm(triangle)) / max(1, place.size) ** 0.5
     matrix = np.concatenate([triangle, (scale + 1e-9) * np.eye(place.size)])
     wanted = np.concatenate([-orthogonal.T @ residual, np.zeros(place.size)])
-    low = np.maximum(-place, -_MOST_REACH)
-    high = np.minimum(1.0 - place, _MOST_REACH)
-    # lsq_linear wants room between the bounds.
-    tiny = 1e-12
+    low = np.maximum(-place, -_LONGEST_STEP)
+    high = np.minimum(1.0 - place, _LONGEST_STEP)
+    tiny = 1e-12  # lsq_linear requires low < high
     found = lsq_linear(matrix, wanted, bounds=(low - tiny, high + tiny), method="bvls")
     return np.asarray(np.clip(found.x, low, high))

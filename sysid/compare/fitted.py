@@ -1,13 +1,13 @@
-"""One set of effects, fitted to the runs of a study.
+"""Fitting a candidate, such as a set of effects, to the runs of a study.
 
-The rival of every effect: the wheel law itself, fitted again to these logs.
+The rival of every set of effects is here, too: the wheel law itself, fitted again to these logs.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Final, Generic, Protocol, TypeVar
+from dataclasses import dataclass, replace
+from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
@@ -15,49 +15,57 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.stability import free_coordinates, stable_abc
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.descent import Function, Minimum, descend, differences, explored, flat_or, refined
-from sysid.compare.problem import ROUGH_STEP, SMOOTH_STEP, ResidualProblem
+from sysid.compare.descent import (
+    Function,
+    Minimum,
+    compass_search,
+    derivative_free,
+    descend,
+    differences,
+    refined,
+)
+from sysid.compare.problem import ROLLER_STEP, SMOOTH_STEP, ResidualProblem
 
 PRIOR: Final = 0.5
-"""Spread of a parameter, on the scale 0 .. 1 between its bounds, before any log is looked at."""
+"""Prior standard deviation of a parameter on the 0..1 scale between its bounds."""
+_WORTH: Final = 0.5  # decrease of the cost that is worth new derivatives
+_PROMISE: Final = 2.0  # decrease of the corrected surrogate's cost that is worth a full simulation
+_CORRECTIONS: Final = 4
+_SHARES: Final = (1.0, 0.5)  # steps tried, relative to the one to the corrected surrogate's minimum
+_LAW_RANGE: Final = np.array([1.5, 1.5, 1.5, 0.5, 0.5])
+"""Half width of the search: three stable coordinates of A-C (`mecanum_env.law.stability`), D and E."""
+_ROBOT_RANGE: Final = 3.0  # factor by which a robot's parameter may grow or shrink
 
 
 class Candidate(Protocol):
-    """What can be fitted: a set of effects, or the wheel law."""
+    """What can be fitted: a set of effects, or the wheel law.
+
+    A place (p,) holds its free parameters, each scaled to 0..1.
+    """
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the effects."""
-        ...
+        """Names of the effects, or of what is fitted instead."""
 
     @property
     def parameter_count(self) -> int:
-        """Free parameters p."""
-        ...
+        """Number p of free parameters."""
 
     @property
     def stepwise(self) -> tuple[bool, ...]:
-        """Which free parameters have a response that jumps, (p,)."""
-        ...
+        """Which free parameters have a discontinuous response, (p,)."""
 
     @property
     def owners(self) -> tuple[str, ...]:
         """The effect that each free parameter belongs to, "" for none, (p,)."""
-        ...
 
     def model(self, base: Model, unit: FloatArray) -> Model:
         """Return the model at a place (p,)."""
-        ...
 
     def start(self) -> FloatArray:
         """Return the place nearest to the base model, (p,)."""
-        ...
 
 
-_WORTH: Final = 0.5  # of square sum: less is not worth new derivatives
-_PROMISE: Final = 2.0  # of square sum: less is not worth another full simulation
-_CORRECTIONS: Final = 4
-_SHARES: Final = (1.0, 0.5)  # of the way to where a corrected simulation has its minimum
 C = TypeVar("C", bound=Candidate)
 
 
@@ -67,11 +75,11 @@ class Fitted(Generic[C]):
 
     candidate: C
     place: FloatArray
-    """(p,), each 0 .. 1."""
+    """Shape (p,), each 0..1."""
     residual: FloatArray
-    """Marginal, (N,)."""
+    """Marginal residual, shape (N,)."""
     jacobian: FloatArray
-    """Of the marginal residual, (N, p)."""
+    """Derivative of the marginal residual, shape (N, p)."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -80,44 +88,44 @@ class Fitted(Generic[C]):
 
     @property
     def cost(self) -> float:
-        """Square sum of the marginal residual; expected to be N where nothing is missing."""
+        """Sum of squares of the marginal residual; its expectation for a right model is N."""
         return float(self.residual @ self.residual)
 
     def covariance(self, inflation: float = 1.0) -> FloatArray:
-        """Return the covariance (p, p) of the place, `inflation` times what the noise alone would make."""
+        """Return the covariance (p, p) of the place, for residuals of variance `inflation`."""
         information = self.jacobian.T @ self.jacobian / inflation
         return np.asarray(np.linalg.inv(information + np.eye(self.place.size) / PRIOR**2))
 
 
-def unchanged(problem: ResidualProblem, empty: C) -> Fitted[C]:
-    """Return the base model as a fit of the empty set.
+def base_fit(problem: ResidualProblem, empty: C) -> Fitted[C]:
+    """Return the base model as the fit of a candidate without parameters.
 
     Args:
         problem: the model and the logs.
-        empty: a candidate without parameters.
+        empty: the candidate.
     """
     residual = problem.marginal(problem.base_residual)
     return Fitted(empty, np.zeros(0), residual, np.zeros((problem.size, 0)))
 
 
 def fit(problem: ResidualProblem, candidate: C, place: FloatArray, *, most: int = 12) -> Fitted[C] | None:
-    """Fit a candidate by full simulation, from a place; None where it cannot be simulated.
+    """Fit a candidate; None if it cannot be simulated at the start.
 
-    On the robot `function_near` is minimised instead, corrected at the place reached by full simulation,
-    until nothing is gained.
+    Where the problem has a surrogate, `function_near` is minimised instead and corrected by full simulation
+    at each minimum, until the cost no longer decreases.
 
     Args:
         problem: the model and the logs.
         candidate: what to fit.
         place: the start (p,).
-        most: simulations beyond those of the derivatives.
+        most: largest number of simulations in a descent beyond those for derivatives.
     """
     full = marginal_function(problem, candidate)
     place = np.asarray(place, float)
     residual = full(place)
     if residual is None:
         return None
-    if not problem.has_quick:
+    if not problem.has_surrogate:
         minimum = _minimum(full, candidate, place, residual, most)
         return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian)
     near = function_near(problem, candidate, place, residual)
@@ -138,12 +146,12 @@ def fit(problem: ResidualProblem, candidate: C, place: FloatArray, *, most: int 
 def _first_better(
     full: Function, place: FloatArray, promised: FloatArray, cost: float
 ) -> tuple[FloatArray, FloatArray] | None:
-    """Return the first of some places on the way to the promised one whose square sum is below `cost`."""
+    """Return the first place on the way to the promised one with a cost below `cost`, and its residual."""
     for share in _SHARES if np.any(promised != place) else ():
-        there = place + share * (promised - place)
-        residual = full(there)
+        trial = place + share * (promised - place)
+        residual = full(trial)
         if residual is not None and float(residual @ residual) < cost:
-            return there, residual
+            return trial, residual
     return None
 
 
@@ -154,8 +162,8 @@ def _minimum(
     if found is None:
         raise AssertionError("a descent from a known residual has an end")
     minimum = refined(function, found, SMOOTH_STEP)
-    looked = explored(function, minimum, flat_or(minimum, candidate.stepwise))
-    # The refined derivatives, or a look about, may show a way that Broyden's did not.
+    looked = compass_search(function, minimum, derivative_free(minimum, candidate.stepwise))
+    # Refined derivatives, or the compass search, may show a descent that Broyden's Jacobian did not.
     again = descend(
         function, looked.place, residual=looked.residual, jacobian=looked.jacobian, most=max(2, most // 3)
     )
@@ -186,73 +194,83 @@ def function_near(
     residual: FloatArray,
     jacobian: FloatArray | None = None,
 ) -> Function:
-    """Return a candidate's marginal residual as a function of its place (p,), exact at one place.
+    """Return a candidate's marginal residual as a function of its place (p,) that is exact at one place.
 
-    Elsewhere the quicker simulation, if there is one, tells the difference (an additive correction:
-    Alexandrov et al., Journal of Aircraft 38:1093, 2001), and slopes tell what the rollers alone show.
+    Without a surrogate it is exact everywhere. Else changes away from that place are those of the surrogate
+    (additive correction: Alexandrov et al., Journal of Aircraft 38:1093, 2001), and linear in the parameters
+    that the surrogate does not cover.
 
     Args:
         problem: the model and the logs.
         candidate: what is fitted.
-        place: where it is exact (p,).
-        residual: marginal, there (N,).
-        jacobian: there (N, p), where it is known.
+        place: where the function is exact (p,).
+        residual: marginal residual at that place (N,).
+        jacobian: its derivative at that place (N, p), if it is known.
     """
     full = marginal_function(problem, candidate)
-    there = problem.quick_residual(candidate.model(problem.base, place)) if problem.has_quick else None
-    if there is None:
+    surrogate = (
+        problem.surrogate_residual(candidate.model(problem.base, place)) if problem.has_surrogate else None
+    )
+    if surrogate is None:
         return full
-    correction = residual - problem.marginal(there)
-    slow = ~problem.quick_ones(candidate.owners)
+    correction = residual - problem.marginal(surrogate)
+    linear = ~problem.surrogate_mask(candidate.owners)
     if jacobian is None:
-        jacobian = differences(full, place, residual, ROUGH_STEP, along=slow)
+        jacobian = differences(full, place, residual, ROLLER_STEP, along=linear)
 
     def near(at: FloatArray) -> FloatArray | None:
-        quick = problem.quick_residual(candidate.model(problem.base, np.where(slow, place, at)))
-        if quick is None:
+        changed = problem.surrogate_residual(candidate.model(problem.base, np.where(linear, place, at)))
+        if changed is None:
             return None
-        moved = np.where(slow, at - place, 0.0)
-        return problem.marginal(quick) + correction + jacobian @ moved
+        return problem.marginal(changed) + correction + jacobian @ np.where(linear, at - place, 0.0)
 
     return near
 
 
-NAME: Final = "wheel_law"
-_REACH: Final = np.array([1.5, 1.5, 1.5, 0.5, 0.5])
-"""Of the search to either side: three stable coordinates of A-C (`mecanum_env.law.stability`), D and E."""
-
-
 @dataclass(frozen=True)
-class LawAgain:
-    """The law's five free numbers as a vector, each 0 .. 1; F keeps the law's steady gain."""
+class RefittedLaw:
+    """The wheel law with five free parameters (F keeps its DC gain), and some of the robot's parameters."""
 
     base: Model
-    names: tuple[str, ...] = field(default=(NAME,))
+    robot: tuple[str, ...] = ()
+    """Names of the robot's parameters that are fitted together with the law."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of what is fitted."""
+        return ("wheel_law", *self.robot)
 
     @property
     def parameter_count(self) -> int:
-        """Free numbers."""
-        return len(_REACH)
+        """Number of free parameters."""
+        return len(_LAW_RANGE) + len(self.robot)
 
     @property
     def stepwise(self) -> tuple[bool, ...]:
-        """None of them jumps."""
+        """Which responses are discontinuous: none."""
         return (False,) * self.parameter_count
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """None of them belongs to an effect."""
+        """The effects that the parameters belong to: none."""
         return ("",) * self.parameter_count
 
     def start(self) -> FloatArray:
-        """Return the place of the law as it is, shape (5,)."""
-        return np.full(len(_REACH), 0.5)
+        """Return the place of the unchanged law and robot, (p,)."""
+        return np.full(self.parameter_count, 0.5)
 
     def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
-        """Return the base model with the law at a place `unit`, shape (5,)."""
+        """Return the `base` model with the law and the robot's parameters at a place `unit`, (p,)."""
+        places = np.asarray(unit, float)
+        factors = _ROBOT_RANGE ** (2.0 * places[len(_LAW_RANGE) :] - 1.0)
+        changed: dict[str, Any] = {
+            name: getattr(base.robot, name) * float(factor)
+            for name, factor in zip(self.robot, factors, strict=True)
+        }
+        base = replace(base, robot=replace(base.robot, **changed))
         law = self.base.wheel.law
         c = law.coefficients
-        moved = (np.asarray(unit, float) - 0.5) * 2.0 * _REACH
+        moved = (places[: len(_LAW_RANGE)] - 0.5) * 2.0 * _LAW_RANGE
         if not np.any(moved):
             return base
         abc = stable_abc(free_coordinates(c[:3]) + moved[:3])

@@ -1,20 +1,20 @@
-"""How far a model is from the plant it was fitted to, beyond noise: its own error, to be told from a gap.
+"""The model's own error: how far it is from the plant it was fitted to, beyond noise.
 
-No law is exact. Where the fit's logs show that it errs, the same error is to be expected in new logs of the
-same plant and is no news. It is described by two numbers a channel: its size while a command is held, and
-its size after a change of command, in proportion to the change,
+No law is exact. An error that the logs of the fit show is to be expected in new logs of the same plant and is
+not a gap. It is described by two numbers per channel, its size while a command is held and its size after a
+change of command, relative to that change:
 
     e(t)^2 = settled^2 + transient^2 sum_c size_c^2 exp(-2 (t - t_c) / DECAY_S),
 
-the sum over the changes of command c at t_c with size_c [rpm], the largest change of a wheel's command. (The
-idea of a discrepancy beside noise: Kennedy and O'Hagan, J. R. Statist. Soc. B 63:425, 2001.)
+the sum over the changes of command c at t_c; size_c [rpm] is the largest change of a wheel's command. (Model
+discrepancy beside noise: Kennedy and O'Hagan, J. R. Statist. Soc. B 63:425, 2001.)
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -25,8 +25,8 @@ from mecanum_env.units import FloatArray
 from sysid.logs import Run
 
 DECAY_S: Final = 0.15
-"""After a change of command the error dies away with this time constant."""
-_ROUNDS: Final = 5  # of weighting and fitting again
+"""Time constant with which the error after a change of command decays [s]."""
+_ROUNDS: Final = 5  # of iteratively reweighted least squares
 _LEAST_CORRELATION_S: Final = 0.01
 _MOST_CORRELATION_S: Final = 0.3
 
@@ -36,34 +36,34 @@ class ChannelError:
     """Error of a model in one channel."""
 
     settled: float
-    """While a command is held, rms in the channel's unit."""
+    """Rms while a command is held, in the channel's unit."""
     transient: float
-    """After a change of command, rms in the channel's unit per rpm of change."""
+    """Rms after a change of command, in the channel's unit per rpm of change."""
     correlation_s: float
-    """Time over which an error stays the same [s]."""
+    """Correlation time of the error [s]."""
 
 
 @dataclass(frozen=True)
 class ModelError:
-    """Error of a model in the channels that were looked at."""
+    """Error of a model in the channels of some logs."""
 
     channels: Mapping[str, ChannelError]
     data_sha256: str = ""
-    """Of the logs that showed it."""
+    """Hash of the logs that it was measured on."""
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Measured minus predicted in one channel of one run, or of repeats averaged."""
+    """Measured minus predicted in one channel of one run, or of the mean of its repeats."""
 
     run: Run
     channel: str
     time_s: FloatArray
-    """(n,)"""
+    """Shape (n,)."""
     value: FloatArray
-    """(n,)"""
+    """Shape (n,), in the channel's unit."""
     noise_variance: FloatArray
-    """Of each value, (n,)."""
+    """Variance of the noise of each value, shape (n,)."""
 
 
 def command_changes(run: Run) -> tuple[FloatArray, FloatArray]:
@@ -73,7 +73,7 @@ def command_changes(run: Run) -> tuple[FloatArray, FloatArray]:
 
 
 def activity_rpm(run: Run, time_s: FloatArray) -> FloatArray:
-    """Return the size [rpm] of the changes of command that still act at times (n,) [s]; see the module."""
+    """Return the root of the sum over c in e(t)^2 [rpm], at the times (n,) [s]."""
     total = np.zeros(time_s.shape)
     for when, size in zip(*command_changes(run), strict=True):
         since = time_s - when
@@ -82,11 +82,11 @@ def activity_rpm(run: Run, time_s: FloatArray) -> FloatArray:
 
 
 def estimate_model_error(residuals: Sequence[Residual], data_sha256: str = "") -> ModelError:
-    """Estimate a model's error from what it leaves of the logs it was fitted to.
+    """Estimate a model's error from its residuals on the logs it was fitted to.
 
     Args:
-        residuals: of all channels; the noise's share is taken off.
-        data_sha256: of the logs.
+        residuals: of all channels; the variance of their noise is subtracted.
+        data_sha256: hash of the logs.
     """
     channels = {}
     for name in dict.fromkeys(residual.channel for residual in residuals):
@@ -101,21 +101,22 @@ def estimate_model_error(residuals: Sequence[Residual], data_sha256: str = "") -
 
 
 def _squares(columns: FloatArray, excess: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return the two factors, each square weighted by the spread that noise and model error give it."""
+    """Return settled^2 and transient^2 by least squares, weighted by the inverse of the expected squares."""
     squares = np.zeros(2)
     for _ in range(_ROUNDS):
         weight = 1.0 / np.maximum(noise + columns @ squares, 1e-300)
         weighted = columns * weight[:, None]
-        # Columns of one size, for the solver's sake.
+        # Columns of one norm, for the conditioning of the solver.
         scale = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
         squares = nnls(weighted / scale, excess * weight)[0] / scale
-    # A square of variance v scatters by sqrt(2) v. Nobody can tell an error smaller than that makes it.
-    unsure = np.sqrt(2.0 * np.diag(np.linalg.pinv(weighted.T @ weighted)))
-    return np.maximum(squares, unsure)
+    # The square of a normal value of variance v has standard deviation sqrt(2) v: no smaller error is
+    # detectable.
+    detectable = np.sqrt(2.0 * np.diag(np.linalg.pinv(weighted.T @ weighted)))
+    return np.maximum(squares, detectable)
 
 
 def _correlation_s(parts: Sequence[Residual]) -> float:
-    """Return the time at which the residual's autocovariance, noise taken off, has fallen to 1/e."""
+    """Return the time [s] in which the residual's autocovariance without noise falls to 1/e."""
     interval = float(
         np.median(np.concatenate([np.diff(part.time_s) for part in parts if part.time_s.size > 1]))
     )
@@ -132,7 +133,7 @@ def _correlation_s(parts: Sequence[Residual]) -> float:
 
 
 def model_error_of(model: Model) -> ModelError | None:
-    """Return the error that a model's file states, None where it states none."""
+    """Return the error that a model's file states, None if it states none."""
     stated = model.uncertainty.get("model_error")
     if not isinstance(stated, Mapping):
         return None
@@ -144,17 +145,9 @@ def model_error_of(model: Model) -> ModelError | None:
 
 
 def with_model_error(model: Model, error: ModelError) -> Model:
-    """Return the model whose file states its error.
-
-    Args:
-        model: wheel, robot and effects.
-        error: in the channels that were looked at.
-    """
+    """Return the `model` with its own `error` among the stated uncertainties."""
     stated: dict[str, Any] = {
-        "channels": {
-            name: {"settled": e.settled, "transient": e.transient, "correlation_s": e.correlation_s}
-            for name, e in error.channels.items()
-        },
+        "channels": {name: asdict(channel) for name, channel in error.channels.items()},
         "data_sha256": error.data_sha256,
     }
     return replace(model, uncertainty={**model.uncertainty, "model_error": stated})

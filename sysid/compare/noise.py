@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.units import FloatArray
 from sysid.compare.model_error import command_changes
@@ -17,147 +18,164 @@ from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
 
 SETTLED_S: Final = 0.5
-"""A command held this long has settled."""
+"""Time after a change of command from which the motion counts as settled [s]."""
 _LEAST_SAMPLES: Final = 20
+"""Degrees of freedom that repeats, or second differences that held commands, must have to be used."""
 _LEAST: Final = 1e-9
-_CLEAR: Final = 4.0  # standard deviations above chance
+_SIGNIFICANT: Final = 4.0  # standard deviations of an autocorrelation that is zero
+_HOLE: Final = 1.5
+"""Rows from one sample to the next, relative to their median, above which there are empty cells between."""
 _EFFICIENCY: Final = 0.37 / 1.94
-"""Degrees of freedom of a variance by the median of squared second differences, per difference: the median of
-a squared normal tells 0.37 as much as its mean, and neighbouring differences share samples (correlations -2/3
-and 1/6, whose squares make 1.94 of them tell as much as one)."""
+"""Degrees of freedom of the variance estimate per second difference. The median of squared normal values is
+0.37 times as efficient as their mean, and neighbouring differences share samples: their correlations of -2/3
+and 1/6 make 1.94 of them as informative as one that is independent."""
 _BLURRED: Final = 0.5
-"""Noise over a sensor's step from which rounding differs from sample to sample and from repeat to repeat."""
+"""Ratio of noise to a sensor's resolution above which rounding errors differ from sample to sample."""
 
 Source = Literal["repeats", "scatter"]
 
 
 @dataclass(frozen=True)
-class Lasting:
-    """Noise that lasts longer than a sample: repeats that differ for a while, not sample by sample."""
+class CorrelatedNoise:
+    """The part of a channel's noise by which repeats differ for longer than a sample."""
 
     share: float
-    """Of the variance."""
+    """Share of the variance."""
     time_s: float
-    """In which it has fallen to 1/e."""
+    """Correlation time [s]: the autocovariance has fallen to 1/e."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviation of single compared values."""
+    """Standard deviation of single samples, by channel, each in its channel's unit."""
 
     sigma: Mapping[str, float]
-    """Channel -> standard deviation, in its unit; for poses, of the way made in a window."""
+    """Channel -> standard deviation; for a pose that of its displacement in a window."""
     source: Mapping[str, Source]
-    """Where it is from: repeats of a command, or scatter of neighbouring samples (model error left out)."""
+    """Channel -> where sigma is from: repeats of a command, or neighbouring samples of held commands."""
 
-    lasting: Mapping[str, Lasting] = field(default_factory=dict)
-    """Channel -> the part of the noise that lasts; none where neighbouring samples are independent."""
+    correlated: Mapping[str, CorrelatedNoise] = field(default_factory=dict)
+    """Channel -> the correlated part of the noise; channels of white noise are left out."""
 
     scatter: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation by neighbouring samples of held commands alone."""
 
-    freedom: float = math.inf
-    """Degrees of freedom with which `sigma` is known, all channels together."""
+    degrees_of_freedom: float = math.inf
+    """Degrees of freedom of `sigma`, all channels together."""
 
-    shared: Mapping[str, float] = field(default_factory=dict)
-    """Channel -> standard deviation of rounding that all repeats share; none where noise blurs the steps."""
+    rounding: Mapping[str, float] = field(default_factory=dict)
+    """Channel -> standard deviation of the rounding error, if all repeats share it."""
 
-    def restless(self, factor: float) -> tuple[str, ...]:
-        """Return the channels whose repeats differ `factor` times as much as neighbouring samples."""
+    def inconsistent_channels(self, factor: float) -> tuple[str, ...]:
+        """Return the channels whose repeats differ over `factor` times as much as neighbouring samples."""
         return tuple(n for n, s in self.sigma.items() if s > factor * self.scatter.get(n, s))
 
     @property
     def from_repeats(self) -> bool:
-        """Whether repeats gave the noise of every channel."""
+        """Whether the noise of every channel is from repeats."""
         return all(source == "repeats" for source in self.source.values())
 
 
 def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
-    """Return the noise of each channel.
+    """Return the noise of each channel, blind to the test runs, which decisions must not see.
+
+    It is from the repeats among the observations. Where these are too few, since stamps differ or only some
+    of the runs are observed, it is from the repeats among the dataset's fit and validation runs, else from
+    neighbouring samples of held commands. Repeats of test runs count only if test runs are observed.
 
     Args:
         dataset: bench or robot logs.
-        observations: made from it.
+        observations: made from all or some of its runs.
     """
     sigma: dict[str, float] = {}
     source: dict[str, Source] = {}
-    lasting: dict[str, Lasting] = {}
+    correlated: dict[str, CorrelatedNoise] = {}
     scatter: dict[str, float] = {}
-    shared: dict[str, float] = {}
-    from_repeats, differences = 0, 0
-    repeats = noise_from_repeats(dataset.runs) or {}
+    rounding: dict[str, float] = {}
+    freedom_of_repeats, differences = 0, 0
+    splits = {"fit", "validation", *(situation.split for situation in observations.situations)}
+    repeats = noise_from_repeats([run for run in dataset.runs if run.split in splits]) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
         by_neighbours, count = _scatter(observations, blocks)
-        # A speed in counts stands still where the motion is smooth; that is no silence.
-        step = _resolution(observations, blocks)
-        least = max(_LEAST, step / math.sqrt(12.0))
+        # A quantised speed can be constant during smooth motion; that does not mean zero noise.
+        resolution = _resolution(observations, blocks)
+        least = max(_LEAST, resolution / math.sqrt(12.0))
         scatter[name], differences = max(by_neighbours, least), differences + count
-        freedom = sum(block.freedom for block in blocks)
+        freedom = sum(block.degrees_of_freedom for block in blocks)
         if freedom >= _LEAST_SAMPLES:
-            sigma[name], source[name] = math.sqrt(sum(block.spread for block in blocks) / freedom), "repeats"
-            from_repeats += freedom
+            squares = sum(block.repeat_squares for block in blocks)
+            sigma[name], source[name] = math.sqrt(squares / freedom), "repeats"
+            freedom_of_repeats += freedom
         elif name in repeats and name not in POSE and repeats[name].degrees_of_freedom >= _LEAST_SAMPLES:
-            # Stamps differ from repeat to repeat.
             sigma[name], source[name] = repeats[name].std, "repeats"
-            from_repeats += repeats[name].degrees_of_freedom
+            freedom_of_repeats += repeats[name].degrees_of_freedom
         else:
             sigma[name], source[name] = scatter[name], "scatter"
-        if sigma[name] < _BLURRED * step:
-            shared[name] = step / math.sqrt(12.0)
+        if sigma[name] < _BLURRED * resolution:
+            rounding[name] = resolution / math.sqrt(12.0)
         sigma[name] = max(sigma[name], least)
-        found = _lasting(blocks)
+        found = _correlated(blocks)
         if found is not None:
-            lasting[name] = found
-    known = from_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
-    return Noise(sigma, source, lasting, scatter, max(1.0, known), shared)
+            correlated[name] = found
+    known = freedom_of_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
+    return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding)
 
 
 def _resolution(observations: Observations, blocks: list[Block]) -> float:
-    """Return the smallest step between a channel's values, in its unit; 0 for a way, which is computed."""
-    if blocks[0].channel in POSE:
+    """Return the smallest step between a channel's values; 0 for displacements, which are computed."""
+    channel = blocks[0].channel
+    if channel in POSE:
         return 0.0
     runs = [run for block in blocks for run in observations.situations[block.situation].runs]
-    values = np.concatenate(
-        [run.channels[blocks[0].channel] for run in runs if blocks[0].channel in run.channels]
-    )
-    apart = np.diff(np.unique(values[np.isfinite(values)]))
-    return float(np.min(apart[apart > _LEAST], initial=math.inf)) if np.any(apart > _LEAST) else 0.0
+    values = np.concatenate([run.channels[channel] for run in runs if channel in run.channels])
+    steps = np.diff(np.unique(values[np.isfinite(values)]))
+    return float(np.min(steps[steps > _LEAST], initial=math.inf)) if np.any(steps > _LEAST) else 0.0
 
 
-def _lasting(blocks: list[Block]) -> Lasting | None:
-    """Return the part of the repeats' deviations that lasts, None where chance makes as much."""
-    products = np.sum([block.products for block in blocks], axis=0)
-    samples = sum(block.value.size * block.repeats for block in blocks if block.freedom)
+def _correlated(blocks: list[Block]) -> CorrelatedNoise | None:
+    """Return the correlated part of the noise, None if the repeats' autocorrelation is insignificant."""
+    products = np.sum([block.lagged_products for block in blocks], axis=0)
+    samples = sum(block.value.size * block.repeats for block in blocks if block.degrees_of_freedom)
     if products[0] <= 0.0 or blocks[0].channel in POSE:
         return None
-    likeness = products / products[0]
-    if likeness[1] < _CLEAR / math.sqrt(samples):
+    autocorrelation = products / products[0]
+    if autocorrelation[1] < _SIGNIFICANT / math.sqrt(samples):
         return None
-    # Lag 0 has the white part too: the lasting part alone falls from its own share, found from lags 1 and 2.
-    fall = float(np.clip(likeness[2] / likeness[1], 0.1, 0.99)) if likeness[2] > 0.0 else 0.1
-    share = float(np.clip(likeness[1] / fall, 0.0, 1.0))
-    below = np.flatnonzero(likeness[1:] < share / math.e)
-    lag = 1 + int(below[0]) if below.size else likeness.size
+    # Lag 0 contains the white part; the ratio of lags 2 and 1 tells how fast the correlated part decays.
+    decay = autocorrelation[2] / autocorrelation[1] if autocorrelation[2] > 0.0 else 0.1
+    decay = float(np.clip(decay, 0.1, 0.99))
+    share = float(np.clip(autocorrelation[1] / decay, 0.0, 1.0))
+    below = np.flatnonzero(autocorrelation[1:] < share / math.e)
+    lag = 1 + int(below[0]) if below.size else autocorrelation.size
     interval = float(np.median(np.concatenate([np.diff(b.time_s) for b in blocks if b.time_s.size > 1])))
-    return Lasting(share, lag * interval)
+    return CorrelatedNoise(share, lag * interval)
 
 
 def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, int]:
-    """Return the noise from second differences, which a settled motion does not have, and their number."""
-    squares: list[FloatArray] = []
+    """Return the noise by second differences, which vanish in settled motion, and their number."""
+    settled_squares: list[FloatArray] = []
+    all_squares: list[FloatArray] = []
     for block in blocks:
         run = observations.situations[block.situation].runs[0]
         changes = np.concatenate([[0.0], command_changes(run)[0]])
         since = block.time_s - changes[np.searchsorted(changes, block.time_s, side="right") - 1]
-        second = np.diff(block.value, 2)
+        squares, neighbours = np.diff(block.value, 2) ** 2, _without_holes(block)
         settled = since[:-2] >= (SETTLED_S if block.channel not in POSE else 0.0)
         weight = 1.0 / block.weight[:-2] + 4.0 / block.weight[1:-1] + 1.0 / block.weight[2:]
-        squares.append((second**2 / weight)[settled])
-    together = np.concatenate(squares) if squares else np.empty(0)
-    if together.size < _LEAST_SAMPLES:
-        together = np.concatenate(
-            [np.diff(block.value, 2) ** 2 * block.weight[1:-1] / 6.0 for block in blocks] or [np.zeros(1)]
-        )
-    # A median, since a few second differences are motion: that of a squared normal is 0.4549 of its mean.
-    return (math.sqrt(float(np.median(together)) / 0.4549) if together.size else 0.0), together.size
+        settled_squares.append((squares / weight)[settled & neighbours])
+        all_squares.append((squares * block.weight[1:-1] / 6.0)[neighbours])
+    found = np.concatenate(settled_squares)
+    if found.size < _LEAST_SAMPLES:
+        found = np.concatenate(all_squares)
+    # The median, as a few second differences are motion: for squared normal values it is 0.4549 times the
+    # mean.
+    return (math.sqrt(float(np.median(found)) / 0.4549) if found.size else 0.0), found.size
+
+
+def _without_holes(block: Block) -> npt.NDArray[np.bool_]:
+    """Return which second differences (m - 2,) are of samples without empty cells between them."""
+    rows = block.rows[0] if block.channel in POSE else np.array([rows[0] for rows in block.rows])
+    step = np.diff(rows)
+    near: npt.NDArray[np.bool_] = step <= _HOLE * np.median(step) if step.size else np.zeros(0, bool)
+    return near[1:] & near[:-1]

@@ -1,13 +1,13 @@
-"""What may be wrong with the model itself, as directions with a known spread: no evidence of an effect.
+"""Nuisance columns: changes of a prediction that the model's own error and uncertain parameters can cause.
 
-Three kinds, each a column scaled so that its unknown factor is standard normal:
+There are three kinds. Each column is scaled so that its unknown factor is standard normal:
 
 - the law's coefficients and the robot's fitted parameters, by the covariance that the model states;
-- the shape of the response: after each change of command the model errs by size x g(time since, |size|),
-  the same g every time; g is made of hats in time and in size, as large as the model's error says;
-- the speed reached: the model errs by a function of the commanded speed, made of hats in it.
+- the shape of the response: after each change of command the model errs by size x g(time since, |size|) with
+  the same g every time, a sum of hat functions of time and size with the size of the model's own error;
+- the speed reached: the model errs by a function of the commanded speed, a sum of hat functions.
 
-A residual is judged with these marginalised: r' (I + X X')^-1 r. A gap that they can explain is none.
+Residuals are marginalised over these factors, r' (I + X X')^-1 r: what they explain is not a gap.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 
 from mecanum_env.errors import MecanumError
-from mecanum_env.kinematics import WHEELS, wheels_to_body
+from mecanum_env.kinematics import wheels_to_body
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
@@ -30,20 +30,20 @@ from sysid.compare.whitening import VELOCITY_OF, error_of
 from sysid.logs.runs import WHEEL_SPEEDS
 
 _TIMES_S: Final = (0.0, 0.02, 0.06, 0.11, 0.18, 0.30, 0.50)
-"""Corners of the hats in time; the first and the last are not hats of their own."""
+"""Corners of the hat functions of time [s]; the first and the last have no hat of their own."""
 _SIZES_RPM: Final = (0.0, 30.0, 80.0, 130.0)
-"""Tops of the hats in the size of a change, and (without 0) in the speed reached."""
+"""Corners of the hat functions of the size of a change and, without 0, of the speed reached [rpm]."""
 _KINDS: Final = ("wheels", "vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-_NEGLIGIBLE: Final = 1e-10  # of the largest eigenvalue of a covariance: rounding
+_NEGLIGIBLE: Final = 1e-10  # relative to the largest eigenvalue of a covariance: rounding errors
 
 
 def plausible_models(model: Model) -> list[Model]:
-    """Return models one standard deviation off in each direction that the stated covariance allows.
+    """Return models one standard deviation away along each principal axis of the stated covariance.
 
     Args:
-        model: with its `uncertainty`; one without gives an empty list.
+        model: its `uncertainty` counts; none are returned if it states none.
     """
-    found = []
+    found: list[Model] = []
     stated = model.uncertainty.get("wheel") or {}
     covariance = stated.get("covariance")
     if covariance is not None and list(stated.get("names", ())) == list(COEFFICIENTS):
@@ -62,7 +62,7 @@ def plausible_models(model: Model) -> list[Model]:
 
 
 def _moved_law(model: Model, step: FloatArray) -> list[Model]:
-    """Return the model with its coefficients moved, the other way if that is unstable, or none."""
+    """Return the model with its coefficients moved by `step`, or by -step if that is unstable, or none."""
     law = model.wheel.law
     for sign in (1.0, -1.0):
         moved = law.coefficients + sign * step
@@ -77,12 +77,12 @@ def _moved_law(model: Model, step: FloatArray) -> list[Model]:
 def shape_columns(
     model: Model, error: ModelError | None, observations: Observations
 ) -> list[list[FloatArray]]:
-    """Return the columns of the model's own error: for each, one array (m,) a block, in channel units.
+    """Return the columns for the response's shape and the speed reached: one array (m,) per block each.
 
     Args:
-        model: its geometry turns wheel speeds into those of the body.
-        error: as the model states it; None gives no column.
-        observations: whose blocks the columns are for.
+        model: gives the ceiling of the wheel commands.
+        error: the model's own error, which scales the columns; None gives no column.
+        observations: the blocks that the columns are for.
     """
     if error is None:
         return []
@@ -108,10 +108,9 @@ def _kind(channel: str) -> str:
 def _block_columns(
     model: Model, situation: Situation, block: Block
 ) -> dict[tuple[str, int, int], FloatArray]:
-    """Return (what, time hat, size hat) -> column of a block, for a model error of size 1."""
-    times, commands = _signal(model, situation, block.channel)
-    fine = _fine(block)
-    at = block.time_s[:, None] + fine[None, :]
+    """Return (kind, time hat, size hat) -> column of a block, for a model error of size 1."""
+    times, commands = _command_levels(model, situation, block.channel)
+    at = block.time_s[:, None] + _averaging_times_s(block)[None, :]
     columns = {}
     steps = np.diff(commands)
     held = commands[np.clip(np.searchsorted(times, at, side="right") - 1, 0, None)]
@@ -127,28 +126,28 @@ def _block_columns(
     return columns
 
 
-def _fine(block: Block) -> FloatArray:
-    """Return the times about a sample over which a column is averaged: a pose's way takes a window."""
+def _averaging_times_s(block: Block) -> FloatArray:
+    """Return the times [s] about a sample over which a column is averaged; a displacement spans a window."""
     if block.channel not in VELOCITY_OF:
         return np.zeros(1)
     return np.linspace(-0.5 * WINDOW_S, 0.5 * WINDOW_S, 21)
 
 
 def _hat(value: FloatArray | float, corners: Sequence[float], index: int) -> FloatArray:
-    """Return a hat: 1 at a corner, 0 at its neighbours; the last stays 1 beyond its corner."""
+    """Return a hat function: 1 at one corner, 0 at its neighbours; the last one stays 1 beyond its corner."""
     heights = np.zeros(len(corners))
     heights[index] = 1.0
     return np.asarray(np.interp(value, corners, heights))
 
 
-def _signal(model: Model, situation: Situation, channel: str) -> tuple[FloatArray, FloatArray]:
-    """Return when a channel's command changes [s] and to what, as the speed of a wheel [rpm]."""
+def _command_levels(model: Model, situation: Situation, channel: str) -> tuple[FloatArray, FloatArray]:
+    """Return when the command of a channel changes [s] and its new levels as wheel speeds [rpm]."""
     times, wheels = situation.runs[0].command_changes()
     limit = model.wheel.saturation_rpm
     wheels = np.clip(wheels, -limit, limit)
     if channel == "speed_rpm":
         return times, wheels[:, 0]
     if channel in WHEEL_SPEEDS:
-        return times, wheels[:, WHEELS.index(channel.removeprefix("speed_").removesuffix("_rpm"))]
+        return times, wheels[:, WHEEL_SPEEDS.index(channel)]
     body = wheels_to_body(wheels)
     return times, body[:, _KINDS.index(_kind(channel)) - 1]

@@ -1,9 +1,10 @@
-"""What a study compares: each channel of each distinct command sequence, repeats averaged.
+"""What a study compares: each channel of each distinct command sequence, as the mean of its repeats.
 
-A pose drifts: an error of heading made once shows in all that follows. Poses are therefore compared as the
-way made in each window, seen from the heading at its start. Wheel speeds and velocities are compared sample
-by sample. Samples that a slow sensor repeats say nothing new and are left out. A channel that repeats another
-(two wheels on one sensor) stays: without it nothing would hold the model's own wheel there.
+A pose drifts: one error of heading shows in everything after it. Poses are therefore compared by their
+displacement in each window, in the frame of the robot at its start. Wheel speeds and velocities are compared
+sample by sample. Values that a slow sensor repeats are left out, since they are no new measurements. A
+channel that copies another (two wheels on one sensor) is kept, or else nothing would constrain that wheel of
+the model.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from sysid.logs import Dataset, Run, Split
 from sysid.logs.runs import UNITS
 
 WINDOW_S: Final = 0.4
-"""Of the ways in which poses are compared."""
+"""Length of the windows in which displacements are compared [s]."""
 EDGE_S: Final = 0.05
-"""A pose at a window's edge is the mean of the samples this near."""
+"""The pose at a window's edge is the mean of the samples within this time [s]."""
 LAGS: Final = 40
-"""Of the products of deviations."""
+"""Number of lags of the repeats' autocovariance."""
 MOST_SAMPLES: Final = 600
-"""Of one block; more are averaged in pairs, triples ..."""
+"""Largest number of values in a block; more samples are averaged in pairs, triples ..."""
 
 Rows = npt.NDArray[np.intp]
 """Indices into the rows of a run."""
@@ -38,7 +39,7 @@ Channels = Mapping[str, FloatArray]
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """Runs with the same commands at the same stamps: one simulation predicts them all."""
+    """Runs with the same commands at the same times: one simulation predicts them all."""
 
     runs: tuple[Run, ...]
     start: Start
@@ -56,34 +57,35 @@ class Situation:
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """One channel of one situation: the mean over its repeats."""
+    """One channel of one situation, as the mean over its repeats; m values."""
 
     situation: int
-    """Index into the situations."""
+    """Index of the situation."""
     channel: str
     time_s: FloatArray
-    """Shape (m,)."""
+    """Time of each value [s], shape (m,)."""
     value: FloatArray
-    """Mean over the repeats, shape (m,)."""
+    """Mean over the repeats, in the channel's unit, shape (m,)."""
     weight: FloatArray
-    """Samples of a log that each value is the mean of, shape (m,)."""
-    spread: float
-    """Sum over the values of the repeats' squared differences from their mean, each times its samples."""
-    freedom: int
-    """Degrees of freedom of `spread`."""
-    products: FloatArray
-    """Like `spread`, of each deviation with that so many samples later (lag 0, 1 ...), shape (LAGS,)."""
+    """Number of samples that each value is the mean of, shape (m,)."""
+    repeat_squares: float
+    """Sum of the squared deviations of the repeats from their mean."""
+    degrees_of_freedom: int
+    """Degrees of freedom of `repeat_squares`."""
+    lagged_products: FloatArray
+    """Sum of the products of each deviation with the one 0, 1 ... samples later, shape (LAGS,)."""
     repeats: int
-    """Runs that the values are the mean of."""
-
+    """Number of runs that are averaged."""
     rows: tuple[Rows, ...]
-    """Rows of the run that each value is the mean of; for poses the windows, one array."""
+    """Rows of the run that each value is the mean of; for a pose one array, the indices of the windows."""
+    row_weights: tuple[FloatArray, ...]
+    """Number of samples in each of these rows relative to the first; unequal if cells are empty."""
 
     def of(self, run: Run, channels: Channels) -> FloatArray:
-        """Return from a run's (predicted) channels what is compared with `value`, shape (m,)."""
+        """Return what corresponds to `value` in a run's predicted channels, shape (m,)."""
         if self.channel in POSE:
-            return _ways(run.time_s, channels)[self.channel][1][self.rows[0]]
-        return _means(channels[self.channel], self.rows)
+            return _displacements(run.time_s, channels)[self.channel][1][self.rows[0]]
+        return _means(channels[self.channel], self.rows, self.row_weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,15 +98,12 @@ class Observations:
     @property
     def channels(self) -> tuple[str, ...]:
         """Names of the channels, in the order of a log's columns."""
-        there = {block.channel for block in self.blocks}
-        return tuple(name for name in UNITS if name in there)
+        present = {block.channel for block in self.blocks}
+        return tuple(name for name in UNITS if name in present)
 
 
 def observe(dataset: Dataset) -> Observations:
-    """Return what a study compares.
-
-    Args:
-        dataset: bench or robot logs.
+    """Return what a study compares of a dataset of bench or robot logs.
 
     Raises:
         InputError: no run has a measured sample.
@@ -133,12 +132,13 @@ def observe(dataset: Dataset) -> Observations:
 
 def _key(run: Run) -> tuple[object, ...]:
     start = start_of(run)
-    # Noise on the first samples does not make another situation.
-    about = (round(start.initial_rpm), start.moving, round(start.yaw_rad, 1))
-    return (run.split, run.group, about, run.time_s.tobytes(), run.command.wheels_rpm.tobytes())
+    # Rounded, as noise of the first samples does not make another situation.
+    rounded = (round(start.initial_rpm), start.moving, round(start.yaw_rad, 1))
+    return (run.split, run.group, rounded, run.time_s.tobytes(), run.command.wheels_rpm.tobytes())
 
 
 def _masked(run: Run, name: str, held: bool) -> FloatArray:
+    """Return a channel; with the values that a slow sensor repeats as NaN where such are `held`."""
     values = np.array(run.channels[name])
     if held:
         values[1:][values[1:] == run.channels[name][:-1]] = np.nan
@@ -146,80 +146,77 @@ def _masked(run: Run, name: str, held: bool) -> FloatArray:
 
 
 def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[FloatArray]) -> Block | None:
-    time = runs[0].time_s
     if name in POSE:
-        time, values = _pose_values(name, runs)
+        found = [_displacements(run.time_s, run.channels)[name] for run in runs]
+        time, values = found[0][0], np.array([displacement for _, displacement in found])
     else:
-        values = np.array(parts)
-    there = np.isfinite(values)
-    count = there.sum(axis=0)
-    use = np.flatnonzero(count)
-    if use.size == 0:
+        time, values = runs[0].time_s, np.array(parts)
+    present = np.isfinite(values)
+    count = present.sum(axis=0)
+    used = np.flatnonzero(count)
+    if used.size == 0:
         return None
-    values, there, count = values[:, use], there[:, use], count[use]
-    mean = np.where(there, values, 0.0).sum(axis=0) / count
-    deviation = np.where(there, values - mean, 0.0)
+    time, values, present, count = time[used], values[:, used], present[:, used], count[used]
+    mean = np.where(present, values, 0.0).sum(axis=0) / count
+    deviation = np.where(present, values - mean, 0.0)
     products = np.zeros(LAGS)
     for lag in range(min(LAGS, mean.size)):
         products[lag] = float(np.sum(deviation[:, lag:] * deviation[:, : mean.size - lag]))
-    spread = float(products[0])
-    freedom = int((count - 1).sum())
-    if name in POSE:
-        return Block(
-            situation,
-            name,
-            time[use],
-            mean,
-            count.astype(float),
-            spread,
-            freedom,
-            products,
-            len(runs),
-            (use,),
-        )
-    rows = _thinned(use)
-    index = {int(row): i for i, row in enumerate(use)}
-    chosen = [np.array([index[int(row)] for row in part]) for part in rows]
-    weights = np.array([count[part].sum() for part in chosen], float)
-    value = np.array([np.average(mean[part], weights=count[part]) for part in chosen])
-    stamps = np.array([time[use][part].mean() for part in chosen])
-    return Block(situation, name, stamps, value, weights, spread, freedom, products, len(runs), tuple(rows))
+    weight = count.astype(float)
+    rows: tuple[Rows, ...] = (used,)
+    row_weights: tuple[FloatArray, ...] = ()
+    if name not in POSE:
+        parts_of = _thinned(used.size)
+        rows = tuple(used[part] for part in parts_of)
+        row_weights = tuple(count[part] / count[part][0] for part in parts_of)
+        mean = np.array([np.average(mean[part], weights=count[part]) for part in parts_of])
+        time = np.array([time[part].mean() for part in parts_of])
+        weight = np.array([count[part].sum() for part in parts_of], float)
+    return Block(
+        situation=situation,
+        channel=name,
+        time_s=time,
+        value=mean,
+        weight=weight,
+        repeat_squares=float(products[0]),
+        degrees_of_freedom=int((count - 1).sum()),
+        lagged_products=products,
+        repeats=len(runs),
+        rows=rows,
+        row_weights=row_weights,
+    )
 
 
-def _thinned(rows: Rows) -> list[Rows]:
-    together = -(-rows.size // MOST_SAMPLES)
-    return [rows[i : i + together] for i in range(0, rows.size, together)]
+def _thinned(size: int) -> list[slice]:
+    """Return the samples that make each value: one, or as many as leave at most MOST_SAMPLES values."""
+    together = -(-size // MOST_SAMPLES)
+    return [slice(first, first + together) for first in range(0, size, together)]
 
 
-def _means(values: FloatArray, rows: Sequence[Rows]) -> FloatArray:
+def _means(values: FloatArray, rows: Sequence[Rows], weights: Sequence[FloatArray]) -> FloatArray:
     if len(rows[0]) == 1:
         return values[np.array(rows)[:, 0]]
-    return np.array([values[part].mean() for part in rows])
+    return np.array([(values[r] * w).sum() / w.sum() for r, w in zip(rows, weights, strict=True)])
 
 
-def _pose_values(name: str, runs: Sequence[Run]) -> tuple[FloatArray, FloatArray]:
-    ways = [_ways(run.time_s, run.channels)[name] for run in runs]
-    return ways[0][0], np.array([values for _, values in ways])
-
-
-def _ways(time_s: FloatArray, channels: Channels) -> dict[str, tuple[FloatArray, FloatArray]]:
-    """Return per pose channel the middle of each window and the way made in it, ahead and to the left."""
+def _displacements(time_s: FloatArray, channels: Channels) -> dict[str, tuple[FloatArray, FloatArray]]:
+    """Return per pose channel the middle of each window and the displacement in it, in the robot's frame."""
     edges = np.arange(0.0, float(time_s[-1]) + 1e-9, WINDOW_S)
     low = np.searchsorted(time_s, edges - EDGE_S - 1e-9)
     high = np.searchsorted(time_s, edges + EDGE_S + 1e-9)
     at = {name: _edge_means(_unwrapped(name, channels[name]), low, high) for name in POSE if name in channels}
     middle = edges[:-1] + 0.5 * WINDOW_S
-    ways = {}
+    found = {}
     yaw = at.get("yaw_rad", np.zeros(edges.size))
     if "yaw_rad" in at:
-        ways["yaw_rad"] = (middle, np.diff(yaw))
+        found["yaw_rad"] = (middle, np.diff(yaw))
     if "x_m" in at and "y_m" in at:
         dx, dy = np.diff(at["x_m"]), np.diff(at["y_m"])
         cos, sin = np.cos(yaw[:-1]), np.sin(yaw[:-1])
-        ways["x_m"], ways["y_m"] = (middle, cos * dx + sin * dy), (middle, cos * dy - sin * dx)
+        found["x_m"], found["y_m"] = (middle, cos * dx + sin * dy), (middle, cos * dy - sin * dx)
     else:
-        ways.update({name: (middle, np.diff(at[name])) for name in ("x_m", "y_m") if name in at})
-    return ways
+        found.update({name: (middle, np.diff(at[name])) for name in ("x_m", "y_m") if name in at})
+    return found
 
 
 def _unwrapped(name: str, values: FloatArray) -> FloatArray:
@@ -231,10 +228,11 @@ def _unwrapped(name: str, values: FloatArray) -> FloatArray:
 
 
 def _edge_means(values: FloatArray, low: Rows, high: Rows) -> FloatArray:
+    """Return the mean of the finite values in rows low[i] to high[i] - 1, NaN if there are none."""
     finite = np.isfinite(values)
     total = np.concatenate([[0.0], np.cumsum(np.where(finite, values, 0.0))])
     count = np.concatenate([[0], np.cumsum(finite)])
-    there = count[high] - count[low]
+    size = count[high] - count[low]
     means = np.full(low.size, np.nan)
-    np.divide(total[high] - total[low], there, out=means, where=there > 0)
+    np.divide(total[high] - total[low], size, out=means, where=size > 0)
     return means

@@ -1,4 +1,4 @@
-"""Measuring, from the logs that a model was fitted to, how far the model itself is off."""
+"""Measuring a model's own error on the logs that it was fitted to."""
 
 from __future__ import annotations
 
@@ -6,63 +6,60 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Final
 
+import numpy as np
+
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import (
-    ChannelError,
-    ModelError,
-    Residual,
-    estimate_model_error,
-    with_model_error,
-)
+from sysid.compare.model_error import ModelError, Residual, estimate_model_error, with_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import Observations, observe
-from sysid.compare.problem import marginal_square
 from sysid.compare.simulator import Simulator
-from sysid.compare.subset import liveliest
+from sysid.compare.study import Study
+from sysid.compare.subset import most_active_runs
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
 
 SECONDS: Final = {"bench": 300.0, "robot": 60.0}
-"""Of log that are simulated; a robot on its rollers takes long."""
+"""Duration of the logs that are simulated [s]; a robot on its rollers takes long."""
 _FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
 
 
-def with_own_error(model: Model, dataset: Dataset) -> Model:
-    """Return a model whose file states how far it is off from the logs it was fitted to, noise taken off.
+def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -> Model:
+    """Return a model whose file states its own error on the logs it was fitted to.
 
-    The two numbers a channel are raised, if they must be, until the square sum that they leave is no more
-    than the number of samples, as a study of the gap will count.
+    The error of all channels is multiplied by the smallest factor of 1 to 4 with which the cost, counted as
+    in a study of the gap, is no larger than the number of samples.
 
     Args:
         model: as fitted.
         dataset: the logs it was fitted to.
+        study: settings of the simulations.
     """
-    observations = observe(replace(dataset, runs=liveliest(dataset.runs, SECONDS[dataset.level])))
+    observations = observe(replace(dataset, runs=most_active_runs(dataset.runs, SECONDS[dataset.level])))
     noise = measure_noise(dataset, observations)
-    simulator = Simulator(observations)
+    simulator = Simulator(observations, study or Study())
     predicted = simulator.predictions(model)
     residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
-    found = estimate_model_error(residuals_of(observations, noise, residual), dataset.sha256)
-    law = [simulator.predictions(moved) for moved in plausible_models(model)]
-    moved = [[p - q for p, q in zip(parts, predicted, strict=True)] for parts in law]
+    found = estimate_model_error(block_residuals(observations, noise, residual), dataset.sha256)
+    plausible = [simulator.predictions(other) for other in plausible_models(model)]
+    changes = [[p - q for p, q in zip(parts, predicted, strict=True)] for parts in plausible]
     for factor in _FACTORS:
         error = _scaled(found, factor)
         whitener = Whitener(observations, noise, error)
-        columns = [*moved, *shape_columns(model, error, observations)]
-        if marginal_square(whitener, residual, columns) <= whitener.size:
+        columns = [*changes, *shape_columns(model, error, observations)]
+        if _marginal_cost(whitener, residual, columns) <= whitener.size:
             break
     return with_model_error(model, error)
 
 
-def residuals_of(observations: Observations, noise: Noise, parts: Sequence[FloatArray]) -> list[Residual]:
-    """Return residuals with their runs and their noise.
+def block_residuals(observations: Observations, noise: Noise, parts: Sequence[FloatArray]) -> list[Residual]:
+    """Return residuals together with their runs and the variance of their noise.
 
     Args:
-        observations: whose blocks they are of.
+        observations: the blocks that the residuals belong to.
         noise: of each channel.
-        parts: measured minus predicted, one array (m,) a block.
+        parts: measured minus predicted, one array (m,) per block.
     """
     return [
         Residual(
@@ -78,7 +75,19 @@ def residuals_of(observations: Observations, noise: Noise, parts: Sequence[Float
 
 def _scaled(error: ModelError, factor: float) -> ModelError:
     channels = {
-        name: ChannelError(factor * e.settled, factor * e.transient, e.correlation_s)
+        name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
         for name, e in error.channels.items()
     }
-    return ModelError(channels, error.data_sha256)
+    return replace(error, channels=channels)
+
+
+def _marginal_cost(
+    whitener: Whitener, residual: Sequence[FloatArray], nuisance: Sequence[Sequence[FloatArray]]
+) -> float:
+    """Return r' (I + X X')^-1 r of a residual and the columns of the model's own error, not yet whitened."""
+    r = whitener.whiten(residual)
+    if not nuisance:
+        return float(r @ r)
+    x = np.stack([whitener.whiten(parts) for parts in nuisance], axis=1)
+    along = x.T @ r
+    return float(r @ r - along @ np.linalg.solve(np.eye(x.shape[1]) + x.T @ x, along))

@@ -1,4 +1,4 @@
-"""What a model predicts for a log: the same commands through MuJoCo, read at the log's own samples."""
+"""What a model predicts for a log: its commands simulated in MuJoCo, sampled at the times of the log."""
 
 from __future__ import annotations
 
@@ -16,7 +16,6 @@ from mecanum_env.model import Model
 from mecanum_env.simulator import (
     BodyCommands,
     Commands,
-    RobotPlant,
     WheelCommands,
     compile_bench,
     compile_plant,
@@ -25,35 +24,38 @@ from mecanum_env.simulator import (
 from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
+from sysid.compare.study import Study
 from sysid.logs import BodyCommand, Run
 from sysid.logs.runs import REST
 
 LEAD_S: Final = 1.5
-"""A robot that a log finds moving is taken to have had its first command for this long."""
+"""Time for which a robot that moves when its log starts is assumed to have had its first command [s]."""
 FIRST_S: Final = 0.05
-"""What the channels show in the first so many seconds (at least three samples) is the start."""
+"""The samples of this first time [s], or the first three, show how a run starts."""
+_LATE: Final = 3.5
+"""Sampling intervals after which a sample no longer shows how a run starts, if earlier cells are empty."""
 _CLEAR: Final = 4.0
-"""Standard deviations of the first samples' mean from which a start in motion is told from noise."""
-_TOO_FEW: Final = 20
+"""Standard deviations of the first samples' mean above which it is taken for motion."""
+_TOO_FEW: Final = 20  # samples to measure a channel's noise
 POSE: Final = ("x_m", "y_m", "yaw_rad")
 
 
 @dataclass(frozen=True)
 class Start:
-    """How a run begins, as far as its first samples say."""
+    """How a run starts, according to its first samples."""
 
     initial_rpm: float = 0.0
-    """Bench: the wheel's steady speed."""
+    """Bench: the wheel's steady speed [rpm]."""
     moving: bool = False
-    """Robot: it was driving already."""
+    """Robot: whether it is already driving."""
     x_m: float = 0.0
     y_m: float = 0.0
     yaw_rad: float = 0.0
-    """Robot: where it stood in the world."""
+    """Robot: its pose in the world [m, m, rad]."""
 
 
 def start_of(run: Run) -> Start:
-    """Return how a run begins: at rest unless its first samples clearly say otherwise."""
+    """Return how a run starts: at rest, unless its first samples significantly differ from that."""
     first = {name: _first_mean(run, name) for name in run.channels}
     moving = any(
         abs(first[name]) > max(rest, _CLEAR * _noise(run, name))
@@ -62,38 +64,36 @@ def start_of(run: Run) -> Start:
     )
     if run.level == "bench":
         return Start(initial_rpm=first.get("speed_rpm", 0.0) if moving else 0.0)
-    # A sensor may be biased; what drives a robot is its command.
+    # A sensor may be biased, so a robot moves only if it has a command.
     moving = moving and bool(np.any(run.command.wheels_rpm[0] != 0.0))
     return Start(0.0, moving, *(first.get(name, 0.0) for name in POSE))
 
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What truly happens in a run, before any sensor."""
+    """The true motion in a run, before any sensor."""
 
     time_s: FloatArray
     """Physics clock from the start of the simulation [s], shape (n,)."""
     channels: Mapping[str, FloatArray]
     """Column of a log -> true values, shape (n,)."""
     lead_s: float = 0.0
-    """How much of it was before the log begins [s]."""
+    """Time simulated before the log starts [s]."""
 
 
-def compile_for(
-    model: Model, level: str, timestep_s: float | None = None, plant: RobotPlant = "rollers"
-) -> mujoco.MjModel:
-    """Compile what `predict` simulates: the bench or the robot, without what is only seen.
+def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjModel:  # noqa: B008  (frozen)
+    """Compile what `predict` simulates: the bench or the robot, without visuals.
 
     Args:
         model: wheel, robot and effects.
         level: "bench" or "robot".
-        timestep_s: upper bound of the physics step [s]; the generator's choice when None, on the planar plant
-            `TRAINING_TIMESTEP_S`, which is as good there.
-        plant: of the robot: "rollers", or "planar", which does not slip and is much faster.
+        study: gives the plant and the time step; where that is None, the planar plant takes
+            `TRAINING_TIMESTEP_S`, which is accurate enough there.
 
     Raises:
-        InputError: an effect that the plant does not have.
+        InputError: an effect that the plant cannot simulate.
     """
+    plant, timestep_s = study.plant, study.timestep_s
     if level == "bench":
         return compile_bench(model, timestep_s=timestep_s)
     if plant == "planar" and timestep_s is None:
@@ -102,11 +102,11 @@ def compile_for(
 
 
 def in_run_frame(model: Model, start: Start) -> Model:
-    """Return the model with world headings counted from where a run starts, as the simulation does.
+    """Return the model with a sloping floor's heading relative to the initial yaw, where simulations start.
 
     Args:
-        model: whose floor may slope.
-        start: the run's yaw counts.
+        model: wheel, robot and effects.
+        start: gives the initial yaw.
     """
     return in_turned_axes(model, start.yaw_rad)
 
@@ -116,18 +116,18 @@ def predict(
     run: Run,
     start: Start | None = None,
     mj_model: mujoco.MjModel | None = None,
-    plant: RobotPlant = "rollers",
+    study: Study = Study(),  # noqa: B008  (frozen)
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 
-    The pose of a robot log starts where the log's does.
+    A robot's predicted pose starts at the measured one.
 
     Args:
         model: wheel, robot and effects.
-        run: whose commands are replayed.
-        start: how it begins; found from its first samples by default.
-        mj_model: `compile_for` of the model as `in_run_frame` has it, to save compiling.
-        plant: of the robot, where the model is compiled here.
+        run: gives the commands and the times.
+        start: how it starts; default: `start_of` the run.
+        mj_model: `compile_for` of `in_run_frame` of the model without sensors, if it is compiled already.
+        study: gives the plant and the time step, unless `mj_model` is given.
 
     Raises:
         InputError: an effect that cannot be simulated.
@@ -135,21 +135,21 @@ def predict(
     """
     start = start_of(run) if start is None else start
     local = in_run_frame(without_sensors(model), start)
-    compiled = compile_for(local, run.level, plant=plant) if mj_model is None else mj_model
-    return shown(model, run, start, motion_of(local, run, start, compiled))
+    compiled = compile_for(local, run.level, study) if mj_model is None else mj_model
+    return sensor_readings(model, run, start, motion_of(local, run, start, compiled))
 
 
 def motion_of(
     model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()
 ) -> Motion:
-    """Return what truly happens in a run.
+    """Return the true motion in a run.
 
     Args:
-        model: without sensors' effects, its floor's slope as `in_run_frame` has it.
-        run: whose commands are replayed.
-        start: how it begins.
+        model: `in_run_frame`, without the effects of sensors.
+        run: gives the commands.
+        start: how it starts.
         mj_model: `compile_for` of the model.
-        turned_rad: of a robot on rollers, the angles at which its wheels start.
+        turned_rad: initial angles of the wheels of a robot on rollers [rad].
     """
     if run.level == "bench":
         since = run.held_since(model.wheel.command_period_s)
@@ -164,14 +164,14 @@ def motion_of(
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 
 
-def shown(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
-    """Return what a model's sensors show of a motion, at a run's rows, each of shape (n,).
+def sensor_readings(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
+    """Return what a model's sensors measure of a motion: channel -> values at a run's rows, shape (n,).
 
     Args:
-        model: its sensors' effects count.
-        run: its stamps and channels count.
-        start: where the pose begins.
-        motion: of the run.
+        model: gives the effects of the sensors.
+        run: gives the times and the channels.
+        start: gives the initial pose.
+        motion: true motion in the run.
     """
     clock = motion.time_s
     channels = measured(model, clock, motion.channels)
@@ -188,12 +188,12 @@ def shown(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, Flo
 
 
 def commands_of(run: Run, command_period_s: float, lead_s: float = 0.0) -> Commands:
-    """Return a robot log's commands in the simulator's form, rows that repeat left out.
+    """Return a robot log's commands for the simulator, without rows that repeat.
 
     Args:
         run: a robot log.
-        command_period_s: of the robot's clock, see `Run.held_since`.
-        lead_s: how long the first command has held when the run starts [s].
+        command_period_s: period of the robot's command clock [s], see `Run.held_since`.
+        lead_s: time for which the first command has been held when the run starts [s].
     """
     command = run.command
     if isinstance(command, BodyCommand):
@@ -207,14 +207,19 @@ def commands_of(run: Run, command_period_s: float, lead_s: float = 0.0) -> Comma
 
 
 def _first_mean(run: Run, name: str) -> float:
-    few = _first(run, name)
-    return float(np.mean(few)) if few.size else 0.0
+    first = _first(run, name)
+    return float(np.mean(first)) if first.size else 0.0
 
 
 def _first(run: Run, name: str) -> FloatArray:
+    """Return the samples of a channel that show how a run starts; there may be none, except of a pose."""
     finite = run.finite(name)
     time, values = run.time_s[finite], run.channels[name][finite]
-    return values[: max(3, int(np.sum(time <= FIRST_S)))]
+    first = values[: max(3, int(np.sum(time <= FIRST_S)))]
+    if name in POSE:
+        return first
+    # If the first cells are empty, the wheel may have been started before the first sample.
+    return first[time[: first.size] <= max(FIRST_S, _LATE * run.median_interval_s)]
 
 
 def _noise(run: Run, name: str) -> float:
@@ -222,5 +227,8 @@ def _noise(run: Run, name: str) -> float:
     values = run.channels[name][run.finite(name)]
     if values.size < _TOO_FEW:
         return 0.0
-    # A median, which what moves does not reach: that of |normal| is 0.6745; 1 + 4 + 1 is the variance.
-    return float(np.median(np.abs(np.diff(values, 2)))) / (0.6745 * math.sqrt(6.0 * _first(run, name).size))
+    # The median ignores motion; for |normal| values it is 0.6745. A second difference has 1 + 4 + 1 = 6
+    # variances.
+    return float(np.median(np.abs(np.diff(values, 2)))) / (
+        0.6745 * math.sqrt(6.0 * max(1, _first(run, name).size))
+    )

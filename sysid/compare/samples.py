@@ -1,4 +1,4 @@
-"""One channel of one run as measured and as simulated, with what was commanded: what regions are cut from."""
+"""Samples of one channel of one run: measured, simulated before and after, with the command in force."""
 
 from __future__ import annotations
 
@@ -13,84 +13,83 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, wheels_to_body
 from mecanum_env.units import FloatArray
 from sysid.logs import Run
+from sysid.logs.runs import WHEEL_SPEEDS
 
 COMMAND_STEP_RPM: Final = 1.0
-"""Commands that differ by no more than this count as one level: the robot's own quantum."""
+"""Largest difference of commands that count as one level [rpm]: the quantum of the robot's commands."""
 
 
 @dataclass(frozen=True, eq=False)
 class HeldCommand:
-    """A command that holds from each change to the next, and is 0 before the first."""
+    """A command that is held from each change to the next, and is 0 before the first."""
 
     change_s: FloatArray
-    """When it changes [s], shape (k,), increasing."""
+    """Times of the changes [s], shape (k,), increasing."""
     level_rpm: FloatArray
-    """To what [rpm], shape (k, m)."""
+    """Level after each change [rpm], shape (k, m)."""
 
     def at(self, time_s: FloatArray) -> FloatArray:
-        """Return the command in force at some times, shape (n, m)."""
+        """Return the command [rpm] in force at some times, shape (n, m)."""
         now: FloatArray = self._levels()[np.searchsorted(self.change_s, time_s, side="right")]
         return now
 
     def since_change_s(self, time_s: FloatArray) -> FloatArray:
-        """Return how long the command has been held at some times [s], infinite before any change, (n,)."""
+        """Return how long the command has been held at some times [s], (n,); infinite before any change."""
         changes = self.change_s[self._changed()]
         index = np.searchsorted(changes, time_s, side="right")
         return np.where(index > 0, time_s - np.concatenate([[0.0], changes])[index], np.inf)
 
     def before_change(self, time_s: FloatArray) -> FloatArray:
-        """Return the level before the last change, 0 where there was none, shape (n, m)."""
+        """Return the level [rpm] before the last change, 0 if there was none, shape (n, m)."""
         changed = np.flatnonzero(self._changed())
         index = np.searchsorted(self.change_s[changed], time_s, side="right")
-        # `_levels` is one row ahead, so its row k is what was in force before change k.
+        # `_levels` begins with the level before the first change, so its row k was in force before change k.
         before: FloatArray = self._levels()[np.concatenate([[0], changed])[index]]
         return before
 
     def earlier(self, time_s: FloatArray, window_s: float) -> FloatArray:
-        """Return the command `window_s` ago, or before the last change if it has come back since, (n, m)."""
+        """Return the command `window_s` ago, or before the last change if it has returned since, (n, m)."""
         now, then = self.at(time_s), self.at(time_s - window_s)
-        back = np.max(np.abs(then - now), axis=1) <= COMMAND_STEP_RPM
-        returned = back & (self.since_change_s(time_s) < window_s)
+        equal = np.max(np.abs(then - now), axis=1) <= COMMAND_STEP_RPM
+        returned = equal & (self.since_change_s(time_s) < window_s)
         return np.where(returned[:, None], self.before_change(time_s), then)
 
     def _levels(self) -> FloatArray:
         return np.vstack([np.zeros((1, self.level_rpm.shape[1])), self.level_rpm])
 
     def _changed(self) -> npt.NDArray[np.bool_]:
-        changed: npt.NDArray[np.bool_] = (
-            np.max(np.abs(np.diff(self._levels(), axis=0)), axis=1) > COMMAND_STEP_RPM
-        )
-        return changed
+        step: FloatArray = np.max(np.abs(np.diff(self._levels(), axis=0)), axis=1)
+        return step > COMMAND_STEP_RPM
 
 
 @dataclass(frozen=True, eq=False)
 class Samples:
-    """One channel of one run; arrays of samples have shape (n,)."""
+    """One channel of one run; arrays have shape (n,) and the channel's unit unless stated otherwise."""
 
     channel: str
     """Column of the log."""
     time_s: FloatArray
     """From the start of the run [s]."""
     measured: FloatArray
-    """In the channel's unit; NaN where missing."""
+    """NaN if missing."""
     before: FloatArray
-    """As the model that was given predicts it."""
+    """Prediction of the given model."""
     after: FloatArray
-    """As the improved model predicts it; equal to `before` where nothing was added."""
+    """Prediction of the improved model."""
     wheels: HeldCommand
     """Wheel commands as sent: one column on the bench, four (fl, fr, rl, rr) on the robot."""
     battery_v: FloatArray | None = None
-    """Supply voltage [V], where it was logged."""
+    """Supply voltage [V], if it was logged."""
     yaw_rad: FloatArray | None = None
-    """Heading in the world [rad], where it was logged."""
+    """Heading in the world [rad], if it was logged."""
     weight: FloatArray | None = None
-    """Samples of the log that each value is the mean of; 1 each where None."""
+    """Number of samples that each value is the mean of; None: 1 each."""
     run: str = ""
     """Name of the run."""
     group: str = ""
-    """Repeats of one command sequence share it."""
+    """Name of the command sequence, which its repeats share."""
     repeat: int = 0
-    """Which repeat of its command sequence this run is, from 0."""
+    """Number of the repeat of its command sequence, from 0."""
 
     def __post_init__(self) -> None:
         shape = self.time_s.shape
@@ -105,10 +104,7 @@ class Samples:
 
     @property
     def command(self) -> HeldCommand:
-        """Command that the channel follows: its wheel's (1 column), or the body's (3).
-
-        The body's is forward, left, counter-clockwise in wheel rpm.
-        """
+        """Command that the channel follows [rpm]: its wheel's (1 column), or forward, left and turn (3)."""
         levels = self.wheels.level_rpm
         if levels.shape[1] == 1:
             return self.wheels
@@ -119,7 +115,7 @@ class Samples:
         return HeldCommand(self.wheels.change_s, levels[:, i : i + 1])
 
     def errors(self) -> tuple[FloatArray, FloatArray]:
-        """Return measured minus simulated before and after, each of shape (n,); angles within half a turn."""
+        """Return measured minus predicted before and after, each of shape (n,); angles within half a turn."""
         before, after = self.measured - self.before, self.measured - self.after
         if self.channel != "yaw_rad":
             return before, after
@@ -129,13 +125,13 @@ class Samples:
 def samples_of(
     run: Run, before: Mapping[str, FloatArray], after: Mapping[str, FloatArray], repeat: int = 0
 ) -> tuple[Samples, ...]:
-    """Return the channels of a run beside their simulations, sample by sample.
+    """Return the measured channels of a run with their predictions.
 
     Args:
-        run: as read.
-        before: channel -> prediction of the model that was given, at the run's own stamps, shape (n,).
+        run: bench or robot log.
+        before: channel -> prediction of the given model at the run's rows, shape (n,).
         after: the same of the improved model.
-        repeat: which repeat of its command sequence the run is, from 0.
+        repeat: number of the repeat of its command sequence, from 0.
     """
     wheels = HeldCommand(*run.command_changes())
     return tuple(
@@ -157,8 +153,8 @@ def samples_of(
 
 
 def wheel_of(channel: str) -> str | None:
-    """Return which of fl, fr, rl, rr a `channel` measures; None for the body and for the bench."""
-    return next((wheel for wheel in WHEELS if channel == f"speed_{wheel}_rpm"), None)
+    """Return which of fl, fr, rl, rr a `channel` measures; None for the body and the bench."""
+    return WHEELS[WHEEL_SPEEDS.index(channel)] if channel in WHEEL_SPEEDS else None
 
 
 def _half_turn(angle_rad: FloatArray) -> FloatArray:

@@ -1,4 +1,4 @@
-"""Simulating all situations of a study, and remembering motions that only other sensors look at."""
+"""Simulation of all situations of a study; motions are shared by models that differ in their sensors only."""
 
 from __future__ import annotations
 
@@ -20,16 +20,16 @@ from mecanum_env.model.file import model_to_dict
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
-from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, shown
+from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, sensor_readings
 from sysid.compare.study import Study
 
 REMEMBERED: Final = 8
-"""Motions of all situations kept; one takes some megabytes."""
+"""Number of models whose motions are kept; those of one model take some megabytes."""
 
 
 @contextmanager
 def without_engine_warnings() -> Iterator[None]:
-    """Keep MuJoCo from writing about states that diverge: a search tries them, and drops what does."""
+    """Silence MuJoCo's warnings of diverging states: a search tries such models and drops them."""
     before = mujoco.get_mju_user_warning()
     mujoco.set_mju_user_warning(lambda _: None)
     try:
@@ -41,21 +41,19 @@ def without_engine_warnings() -> Iterator[None]:
 class Simulator:
     """Predicts the blocks of some observations.
 
-    What a sensor does to a motion is no physics: models that differ in their sensors only share a simulation.
-
     Args:
-        observations: with the commands.
-        study: plant and time step count.
-        turned: seed of the angles at which the robot's wheels start; 0: all as they are drawn.
+        observations: give the commands and the times.
+        study: gives the plant and the time step.
+        wheel_angle_seed: seed of random initial wheel angles; 0: those of the MJCF model.
     """
 
     def __init__(
         self,
         observations: Observations,
         study: Study = Study(),  # noqa: B008  (frozen)
-        turned: int = 0,
+        wheel_angle_seed: int = 0,
     ) -> None:
-        self.observations, self.study, self.turned = observations, study, turned
+        self.observations, self.study, self.wheel_angle_seed = observations, study, wheel_angle_seed
         self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
         self._lock = Lock()
 
@@ -68,7 +66,7 @@ class Simulator:
         """
         situations = self.observations.situations
         channels = [
-            shown(model, situation.runs[0], situation.start, motion)
+            sensor_readings(model, situation.runs[0], situation.start, motion)
             for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True)
         ]
         correction = correction_of(model)
@@ -97,28 +95,27 @@ class Simulator:
 
     def _simulate(self, model: Model) -> list[Motion]:
         situations = self.observations.situations
-        how = situations[0].runs[0].level, self.study.timestep_s, self.study.plant
+        level = situations[0].runs[0].level
         # A direction in the world makes the compiled model depend on where a run starts.
         by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
-        common = None if by_heading else compile_for(model, *how)
+        common = None if by_heading else compile_for(model, level, self.study)
         alike: dict[Hashable, list[int]] = {}
         for index, situation in enumerate(situations):
-            alike.setdefault(_moves(situation, model.wheel.command_period_s), []).append(index)
+            alike.setdefault(_motion_key(situation, model.wheel.command_period_s), []).append(index)
         motions: dict[int, Motion] = {}
         for members in alike.values():
             longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
-            angles = np.random.default_rng((self.turned, members[0])).uniform(0.0, 2.0 * np.pi, 4)
-            turned = angles.tolist() if self.turned else []
+            rng = np.random.default_rng((self.wheel_angle_seed, members[0]))
+            angles = rng.uniform(0.0, 2.0 * np.pi, 4).tolist() if self.wheel_angle_seed else []
             local = in_run_frame(model, longest.start)
-            compiled = common or compile_for(local, *how)
-            motions |= dict.fromkeys(
-                members, motion_of(local, longest.runs[0], longest.start, compiled, turned)
-            )
+            compiled = common or compile_for(local, level, self.study)
+            motion = motion_of(local, longest.runs[0], longest.start, compiled, angles)
+            motions |= dict.fromkeys(members, motion)
         return [motions[index] for index in range(len(situations))]
 
 
-def _moves(situation: Situation, command_period_s: float) -> Hashable:
-    """Return what a motion depends on: repeats move alike, whatever the stamps of their samples."""
+def _motion_key(situation: Situation, command_period_s: float) -> Hashable:
+    """Return what a motion depends on; the times of the samples are not part of it."""
     run = situation.runs[0]
     rows = run.command_rows()
     since = run.held_since(command_period_s)[rows]
@@ -127,10 +124,10 @@ def _moves(situation: Situation, command_period_s: float) -> Hashable:
 
 
 def model_key(model: Model) -> str:
-    """Return what tells apart two models that may move otherwise.
+    """Return a key of what a model's motion depends on.
 
     Args:
-        model: its wheel, robot and effects count.
+        model: wheel, robot and effects.
     """
     physics = replace(model, uncertainty={}, provenance={}, extra={})
     return json.dumps(model_to_dict(physics), sort_keys=True)

@@ -1,4 +1,4 @@
-"""Fewer runs where all would take too long to simulate again and again."""
+"""Selecting runs, or pieces of runs, where simulating all of them again and again would take too long."""
 
 from __future__ import annotations
 
@@ -13,43 +13,43 @@ import numpy as np
 from sysid.logs import Dataset, Run
 
 PIECE_S: Final = 5.0
-"""Of a long run, at least: the rest of one command and what follows the next."""
+"""Least length of a piece of a long run [s]: the rest of one command and the response to the next."""
 BEFORE_S: Final = 0.5
-"""A piece begins so long before a change of command, when the robot has settled."""
-QUIET: Final = 0.5
-"""Of the fastest command: the largest of quiet ones."""
+"""Time before a change of command at which a piece begins [s], so that the robot has settled."""
+SMALL: Final = 0.5
+"""Largest of the small commands, relative to the largest command."""
 _BANDS: Final = 4
-"""Of commanded speed in each direction, up to the fastest, that pieces are to cover."""
+"""Bands of commanded speed in each direction that pieces are to cover."""
 
 Bands = frozenset[tuple[int, int]]
 
 
-def deciding(runs: Sequence[Run], seconds: float, command_period_s: float) -> tuple[Run, ...]:
-    """Return runs up to so many seconds of distinct commands: all, or pieces of the long ones.
+def select_runs(runs: Sequence[Run], seconds: float, command_period_s: float) -> tuple[Run, ...]:
+    """Return runs with at most so many seconds of distinct commands: all of them, or pieces of the long ones.
 
-    Where all would be too much, runs longer than two pieces are cut, and the pieces that bring the most
-    speeds that none before had come first, the livelier ones first among equals. Where no run is so long,
-    whole groups are chosen: see `liveliest`.
+    If all are too long together, runs longer than two pieces are cut. Pieces that add most bands of speed
+    come first, those with larger changes of command first among equals. If no run is that long, whole groups
+    are selected as by `most_active_runs`.
 
     Args:
         runs: of a dataset.
-        seconds: how long one run of each group may take altogether [s].
-        command_period_s: of the robot's clock [s], which goes on in a piece as it did in the run.
+        seconds: total duration, with one run of each group counted [s].
+        command_period_s: period of the robot's command clock [s], whose phase is kept in the pieces.
     """
     groups = {run.group: max(r.duration_s for r in runs if r.group == run.group) for run in runs}
     long = [run for run in runs if run.duration_s > 2.0 * PIECE_S]
     if sum(groups.values()) <= seconds or not long:
-        return liveliest(runs, seconds)
+        return most_active_runs(runs, seconds)
     whole = [run for run in runs if run not in long]
     return _covering([*whole, *(piece for run in long for piece in pieces(run, command_period_s))], seconds)
 
 
 def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
-    """Yield pieces of a run, each at least `PIECE_S` long, the last with what is left.
+    """Yield pieces of a run, each at least `PIECE_S` long.
 
     Args:
         run: at least `PIECE_S` long.
-        command_period_s: pieces begin at a whole number of these.
+        command_period_s: pieces begin at whole multiples of it [s].
     """
     edges = [0.0]
     for change in run.command_changes()[0][1:]:
@@ -60,7 +60,7 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
     for number, (start, end) in enumerate(zip(edges, ends, strict=True)):
         rows = (run.time_s >= start - 1e-9) & (run.time_s < end - 1e-9)
         columns = [getattr(run.command, field.name)[rows] for field in fields(run.command)]
-        # The file keeps its name: by it the findings of the data check are known.
+        # The file name stays, since the findings of the data check refer to it.
         yield replace(
             run,
             group=f"{run.group}, piece {number}",
@@ -70,34 +70,34 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
         )
 
 
-def quiet(dataset: Dataset, command_period_s: float) -> Dataset:
-    """Return the fit and validation runs, or pieces of the long ones, whose commands stay small.
+def small_command_runs(dataset: Dataset, command_period_s: float) -> Dataset:
+    """Return the fit and validation runs, or pieces of the long ones, with commands below `SMALL`.
 
-    A linear law is fitted best where no limit of speed acts: below half of the fastest command. What departs
-    from it at larger ones is then seen by a study of the gap. Where no fit run is left, all are returned.
+    A linear law is fitted best where no limit of speed acts. A study of the gap then finds what differs at
+    larger commands. If no fit run is left, the dataset is returned unchanged.
 
     Args:
         dataset: bench or robot logs.
-        command_period_s: as for `pieces`.
+        command_period_s: as for `pieces` [s].
     """
     runs = dataset.split("fit") + dataset.split("validation")
     cut = [p for r in runs for p in (pieces(r, command_period_s) if r.duration_s > 2.0 * PIECE_S else (r,))]
     largest = [float(np.max(np.abs(run.command.wheels_rpm))) for run in cut]
-    kept = tuple(run for run, rpm in zip(cut, largest, strict=True) if rpm <= QUIET * max(largest))
+    kept = tuple(run for run, rpm in zip(cut, largest, strict=True) if rpm <= SMALL * max(largest))
     if not any(run.split == "fit" for run in kept):
         return dataset
     return replace(dataset, runs=kept, sha256=hashlib.sha256(f"{dataset.sha256} quiet".encode()).hexdigest())
 
 
-def liveliest(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
-    """Return whole groups of runs up to so many seconds of distinct commands, in their own order.
+def most_active_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
+    """Return whole groups of runs with at most so many seconds of distinct commands, in their own order.
 
-    Of each split the groups with the largest changes of command come first, in turn; one group of each split
-    is always there.
+    The splits take turns, each with its group of the largest changes of command that is left. At least one
+    group of each split is returned.
 
     Args:
         runs: of a dataset.
-        seconds: how long one run of each group may take altogether [s].
+        seconds: total duration, with one run of each group counted [s].
     """
     lengths, activity, queues = _groups(runs)
     queues = [sorted(groups, key=lambda g: (-activity[g], g)) for groups in queues]
@@ -105,27 +105,27 @@ def liveliest(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
 
 
 def _covering(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
-    """Return groups as `liveliest`, those first that bring speeds that none before had."""
+    """Return groups as `most_active_runs` does, but first those that add bands of speed."""
     lengths, activity, splits = _groups(runs)
     bands = _bands(runs)
     queues = []
     for groups in splits:
         left, queue, seen = set(groups), list[str](), set[tuple[int, int]]()
         while left:
-            best = min(left, key=lambda g: (-len(bands[g] - seen), -activity[g], g))
-            if not bands[best] - seen and seen:
-                # All speeds are there: they are covered anew.
+            group = min(left, key=lambda g: (-len(bands[g] - seen), -activity[g], g))
+            if not bands[group] - seen and seen:
+                # All bands are covered: start again.
                 seen = set()
                 continue
-            queue.append(best)
-            left.remove(best)
-            seen |= bands[best]
+            queue.append(group)
+            left.remove(group)
+            seen |= bands[group]
         queues.append(queue)
     return _in_turn(runs, seconds, lengths, queues)
 
 
 def _groups(runs: Sequence[Run]) -> tuple[dict[str, float], dict[str, float], list[list[str]]]:
-    """Return the length and the change of command per second of each group, and the groups of each split."""
+    """Return duration [s] and change of command [rpm/s] of each group, and the groups of each split."""
     lengths: dict[str, float] = {}
     activity: dict[str, float] = {}
     splits: dict[str, list[str]] = {}
@@ -140,7 +140,7 @@ def _groups(runs: Sequence[Run]) -> tuple[dict[str, float], dict[str, float], li
 
 
 def _bands(runs: Sequence[Run]) -> dict[str, Bands]:
-    """Return which bands of speed each group commands, as (wheel, band)."""
+    """Return the bands of speed that each group commands, as (wheel, band)."""
     top = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in runs)
     found: dict[str, Bands] = {}
     for run in runs:
@@ -154,6 +154,7 @@ def _bands(runs: Sequence[Run]) -> dict[str, Bands]:
 def _in_turn(
     runs: Sequence[Run], seconds: float, lengths: dict[str, float], queues: Sequence[Sequence[str]]
 ) -> tuple[Run, ...]:
+    """Return the runs of the groups that fit, one from each queue in turn."""
     chosen, spent = {queue[0] for queue in queues}, sum(lengths[queue[0]] for queue in queues)
     for rank in range(1, max(len(queue) for queue in queues)):
         for queue in queues:

@@ -1,15 +1,15 @@
-"""Residuals in units of what noise and the model's own error make likely.
+"""Whitening of residuals by the covariance of the noise and of the model's own error.
 
-The covariance of a block's residual is that of the noise plus that of the model's error,
+The covariance of a block's residual is
 
     C(i, j) = delta(i, j) sigma^2 / weight(i) + SHARE^2 e(i) e(j) exp(-|t(i) - t(j)| / T),
 
-with e(t) and T as `sysid.compare.model_error` has them. Where repeats differ for longer than a sample, that
-share of sigma^2 falls with a time of its own instead; where a sensor's steps are coarse beside its noise,
-the rounding that all repeats share is added twice, once independent and once for as long as a speed lasts.
-With C = L L', the residual L^-1 (measured - predicted) of a right model is white with unit variance. The part
-of the model's error that is the same after every change of command is not in C: it is a column of
-`sysid.compare.nuisance`.
+with e(t) and the correlation time T of `sysid.compare.model_error`. If the noise is correlated, that share of
+sigma^2 decays with its own correlation time. If a sensor's resolution is coarse compared with its noise, the
+variance of the rounding that all repeats share is added twice: once white and once correlated over
+`ROUNDING_S`. With C = L L', the residual L^-1 (measured - predicted) of a right model is white with unit
+variance. The part of the model's error that is the same after every change of command is not in C: it is a
+column of `sysid.compare.nuisance`.
 """
 
 from __future__ import annotations
@@ -28,21 +28,21 @@ from sysid.compare.observations import WINDOW_S, Block, Observations
 from sysid.compare.prediction import POSE
 
 SHARE: Final = 0.5
-"""Part of the model's error that differs from one change of command to the next."""
-ROUNDED_S: Final = 0.3
-"""How long a speed is rounded to the same side, about."""
-_LEAST_WHITE: Final = 1e-3  # of lasting noise, so that the covariance can be factored
+"""Share of the model's error that differs from one change of command to the next."""
+ROUNDING_S: Final = 0.3
+"""Correlation time of the rounding error [s]: about how long a speed stays near the same value."""
+_LEAST_WHITE: Final = 1e-3  # share of correlated noise that is made white, so that C is positive definite
 VELOCITY_OF: Final = {"x_m": "vx_m_s", "y_m": "vy_m_s", "yaw_rad": "yaw_rate_rad_s"}
-"""A pose's error is that of the velocity that made it."""
+"""The error of a displacement is that of the velocity."""
 
 
 class Whitener:
-    """Whitens what belongs to the blocks of some observations.
+    """Whitens residuals, or differences of predictions, of some observations.
 
     Args:
-        observations: whose blocks are compared.
+        observations: the blocks that are compared.
         noise: of each channel.
-        error: of the model; None for none.
+        error: the model's own error; None if it is not known.
     """
 
     def __init__(self, observations: Observations, noise: Noise, error: ModelError | None) -> None:
@@ -51,11 +51,11 @@ class Whitener:
         sizes = [block.value.size for block in observations.blocks]
         ends = np.cumsum([0, *sizes])
         self.slices = tuple(slice(int(a), int(b)) for a, b in pairwise(ends))
-        """Where each block lies in a whitened vector."""
+        """The entries of each block in a whitened vector."""
         self.size = int(ends[-1])
 
     def whiten(self, parts: Sequence[FloatArray]) -> FloatArray:
-        """Return one vector (N,) of parts, one a block, each of the block's shape (m,) or (m, p)."""
+        """Return the whitened vector (N,), or columns (N, p), of `parts`: (m,) or (m, p) for each block."""
         return np.concatenate(
             [
                 part / factor.reshape((-1,) + (1,) * (part.ndim - 1))
@@ -66,10 +66,10 @@ class Whitener:
         )
 
     def unwhiten(self, vector: FloatArray) -> list[FloatArray]:
-        """Return the parts, each of its block's shape (m,), of a whitened vector (N,)."""
+        """Return the parts (m,) of each block from a whitened `vector` (N,)."""
         return [
-            vector[place] * factor if factor.ndim == 1 else factor @ vector[place]
-            for place, factor in zip(self.slices, self._factors, strict=True)
+            vector[rows] * factor if factor.ndim == 1 else factor @ vector[rows]
+            for rows, factor in zip(self.slices, self._factors, strict=True)
         ]
 
     def measured(self) -> list[FloatArray]:
@@ -77,35 +77,37 @@ class Whitener:
         return [block.value for block in self.observations.blocks]
 
     def _factor(self, block: Block) -> FloatArray:
+        """Return L, or its diagonal if C is diagonal."""
         variance = self.noise.sigma[block.channel] ** 2 / block.weight
-        lasting = self.noise.lasting.get(block.channel)
+        correlated = self.noise.correlated.get(block.channel)
         error = error_of(self.error, block.channel)
         exact = error is None or (error.settled == 0.0 and error.transient == 0.0)
-        shared = self.noise.shared.get(block.channel, 0.0)
-        if exact and lasting is None and not shared:
+        rounding = self.noise.rounding.get(block.channel, 0.0)
+        if exact and correlated is None and not rounding:
             return np.sqrt(variance)
-        apart = np.abs(block.time_s[:, None] - block.time_s[None, :])
-        covariance = np.zeros(apart.shape)
-        if lasting is not None:
-            common = lasting.share * self.noise.sigma[block.channel] ** 2 / block.repeats
-            covariance += common * np.exp(-apart / lasting.time_s)
-            variance = (1.0 - lasting.share) * variance + _LEAST_WHITE * common
-        if shared:
-            variance = variance + shared**2
-            covariance += shared**2 * np.exp(-apart / ROUNDED_S)
+        lag_s = np.abs(block.time_s[:, None] - block.time_s[None, :])
+        covariance = np.zeros(lag_s.shape)
+        if correlated is not None:
+            common = correlated.share * self.noise.sigma[block.channel] ** 2 / block.repeats
+            covariance += common * np.exp(-lag_s / correlated.time_s)
+            variance = (1.0 - correlated.share) * variance + _LEAST_WHITE * common
+        if rounding:
+            variance = variance + rounding**2
+            covariance += rounding**2 * np.exp(-lag_s / ROUNDING_S)
         if error is not None and not exact:
-            size = SHARE * error_size(error, self.observations, block)
-            covariance += np.outer(size, size) * np.exp(-apart / error.correlation_s)
+            run = self.observations.situations[block.situation].runs[0]
+            size = SHARE * np.hypot(error.settled, error.transient * activity_rpm(run, block.time_s))
+            covariance += np.outer(size, size) * np.exp(-lag_s / error.correlation_s)
         covariance[np.diag_indices_from(covariance)] += variance
         return np.asarray(np.linalg.cholesky(covariance))
 
 
 def error_of(error: ModelError | None, channel: str) -> ChannelError | None:
-    """Return the model's error in a channel; of a pose, in the way made in a window.
+    """Return the model's error in a channel, None if it is not known; for a pose that of its displacements.
 
     Args:
-        error: as the model states it.
-        channel: a column of a log.
+        error: the model's own error.
+        channel: column of a log.
     """
     if error is None:
         return None
@@ -115,15 +117,3 @@ def error_of(error: ModelError | None, channel: str) -> ChannelError | None:
     if velocity is None:
         return None
     return ChannelError(WINDOW_S * velocity.settled, WINDOW_S * velocity.transient, velocity.correlation_s)
-
-
-def error_size(error: ChannelError, observations: Observations, block: Block) -> FloatArray:
-    """Return the size e(t) of the model's error at a block's samples, shape (m,), in its channel's unit.
-
-    Args:
-        error: of the block's channel.
-        observations: that the block is of.
-        block: one channel of one situation.
-    """
-    run = observations.situations[block.situation].runs[0]
-    return np.hypot(error.settled, error.transient * activity_rpm(run, block.time_s))

@@ -37,29 +37,28 @@ def fit(
 
     Args:
         logs: Folder of bench or robot logs, or one file.
-        robot: JSON with what is known of the robot (wheel_radius_m, mass_kg ...); not fitted then.
+        robot: JSON file of measured robot parameters (wheel_radius_m, mass_kg ...), which are not fitted.
         out: Folder to write.
-        method: Methods to run, or "all"; the first gives the model.
-        starts: Starting points of each method.
-        seed: Of the random starting points.
+        method: Methods to run, or "all"; the model is from the first.
+        starts: Number of starting points of each method.
+        seed: Seed of the random starting points.
         free_gain: Estimate the DC gain instead of holding it at exactly 1.
-        per_wheel: On robot logs, fit each wheel as well as all together.
-        delay: Transport delay of the command [s]; auto: adopted where the logs ask for one.
+        per_wheel: On robot logs, fit each wheel, too.
+        delay: Transport delay of the command [s]; auto: estimated, and adopted on evidence.
         sample_period: Period of the law [s]; default near 1/120 s.
         command_period: Shortest time between commands [s]; default 0.1.
         quantum: Rounding of commands [rpm]; default 1.
-        saturation: Ceiling of the wheel's speed [rpm]; default 135, or estimated where commands go beyond.
+        saturation: Ceiling of the wheel speed [rpm]; default 135, or estimated if commands exceed it.
     """
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable, write_json
     from mecanum_env.model import Robot, read_robot, write_model
     from sysid.fit.estimators import METHODS
-    from sysid.fit.page import write_fit_report
     from sysid.fit.pipeline import FitOptions, fit_dataset
     from sysid.fit.plots import write_fit_plots
+    from sysid.fit.report import fit_table, write_fit_report
     from sysid.fit.result import fit_json, fitted_model
-    from sysid.fit.table import fit_table
     from sysid.logs import read_dataset
     from sysid.progress import stage_bar
 

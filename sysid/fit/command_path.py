@@ -1,8 +1,8 @@
 """What happens to a logged command before it reaches the wheel law: clock, rounding and ceiling.
 
-A log says when commands appeared, not how the platform takes them. The defaults are the robot's (a command
-latched every 0.1 s, whole rpm, a ceiling of 135 rpm); where a log contradicts one, what the log shows is used
-instead and said so.
+A log contains when commands appeared, but not how the platform processes them. The defaults are the robot's:
+a command latched every 0.1 s, whole rpm, a ceiling of 135 rpm. Where a log contradicts a default, the value
+that the log shows is used, with a note.
 """
 
 from __future__ import annotations
@@ -22,33 +22,32 @@ COMMAND_PERIOD_S: Final = Wheel.command_period_s
 COMMAND_QUANTUM_RPM: Final = Wheel.command_quantum_rpm
 SATURATION_RPM: Final = Wheel.saturation_rpm
 LAW_RATE_HZ: Final = 120.0
-"""The law's default rate: the published rise and settling times fit a period of 1/120 s."""
-
+"""Default rate of the law: the published rise and settling times fit a period of 1/120 s."""
 _CEILING_MARGIN: Final = 1.05
-_FEW_CHANGES: Final = 5  # two commands in quick succession do not make a period
-_UNSEEN_TICKS: Final = 2.0  # samples further apart than this hide modes of a faster law between them
-_BRIEF: Final = 0.95  # an overshoot is over in the remaining share of a run; a reached speed lasts longer
+_FEW_CHANGES: Final = 5  # fewer changes of command do not show a period
+_UNSEEN_TICKS: Final = 2.0  # ticks per sample above which the law could oscillate unseen between samples
+_BRIEF: Final = 0.95  # quantile of speed: an overshoot lasts less than the remaining share of a run
 
 
 @dataclass(frozen=True)
 class CommandPath:
-    """How commands of a dataset reach the law."""
+    """How the commands of a dataset reach the law."""
 
     sample_period_s: float
-    """Period of the law [s]; a whole number of them make a command period."""
+    """Period of the law [s]; the command period is a multiple of it."""
     command_period_s: float
-    """Shortest time between commands that the platform takes [s]."""
+    """Shortest time between commands that the platform accepts [s]."""
     quantum_rpm: float
-    """Commands are rounded to this [rpm]; 0: not rounded."""
+    """Rounding of commands [rpm]; 0: none."""
     saturation_rpm: float
-    """Ceiling of a wheel command [rpm]; infinite: the log shows none."""
+    """Ceiling of a wheel command [rpm]; infinite if the log shows none."""
     seek_ceiling: bool
-    """Whether commands go beyond the ceiling or what the wheel reaches, so that it can be estimated."""
+    """Whether commands exceed the ceiling or the speeds reached, so that a ceiling can be estimated."""
     latched: bool
-    """True: commands take effect on the command period's own clock, which starts with the run. False: the
-    log's stamps are taken as the moments at which commands took effect."""
+    """Whether commands take effect on a clock of the command period that starts with the run, rather than at
+    the times of the log."""
     notes: tuple[str, ...]
-    """What the log contradicted, in sentences."""
+    """Defaults that the log contradicts, in sentences."""
 
 
 def infer_command_path(
@@ -59,15 +58,15 @@ def infer_command_path(
     quantum_rpm: float | None = None,
     saturation_rpm: float | None = None,
 ) -> CommandPath:
-    """Take what is given, and infer the rest from a dataset.
+    """Return the command path with the given values, and the others from a dataset.
 
     Args:
         dataset: bench or robot logs.
         sample_period_s: period of the law [s]; default: the whole fraction of the command period nearest
             1/120 s, or nearest the log's own interval where samples are more than two such ticks apart.
-        command_period_s: shortest time between commands [s]; default 0.1 unless commands come faster.
-        quantum_rpm: rounding of commands [rpm]; default 1 unless the log has commands between.
-        saturation_rpm: ceiling [rpm]; default 135 unless speeds go beyond.
+        command_period_s: shortest time between commands [s]; default 0.1, unless commands change faster.
+        quantum_rpm: rounding of commands [rpm]; default 1, unless commands are not whole.
+        saturation_rpm: ceiling [rpm]; default 135, unless speeds exceed it.
 
     Raises:
         InputError: a value that is not positive, or a law slower than the commands.
@@ -108,12 +107,12 @@ def infer_command_path(
 
 
 def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[str]) -> tuple[float, bool]:
-    """Return the command period [s] and whether commands are latched on its clock; say what is unusual.
+    """Return the command period [s] and whether commands are latched on its clock; add notes.
 
-    Per run, so that a run of slow commands beside one of fast commands hides nothing.
+    Each run is examined by itself, so that slow commands in one do not hide fast ones in another.
     """
     changes = [run.command_changes()[0] for run in dataset.runs]
-    # A stamp is as fine as the log's rows: two commands 0.1 s apart may look closer by one row.
+    # Times are as fine as the log's rows: commands 0.1 s apart may appear closer by one row.
     rows = [run.median_interval_s for run in dataset.runs]
     fast = [
         float(np.quantile(np.diff(t), 0.05))
@@ -126,7 +125,7 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
             "command_period_s is taken from the log"
         )
         return min(fast), False
-    # A change is shown by the first row after it, however late that comes.
+    # A change appears in the first row after it, however late that is.
     held = [run.held_since(COMMAND_PERIOD_S)[run.command_rows()] for run in dataset.runs]
     if all(
         _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
@@ -147,15 +146,15 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
 
 
 def _on_clock(times_s: FloatArray, period_s: float, tolerance_s: float) -> bool:
-    """Return whether all times [s] are multiples of a period, within a tolerance."""
+    """Return whether all times [s] are multiples of a period [s] within a tolerance [s]."""
     phase = times_s / period_s
     return bool(np.all(np.abs(phase - np.rint(phase)) * period_s <= tolerance_s))
 
 
 def _law_rate_hz(dataset: Dataset, notes: list[str]) -> float:
-    """Return the default rate of the law, no faster than the log can show.
+    """Return the default rate of the law [Hz], no faster than the log can show.
 
-    Between samples a law may alternate from tick to tick unseen, and a fit would use that freedom.
+    A faster law could alternate from tick to tick between samples, and a fit would use that freedom.
     """
     interval = min(run.median_interval_s for run in dataset.runs)
     if interval * LAW_RATE_HZ <= _UNSEEN_TICKS * (1.0 + 1e-6):
@@ -175,7 +174,7 @@ def _is_whole(run: Run, quantum_rpm: float) -> bool:
 
 
 def _reached_rpm(run: Run) -> float:
-    """Return the speed [rpm] that some wheel of the run holds for longer than an overshoot would last."""
+    """Return the largest speed [rpm] that a wheel of the run holds for longer than an overshoot lasts."""
     speeds = [
         np.abs(values[np.isfinite(values)])
         for name, values in run.channels.items()

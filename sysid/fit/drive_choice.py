@@ -1,9 +1,9 @@
 """What lies before the law: the clock of the commands, a transport delay, a ceiling; adopted on evidence.
 
-Each of them makes the fit runs fit better, if only a little, whatever the truth. So one is adopted where it
-explains the fit runs far beyond chance *and* the validation runs, which it has not seen, by more than a
-hair, and where the law's own zeros cannot do the same. The search is by single starts from the
-Steiglitz-McBride law; `pipeline` then runs all starts of the law behind what was chosen.
+Each additional parameter improves the fit of the fit runs a little, whatever the truth. One is therefore
+adopted only if its improvement is significant, if it also improves the prediction of the validation runs,
+and if the law's own zeros cannot do the same. Each choice is made by a single start from the
+Steiglitz-McBride law; `pipeline` then runs all starts with the chosen structure.
 """
 
 from __future__ import annotations
@@ -15,34 +15,39 @@ from typing import Final
 
 import numpy as np
 
+from mecanum_env.statistics import rms
 from sysid.fit.command_path import COMMAND_PERIOD_S, CommandPath
 from sysid.fit.estimators import Estimate, Options, WheelRun, estimate
-from sysid.fit.figures import Runs, residual, rms
+from sysid.fit.metrics import Runs, residual
 from sysid.fit.statistics import uncertainty
 from sysid.fit.wheel_data import driven, longest_delay_s, wheel_runs
 from sysid.logs import Dataset
 from sysid.logs.runs import SPLITS
 
 LONGEST_DELAY_S: Final = 0.25
+"""Longest transport delay that is tried [s]."""
 _EVIDENCE: Final = 10.0
 """Difference of BIC: "very strong" on the scale of Kass and Raftery (1995)."""
 _WORTH: Final = 0.02
-"""Relative fall of the validation error from which another parameter is worth having."""
+"""Least relative decrease of the validation error for which a parameter is adopted."""
 _ENOUGH_TICKS: Final = 30_000
+"""Number of ticks that suffice to compare structures."""
 VAGUE: Final = 0.5
-"""Relative standard error from which a delay is as good as unknown."""
+"""Relative standard error above which a delay counts as unknown."""
+_WORTH_SAYING: Final = 0.02
+"""Least difference of a free gain from 1, and relative decrease of the validation error by it, for a note."""
 
 
 @dataclass(frozen=True)
 class Search:
-    """What every fit of one dataset shares."""
+    """Settings that all fits of one dataset share."""
 
     method: str
     seed: int
     unit_gain: bool
     path: CommandPath
     effective_share: float
-    """Independent samples over samples; less than 1 where a slow sensor's samples repeat."""
+    """Share of the samples that are independent; below 1 if the values of a slow sensor repeat."""
 
     def run(
         self,
@@ -56,17 +61,17 @@ class Search:
         initial: Sequence[Sequence[float]] = (),
         unit_gain: bool | None = None,
     ) -> Estimate:
-        """Estimate the law and what is `free` of "delay_s", "saturation_rpm"; the rest is held as given.
+        """Estimate the law and, if they are free, the delay and the ceiling.
 
         Args:
-            data: the runs.
-            method: which; the search's own when None.
-            starts: how many.
-            delay_s: held, unless free [s].
-            saturation_rpm: held, unless free [rpm].
-            free: what is estimated beside the law.
-            initial: starting points A-F instead of the method's own.
-            unit_gain: hold the DC gain at 1; as the search does when None.
+            data: runs of one or several wheels.
+            method: name of the method; default: that of the search.
+            starts: number of starting points.
+            delay_s: transport delay [s], unless it is free.
+            saturation_rpm: ceiling [rpm], unless it is free.
+            free: which of "delay_s" and "saturation_rpm" are estimated.
+            initial: starting points A-F instead of those of the method.
+            unit_gain: whether the DC gain is held at 1; default: as in the search.
         """
         held_delay = 0.0 if "delay_s" in free else delay_s
         held_limit = math.inf if "saturation_rpm" in free else saturation_rpm
@@ -82,9 +87,7 @@ class Search:
         prepared = [driven(run, held_delay, held_limit) for run in data]
         found = estimate(prepared, method or self.method, options)
         return replace(
-            found,
-            delay_s=held_delay + found.delay_s,
-            saturation_rpm=min(held_limit, found.saturation_rpm),
+            found, delay_s=held_delay + found.delay_s, saturation_rpm=min(held_limit, found.saturation_rpm)
         )
 
 
@@ -94,20 +97,23 @@ def pooled(wheels: Mapping[str, Sequence[WheelRun]]) -> list[WheelRun]:
 
 
 def runs_by_split(dataset: Dataset, path: CommandPath, sigma_rpm: Mapping[str, float]) -> Runs:
-    """Return split -> wheel -> data on the law's clock."""
+    """Return split -> wheel -> runs on the law's clock, with the noise `sigma_rpm` of each column."""
     return {split: wheel_runs(dataset.split(split), path, sigma_rpm) for split in SPLITS}
 
 
 def choose_clock(
     dataset: Dataset, search: Search, sigma_rpm: Mapping[str, float], given: bool
 ) -> tuple[Search, Estimate, Runs, str | None]:
-    """Fit with the clock that the stamps suggest and with the platform's own; return the better with a note.
+    """Fit with the clock that the times of the log suggest and with the platform's; return the better.
 
     Args:
-        dataset: the logs.
-        search: with the inferred command path.
-        sigma_rpm: noise of each column.
-        given: the user stated the command period: only that one is tried.
+        dataset: bench or robot logs.
+        search: contains the inferred command path.
+        sigma_rpm: noise of each wheel-speed column [rpm].
+        given: whether the user stated the command period, so that only that one is tried.
+
+    Returns:
+        The search with the better command path, its estimate, its runs, and a note if it is the platform's.
     """
     path = search.path
     paths = [path]
@@ -115,7 +121,7 @@ def choose_clock(
         whole = COMMAND_PERIOD_S / path.sample_period_s
         if path.command_period_s >= path.sample_period_s and abs(whole - round(whole)) < 1e-6:
             paths.append(replace(path, latched=True, command_period_s=COMMAND_PERIOD_S))
-    if path.command_period_s < 0.5 / 120.0:  # commands that fast were seen to be
+    if path.command_period_s < 0.5 / 120.0:  # commands that fast are certain
         paths = paths[:1]
     tried = []
     for candidate in paths:
@@ -130,13 +136,13 @@ def choose_clock(
 
 
 def choose_drive(runs: Runs, search: Search, plain: Estimate, *, delay: bool) -> Estimate:
-    """Return the estimate with a transport delay, a ceiling, both or neither, as the data ask.
+    """Return the estimate with those of a transport delay and a ceiling that are worth having.
 
     Args:
-        runs: by split.
-        search: how to fit.
+        runs: by split and wheel.
+        search: settings of the fits; a ceiling is tried if `search.path.seek_ceiling`.
         plain: the estimate with neither.
-        delay: whether a delay may be estimated; a ceiling may be where `search.path.seek_ceiling`.
+        delay: whether a delay is tried.
     """
     data = representative(pooled(runs["fit"]))
     best = plain if len(data) == len(pooled(runs["fit"])) else search.run(data, delay_s=plain.delay_s)
@@ -159,15 +165,15 @@ def worth_having(
 ) -> bool:
     """Return whether `other`, with one parameter more, is worth adopting over `found`.
 
-    The difference of BIC counts with the residual's own variance where that exceeds the noise: error of the
-    model is no noise that averages out, yet the data cannot be trusted beyond it.
+    The difference of BIC is taken with the variance of the residual if that exceeds the noise, since the
+    model's error limits what the data can tell.
 
     Args:
-        runs: by split; the validation runs count.
-        data: what both were fitted to.
+        runs: by split and wheel; the validation runs must agree.
+        data: the runs that both were fitted to.
         found: the simpler estimate.
-        other: the one with a parameter more.
-        effective_share: independent samples over samples.
+        other: the estimate with one parameter more.
+        effective_share: share of the samples that are independent.
     """
     if len(_drive(other)) <= len(_drive(found)):
         return False
@@ -179,14 +185,14 @@ def worth_having(
 
 
 def delay_is_vague(data: Sequence[WheelRun], found: Estimate) -> bool:
-    """Return whether the law's zeros imitate the estimated delay, so that the two cannot be told apart."""
+    """Return whether the estimated delay cannot be told from the law's zeros."""
     if "delay_s" not in found.free or found.delay_s <= 0.0:
         return False
     return uncertainty(data, found)["delay_s"].relative_error > VAGUE
 
 
 def representative(data: Sequence[WheelRun]) -> list[WheelRun]:
-    """Return runs spread evenly over the data, the fastest among them: enough to compare structures."""
+    """Return runs spread evenly over the data, with that of the largest command, to compare structures."""
     ticks = sum(len(run.command_rpm) for run in data)
     if ticks <= _ENOUGH_TICKS:
         return list(data)
@@ -197,24 +203,116 @@ def representative(data: Sequence[WheelRun]) -> list[WheelRun]:
 
 
 def _drive(found: Estimate) -> tuple[str, ...]:
-    """Return the drive parameters that an estimate really has."""
+    """Return the parameters before the law that an estimate has."""
     return ("delay_s",) * (found.delay_s > 0.0) + ("saturation_rpm",) * math.isfinite(found.saturation_rpm)
 
 
 def _held_out_agrees(runs: Runs, found: Estimate, other: Estimate) -> bool:
-    """Return whether the runs held out are predicted better where it matters, or do not tell the two apart.
+    """Return whether the held-out runs are predicted better where the two estimates differ, or never differ.
 
-    A ceiling, say, changes only the samples beyond it, and a validation run may have none.
+    A ceiling, for example, only changes the samples beyond it, and a validation run may have none.
     """
     data = pooled(runs["validation"]) or pooled(runs["fit"])
     before, after = (np.concatenate([residual(run, e) for run in data]) for e in (found, other))
-    apart = np.abs(after - before) > _WORTH * rms(before)
-    if not apart.any():
+    differ = np.abs(after - before) > _WORTH * rms(before)
+    if not differ.any():
         return True
-    return rms(after[apart]) < (1.0 - _WORTH) * rms(before[apart])
+    return rms(after[differ]) < (1.0 - _WORTH) * rms(before[differ])
 
 
 def held_out_rms(runs: Runs, found: Estimate) -> float:
-    """Return the rms [rpm] on the validation runs, or on the fit runs where there are none."""
+    """Return the residual rms [rpm] on the validation runs, or on the fit runs if there are none."""
     data = pooled(runs["validation"]) or pooled(runs["fit"])
     return rms(np.concatenate([residual(run, found) for run in data]))
+
+
+def drive_notes(dataset: Dataset, path: CommandPath, found: Estimate, sought_delay: bool) -> list[str]:
+    """Return notes on the delay and the ceiling.
+
+    Args:
+        dataset: bench or robot logs.
+        path: how commands reach the law.
+        found: the estimate.
+        sought_delay: whether the delay was estimated.
+    """
+    notes = []
+    if sought_delay and found.delay_s > 0.0:
+        exactly = "" if "delay_s" in found.free else " (in whole ticks)"
+        notes.append(
+            f"a transport delay of {found.delay_s * 1e3:.1f} ms was estimated{exactly} and is in the model "
+            "as command_latency; wheel speeds alone cannot tell it from sensor_latency"
+        )
+        longest = min(LONGEST_DELAY_S, longest_delay_s(path))
+        if found.delay_s > 0.99 * longest:
+            notes.append(f"that delay is the longest tried, {longest * 1e3:.0f} ms: it may be longer")
+    asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
+    if math.isfinite(found.saturation_rpm):
+        where = (
+            "it may as well act on the body's speed (body_speed_limit)"
+            if dataset.level == "robot"
+            else "a limit elsewhere in the platform looks the same to one wheel"
+        )
+        notes.append(
+            f"commands reach {asked:.0f} rpm; a ceiling of {found.saturation_rpm:.1f} rpm on the wheel "
+            f"command was estimated, as it predicts held-out runs better; {where}"
+        )
+    elif asked > path.saturation_rpm:
+        notes.append(
+            f"commands reach {asked:.0f} rpm and are clipped at the assumed {path.saturation_rpm:g} rpm; the "
+            "logs ask for no other ceiling (--saturation sets one)"
+        )
+    return notes
+
+
+def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
+    """Return notes on logs that contradict the unit DC gain that the law is given.
+
+    A law of unit gain can imitate another gain by a pole so slow that it does not settle while any command is
+    held; rise and settling times are meaningless then.
+
+    Args:
+        runs: by split and wheel.
+        search: settings of the fits.
+        found: the estimate.
+    """
+    notes = []
+    period = found.law.sample_period_s
+    slowest = abs(found.law.poles[0])
+    constant_s = -period / math.log(slowest) if 0.0 < slowest < 1.0 else 0.0
+    held_s = _longest_hold_s(runs)
+    if constant_s > held_s:
+        notes.append(
+            f"the slowest pole has a time constant of {constant_s:.3g} s, but no command is held longer than "
+            f"{held_s:.3g} s: rise and settling times are extrapolated"
+        )
+    if not search.unit_gain:
+        return notes
+    # An estimated ceiling may only imitate a gain below 1.
+    limits = {found.saturation_rpm, math.inf}
+    others = [
+        search.run(
+            representative(pooled(runs["fit"])),
+            delay_s=found.delay_s,
+            saturation_rpm=limit,
+            initial=[found.coefficients.tolist()],
+            unit_gain=False,
+        )
+        for limit in limits
+    ]
+    free = min(others, key=lambda other: held_out_rms(runs, other))
+    before, after = held_out_rms(runs, found), held_out_rms(runs, free)
+    if abs(free.law.dc_gain - 1.0) > _WORTH_SAYING and after < (1.0 - _WORTH_SAYING) * before:
+        notes.append(
+            f"unit DC gain is assumed, but a gain of {free.law.dc_gain:.3g} lowers the held-out error from "
+            f"{before:.3g} to {after:.3g} rpm: try --free-gain, or check the units of command and speed"
+        )
+    return notes
+
+
+def _longest_hold_s(runs: Runs) -> float:
+    """Return the longest time [s] for which a command of the fit runs is held."""
+    longest = 0
+    for run in pooled(runs["fit"]):
+        changes = np.flatnonzero(np.diff(run.command_rpm)) + 1
+        longest = max(longest, int(np.max(np.diff(np.concatenate([[0], changes, [len(run.command_rpm)]])))))
+    return longest * pooled(runs["fit"])[0].sample_period_s

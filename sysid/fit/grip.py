@@ -1,11 +1,9 @@
-"""One number of the robot, and from when on logs count as showing it.
+"""Grip (friction of the rollers) from robot logs: a coarse scan first, then a profile of the cost.
 
-Grip from robot logs: coarsely first, then from the profile of the cost.
-
-A wheel that begins to slip a hair earlier or later rolls on differently, so the cost over grip is rough: the
-smallest change of any parameter moves it, and its slope at a point says next to nothing of how sure the grip
-is. So value and error are from a parabola through the profile over a wide stretch, and from how much that
-moves when a run is left out.
+A wheel that starts to slip slightly earlier or later moves differently afterwards, so the cost is not a
+smooth function of the grip, and its local derivative is no measure of the grip's uncertainty. Value and
+standard error are therefore from a parabola through a wide profile of the cost, and from the change of its
+vertex when single runs are left out.
 """
 
 from __future__ import annotations
@@ -20,67 +18,68 @@ from scipy.stats import t as student
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData, liveliest_runs
+from sysid.fit.robot_search import BODY_VELOCITY, PlantData, largest_command_runs
 
 SHOWN: Final = 0.25
-"""Relative standard error up to which a parameter counts as shown by the logs."""
+"""Largest relative standard error of a parameter that counts as shown by the logs."""
 EVIDENCE: Final = 10.0
-"""Difference of BIC from which another parameter is worth having."""
+"""Least difference of BIC for which a parameter is fitted."""
 
 
 @dataclass(frozen=True)
 class RobotParameter:
-    """One of the robot's numbers and what the logs say about it."""
+    """A parameter of the robot and what the logs show of it."""
 
     name: str
     value: float
     standard_error: float
-    """Infinite where the logs say nothing; nan where they were not asked, or give no honest interval."""
+    """Infinite if the logs do not show it; NaN if it was not fitted, or no valid interval is known."""
     fitted: bool
     reason: str
 
 
 ROLLER_SECONDS: Final = 10.0
+"""Duration of the logs that are simulated on rollers again and again [s]."""
 _PROFILE_SECONDS: Final = 30.0
 _GRIPS: Final = (0.15, 0.25, 0.4, 0.6, 0.8, 1.1)
 _STEP: Final = 0.05
-"""Of the profile, in the logarithm of the grip."""
+"""Step of the profile, in the logarithm of the grip."""
 _HALF: Final = 4
-"""Steps of the profile to each side of its least point."""
-_MOVES: Final = 3
+"""Steps of the profile to each side of its minimum."""
+_RECENTRINGS: Final = 3
 
 
 @dataclass(frozen=True)
 class GripProfile:
-    """Grip at the vertex of the cost's profile."""
+    """Grip at the vertex of a parabola through the profile of the cost."""
 
     value: float
     log_error: float
-    """Standard error of its logarithm, widened for few runs; nan where no honest one can be given."""
+    """Standard error of its logarithm, widened for few runs; NaN if no valid one is known."""
     cost: float
-    """Half the square sum of the residuals over the noise, at the vertex of the parabola."""
+    """Half the sum of squared residuals at the vertex, in variances of the noise."""
     doubt: str
-    """Why there is no interval; empty where there is one."""
+    """Why there is no interval; empty if there is one."""
 
 
 def profile_grip(model: Model, data: PlantData) -> GripProfile:
-    """Find the grip from the cost over a wide stretch around the model's, everything else held.
+    """Find the grip from a profile of the cost around the model's grip, everything else held.
 
-    The error is of leaving out one run at a time (jackknife), widened so that 1.96 of it reach as far as
-    Student's t with one degree of freedom less than there are runs, with a whole step of the
-    profile added: the law's own error, which all runs share, does not show in the jackknife.
+    The standard error is by the jackknife over runs, widened so that 1.96 of it are the 95 % point of
+    Student's t with one degree of freedom less than there are runs. A step of the profile is added in
+    quadrature for the law's own error, which all runs share, so that the jackknife does not contain it.
 
     Args:
-        model: the model with its grip.
+        model: gives the initial grip.
         data: runs that start at rest.
     """
-    few = replace(data, runs=liveliest_runs(data.runs, _PROFILE_SECONDS))
+    few = replace(data, runs=largest_command_runs(data.runs, _PROFILE_SECONDS))
     ends = np.cumsum([replace(few, runs=(run,)).measured().size for run in few.runs])[:-1]
     measured, start = few.measured(), math.log(model.robot.friction)
     costs: dict[int, FloatArray] = {}
 
     def cost(k: int) -> FloatArray:
-        """Return each run's cost at k steps from the start, shape (runs,)."""
+        """Return the cost of each run at k steps from the initial grip, shape (runs,)."""
         if k not in costs:
             robot = replace(model.robot, friction=math.exp(start + k * _STEP))
             error = few.predicted(replace(model, robot=robot), "rollers") - measured
@@ -88,7 +87,7 @@ def profile_grip(model: Model, data: PlantData) -> GripProfile:
         return costs[k]
 
     centre = 0
-    for _ in range(_MOVES):
+    for _ in range(_RECENTRINGS):
         window = range(centre - _HALF, centre + _HALF + 1)
         least = min(window, key=lambda k: float(cost(k).sum()))
         if least == centre:
@@ -115,7 +114,7 @@ def profile_grip(model: Model, data: PlantData) -> GripProfile:
 
 
 def _vertex(at: FloatArray, cost: FloatArray) -> tuple[float, float]:
-    """Return place and height of the least point of the parabola through a profile, nan without one."""
+    """Return place and height of the minimum of a parabola through a profile, NaN if there is none."""
     a, b, c = np.polyfit(at, cost, 2)
     place = -b / (2.0 * a) if a > 0.0 else math.nan
     if not at[0] <= place <= at[-1]:
@@ -124,14 +123,20 @@ def _vertex(at: FloatArray, cost: FloatArray) -> tuple[float, float]:
 
 
 def scan_grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
-    """Scan the friction with the roller plant, everything else held; if `given`, it is only passed on."""
+    """Scan the friction of a model on the roller plant, everything else held.
+
+    Args:
+        model: law and robot.
+        given: whether the friction was measured, so that it is not fitted.
+        data: runs that start at rest.
+    """
     nominal = model.robot.friction
     if given:
         return RobotParameter("friction", nominal, math.nan, False, "given, so not fitted")
     if not any(name in data.channels for name in BODY_VELOCITY):
         reason = "left: without body velocities slip does not show"
         return RobotParameter("friction", nominal, math.inf, False, reason)
-    few = replace(data, runs=liveliest_runs(data.runs, ROLLER_SECONDS))
+    few = replace(data, runs=largest_command_runs(data.runs, ROLLER_SECONDS))
     measured = few.measured()
 
     def residual(log_friction: float) -> FloatArray:
@@ -152,7 +157,7 @@ def scan_grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
     slope = (residual(best.x + 0.1) - residual(best.x - 0.1)) / 0.2
     power = float(slope @ slope)
     log_error = math.sqrt(variance / power) if power > 0.0 else math.inf
-    # Slip shows where neither full grip nor the plant without slip explains as much.
+    # There is evidence of slip if neither full grip nor the plant without slip fits as well.
     sticking = 0.5 * float(np.sum((few.predicted(model) - measured) ** 2))
     rival = min(sticking, costs[nominal], costs[grips[-1]])
     evidence = 2.0 * (rival - float(best.fun)) / variance - math.log(measured.size)

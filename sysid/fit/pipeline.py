@@ -18,45 +18,47 @@ from sysid.fit.drive_choice import (
     choose_clock,
     choose_drive,
     delay_is_vague,
+    drive_notes,
+    gain_notes,
     pooled,
     runs_by_split,
 )
 from sysid.fit.estimators import DEFAULT_METHOD, Estimate
-from sysid.fit.figures import MethodFigures, Runs, method_figures
-from sysid.fit.notes import drive_notes, gain_notes
-from sysid.fit.robot_parameters import RobotFit
-from sysid.fit.robot_stages import robot_of
+from sysid.fit.metrics import MethodMetrics, Runs, method_metrics
+from sysid.fit.robot_parameters import RobotFit, robot_of
 from sysid.fit.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
 from sysid.fit.wheel_data import wheel_columns
 from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
 from sysid.progress import Progress, peak_memory_mib, silent, with_peak_memory
 
-_LEAST_SIGMA: Final = 1e-6  # rpm; noiseless repeats still need a finite weight
+_LEAST_SIGMA: Final = 1e-6  # rpm, for repeats without noise
 
 
 @dataclass(frozen=True)
 class FitOptions:
-    """What a user may decide about a fit."""
+    """Options of a fit."""
 
     methods: tuple[str, ...] = (DEFAULT_METHOD,)
-    """Methods to run; the first gives the model."""
+    """Methods to run; the model is from the first."""
     starts: int = 10
+    """Starting points of each method."""
     seed: int = 0
+    """Seed of the random starting points."""
     unit_gain: bool = True
-    """Hold the DC gain at exactly 1."""
+    """Whether the DC gain is held at exactly 1."""
     delay_s: float | None = None
-    """Transport delay [s] to assume; None: estimated, and adopted where the data ask for one."""
+    """Transport delay [s]; None: estimated, and adopted on evidence."""
     per_wheel: bool = False
-    """Fit a law to each wheel besides the pooled one."""
+    """Whether a law is fitted to each wheel, too."""
     sample_period_s: float | None = None
     command_period_s: float | None = None
     quantum_rpm: float | None = None
     saturation_rpm: float | None = None
     robot: Robot = field(default_factory=Robot)
-    """What is known of the robot; the packaged values stand for the rest."""
+    """What is known of the robot, with the packaged values for the rest."""
     robot_given: tuple[str, ...] = ()
-    """Names of the robot's parameters that were measured: they are not fitted."""
+    """Names of the robot's parameters that were measured and are not fitted."""
 
 
 @dataclass(frozen=True)
@@ -67,22 +69,21 @@ class Fit:
     path: CommandPath
     options: FitOptions
     sigma_rpm: Mapping[str, float]
-    """Noise of each wheel-speed column [rpm] that weighted the fit."""
+    """Noise of each wheel-speed column [rpm], by which residuals are weighted."""
     sigma_from_repeats: bool
-    """True: the noise was measured from repeats. False: there are none, and it is the fit's own residual."""
+    """Whether the noise is from repeats; else it is the residual of the fit."""
     estimate: Estimate
-    """Of the first method, on the fit runs of all wheels."""
+    """By the first method, on the fit runs of all wheels."""
     uncertainty: Uncertainty
     residual_tests: ResidualTests
-    methods: Mapping[str, MethodFigures]
+    methods: Mapping[str, MethodMetrics]
     wheels: Mapping[str, Estimate]
     """With `per_wheel`: wheel name -> its own estimate."""
     runs: Runs
-    """Split -> wheel name -> data on the law's clock."""
     robot: RobotFit | None = None
-    """From robot logs: the law behind the servo, and what of the robot they show."""
+    """From robot logs: the law behind the servo and the robot parameters that they show."""
     notes: tuple[str, ...] = field(default=())
-    """What was inferred, assumed or could not be told, in sentences."""
+    """What was inferred, assumed or could not be determined, in sentences."""
 
     @property
     def law(self) -> WheelLaw:
@@ -95,11 +96,11 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
 
     Args:
         dataset: bench logs, or robot logs with wheel speeds.
-        options: methods, starts, what to assume.
+        options: methods, starts and assumptions.
         progress: called with a message before each long step.
 
     Raises:
-        InputError: no run to fit, no wheel speed, or data that no law can be fitted to; the message says why.
+        InputError: no run to fit, no wheel speed, or data to which no law can be fitted.
     """
     options = options or FitOptions()
     if not dataset.split("fit"):
@@ -142,7 +143,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         runs = runs_by_split(dataset, path, sigma)
         notes.append("no repeats: the noise is taken from the fit's own residuals, model error included")
     notes += drive_notes(dataset, path, found, options.delay_s is None)
-    methods = {method: method_figures(found, runs, memory)}
+    methods = {method: method_metrics(found, runs, memory)}
     for name in options.methods[1:]:
         progress(name)
         methods[name] = _other_method(runs, search, options, found, name)
@@ -153,7 +154,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
             wheels[wheel] = search.run(
                 data, starts=options.starts, delay_s=found.delay_s, saturation_rpm=found.saturation_rpm
             )
-    progress("how sure it is")
+    progress("uncertainty")
     notes += gain_notes(runs, search, found)
     robot = None
     if dataset.level == "robot" and options.per_wheel:
@@ -185,7 +186,12 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
 
 
 def wheel_model(path: CommandPath, found: Estimate) -> Wheel:
-    """Return the model's wheel: the law and what happens to a command before it."""
+    """Return the wheel of a model.
+
+    Args:
+        path: how commands reach the law.
+        found: gives the law and the ceiling.
+    """
     return Wheel(
         law=found.law,
         command_period_s=path.command_period_s,
@@ -195,14 +201,14 @@ def wheel_model(path: CommandPath, found: Estimate) -> Wheel:
 
 
 def latency(found: Estimate) -> dict[str, dict[str, float]]:
-    """Return the model's effects: the fitted delay where there is one."""
+    """Return the effects of a model: the delay of the estimate `found`, if there is one."""
     return {"command_latency": {"delay_s": found.delay_s}} if found.delay_s > 0.0 else {}
 
 
 def independent_share(dataset: Dataset) -> float:
-    """Return which share of the fit runs' wheel speeds counts as independent, above 0 and at most 1.
+    """Return the share of independent samples among the wheel speeds of a `dataset`'s fit runs, above 0 to 1.
 
-    A slow sensor's repeated samples say nothing new, nor does a channel that repeats another.
+    Values that a slow sensor repeats, and channels that copy another, are not independent.
     """
     held = {(f.file, f.channel): f.value for f in dataset.findings if f.kind == "held_samples"}
     copies = {(f.file, f.channel) for f in dataset.findings if f.kind == "same_channel"}
@@ -218,7 +224,7 @@ def independent_share(dataset: Dataset) -> float:
 
 
 def _residual_sigma(sigma: Mapping[str, float], found: Estimate) -> dict[str, float]:
-    """Scale all noises together so that the estimate's residual is as large as they say."""
+    """Return all noises scaled by one factor so that they agree with the estimate's residual."""
     scale = found.rms_rpm / math.sqrt(float(np.mean([value**2 for value in sigma.values()])))
     return {column: max(value * scale, _LEAST_SIGMA) for column, value in sigma.items()}
 
@@ -228,7 +234,7 @@ def _samples(runs: Runs) -> int:
 
 
 def _all_starts(runs: Runs, search: Search, options: FitOptions, drive: Estimate) -> Estimate:
-    """Run every start of the law behind the delay and ceiling chosen, then all parameters together."""
+    """Run all starts of the law with the chosen delay and ceiling held, then fit all parameters together."""
     data = pooled(runs["fit"])
     free = [name for name in ("delay_s", "saturation_rpm") if name in drive.free]
     found = search.run(
@@ -247,8 +253,8 @@ def _all_starts(runs: Runs, search: Search, options: FitOptions, drive: Estimate
 
 def _other_method(
     runs: Runs, search: Search, options: FitOptions, found: Estimate, name: str
-) -> MethodFigures:
-    """Run another method behind the delay and ceiling of the first."""
+) -> MethodMetrics:
+    """Run another method with the delay and the ceiling of the first."""
     data = pooled(runs["fit"])
 
     def run(starts: int) -> Estimate:
@@ -257,4 +263,4 @@ def _other_method(
         )
 
     estimate = run(options.starts)
-    return method_figures(estimate, runs, peak_memory_mib(lambda: run(1)))
+    return method_metrics(estimate, runs, peak_memory_mib(lambda: run(1)))

@@ -1,14 +1,10 @@
-"""Replaying logs in MuJoCo with an identified model.
-
-Which runs a report shows, and what is drawn of each.
-
-The fit as one picture: measured against simulated, residuals, poles.
-"""
+"""The runs that a fit's report shows, a replay of the worst one in MuJoCo, and the picture `fit.png`."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,16 +13,20 @@ from matplotlib.figure import Figure
 from mecanum_env.files import atomic_path
 from mecanum_env.model import Model
 from mecanum_env.simulator.bench import replay_bench
+from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.fit.drive_choice import pooled
-from sysid.fit.figures import residual, rms, simulate
+from sysid.fit.metrics import residual, simulate
 from sysid.fit.pipeline import Fit
 from sysid.logs import Split
+
+HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")
+_COLOURS: Final = {"measured": "0.55", "simulated": "#c8102e", "command": "#1f4e79"}
 
 
 @dataclass(frozen=True)
 class BenchReplay:
-    """One bench run replayed on MuJoCo's free wheel, beside the law alone."""
+    """One bench run replayed on the free wheel in MuJoCo and with the law alone."""
 
     name: str
     measured_rms_rpm: float
@@ -34,7 +34,7 @@ class BenchReplay:
     law_measured_rms_rpm: float
     """Measured minus the law."""
     servo_rms_rpm: float
-    """MuJoCo minus the law: what the servo between law and wheel adds, next to nothing."""
+    """MuJoCo minus the law: the error of the servo between law and wheel."""
     servo_max_rpm: float
 
 
@@ -42,13 +42,12 @@ def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
     """Replay the held-out bench run that the law predicts worst; None for robot logs.
 
     Args:
-        fit: the fitted wheel, with its runs.
-        model: the model made from it.
+        fit: the fitted wheel with its runs.
+        model: the model of the fit.
     """
     if fit.dataset.level != "bench":
         return None
-    order: tuple[Split, ...] = ("test", "validation", "fit")
-    split = next(split for split in order if pooled(fit.runs[split]))
+    split = next(split for split in HELD_OUT_FIRST if pooled(fit.runs[split]))
     data = max(pooled(fit.runs[split]), key=lambda run: rms(residual(run, fit.estimate)))
     log = next(run for run in fit.dataset.runs if run.file == data.name)
     samples = data.sample_tick * data.sample_period_s
@@ -73,30 +72,29 @@ def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
 
 @dataclass(frozen=True)
 class RunView:
-    """One wheel in one run: what was asked, measured and simulated."""
+    """One wheel in one run: commanded, measured and simulated speed."""
 
     name: str
     split: Split
     rms_rpm: float
     time_s: FloatArray
-    """Of the samples, shape (N,)."""
+    """Times of the samples [s], shape (N,)."""
     measured_rpm: FloatArray
     residual_rpm: FloatArray
     """Measured minus simulated, shape (N,)."""
     tick_s: FloatArray
-    """Of the law's ticks, shape (K+1,)."""
+    """Times of the law's ticks [s], shape (K+1,)."""
     simulated_rpm: FloatArray
-    """Shape (K+1,)."""
+    """At the ticks, shape (K+1,)."""
     command_rpm: FloatArray
-    """Command that the law saw, held from each tick, shape (K+1,)."""
+    """Command after delay and ceiling, held from each tick, shape (K+1,)."""
 
 
 def run_views(fit: Fit, most: int = 6) -> list[RunView]:
-    """Return up to `most` runs to show: the worst of each held-out split first, then of the fit runs."""
+    """Return up to `most` runs to show: the worst of each split, the held-out ones first."""
     views: list[RunView] = []
-    order: tuple[Split, ...] = ("test", "validation", "fit")
-    shares = _shares([len(pooled(fit.runs[split])) for split in order], most)
-    for split, share in zip(order, shares, strict=True):
+    shares = _shares([len(pooled(fit.runs[split])) for split in HELD_OUT_FIRST], most)
+    for split, share in zip(HELD_OUT_FIRST, shares, strict=True):
         views += sorted(_views(fit, split), key=lambda view: -view.rms_rpm)[:share]
     return views
 
@@ -109,33 +107,29 @@ def _views(fit: Fit, split: Split) -> list[RunView]:
         simulated = simulate(run, found.law, found.delay_s, found.saturation_rpm)
         command = run.command(found.delay_s, found.saturation_rpm)
         error = residual(run, found)
-        views.append(
-            RunView(
-                run.name,
-                split,
-                rms(error),
-                np.asarray(run.sample_tick * tau),
-                run.speed_rpm,
-                error,
-                np.asarray(np.arange(len(simulated)) * tau, float),
-                simulated,
-                np.append(command, command[-1]),
-            )
+        view = RunView(
+            name=run.name,
+            split=split,
+            rms_rpm=rms(error),
+            time_s=np.asarray(run.sample_tick * tau),
+            measured_rpm=run.speed_rpm,
+            residual_rpm=error,
+            tick_s=np.asarray(np.arange(len(simulated)) * tau, float),
+            simulated_rpm=simulated,
+            command_rpm=np.append(command, command[-1]),
         )
+        views.append(view)
     return views
 
 
 def _shares(available: list[int], most: int) -> list[int]:
-    """Split `most` places among groups in turn, none getting more than it has."""
+    """Distribute `most` places over groups in turn, to none more than are available."""
     shares = [0] * len(available)
     while sum(shares) < min(most, sum(available)):
         for i, count in enumerate(available):
             if shares[i] < count and sum(shares) < most:
                 shares[i] += 1
     return shares
-
-
-COLOURS = {"measured": "0.55", "simulated": "#c8102e", "command": "#1f4e79"}
 
 
 def write_fit_plots(fit: Fit, folder: Path) -> Path:
@@ -157,9 +151,9 @@ def write_fit_plots(fit: Fit, folder: Path) -> Path:
 
 
 def _overlay(ax: Axes, view: RunView) -> None:
-    ax.plot(view.time_s, view.measured_rpm, ".", ms=3, color=COLOURS["measured"], label="measured")
-    ax.step(view.tick_s, view.command_rpm, where="post", lw=1, color=COLOURS["command"], label="command")
-    ax.plot(view.tick_s, view.simulated_rpm, lw=1.5, color=COLOURS["simulated"], label="simulated")
+    ax.plot(view.time_s, view.measured_rpm, ".", ms=3, color=_COLOURS["measured"], label="measured")
+    ax.step(view.tick_s, view.command_rpm, where="post", lw=1, color=_COLOURS["command"], label="command")
+    ax.plot(view.tick_s, view.simulated_rpm, lw=1.5, color=_COLOURS["simulated"], label="simulated")
     ax.set(title=f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm", xlabel="time [s]", ylabel="rpm")
     ax.legend(fontsize=8)
 
@@ -177,7 +171,7 @@ def _poles(ax: Axes, fit: Fit) -> None:
     turn = np.linspace(0, 2 * np.pi, 200)
     ax.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1)
     poles = fit.law.poles
-    ax.plot(poles.real, poles.imag, "x", ms=9, mew=2, color=COLOURS["simulated"])
+    ax.plot(poles.real, poles.imag, "x", ms=9, mew=2, color=_COLOURS["simulated"])
     ax.set(
         title="poles in the unit circle: " + ", ".join(f"{abs(p):.3f}" for p in poles),
         aspect="equal",

@@ -1,4 +1,4 @@
-"""What a fit writes: `model.json` and `fit.json`."""
+"""The results of a fit as files: `model.json` and `fit.json`."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any, Final
 import numpy as np
 
 import mecanum_env
+from mecanum_env.files import plain_json
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
 from sysid.compare.own_error import with_own_error
-from sysid.fit.figures import finite_or_none
 from sysid.fit.pipeline import Fit, latency, wheel_model
-from sysid.fit.robot_stages import on_rollers
+from sysid.fit.robot_parameters import on_rollers
 from sysid.fit.statistics import Quantity
 
 FORMAT: Final = "mecanum-fit/1"
@@ -25,14 +25,12 @@ FORMAT: Final = "mecanum-fit/1"
 def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     """Return the model of a fit.
 
+    Its `uncertainty` holds the covariance of the coefficients and the model's own error on the logs
+    (`sysid.compare.model_error`). Its effect "command_latency" is the fitted delay, if there is one.
+
     Args:
         fit: the fitted wheel.
-        robot: what is known of the robot around it; what the fit was given when None.
-
-    Returns:
-        A model whose "uncertainty" holds the covariance of the coefficients and how far the model is off from
-        its own logs (`sysid.compare.model_error`), and whose "command_latency" is
-        the fitted delay where there is one.
+        robot: robot parameters around it; default: those that the fit was given.
     """
     found, path = fit.estimate, fit.path
     wheel = wheel_model(path, found)
@@ -58,50 +56,48 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
         },
     )
     if fit.dataset.level == "robot" and not fit.wheels:
-        model, said = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
-        notes = [*model.provenance["notes"], said]
+        model, note = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
+        notes = [*model.provenance["notes"], note]
         model = replace(model, provenance={**model.provenance, "notes": notes})
     return with_own_error(model, fit.dataset)
 
 
 def fit_json(fit: Fit) -> dict[str, Any]:
-    """Return the object of `fit.json`; what is not finite or not known is null."""
+    """Return the object of `fit.json`; numbers that are not finite or not known are null."""
     sure, tests = fit.uncertainty, fit.residual_tests
-    return {
+    robot = fit.robot.parameters if fit.robot else ()
+    content = {
         "format": FORMAT,
         "dataset": fit.dataset.name,
         "method": fit.estimate.method,
-        "methods": {name: figures.as_json() for name, figures in fit.methods.items()},
+        "methods": {name: metrics.as_json() for name, metrics in fit.methods.items()},
         "parameters": {q.name: _quantity(q) for q in sure.parameters},
         "functionals": {q.name: _quantity(q) for q in sure.metrics},
         "wheels": {wheel: _law(estimate.law) for wheel, estimate in fit.wheels.items()},
-        "robot": _robot(fit),
+        "robot": {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in robot},
         "noise": {
-            "sigma_rpm": dict(fit.sigma_rpm),
+            "sigma_rpm": fit.sigma_rpm,
             "source": "repeats" if fit.sigma_from_repeats else "residuals of the fit",
-            "residual_over_sigma": finite_or_none(sure.noise_ratio),
+            "residual_over_sigma": sure.noise_ratio,
         },
         "identifiability": {
-            "condition_number": finite_or_none(sure.condition_number),
+            "condition_number": sure.condition_number,
             "samples": sure.samples,
-            "effective_samples": finite_or_none(sure.effective_samples),
-            "warnings": list(sure.warnings),
+            "effective_samples": sure.effective_samples,
+            "warnings": sure.warnings,
         },
         "residual_tests": {
             "level": tests.whiteness.level,
-            "whiteness": {
-                "passed": tests.whiteness.passed,
-                "p_value": finite_or_none(tests.whiteness.p_value),
-                "statistic": finite_or_none(tests.whiteness.statistic),
-            },
-            "input_correlation": {
-                "passed": tests.input_correlation.passed,
-                "p_value": finite_or_none(tests.input_correlation.p_value),
-                "statistic": finite_or_none(tests.input_correlation.statistic),
+            **{
+                name: {"passed": test.passed, "p_value": test.p_value, "statistic": test.statistic}
+                for name, test in (
+                    ("whiteness", tests.whiteness),
+                    ("input_correlation", tests.input_correlation),
+                )
             },
         },
-        "command_path": {k: _plain(v) for k, v in asdict(fit.path).items() if k != "notes"},
-        "notes": list(fit.notes),
+        "command_path": {name: value for name, value in asdict(fit.path).items() if name != "notes"},
+        "notes": fit.notes,
         "findings": [finding.to_json() for finding in fit.dataset.findings],
         "provenance": {
             "version": mecanum_env.__version__,
@@ -109,31 +105,18 @@ def fit_json(fit: Fit) -> dict[str, Any]:
             "seed": fit.options.seed,
         },
     }
-
-
-def _robot(fit: Fit) -> dict[str, Any]:
-    """Return what is known of the parameters that no ruler measures; empty for bench logs."""
-    if fit.robot is None:
-        return {}
-    return {
-        p.name: {
-            "value": p.value,
-            "standard_error": finite_or_none(p.standard_error),
-            "fitted": p.fitted,
-            "reason": p.reason,
-        }
-        for p in fit.robot.parameters
-    }
+    plain: dict[str, Any] = plain_json(content)
+    return plain
 
 
 def _robot_errors(fit: Fit) -> dict[str, float]:
-    """Return the standard errors of the robot's fitted parameters, where there are any."""
+    """Return the standard errors of the robot's fitted parameters that have one."""
     parameters = fit.robot.parameters if fit.robot else ()
     return {p.name: p.standard_error for p in parameters if p.fitted and math.isfinite(p.standard_error)}
 
 
 def _covariance(fit: Fit) -> dict[str, Any]:
-    """Return names and covariance of A-F; without the matrix where the data leave a coefficient unknown."""
+    """Return the names and the covariance of A-F; no matrix if the logs do not determine a coefficient."""
     covariance = np.asarray(fit.uncertainty.covariance)[:6, :6]
     if fit.robot is not None:
         covariance = fit.robot.covariance
@@ -141,27 +124,21 @@ def _covariance(fit: Fit) -> dict[str, Any]:
     return {
         "names": list(COEFFICIENTS),
         "covariance": covariance.tolist() if known else None,
-        "degrees_of_freedom": finite_or_none(fit.uncertainty.degrees_of_freedom),
+        "degrees_of_freedom": plain_json(fit.uncertainty.degrees_of_freedom),
     }
 
 
 def _quantity(q: Quantity) -> dict[str, Any]:
     return {
-        "value": finite_or_none(q.value),
+        "value": q.value,
         "unit": q.unit,
-        "standard_error": finite_or_none(q.standard_error),
-        "cramer_rao_bound": finite_or_none(q.cramer_rao),
-        "low": finite_or_none(q.low),
-        "high": finite_or_none(q.high),
+        "standard_error": q.standard_error,
+        "cramer_rao_bound": q.cramer_rao,
+        "low": q.low,
+        "high": q.high,
     }
 
 
 def _law(law: WheelLaw) -> dict[str, float]:
-    return {
-        **dict(zip(COEFFICIENTS, law.coefficients.tolist(), strict=True)),
-        "sample_period_s": law.sample_period_s,
-    }
-
-
-def _plain(value: Any) -> Any:
-    return finite_or_none(value) if isinstance(value, float) else value
+    coefficients = dict(zip(COEFFICIENTS, law.coefficients.tolist(), strict=True))
+    return {**coefficients, "sample_period_s": law.sample_period_s}

@@ -1,4 +1,4 @@
-"""From logs to what the estimators take: one `WheelRun` for each wheel in each run, on the law's clock."""
+"""From logs to the data of the estimators: a `WheelRun` for each wheel in each run, on the law's clock."""
 
 from __future__ import annotations
 
@@ -17,20 +17,21 @@ from mecanum_env.units import FloatArray
 from sysid.fit.command_path import CommandPath
 from sysid.fit.estimators import WheelRun
 from sysid.logs import BenchCommand, BodyCommand, Run
+from sysid.logs.runs import WHEEL_SPEEDS
 
 _AT_REST_SIGMAS: Final = 4.0
-_START_TICKS: Final = 1.0  # samples this early cannot show a response yet: the law answers one tick later
+_START_TICKS: Final = 1.0  # samples up to this tick show no response yet: the law responds one tick later
 
 
 def wheel_columns(run: Run) -> dict[str, str]:
     """Return wheel name -> measured speed column; the bench's one wheel is called "wheel".
 
     Raises:
-        InputError: the run has no wheel speed, to which alone the law can be fitted.
+        InputError: the run has no wheel speed.
     """
     if isinstance(run.command, BenchCommand):
         return {"wheel": "speed_rpm"}
-    found = {wheel: f"speed_{wheel}_rpm" for wheel in WHEELS if f"speed_{wheel}_rpm" in run.channels}
+    found = {w: column for w, column in zip(WHEELS, WHEEL_SPEEDS, strict=True) if column in run.channels}
     if not found:
         raise InputError(
             f"{run.file}: no wheel speed (speed_fl_rpm ...); the wheel law is fitted to wheel speeds, "
@@ -40,7 +41,12 @@ def wheel_columns(run: Run) -> dict[str, str]:
 
 
 def wheel_commands(run: Run, path: CommandPath) -> dict[str, FloatArray]:
-    """Return wheel name -> commanded speed [rpm] at the run's rows, shape (n,), rounded, not saturated."""
+    """Return wheel name -> commanded speed [rpm] at the run's rows, shape (n,), rounded but not limited.
+
+    Args:
+        run: bench or robot log.
+        path: gives the rounding.
+    """
     command = run.command
     if isinstance(command, BodyCommand):
         rounded = round_command(command.v_rpm, command.theta_deg, command.vc_rpm, path.quantum_rpm)
@@ -52,16 +58,13 @@ def wheel_commands(run: Run, path: CommandPath) -> dict[str, FloatArray]:
 
 
 def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> WheelRun | None:
-    """Put one wheel of a run on the law's clock.
+    """Return one wheel of a run on the law's clock, None if it has no sample.
 
     Args:
         run: a bench or robot log.
         wheel: a key of `wheel_columns`.
         path: how commands reach the law.
         sigma_rpm: standard deviation of the speed's noise [rpm].
-
-    Returns:
-        The estimators' run, or None where the wheel has no sample at all.
     """
     speed = run.channels[wheel_columns(run)[wheel]]
     finite = np.isfinite(speed)
@@ -93,7 +96,7 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
 
 
 def driven(run: WheelRun, delay_s: float = 0.0, saturation_rpm: float = math.inf) -> WheelRun:
-    """Return the run with its commands later by `delay_s` [s] and limited; further delays add to it."""
+    """Return the run with its commands delayed by `delay_s` [s] and limited to `saturation_rpm` [rpm]."""
     if delay_s == 0.0 and saturation_rpm == math.inf:
         return run
 
@@ -118,20 +121,20 @@ def wheel_runs(
 
 def longest_delay_s(path: CommandPath) -> float:
     """Return the longest transport delay [s] that the wheel plugin can hold for a command path."""
-    # Less one command period: the plugin's own bound is shorter by a physics step.
+    # One command period less than the ring holds, as the plugin's bound is a physics step shorter.
     return (RING - 4) * _drive(path).command_period_s
 
 
 def _drive(path: CommandPath) -> DriveParameters:
-    """Return the command path as the drive reference takes it; the law's coefficients play no part here."""
+    """Return the parameters of the command path; the law's coefficients are not used."""
     period = path.command_period_s if path.latched else path.sample_period_s
     pass_through = WheelLaw(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, path.sample_period_s)
-    # Rounding happened before the kinematics, where the robot does it.
+    # The quantum is 0, because commands are rounded before the kinematics, as on the robot.
     return DriveParameters(pass_through, period, 0.0, path.saturation_rpm)
 
 
 def _initial_speed(ticks: FloatArray, speed_rpm: FloatArray, sigma_rpm: float) -> float:
-    """Return the speed [rpm] before the first command, 0 unless the first samples clearly say otherwise."""
+    """Return the speed [rpm] before the first command, 0 unless the first samples significantly differ."""
     first = speed_rpm[ticks <= _START_TICKS]
     if first.size == 0:
         return 0.0

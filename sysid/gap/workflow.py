@@ -17,11 +17,11 @@ from sysid.compare.correction import KEY
 from sysid.compare.model_error import ModelError, estimate_model_error, model_error_of
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.observations import Observations, observe
-from sysid.compare.own_error import residuals_of
+from sysid.compare.own_error import block_residuals
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
 from sysid.compare.study import Study
-from sysid.compare.subset import deciding
+from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.gap.checks import known_effects, require_movement, require_valid
 from sysid.gap.design.experiment import Design
@@ -127,7 +127,7 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
     elif not dataset.split("test"):
         notes.append("no test runs: before and after are shown on runs that the decision has seen")
     most = SECONDS[dataset.level] if options.seconds is None else options.seconds
-    fewer = deciding(runs, most, model.wheel.command_period_s)
+    fewer = select_runs(runs, most, model.wheel.command_period_s)
     length, whole = (sum(run.duration_s for run in some) for some in (fewer, runs))
     if any(run not in runs for run in fewer):
         notes.append(
@@ -158,13 +158,13 @@ def _study(dataset: Dataset, model: Model, options: GapOptions) -> _Study:
     if not same and not trusted:
         notes.append("no repeats, and the model states no error of its own: what is left may be noise or not")
     # A robot's wheels slip a little otherwise in each repeat; a wheel on the bench has no such excuse.
-    restless = noise.restless(RESTLESS) if dataset.level == "bench" else ()
-    if dataset.level == "bench" and noise.restless(UNLIKE):
+    restless = noise.inconsistent_channels(RESTLESS) if dataset.level == "bench" else ()
+    if dataset.level == "bench" and noise.inconsistent_channels(UNLIKE):
         notes.append(
             f"repeats of one command differ more than {UNLIKE:g} times as much as neighbouring samples: "
             "something that is not in the commands changes from run to run; look at the repeats"
         )
-    floor = Floor(noise.freedom, trusted, not restless)
+    floor = Floor(noise.degrees_of_freedom, trusted, not restless)
     return _Study(observations, noise, error, floor, tuple(notes))
 
 
@@ -180,8 +180,8 @@ def _search(
 def _left(study: _Study, problem: ResidualProblem, search: Search) -> ModelError:
     """Return the model's error as the best fit leaves it."""
     best = min(search.fitted.values(), key=lambda fitted: fitted.cost)
-    parts = problem.whitener.unwhiten(problem.unmarginal(best.residual))
-    return estimate_model_error(residuals_of(study.observations, study.noise, parts))
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(best.residual))
+    return estimate_model_error(block_residuals(study.observations, study.noise, parts))
 
 
 def _report(
@@ -199,9 +199,9 @@ def _report(
     improved = _improved(model, decision, effects)
     term = None
     if decision.verdict == "unexplained":
-        improved, term = _empirical(study, improved, options)
-    before = predicted(model, runs, options.plant)
-    after = before if improved is model else predicted(improved, runs, options.plant)
+        improved, term = _empirical(study, improved, options, problem.study)
+    before = predicted(model, runs, problem.study)
+    after = before if improved is model else predicted(improved, runs, problem.study)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
     rng = np.random.default_rng(options.seed)
@@ -246,10 +246,12 @@ def _report(
     )
 
 
-def _empirical(study: _Study, model: Model, options: GapOptions) -> tuple[Model, EmpiricalTerm | None]:
+def _empirical(
+    study: _Study, model: Model, options: GapOptions, settings: Study
+) -> tuple[Model, EmpiricalTerm | None]:
     """Return the model, with the term if asked, and a readable term for what is left where runs decide."""
     runs = [run for situation in study.observations.situations for run in situation.runs]
-    shown = predicted(model, runs, options.plant)
+    shown = predicted(model, runs, settings)
     correction = fit_correction(compare("fit", runs, shown, shown).samples)
     if correction is None:
         return model, None

@@ -43,8 +43,8 @@ def main(
     from mecanum_env.files import require_writable, write_json
     from mecanum_env.model import read_model
     from sysid.logs import read_dataset
-    from sysid.online.plot import save_plot
     from sysid.online.replay import replay, replay_path
+    from sysid.online.report import misfit_note, online_json, report_metrics, save_plot, table
 
     options = OnlineOptions(memory_samples=memory_samples, noise_rpm=noise_rpm, quantum_rpm=quantum_rpm)
     dataset = read_dataset(log)

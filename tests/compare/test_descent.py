@@ -1,4 +1,4 @@
-"""Least squares by few evaluations: finds the minimum, keeps the bounds, never ends higher than it began."""
+"""Least squares by few evaluations: finds the minimum within the bounds, and never increases the cost."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.units import FloatArray
-from sysid.compare.descent import Minimum, descend, differences, explored, reach, refined
+from sysid.compare.descent import Minimum, compass_search, descend, differences, reach, refined
 
 _TIME = np.linspace(0.0, 1.0, 50)
 
@@ -69,9 +69,9 @@ def _threshold(place: FloatArray) -> FloatArray:
     return 10.0 * (truth.astype(float) - guess.astype(float))
 
 
-def test_a_threshold_without_slope_is_found_by_looking_about() -> None:
+def test_a_threshold_without_slope_is_found_by_a_compass_search() -> None:
     start = Minimum(np.array([0.52]), _threshold(np.array([0.52])), np.zeros((10, 1)), 0)
-    found = explored(_threshold, start, np.ones(1, bool))
+    found = compass_search(_threshold, start, np.ones(1, bool))
     assert found.cost == 0.0
 
 

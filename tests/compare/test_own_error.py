@@ -1,4 +1,4 @@
-"""What a model's own error is, and that it is told from noise and from a gap."""
+"""The model's own error: measured, told from noise, and kept by the model file."""
 
 from __future__ import annotations
 
@@ -19,19 +19,18 @@ from sysid.compare.model_error import (
     with_model_error,
 )
 from sysid.compare.own_error import with_own_error
-from sysid.compare.subset import liveliest
-from sysid.logs import BenchCommand, Run, Split
+from sysid.logs import BenchCommand, Run
 from tests.gap.conftest import MakeLogs
 
 
-def _run(levels: list[float], hold_s: float = 1.0, name: str = "a", split: Split = "fit") -> Run:
-    time = np.arange(0.0, hold_s * len(levels), 0.01)
+def _run(levels: list[float], name: str = "a") -> Run:
+    time = np.arange(0.0, 1.0 * len(levels), 0.01)
     command = np.repeat(np.array(levels), time.size // len(levels))
     time = time[: command.size]
-    return Run(f"{name}.csv", name, split, time, BenchCommand(command), {"speed_rpm": command})
+    return Run(f"{name}.csv", name, "fit", time, BenchCommand(command), {"speed_rpm": command})
 
 
-def test_activity_is_the_change_dying_away() -> None:
+def test_activity_is_the_decaying_change_of_command() -> None:
     run = _run([0.0, 50.0])
     at = np.array([0.5, 1.0, 1.0 + DECAY_S])
     assert activity_rpm(run, at) == pytest.approx([0.0, 50.0, 50.0 / np.e], rel=1e-9)
@@ -50,7 +49,7 @@ def test_known_settled_and_transient_errors_are_found() -> None:
     assert found.transient == pytest.approx(0.02, rel=0.15)
 
 
-def test_an_error_is_never_stated_smaller_than_the_logs_could_tell() -> None:
+def test_no_error_is_stated_below_what_the_logs_can_show() -> None:
     rng = np.random.default_rng(1)
     run = _run([0.0, 80.0])
     noise = Residual(
@@ -66,20 +65,10 @@ def test_the_model_file_keeps_the_error(base: Model, tmp_path: Path) -> None:
     assert model_error_of(base) is None
 
 
-def test_a_right_model_states_next_to_no_error(bench_logs: MakeLogs, base: Model) -> None:
+def test_a_right_model_states_a_negligible_error(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base)
     error = model_error_of(with_own_error(base, dataset))
     assert error is not None
     assert error.data_sha256 == dataset.sha256
     assert error.channels["speed_rpm"].settled < 0.15
     assert error.channels["speed_rpm"].transient < 0.01
-
-
-def test_the_liveliest_runs_are_kept_whole_groups_and_every_split() -> None:
-    runs = [
-        _run([0.0, 10.0], name="calm"),
-        _run([0.0, 100.0], name="wild"),
-        _run([0.0, 50.0], name="held", split="validation"),
-    ]
-    assert [run.group for run in liveliest(runs, 4.0)] == ["wild", "held"]
-    assert len(liveliest(runs, 100.0)) == 3

@@ -1,4 +1,4 @@
-"""Replaying a log's commands: where a run starts, what sensors show, and poses in the log's own frame."""
+"""Predictions of logs: how a run starts, what sensors measure, and poses in the frame of the log."""
 
 from __future__ import annotations
 
@@ -50,13 +50,13 @@ def test_uneven_stamps_and_other_rates_delay_no_command(seed: int, rate_hz: floa
     assert predict(MODEL, run)["speed_rpm"] == pytest.approx(true, abs=1e-9)
 
 
-def test_a_bench_run_that_turns_already_starts_turning() -> None:
+def test_a_bench_run_that_is_already_turning_starts_turning() -> None:
     run = _bench(40.0)
     assert start_of(run).initial_rpm == pytest.approx(40.0)
     assert predict(MODEL, run)["speed_rpm"][0] == pytest.approx(40.0, abs=0.1)
 
 
-def test_a_robot_that_was_told_to_stand_starts_at_rest_whatever_a_biased_sensor_shows() -> None:
+def test_a_robot_without_a_command_starts_at_rest_despite_a_biased_sensor() -> None:
     run = _robot()
     biased = replace(run, channels={**run.channels, "vx_m_s": np.full(TIME.size, -0.03)})
     assert not start_of(biased).moving
@@ -89,7 +89,7 @@ def test_a_slope_keeps_its_heading_in_the_world() -> None:
     assert down > up + 0.001
 
 
-def test_sensors_act_on_what_is_shown_only() -> None:
+def test_effects_of_sensors_leave_the_motion() -> None:
     run = _robot()
     plain = predict(MODEL, run)
     scaled = predict(MODEL.with_effect("sensor_scale", linear=1.1), run)

@@ -1,4 +1,4 @@
-"""Which runs decide: all, or what covers the speeds where all would be too much."""
+"""Runs, or pieces of runs, that decide: all of them, or those that cover the commanded speeds."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import pytest
 
 from mecanum_env.model import paper_model
 from mecanum_env.simulator import replay_bench
-from sysid.compare.subset import BEFORE_S, PIECE_S, deciding, liveliest, pieces, quiet
+from sysid.compare.subset import BEFORE_S, PIECE_S, most_active_runs, pieces, select_runs, small_command_runs
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
@@ -35,7 +35,7 @@ def test_pieces_are_the_run_cut_before_changes_of_command() -> None:
     assert all(p.file == "long.csv" and p.time_s[0] == 0.0 and p.duration_s >= PIECE_S - 0.1 for p in cut)
     for before, after in pairwise(cut):
         change = after.command_changes()[0][1]
-        assert BEFORE_S <= change < BEFORE_S + 2 * PERIOD_S  # it has settled, and soon has something to do
+        assert BEFORE_S <= change < BEFORE_S + 2 * PERIOD_S  # it has settled, and the command soon changes
         assert after.command.wheels_rpm[0] == before.command.wheels_rpm[-1]
 
 
@@ -58,25 +58,32 @@ def test_a_robots_commands_are_cut_with_it() -> None:
 
 def test_runs_that_fit_are_all_taken_whole() -> None:
     runs = (held([10.0, 20.0], 15.0), held([-10.0], 3.0, "validation", "short"))
-    assert deciding(runs, 33.0, PERIOD_S) == runs
+    assert select_runs(runs, 33.0, PERIOD_S) == runs
+
+
+def test_the_most_active_groups_of_every_split_are_kept_whole() -> None:
+    calm, wild = held([0.0, 10.0], 1.0, name="calm"), held([0.0, 100.0], 1.0, name="wild")
+    runs = (calm, wild, held([0.0, 50.0], 1.0, "validation", "held"))
+    assert [run.group for run in most_active_runs(runs, 4.0)] == ["wild", "held"]
+    assert most_active_runs(runs, 100.0) == runs
 
 
 def test_short_runs_are_never_cut() -> None:
     runs = [held([10.0 * i, -10.0 * i], 1.5, name=f"{i}") for i in range(1, 9)]
-    assert deciding(runs, 10.0, PERIOD_S) == liveliest(runs, 10.0)
+    assert select_runs(runs, 10.0, PERIOD_S) == most_active_runs(runs, 10.0)
 
 
 def test_pieces_cover_the_speeds_before_they_repeat_one() -> None:
     # The livelier two thirds go to and fro between two speeds only.
     levels = [100.0, -100.0] * 8 + [20.0, 45.0, 70.0, 45.0, 20.0, -20.0, -45.0, -70.0]
     runs = [held(levels, 6.0), held(levels[::-1], 6.0, "validation", "other")]
-    chosen = deciding(runs, 70.0, PERIOD_S)
+    chosen = select_runs(runs, 70.0, PERIOD_S)
     assert sum(run.duration_s for run in chosen) <= 70.0
     for split in ("fit", "validation"):
         seen = {float(x) for run in chosen if run.split == split for x in np.unique(run.command.wheels_rpm)}
         assert {100.0, -100.0} < seen
         assert len(seen) >= 6
-    lively = liveliest([p for run in runs for p in pieces(run, PERIOD_S)], 70.0)
+    lively = most_active_runs([p for run in runs for p in pieces(run, PERIOD_S)], 70.0)
     assert {float(x) for run in lively for x in np.unique(run.command.wheels_rpm)} == {100.0, -100.0}
 
 
@@ -105,16 +112,16 @@ def test_the_time_that_decides_is_above_nothing() -> None:
         analyse(logs, MODEL, GapOptions(seconds=0.0))
 
 
-def test_quiet_logs_have_no_large_command_and_keep_their_splits() -> None:
+def test_runs_of_small_commands_keep_their_splits() -> None:
     loud = held([0.0, 100.0, -90.0], 3.0, name="loud")
     calm = held([0.0, 50.0, -40.0], 3.0, "validation", "calm")
     long = held([20.0, 30.0, -30.0, 95.0, 100.0, 100.0], 6.0)
     test = held([0.0, 10.0], 3.0, "test", "test")
     logs = Dataset("logs", (loud, calm, long, test), (), "sha")
-    kept = quiet(logs, PERIOD_S)
+    kept = small_command_runs(logs, PERIOD_S)
     assert {run.split for run in kept.runs} == {"fit", "validation"}
     assert max(float(np.max(np.abs(run.command.wheels_rpm))) for run in kept.runs) == 50.0
     assert "calm" in {run.group for run in kept.runs}
     assert kept.sha256 != logs.sha256
     only_loud = Dataset("logs", (loud, test), (), "sha")
-    assert quiet(only_loud, PERIOD_S) is only_loud
+    assert small_command_runs(only_loud, PERIOD_S) is only_loud

@@ -1,4 +1,4 @@
-"""A right model's residual is white; what the model's own error or the noise's memory explains is no gap."""
+"""The residual of a right model is white; what its own error or correlated noise explains is no gap."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
+from sysid.compare.fitted import RefittedLaw
 from sysid.compare.model_error import ChannelError, ModelError
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -46,7 +47,7 @@ def test_whitening_has_an_inverse(bench_logs: MakeLogs, base: Model) -> None:
 def test_marginalising_has_an_inverse(bench_logs: MakeLogs, base: Model) -> None:
     problem = _problem(bench_logs(base), base, ERROR)
     assert problem.nuisance.shape[1] > 0
-    again = problem.unmarginal(problem.marginal(problem.base_residual))
+    again = problem.marginal_inverse(problem.marginal(problem.base_residual))
     assert again == pytest.approx(problem.base_residual, abs=1e-9)
 
 
@@ -64,19 +65,28 @@ def test_a_stated_model_error_makes_a_small_difference_likely(bench_logs: MakeLo
     assert float(np.mean(stated.marginal(stated.base_residual) ** 2)) < 1.1
 
 
-def test_repeats_that_differ_for_a_while_are_noise_with_memory(bench_logs: MakeLogs, base: Model) -> None:
+def test_repeats_that_differ_for_a_while_are_correlated_noise(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base)
     rng = np.random.default_rng(1)
     for run in dataset.runs:
         drift = np.repeat(rng.standard_normal(run.time_s.size // 20 + 1), 20)[: run.time_s.size]
         run.channels["speed_rpm"][:] += 2.0 * drift
     noise = measure_noise(dataset, observe(dataset))
-    assert noise.lasting["speed_rpm"].share > 0.7
-    assert 0.05 < noise.lasting["speed_rpm"].time_s < 0.25
+    assert noise.correlated["speed_rpm"].share > 0.7
+    assert 0.05 < noise.correlated["speed_rpm"].time_s < 0.25
     problem = _problem(dataset, base)
     assert float(np.mean(problem.base_residual**2)) < 1.5
 
 
-def test_white_repeats_have_no_memory(bench_logs: MakeLogs, base: Model) -> None:
+def test_white_noise_is_not_taken_for_correlated(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base)
-    assert measure_noise(dataset, observe(dataset)).lasting == {}
+    assert measure_noise(dataset, observe(dataset)).correlated == {}
+
+
+def test_the_law_and_a_robot_parameter_start_at_the_base_model(base: Model) -> None:
+    candidate = RefittedLaw(base, ("servo_n_m_s_rad",))
+    place = candidate.start()
+    assert place.size == candidate.parameter_count == 6
+    assert candidate.model(base, place) == base
+    stiffer = candidate.model(base, np.append(place[:-1], 1.0))
+    assert stiffer.robot.servo_n_m_s_rad == pytest.approx(3.0 * base.robot.servo_n_m_s_rad)

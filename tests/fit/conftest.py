@@ -11,7 +11,8 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.law.drive import DriveParameters, latched_commands
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import RobotPlant, drive
-from sysid.fit.plant_prediction import BODY_VELOCITY, commands_of
+from sysid.compare.prediction import commands_of
+from sysid.fit.robot_search import BODY_VELOCITY
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
 LAW = paper_model().wheel.law

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model
-from sysid.fit.page import write_fit_report
 from sysid.fit.plots import run_views, write_fit_plots
+from sysid.fit.report import write_fit_report
 from sysid.logs import read_dataset
 
 

@@ -8,8 +8,8 @@ import pytest
 
 from mecanum_env.model import Model
 from sysid.fit.grip import RobotParameter
-from sysid.fit.plant_prediction import BODY_VELOCITY, PlantData
 from sysid.fit.robot_parameters import RobotFit, fit_robot
+from sysid.fit.robot_search import BODY_VELOCITY, PlantData
 from sysid.logs import BodyCommand, Dataset
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
-from sysid.compare.fitted import LawAgain
+from sysid.compare.fitted import RefittedLaw
 from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, joined
 
 MODEL = paper_model()
@@ -64,7 +64,7 @@ def test_integral_action_is_the_drives_own_number() -> None:
 
 
 def test_the_law_fitted_again_starts_from_the_law_and_stays_stable() -> None:
-    rival = LawAgain(MODEL)
+    rival = RefittedLaw(MODEL)
     assert rival.model(MODEL, rival.start()).wheel == MODEL.wheel
     rng = np.random.default_rng(0)
     for _ in range(50):

@@ -122,7 +122,7 @@ def test_noise_without_repeats_is_known_less_well(bench_logs: MakeLogs, base: Mo
     dataset = bench_logs(base, repeats=1)
     noise = measure_noise(dataset, observe(dataset))
     samples = sum(run.time_s.size for run in dataset.runs)
-    assert 10.0 < noise.freedom < 0.2 * samples
+    assert 10.0 < noise.degrees_of_freedom < 0.2 * samples
 
 
 def test_an_interval_without_end_stays_out_of_the_model() -> None:

@@ -11,7 +11,7 @@ import pytest
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
-from sysid.compare.fitted import fit, function_near, marginal_function, unchanged
+from sysid.compare.fitted import base_fit, fit, function_near, marginal_function
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
@@ -69,7 +69,7 @@ def test_what_only_rollers_show_is_simulated_on_them(problem: ResidualProblem) -
     assert refused
     slow = refused | {"com_offset", "weak_servo"}
     for name in CATALOGUE:
-        assert problem.is_quick([name, "speed_gain"]) == (name not in slow)
+        assert problem.surrogate_covers([name, "speed_gain"]) == (name not in slow)
 
 
 def test_a_corrected_simulation_is_exact_where_it_was_corrected(problem: ResidualProblem) -> None:
@@ -124,9 +124,9 @@ def test_rollers_that_meet_the_floor_otherwise_are_expected_to_differ(problem: R
 
 def test_what_rollers_do_by_chance_raises_what_chance_gains(problem: ResidualProblem) -> None:
     library = responses(problem, ["wheel_gain_mismatch", "mount_yaw"])
-    base = unchanged(problem, EMPTY)
+    base = base_fit(problem, EMPTY)
     smooth = chance(base, library, np.random.default_rng(0), np.zeros((problem.size, 0)))
-    rough = chance(base, library, np.random.default_rng(0), problem.rough(problem.base))
+    rough = chance(base, library, np.random.default_rng(0), problem.roller_scatter(problem.base))
     assert rough.threshold() > smooth.threshold()
 
 

@@ -12,6 +12,7 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
 from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
+from sysid.compare.study import Study
 from sysid.gap.checks import known_effects
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
@@ -61,7 +62,7 @@ def test_two_wheels_on_one_sensor_are_both_compared() -> None:
 
 def test_both_plants_predict_about_the_same() -> None:
     run = robot_logs(MODEL).runs[0]
-    rollers, planar = predict(MODEL, run), predict(MODEL, run, plant="planar")
+    rollers, planar = predict(MODEL, run), predict(MODEL, run, study=Study(plant="planar"))
     for name in ("speed_fl_rpm", "speed_rr_rpm"):
         assert np.sqrt(np.mean((rollers[name] - planar[name]) ** 2)) < 3.0
         assert not np.array_equal(rollers[name], planar[name])

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from sysid.compare.fitted import Fitted, unchanged
+from sysid.compare.fitted import Fitted, base_fit
 from sysid.compare.model_error import ChannelError, ModelError, with_model_error
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -33,7 +33,7 @@ def problem_of(logs: Dataset, model: Model) -> ResidualProblem:
 
 def test_the_plain_error_of_a_right_model_is_the_noise(bench_logs: MakeLogs, base: Model) -> None:
     problem = problem_of(bench_logs(base), base)
-    right = unchanged(problem, EMPTY)
+    right = base_fit(problem, EMPTY)
     assert fitted_rms(problem, right, "validation") == pytest.approx(NOISE_RPM, rel=0.1)
     assert math.isnan(fitted_rms(problem, right, "test"))
     assert not rises(problem, right, right)
@@ -41,7 +41,7 @@ def test_the_plain_error_of_a_right_model_is_the_noise(bench_logs: MakeLogs, bas
 
 def test_a_wrong_gain_raises_it_and_a_right_one_does_not(bench_logs: MakeLogs, base: Model) -> None:
     problem = problem_of(bench_logs(base.with_effect("speed_gain", gain=0.9)), base)
-    before = unchanged(problem, EMPTY)
+    before = base_fit(problem, EMPTY)
     chosen = effect_set(base, ["speed_gain"])
     one = chosen.coordinates[0]
 

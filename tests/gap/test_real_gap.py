@@ -6,7 +6,7 @@ import pytest
 
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import read_robot
-from sysid.compare.subset import quiet
+from sysid.compare.subset import small_command_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
@@ -28,7 +28,7 @@ def test_the_limits_of_the_husky_act_on_its_body(real_logs: Path) -> None:
     data = read_dataset(real_logs / "husky/body")
     robot = read_robot(real_logs / "husky/body/robot.json")
     given = ("wheel_radius_m", "half_wheelbase_m", "half_track_m", "mass_kg")
-    part = quiet(data, ROW_S)
+    part = small_command_runs(data, ROW_S)
     model = fitted_model(fit_dataset(part, FitOptions(starts=2, robot=robot, robot_given=given)))
     report = analyse(data, model, GapOptions(seconds=40.0, plant="planar", next_experiment=False))
     assert {"body_speed_limit", "body_acceleration_limit"} <= {found.name for found in report.effects}

@@ -9,7 +9,7 @@ from mecanum_env.mjcf import robot_spec
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
 from mecanum_env.simulator.robot import at_rest
-from sysid.compare.fitted import unchanged
+from sysid.compare.fitted import base_fit
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
@@ -60,14 +60,14 @@ def test_angles_are_found_unknown_only_where_they_are(model: Model) -> None:
         problem = problem_of(model, turned)
         residual = problem.residual(model)
         assert residual is not None
-        assert problem.notice_turned(model, problem.marginal(residual)) is turned
-        assert problem.turned > 0.5 if turned else problem.turned == 0.0
+        assert problem.update_angle_uncertainty(model, problem.marginal(residual)) is turned
+        assert problem.angle_uncertainty > 0.5 if turned else problem.angle_uncertainty == 0.0
 
 
 def test_what_turned_wheels_leave_is_no_gap() -> None:
     problem = problem_of(BASE, turned=True)
-    base = unchanged(problem, EMPTY)
+    base = base_fit(problem, EMPTY)
     assert not complete(problem, base, KNOWN)
-    assert problem.notice_turned(BASE, base.residual)
+    assert problem.update_angle_uncertainty(BASE, base.residual)
     assert complete(problem, base, KNOWN)
     assert expected(problem, base) < 3.0 * base.cost

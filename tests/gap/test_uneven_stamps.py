@@ -40,7 +40,7 @@ def test_the_noise_is_known_from_repeats(bench_logs: MakeLogs, base: Model, late
     data = bench_logs(base, late_s=late_s)
     noise = measure_noise(data, observe(data))
     assert noise.from_repeats
-    assert noise.freedom > 1000
+    assert noise.degrees_of_freedom > 1000
     assert noise.sigma["speed_rpm"] == pytest.approx(NOISE_RPM, rel=0.1)
 
 
@@ -48,7 +48,7 @@ def test_counts_that_hold_are_not_taken_for_silence(bench_logs: MakeLogs, base: 
     data = bench_logs(base, noise_rpm=0.3, step_rpm=1.5)
     noise = measure_noise(data, observe(data))
     assert noise.scatter["speed_rpm"] >= 1.5 / np.sqrt(12.0)
-    assert not noise.restless(3.0)
+    assert not noise.inconsistent_channels(3.0)
 
 
 def test_repeats_that_differ_by_more_than_noise_are_pointed_at(bench_logs: MakeLogs, base: Model) -> None:

@@ -14,7 +14,6 @@ import numpy as np
 
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
-from mecanum_env.simulator import RobotPlant
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
@@ -23,6 +22,7 @@ from sysid.compare.prediction import POSE, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
+from sysid.compare.study import Study
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
 from sysid.gap.search.adequacy import Floor, enough, expected
 from sysid.gap.search.coordinates import EffectSet
@@ -65,17 +65,15 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
     return split, dataset.split(split)
 
 
-def predicted(
-    model: Model, runs: Sequence[Run], plant: RobotPlant = "rollers"
-) -> list[dict[str, FloatArray]]:
+def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str, FloatArray]]:
     """Return what a model predicts for each run: channel -> values at its rows, shape (n,).
 
     Args:
         model: wheel, robot and effects.
         runs: bench or robot logs.
-        plant: how a robot is simulated.
+        study: settings of the simulations.
     """
-    found = [predict(model, run, plant=plant) for run in runs]
+    found = [predict(model, run, study=study) for run in runs]
     correction = correction_of(model)
     if correction is None:
         return found
@@ -109,7 +107,7 @@ def differences(dataset: Dataset, comparison: Comparison) -> tuple[Difference, d
     scaled by its error after instead.
 
     Args:
-        dataset: all its repeats, test runs included, give the noise floor.
+        dataset: repeats of all its runs, test runs included, give the noise floor; no decision uses it.
         comparison: the runs whose errors are reported.
     """
     repeats = noise_from_repeats(dataset.runs) or {}
@@ -220,7 +218,7 @@ def evidence(
             bic=fitted.cost / decision.inflation + parameter_count * math.log(problem.size),
         )
 
-    return tuple(problem.map(row, sorted(shown, key=lambda judged: (judged.score, judged.names))))
+    return tuple(problem.study.map(row, sorted(shown, key=lambda judged: (judged.score, judged.names))))
 
 
 def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:

@@ -1,6 +1,6 @@
 """What a right model would leave on these runs, and whether a set of effects leaves no more.
 
-It leaves noise, and on robots the rollers' own roughness where it stands (`ResidualProblem.rough`).
+It leaves noise, and on robots the rollers' own roughness where it stands (`ResidualProblem.roller_scatter`).
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ class Floor:
 
 
 def rough(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
-    """Return `ResidualProblem.rough` of a fitted set, (N, k).
+    """Return `ResidualProblem.roller_scatter` of a fitted set, (N, k).
 
     Args:
         problem: the model and the runs that decide.
         fitted: where.
     """
-    return problem.rough(fitted.candidate.model(problem.base, fitted.place))
+    return problem.roller_scatter(fitted.candidate.model(problem.base, fitted.place))
 
 
 def expected(problem: ResidualProblem, *fitted: Fitted[Any]) -> float:

@@ -4,7 +4,7 @@ Were a fitted set the whole truth, its marginal residual would be white, but for
 Drawing such residuals and growing the set by every effect of the library, as the search does, gives the
 distribution of the best growth that chance makes, whatever the effects' number and likeness. Only the
 responses' inner products are needed: the scores U = C' r of unit columns C are normal with covariance
-C' (I + R R') C, R the columns of `ResidualProblem.rough`.
+C' (I + R R') C, R the columns of `ResidualProblem.roller_scatter`.
 
 What these logs could show: the smallest size of each effect that the study would see.
 """

@@ -23,7 +23,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from sysid.compare.fitted import Fitted, LawAgain, fit
+from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Verdict
 from sysid.gap.search.adequacy import Floor, complete, enough, expected, misfit, rough
@@ -79,10 +79,10 @@ def decide(
     """
     found = _decide(problem, search, floor, most, rng)
     best = min(search.fitted.values(), key=lambda f: f.cost)
-    if complete(problem, best, floor) or not problem.has_quick:
+    if complete(problem, best, floor) or not problem.has_surrogate:
         return found
     model = best.candidate.model(problem.base, best.place)
-    if not problem.notice_turned(model, best.residual):
+    if not problem.update_angle_uncertainty(model, best.residual):
         return found
     again = _decide(problem, search, floor, most, rng)
     said = (
@@ -135,7 +135,7 @@ def _decide(
     notes: list[str] = []
     adequate = enough(problem, base, chosen.fitted, floor)
     removed = _removed(problem, base, chosen.fitted)
-    apart = float(np.mean(problem.unmarginal(base.residual) ** 2)) > FAR
+    apart = float(np.mean(problem.marginal_inverse(base.residual) ** 2)) > FAR
     if adequate and removed < MATTERS and apart and not floor.trusted:
         notes.append("model and measurement are far apart, and no set of effects removes a tenth of that")
         adequate = False
@@ -270,7 +270,7 @@ def _spared(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: floa
 
 
 def _law(problem: ResidualProblem, masks: Mapping[str, Mask], inflation: float) -> ScoredSet | None:
-    rival = LawAgain(problem.base)
+    rival = RefittedLaw(problem.base)
     found = fit(problem, rival, rival.start(), most=20)
     return None if found is None else _with_scores(problem, found, masks, inflation)
 
@@ -281,7 +281,7 @@ def _removed(problem: ResidualProblem, base: Fitted[Any], chosen: Fitted[Any]) -
     blocks = problem.observations.blocks
 
     def above(fitted: Fitted[Any]) -> float:
-        parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
+        parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
         squares = [
             float(b.weight @ part**2) / noise[b.channel] ** 2 for b, part in zip(blocks, parts, strict=True)
         ]

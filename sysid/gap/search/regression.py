@@ -12,8 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from sysid.compare.correction import Correction, Term, formula
-from sysid.compare.features import Feature, features
+from sysid.compare.correction import Correction, Feature, Term, features, formula
 from sysid.compare.samples import Samples
 from sysid.gap.result import EmpiricalTerm
 from sysid.gap.search.sparse import Sums, choose

@@ -61,10 +61,12 @@ def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None
     found = []
     start = problem.base if at is None else at
     for name in [name for name in CATALOGUE if name in effects]:
-        trials = _trials(problem.base, CATALOGUE[name], problem.look_step([name]), problem.study.scale)
+        trials = _trials(problem.base, CATALOGUE[name], problem.probe_step([name]), problem.study.scale)
         models = [chosen.model(start, place) for chosen, place, _, _ in trials]
         for (chosen, place, linear, size), change in zip(
-            trials, problem.changes(models, quick=problem.is_quick([name]), at=start), strict=True
+            trials,
+            problem.changes(models, surrogate=problem.surrogate_covers([name]), reference=start),
+            strict=True,
         ):
             if change is not None:
                 found.append(Response(chosen, place, change, linear, size))

@@ -29,7 +29,7 @@ import numpy.typing as npt
 from scipy.stats import chi2, norm, t
 
 from mecanum_env.units import FloatArray
-from sysid.compare.descent import Minimum, flat_or, reach
+from sysid.compare.descent import Minimum, derivative_free, reach
 from sysid.compare.fitted import PRIOR, Fitted, function_near, marginal_function
 from sysid.compare.observations import Observations
 from sysid.compare.problem import ResidualProblem
@@ -78,8 +78,8 @@ def group_scores(
         masks: group -> which of the N values belong to it.
         inflation: of the variance of everything, where the best fit leaves more than expected.
     """
-    residual = problem.unmarginal(fitted.residual)
-    own = problem.unmarginal(fitted.jacobian)
+    residual = problem.marginal_inverse(fitted.residual)
+    own = problem.marginal_inverse(fitted.jacobian)
     columns = np.concatenate([own, -problem.nuisance], axis=1) / np.sqrt(inflation)
     residual = residual / np.sqrt(inflation)
     p = own.shape[1]
@@ -129,7 +129,7 @@ def raw_rms(
     for block, part in zip(observations.blocks, parts, strict=True):
         if observations.situations[block.situation].split == split:
             scale = 1.0 if alone else problem.whitener.noise.sigma[block.channel]
-            squares += (float(block.weight @ part**2) + block.spread) / scale**2
+            squares += (float(block.weight @ part**2) + block.repeat_squares) / scale**2
             weights += float(block.weight.sum())
     return math.sqrt(squares / weights) if weights else math.nan
 
@@ -142,7 +142,7 @@ def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> flo
         fitted: a set of effects or the law.
         split: of the runs that count.
     """
-    parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
     return raw_rms(problem, problem.observations, parts, split)
 
 
@@ -202,8 +202,8 @@ def interval_ends(
     minimum = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
     near = function_near(problem, fitted.candidate, fitted.place, fitted.residual, fitted.jacobian)
     full = marginal_function(problem, fitted.candidate)
-    quick = problem.quick_ones(fitted.candidate.owners)
-    for i in np.flatnonzero(flat_or(minimum, fitted.candidate.stepwise)):
+    quick = problem.surrogate_mask(fitted.candidate.owners)
+    for i in np.flatnonzero(derivative_free(minimum, fitted.candidate.stepwise)):
         down, up = reach(near if quick[i] else full, minimum, int(i), chi2.ppf(LEVEL, 1) * inflation)
         low[i], high[i] = fitted.place[i] - down, fitted.place[i] + up
     return low, high

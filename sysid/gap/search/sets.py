@@ -14,8 +14,8 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
-from sysid.compare.descent import Minimum, explored
-from sysid.compare.fitted import Fitted, fit, marginal_function, unchanged
+from sysid.compare.descent import Minimum, compass_search
+from sysid.compare.fitted import Fitted, base_fit, fit, marginal_function
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.coordinates import EffectSet, bench_twins
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
@@ -55,7 +55,7 @@ class Search:
 
     def __init__(self, problem: ResidualProblem, library: Sequence[Response], effort: SearchEffort) -> None:
         self.problem, self.library, self.effort = problem, tuple(library), effort
-        self.base = unchanged(problem, EMPTY)
+        self.base = base_fit(problem, EMPTY)
         self.fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
         self._behind: dict[Key, list[Response]] = {}
 
@@ -96,12 +96,12 @@ class Search:
 
     def polish(self, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
         """Return a fitted set after a look about, where the simulation is rough and slopes mislead."""
-        rough = ~self.problem.quick_ones(fitted.candidate.owners)
-        if not self.problem.has_quick or not np.any(rough):
+        rough = ~self.problem.surrogate_mask(fitted.candidate.owners)
+        if not self.problem.has_surrogate or not np.any(rough):
             return fitted
         function = marginal_function(self.problem, fitted.candidate)
         here = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
-        looked = explored(function, here, rough)
+        looked = compass_search(function, here, rough)
         if looked.cost < fitted.cost:
             again = fit(self.problem, fitted.candidate, looked.place, most=4)
             if again is not None and again.cost < fitted.cost:
@@ -120,7 +120,7 @@ class Search:
             gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
             if gain >= _HOPE * best and growth.key not in self.fitted and len(chosen) < most:
                 chosen.setdefault(growth.key, growth)
-        for key, found in zip(chosen, self.problem.map(self._fit, chosen.values()), strict=True):
+        for key, found in zip(chosen, self.problem.study.map(self._fit, chosen.values()), strict=True):
             if found is not None:
                 self.fitted[key] = found
 

@@ -1,8 +1,8 @@
 """Which sets explain the runs as well as the chosen one: names that these logs cannot tell apart.
 
 With u the difference of two sets' predictions and R the columns of the rollers' roughness
-(`ResidualProblem.rough`), what tells the two apart is the residual along u, which chance moves by sqrt(1 +
-rho^2) sigmas, rho = |R'u| /
+(`ResidualProblem.roller_scatter`), what tells the two apart is the residual along u, which chance moves by
+sqrt(1 + rho^2) sigmas, rho = |R'u| /
 |u|. If the rival is the truth, it is dropped with a probability below Phi(-NEVER), however large u is, where
 its square sum may be larger by NEVER^2 (1 + rho^2).
 """
@@ -47,7 +47,7 @@ def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: flo
     if rival.score <= chosen.score + allowed:
         return True
     problem = search.problem
-    if not problem.has_quick:
+    if not problem.has_surrogate:
         return False
     residual = chosen.fitted.residual
     apart = _apart(problem, chosen, rival)
@@ -62,9 +62,9 @@ def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: flo
 
 def _apart(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> FloatArray:
     """Return how another set's marginal residual differs, (N,); without roughness if possible."""
-    if problem.is_quick((*one.names, *other.names)):
+    if problem.surrogate_covers((*one.names, *other.names)):
         models = [j.fitted.candidate.model(problem.base, j.fitted.place) for j in (one, other)]
-        here, there = (problem.quick_residual(model) for model in models)
+        here, there = (problem.surrogate_residual(model) for model in models)
         if here is not None and there is not None:
             return problem.marginal(there - here)
     return other.fitted.residual - one.fitted.residual

@@ -1,7 +1,9 @@
-"""The page of a fit."""
+"""The report of a fit: the table in the terminal and the page `report.html`."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -11,24 +13,114 @@ import mecanum_env
 from mecanum_env.law.metrics import step_response
 from mecanum_env.model import Model
 from mecanum_env.report import figure, report_available, write_page
+from sysid.fit.metrics import MethodMetrics
 from sysid.fit.pipeline import Fit
-from sysid.fit.plots import BenchReplay, RunView, replay_worst, run_views
-from sysid.fit.table import method_table, quantity_table, robot_table
-from sysid.logs import Split
+from sysid.fit.plots import HELD_OUT_FIRST, BenchReplay, RunView, replay_worst, run_views
+from sysid.fit.statistics import Quantity
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
 _GREY, _RED, _BLUE = "#8a8a8a", "#c8102e", "#1f4e79"
 _MOST_FINDINGS: Final = 40
-_HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")
+
+
+def fit_table(fit: Fit) -> str:
+    """Return the result of a `fit` as text: noise, methods, coefficients, residual tests and notes."""
+    sure, tests = fit.uncertainty, fit.residual_tests
+    source = "from repeats" if fit.sigma_from_repeats else "from the residuals, no repeats"
+    noise = ", ".join(f"{name} {value:.3g}" for name, value in sorted(fit.sigma_rpm.items()))
+    lines = [
+        f"{fit.dataset.name}: {len(fit.dataset.runs)} runs; noise {noise} rpm ({source})",
+        "",
+        *_columns(method_table(fit)),
+        "",
+        *_columns(quantity_table(fit)),
+        "",
+        *([*_columns(robot_table(fit)), ""] if fit.robot else []),
+        f"residuals: {_passed('white', tests.whiteness.passed, tests.whiteness.p_value)}; "
+        f"{_passed('free of the input', tests.input_correlation.passed, tests.input_correlation.p_value)}; "
+        f"{sure.noise_ratio:.2f} times the noise",
+    ]
+    lines += [f"warning: {warning}" for warning in sure.warnings]
+    lines += [f"note: {note}" for note in fit.notes]
+    kinds = sorted({finding.kind for finding in fit.dataset.findings})
+    if kinds:
+        lines.append(f"in the logs: {', '.join(kinds)} (python -m sysid.logs check LOGS says more)")
+    return "\n".join(lines)
+
+
+def method_table(fit: Fit) -> list[tuple[str, ...]]:
+    """Return the metrics of a `fit`'s methods as rows of cells, the head first."""
+    return [_METHOD_HEAD, *(_method_row(name, metrics) for name, metrics in fit.methods.items())]
+
+
+def quantity_table(fit: Fit) -> list[tuple[str, ...]]:
+    """Return the coefficients of a `fit` and what follows from them as rows of cells, the head first."""
+    return [
+        _QUANTITY_HEAD,
+        *(_quantity_row(q) for q in (*fit.uncertainty.parameters, *fit.uncertainty.metrics)),
+    ]
+
+
+def robot_table(fit: Fit) -> list[tuple[str, ...]]:
+    """Return the robot's parameters of a `fit` as rows of cells, the head first; none for bench logs."""
+    rows: list[tuple[str, ...]] = [("robot", "value", "standard error", "")]
+    for p in fit.robot.parameters if fit.robot else ():
+        error = f"{p.standard_error:.2g}" if p.fitted and math.isfinite(p.standard_error) else "-"
+        rows.append((p.name, f"{p.value:.4g}", error, p.reason))
+    return rows
+
+
+_METHOD_HEAD = ("method", "rms fit", "validation", "test rpm", "worst", "rise s", "settling s", "dc gain - 1",
+                "stable", "starts ok", "seconds", "MiB")  # fmt: skip
+_QUANTITY_HEAD = ("", "value", "standard error", "Cramer-Rao", "95 % interval")
+
+
+def _method_row(name: str, m: MethodMetrics) -> tuple[str, ...]:
+    found = m.estimate
+    errors = [m.errors.get(split) for split in ("fit", "validation", "test")]
+    worst = max((e.max_rpm for e in errors if e), default=math.nan)
+    return (
+        name,
+        *(f"{e.rms_rpm:.3f}" if e else "-" for e in errors),
+        f"{worst:.2f}",
+        f"{m.metrics.rise_time_s:.4f}",
+        f"{m.metrics.settling_time_s:.4f}",
+        f"{found.law.dc_gain - 1.0:.1e}",
+        "yes" if found.law.is_stable else "NO",
+        f"{found.success_share:.0%} of {len(found.starts)}",
+        f"{found.seconds:.2f}",
+        f"{m.peak_memory_mib:.1f}",
+    )
+
+
+def _quantity_row(q: Quantity) -> tuple[str, ...]:
+    unit = f" {q.unit}" if q.unit else ""
+    return (
+        q.name,
+        f"{q.value:.5g}{unit}",
+        f"{q.standard_error:.2g}",
+        f"{q.cramer_rao:.2g}",
+        f"{q.low:.5g} .. {q.high:.5g}",
+    )
+
+
+def _passed(what: str, passed: bool, p_value: float) -> str:
+    return f"{'' if passed else 'not '}{what} (p = {p_value:.2g})"
+
+
+def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    cells = [[cell.rjust(width) for cell, width in zip(row, widths, strict=True)] for row in rows]
+    return ["  ".join([row[0].ljust(widths[0]), *right[1:]]) for row, right in zip(rows, cells, strict=True)]
 
 
 def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
-    """Write the page of a fit; return False, writing nothing, where the `report` extra is not installed.
+    """Write the page of a fit; return False, writing nothing, if the `report` extra is not installed.
 
     Args:
         fit: the fitted wheel.
-        model: what was written to model.json; it is replayed in MuJoCo beside the law.
-        path: of the page.
+        model: the model of the fit, which is replayed in MuJoCo.
+        path: file to write.
     """
     if not report_available():
         return False
@@ -77,7 +169,7 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
 
 def _verdict(fit: Fit) -> str:
     found = fit.methods[fit.estimate.method]
-    split = next(split for split in _HELD_OUT_FIRST if split in found.errors)
+    split = next(split for split in HELD_OUT_FIRST if split in found.errors)
     error, sigma = found.errors[split], float(np.mean(list(fit.sigma_rpm.values())))
     free = fit.estimate.free
     order = ("first", "second", "third")[("B" in free) + ("C" in free)]
@@ -107,23 +199,12 @@ def _line(x: Any, y: Any, name: str, colour: str, **more: Any) -> dict[str, Any]
 
 
 def _overlay(view: RunView) -> dict[str, Any]:
+    dots = {"mode": "markers", "marker": {"size": 3, "color": _GREY}}
+    steps = {"line": {"color": _BLUE, "width": 1, "shape": "hv"}}
     return figure(
         [
-            _line(
-                view.time_s,
-                view.measured_rpm,
-                "measured",
-                _GREY,
-                mode="markers",
-                marker={"size": 3, "color": _GREY},
-            ),
-            _line(
-                view.tick_s,
-                view.command_rpm,
-                "command",
-                _BLUE,
-                line={"color": _BLUE, "width": 1, "shape": "hv"},
-            ),
+            _line(view.time_s, view.measured_rpm, "measured", _GREY, **dots),
+            _line(view.tick_s, view.command_rpm, "command", _BLUE, **steps),
             _line(view.tick_s, view.simulated_rpm, "simulated", _RED),
         ],
         title=f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm",
@@ -171,17 +252,11 @@ def _autocorrelation(fit: Fit) -> dict[str, Any]:
 def _poles(fit: Fit) -> dict[str, Any]:
     turn = np.linspace(0.0, 2.0 * np.pi, 181)
     poles = fit.law.poles
+    crosses = {"mode": "markers", "marker": {"symbol": "x", "size": 10, "color": _RED}}
     return figure(
         [
             _line(np.cos(turn), np.sin(turn), "unit circle", _GREY, hoverinfo="skip"),
-            _line(
-                poles.real,
-                poles.imag,
-                "poles",
-                _RED,
-                mode="markers",
-                marker={"symbol": "x", "size": 10, "color": _RED},
-            ),
+            _line(poles.real, poles.imag, "poles", _RED, **crosses),
         ],
         title="poles: |z| = " + ", ".join(f"{abs(p):.3f}" for p in poles),
         height=400,

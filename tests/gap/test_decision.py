@@ -19,7 +19,8 @@ from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, Interval
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.responses import Growth, growths, responses
-from sysid.gap.search.sets import Search, SearchEffort
+from sysid.gap.search.sets import Search
+from sysid.gap.search.thresholds import SearchEffort
 from sysid.gap.workflow import analyse
 from tests.gap.conftest import MakeLogs
 
@@ -139,15 +140,14 @@ def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
     observations = observe(dataset)
     problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
     search = Search(problem, responses(problem, ("command_latency", "sensor_latency")), SearchEffort())
-    search.grow(1)
+    screened = search.growths
+    search.fit_best([g for g in screened(search.base) if g.candidate.names == ("command_latency",)], 1)
     chosen = search.fitted[("command_latency",), False]
-    del search.fitted[("sensor_latency",), False]
-    seen = search.growths
 
-    def rough(parent: Fitted[EffectSet]) -> list[Growth]:
-        return [replace(growth, expected=0.9 * parent.cost) for growth in seen(parent)]
+    def inaccurate(parent: Fitted[EffectSet]) -> list[Growth]:
+        return [replace(growth, expected=0.9 * parent.cost) for growth in screened(parent)]
 
-    monkeypatch.setattr(search, "growths", rough)
+    monkeypatch.setattr(search, "growths", inaccurate)
     search.swap(chosen)
     assert (("sensor_latency",), False) in search.fitted
 

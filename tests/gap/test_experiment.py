@@ -17,8 +17,7 @@ from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
 from sysid.gap.design.trial import EFFORT, DesignEffort, ExperimentConditions, Trial, command_of
 from sysid.gap.design.what_next import design_for_untestable
 from sysid.gap.result import GapOptions
-from sysid.gap.search.chance import NEVER
-from sysid.gap.search.scores import FORMULA_ERROR
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -124,7 +123,8 @@ def test_power_is_the_share_of_simulated_experiments_that_leave_the_truth_alone(
     moved = [trial.columns(p, r.plausible) for p, r in zip(shown, both, strict=True)]
     rng = np.random.default_rng(0)
     for index, (truth, rival) in enumerate(permutations(range(2))):
-        limit = NEVER**2 + FORMULA_ERROR**2 * trial.square(shown[truth] - trial.whitened(paper))
+        explained = trial.square(shown[truth] - trial.whitened(paper))
+        limit = THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained
         alone = 0
         for _ in range(4000):
             measured = shown[truth] + rng.standard_normal(shown[truth].size)

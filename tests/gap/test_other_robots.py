@@ -18,7 +18,8 @@ from sysid.compare.study import speed_scale
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, scanned
 from sysid.gap.search.responses import responses
-from sysid.gap.search.sets import EMPTY, Search, SearchEffort
+from sysid.gap.search.sets import EMPTY, Search
+from sysid.gap.search.thresholds import SearchEffort
 from sysid.logs import BenchCommand, Dataset, Run, Split
 
 from .conftest import MakeLogs

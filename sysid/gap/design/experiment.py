@@ -1,11 +1,11 @@
 """The next experiment: the command sequence that separates tied candidates best, within the robot's limits.
 
 A set of effects is dropped when its score is worse than the best one's by more than a limit L
-(`sysid.gap.search.decide`). Where a sequence puts truth and rival a squared distance S apart
+(`sysid.gap.search.decision`). Where a sequence puts truth and rival a squared distance S apart
 (`sysid.gap.design.trial`), their scores come to differ by about N(S, 4 S) more than they do now:
 the truth, now g behind, is left alone with probability Phi(z),
 
-    z = (S - g - L) / (2 sqrt(S)),    L = NEVER^2 + FORMULA_ERROR^2 E,
+    z = (S - g - L) / (2 sqrt(S)),    L = tie_sigmas^2 + formula_error^2 E,
 
 E being what the effects explain, in the logs so far and in the new ones. The sequence of the largest z of the
 worst pair is sought: a T-optimal design (Atkinson and Fedorov, Biometrika 62:57, 1975; for several models
@@ -40,8 +40,7 @@ from sysid.gap.design.trial import (
 )
 from sysid.gap.report.wording import amount, listed, set_name
 from sysid.gap.result import Experiment
-from sysid.gap.search.chance import NEVER
-from sysid.gap.search.scores import FORMULA_ERROR
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs.runs import UNITS, Level
 
 _LEAST_POWER: Final = 0.1
@@ -147,7 +146,8 @@ def separation(
     z = []
     for i, j in permutations(range(len(candidates)), 2):
         square = trial.square(shown[i] - shown[j], moved[i], moved[j])
-        needed = NEVER**2 + FORMULA_ERROR**2 * explained[i] + candidates[i].score - candidates[j].score
+        tolerance = THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained[i]
+        needed = tolerance + candidates[i].score - candidates[j].score
         z.append(max(_NEVER_TOLD, (square - needed) / (2.0 * math.sqrt(max(square, 1e-9)))))
     return np.array(z)
 

@@ -34,7 +34,7 @@ from sysid.gap.design.trial import (
 from sysid.gap.report.wording import listed, set_name
 from sysid.gap.result import Untestable
 from sysid.gap.search.coordinates import coordinate
-from sysid.gap.search.decide import Decision
+from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet
 from sysid.logs import BenchCommand, BodyCommand, Run
 from sysid.logs.runs import Level

@@ -27,7 +27,7 @@ from sysid.gap.search.adequacy import Floor, complete, enough, expected, misfit,
 from sysid.gap.search.chance import chance_gains
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.rules import Facts, apply_rules
-from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
+from sysid.gap.search.scores import ScoredSet, doubtful, noise_ratio, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.search.ties import tied
@@ -120,7 +120,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         repeatable=floor.repeatable,
         p_value=explored.p_value,
         p_misfit=explored.p_misfit,
-        noise_ratio=float(np.mean(problem.unmarginal(base.residual) ** 2)),
+        noise_ratio=noise_ratio(problem, base),
         inflation=inflation,
         judged=judged,
         law=law,

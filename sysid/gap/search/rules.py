@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Final, TypeAlias
@@ -24,7 +25,7 @@ class Facts:
     p_misfit: float
     """The same by the whole residual alone, whatever effects could remove."""
     noise_ratio: float
-    """Mean squared residual of the model as it is, in noise variances."""
+    """Mean squared error of the model as it is over single samples, in noise variances."""
     inflation: float
     """Residual variance of the best fit relative to the expected noise variance (at least 1)."""
     judged: tuple[ScoredSet, ...]
@@ -78,6 +79,22 @@ _LAW_IS_BETTER: Final = (
 )
 
 
+def _far_apart(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """Unexplained: nothing says how large the model's own error is, and the residual is plainly no noise.
+
+    An error that was measured on these very logs contains any gap, and so excuses none.
+    """
+    if facts.trusted or facts.noise_ratio <= thresholds.above_noise:
+        return None
+    if facts.removed >= thresholds.least_removed:
+        return None
+    reason = (
+        f"the difference is {math.sqrt(facts.noise_ratio):.2g} times the noise (rms), and no set of effects "
+        f"removes {thresholds.least_removed:.0%} of its square"
+    )
+    return _unexplained(facts, thresholds, reason)
+
+
 def _nothing_significant(facts: Facts, thresholds: Thresholds) -> Outcome | None:
     """No gap: neither the best effect nor the whole residual is more than chance allows."""
     return Outcome("no_gap") if facts.p_value > thresholds.false_alarm else None
@@ -86,19 +103,6 @@ def _nothing_significant(facts: Facts, thresholds: Thresholds) -> Outcome | None
 def _nothing_fitted(facts: Facts, _: Thresholds) -> Outcome | None:
     """Unexplained: there is a gap, and no effect could be fitted to it."""
     return Outcome("unexplained") if facts.chosen is None else None
-
-
-def _far_apart(facts: Facts, thresholds: Thresholds) -> Outcome | None:
-    """Unexplained: nothing says how large the model's own error is, and the residual is plainly no noise."""
-    if facts.trusted or facts.noise_ratio <= thresholds.above_noise:
-        return None
-    if facts.removed >= thresholds.least_removed:
-        return None
-    return _unexplained(
-        facts,
-        thresholds,
-        "model and measurement are far apart, and no set of effects removes a tenth of that",
-    )
 
 
 def _too_small(facts: Facts, thresholds: Thresholds) -> Outcome | None:
@@ -160,9 +164,9 @@ def _explained(facts: Facts, _: Thresholds) -> Outcome | None:
 
 
 RULES: Final[tuple[Rule, ...]] = (
+    _far_apart,
     _nothing_significant,
     _nothing_fitted,
-    _far_apart,
     _too_small,
     _harmful,
     _unrepeatable,

@@ -168,6 +168,5 @@ def _smallest(own: Sequence[Response], needed: float) -> float | None:
     part = (target - longest[index - 1]) / max(longest[index] - longest[index - 1], 1e-12)
     size = sizes[index - 1] + part * (sizes[index] - sizes[index - 1])
     first = own[0].chosen.coordinates[0]
-    neutral = first.unit(first.neutral) if np.isfinite(first.neutral) else 1.0
-    direction = np.sign(float(own[0].place[0]) - neutral)
-    return first.value(float(np.clip(neutral + direction * size, 0.0, 1.0)))
+    direction = np.sign(float(own[0].place[0]) - first.neutral_place)
+    return first.value(float(np.clip(first.neutral_place + direction * size, 0.0, 1.0)))

@@ -50,7 +50,7 @@ NAMED = Facts(
         ({"p_value": 0.5}, "no_gap", ""),
         ({"p_value": 0.5, "trusted": False, "removed": 0.0}, "unexplained", "times the noise"),
         ({"p_value": 0.5, "trusted": False, "noise_ratio": 2.0}, "no_gap", ""),
-        ({"chosen": None}, "unexplained", ""),
+        ({"chosen": None, "adequate": False, "removed": 0.0}, "unexplained", ""),
         ({"removed": 0.05}, "no_gap", "removes only 5%"),
         ({"removed": 0.05, "trusted": False}, "unexplained", "times the noise"),
         ({"removed": 0.05, "trusted": False, "noise_ratio": 2.0}, "no_gap", "removes only 5%"),

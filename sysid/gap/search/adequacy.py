@@ -8,7 +8,7 @@ distribution.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 from scipy.stats import f as f_distribution
@@ -17,6 +17,9 @@ from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.thresholds import THRESHOLDS
+
+_KNOWN: Final = 1e7
+"""Degrees of freedom of a variance that is known exactly, as the F distribution takes them."""
 
 
 @dataclass(frozen=True)
@@ -30,14 +33,9 @@ class Floor:
     repeatable: bool = True
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
 
-    @property
-    def finite_freedom(self) -> float:
-        """The same, as the F distribution takes it."""
-        return min(self.freedom, 1e7)
-
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""
-        return float(f_distribution.isf(THRESHOLDS.false_alarm, size, self.finite_freedom))
+        return float(f_distribution.isf(THRESHOLDS.false_alarm, size, min(self.freedom, _KNOWN)))
 
 
 def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
@@ -71,7 +69,9 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     if not floor.trusted:
         return 1.0
     share = problem.size / expected(problem, fitted)
-    return float(f_distribution.sf(fitted.cost * share / problem.size, problem.size, floor.finite_freedom))
+    return float(
+        f_distribution.sf(fitted.cost * share / problem.size, problem.size, min(floor.freedom, _KNOWN))
+    )
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -27,7 +26,7 @@ from sysid.gap.search.adequacy import Floor, complete, enough, expected, misfit,
 from sysid.gap.search.chance import chance_gains
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.rules import Facts, apply_rules
-from sysid.gap.search.scores import ScoredSet, doubtful, noise_ratio, rises, scored
+from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.search.ties import tied
@@ -51,19 +50,6 @@ class Decision:
     frequency: Mapping[str, float]
     """Effect of the chosen set -> share of resamples in which it is chosen."""
     notes: tuple[str, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Explored:
-    """Where the search of sets ended."""
-
-    p_value: float
-    """Probability that a right model differs as much from the logs."""
-    p_misfit: float
-    """The same by the whole residual alone."""
-    inflation: float
-    chosen: ScoredSet | None
-    """The best set of the size that the logs support; None if nothing is significant or could be fitted."""
 
 
 def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Decision:
@@ -93,13 +79,13 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
         law=facts.law,
         p_value=facts.p_value,
         inflation=facts.inflation,
-        frequency=facts.frequency if found else {},
+        frequency=facts.frequency,
         notes=(*outcome.reasons, *notes),
     )
 
 
 def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
-    """Search, and return the facts that the rules need.
+    """Search, and return all facts that the rules need.
 
     Args:
         search: over the effects to consider; what it fits stays in it.
@@ -108,30 +94,20 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         rng: of the simulated thresholds and the bootstrap.
     """
     problem, base = search.problem, search.base
-    explored = explore(search, floor, max_effects, rng)
-    chosen, inflation = explored.chosen, explored.inflation
+    facts = explore(search, floor, max_effects, rng)
+    chosen, inflation = facts.chosen, facts.inflation
     # If nothing is left to explain, no law can do better.
     refit = chosen is not None and not complete(problem, chosen.fitted, floor)
     law = _law(problem, inflation) if refit else None
     every = [scored(problem, fitted, inflation) for fitted in search.fitted.values()]
     judged = tuple(sorted(every, key=lambda j: (j.score, j.names)))
-    facts = Facts(
-        trusted=floor.trusted,
-        repeatable=floor.repeatable,
-        p_value=explored.p_value,
-        p_misfit=explored.p_misfit,
-        noise_ratio=noise_ratio(problem, base),
-        inflation=inflation,
-        judged=judged,
-        law=law,
-    )
+    facts = replace(facts, judged=judged, law=law)
     if chosen is None:
         return facts
     same_size = [j for j in judged if len(j.names) == len(chosen.names)]
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
     return replace(
         facts,
-        chosen=chosen,
         tied=tied(search, chosen, harmless, inflation),
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
@@ -141,8 +117,8 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     )
 
 
-def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Explored:
-    """Fit sets of effects as far as the logs support them, and choose the best of the largest such size.
+def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
+    """Fit sets of effects as far as the logs support them; return the facts up to the best such set.
 
     Args:
         search: over the effects to consider; what it fits stays in it.
@@ -159,25 +135,25 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     p_gain = by_chance.p_value((base.cost - search.best_fit.cost) / inflation)
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
-    nothing = Explored(p_value, p_misfit, inflation, None)
+    ratio = _noise_ratio(problem, base)
+    facts = Facts(floor.trusted, floor.repeatable, ratio, p_value, p_misfit, inflation)
     if p_value > THRESHOLDS.false_alarm:
-        return nothing
+        return facts
     if not search.of_size(1):
         # Effects could gain little, but the whole residual is more than chance allows.
         search.grow(1)
     if not search.of_size(1):
-        return nothing
+        return facts
     size = _grow(search, floor, max_effects, rng)
     inflation = _inflation(problem, search.best_fit)
-    chosen = _best(search, size, inflation)
-    search.swap(chosen.fitted)
+    search.swap(_best(search, size, inflation).fitted)
     search.leave_out_needless(size, inflation)
     chosen = _best(search, size, inflation)
     while size > 1 and (doubtful(problem, chosen.fitted, inflation) or rises(problem, base, chosen.fitted)):
         # An effect that may as well be none, or that does harm, is no finding: the smaller set is.
         size -= 1
         chosen = _best(search, size, inflation)
-    return Explored(p_value, p_misfit, inflation, chosen)
+    return replace(facts, inflation=inflation, chosen=chosen)
 
 
 def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> int:
@@ -228,20 +204,26 @@ def _law(problem: ResidualProblem, inflation: float) -> ScoredSet | None:
     return None if found is None else scored(problem, found, inflation)
 
 
-def _removed(problem: ResidualProblem, base: Fitted[Any], chosen: Fitted[Any]) -> float:
+def _mean_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
+    """Return the sum of squared errors, each a mean over repeats, in variances of such a mean."""
+    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
+    parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
+    return sum(
+        float(b.weight @ part**2) / noise[b.channel] ** 2 for b, part in zip(blocks, parts, strict=True)
+    )
+
+
+def _noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
+    """Return the mean squared error over single samples in noise variances, 1 for a right model."""
+    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
+    spread = sum(b.spread / noise[b.channel] ** 2 for b in blocks)
+    return (_mean_squares(problem, base) + spread) / sum(float(b.weight.sum()) for b in blocks)
+
+
+def _removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:
     """Return the share of the squared difference above the noise that a set removes, sample by sample."""
-    noise = problem.whitener.noise.sigma
-    blocks = problem.observations.blocks
-
-    def above(fitted: Fitted[Any]) -> float:
-        parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
-        squares = [
-            float(b.weight @ part**2) / noise[b.channel] ** 2 for b, part in zip(blocks, parts, strict=True)
-        ]
-        return sum(squares) - problem.size
-
-    before = above(base)
-    return (before - above(chosen)) / before if before > 0.0 else 0.0
+    before, after = (_mean_squares(problem, fitted) - problem.size for fitted in (base, chosen))
+    return (before - after) / before if before > 0.0 else 0.0
 
 
 def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Generator) -> dict[str, float]:

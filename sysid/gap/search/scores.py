@@ -130,22 +130,6 @@ def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> flo
     return raw_rms(problem, problem.observations, parts, split)
 
 
-def noise_ratio(problem: ResidualProblem, fitted: Fitted[Any]) -> float:
-    """Return the mean squared error of a fit over single samples, in noise variances; 1 if it is noise alone.
-
-    Args:
-        problem: the model and the runs that decide.
-        fitted: a set of effects.
-    """
-    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
-    parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
-    squares = sum(
-        (float(block.weight @ part**2) + block.spread) / noise[block.channel] ** 2
-        for block, part in zip(blocks, parts, strict=True)
-    )
-    return squares / sum(float(block.weight.sum()) for block in blocks)
-
-
 def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> bool:
     """Return whether a fit has a larger plain error on the validation runs than the model as it is.
 

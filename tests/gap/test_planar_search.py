@@ -1,4 +1,4 @@
-"""Searching robot logs on the planar plant: exact where corrected, elsewhere near the rollers, and quick."""
+"""Searching robot logs on the planar plant: exact at the corrected place, near the rollers elsewhere."""
 
 from __future__ import annotations
 

@@ -12,6 +12,7 @@ import pytest
 from mecanum_env.model import Model
 from sysid.compare.model_error import ChannelError, ModelError, with_model_error
 from sysid.gap.result import GapOptions, Verdict
+from sysid.gap.search.adequacy import Floor
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.search.thresholds import THRESHOLDS
@@ -26,10 +27,11 @@ def a_set(score: float, *names: str) -> ScoredSet:
     return ScoredSet(fitted, np.array([score]))
 
 
+UNKNOWN = Floor(1e4, trusted=False)
+RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
 NAMED = Facts(
-    trusted=True,
-    repeatable=True,
+    floor=Floor(1e4, trusted=True),
     p_value=1e-3,
     p_misfit=1e-3,
     noise_ratio=9.0,
@@ -48,15 +50,19 @@ NAMED = Facts(
         ({}, "named", ""),
         ({"tied": (CHOSEN, a_set(-49.0, "stiction"))}, "ambiguous", ""),
         ({"p_value": 0.5}, "no_gap", ""),
-        ({"p_value": 0.5, "trusted": False, "removed": 0.0}, "unexplained", "times the noise"),
-        ({"p_value": 0.5, "trusted": False, "noise_ratio": 2.0}, "no_gap", ""),
+        ({"p_value": 0.5, "floor": UNKNOWN, "removed": 0.0}, "unexplained", "times the noise"),
+        ({"p_value": 0.5, "floor": UNKNOWN, "noise_ratio": 2.0}, "no_gap", ""),
         ({"chosen": None, "adequate": False, "removed": 0.0}, "unexplained", ""),
         ({"removed": 0.05}, "no_gap", "removes only 5%"),
-        ({"removed": 0.05, "trusted": False}, "unexplained", "times the noise"),
-        ({"removed": 0.05, "trusted": False, "noise_ratio": 2.0}, "no_gap", "removes only 5%"),
-        ({"removed": 0.5, "trusted": False}, "named", ""),
+        ({"removed": 0.05, "floor": UNKNOWN}, "unexplained", "times the noise"),
+        ({"removed": 0.05, "floor": UNKNOWN, "noise_ratio": 2.0}, "no_gap", "removes only 5%"),
+        ({"removed": 0.5, "floor": UNKNOWN}, "named", ""),
         ({"raises_rms": True}, "unexplained", "raises the plain difference"),
-        ({"repeatable": False}, "unexplained", "repeats of one command differ"),
+        (
+            {"floor": RANDOM},
+            "unexplained",
+            "repeats of one command differ",
+        ),
         ({"law": a_set(-60.0, "wheel_law")}, "unexplained", "the wheel law fitted again"),
         ({"law": a_set(-55.0, "wheel_law")}, "named", ""),
         ({"adequate": False}, "unexplained", ""),

@@ -39,7 +39,7 @@ class Floor:
 
 
 def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
-    """Return what rollers meeting the floor otherwise change at the place of a set, (N, k), one sigma each.
+    """Return the columns of the rollers' scatter at the place of a set, (N, k), each one standard deviation.
 
     Args:
         problem: the model and the runs that decide.
@@ -68,10 +68,8 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     """
     if not floor.trusted:
         return 1.0
-    share = problem.size / expected(problem, fitted)
-    return float(
-        f_distribution.sf(fitted.cost * share / problem.size, problem.size, min(floor.freedom, _KNOWN))
-    )
+    ratio = fitted.cost * (problem.size / expected(problem, fitted)) / problem.size
+    return float(f_distribution.sf(ratio, problem.size, min(floor.freedom, _KNOWN)))
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:

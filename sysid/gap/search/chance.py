@@ -64,7 +64,7 @@ def chance_gains(
     for response in library:
         column = response.change - orthogonal @ (orthogonal.T @ response.change)
         length = float(np.linalg.norm(column))
-        if length > 1e-6 and response.chosen.names[0] not in fitted.names:
+        if length > 1e-6 and response.effect not in fitted.names:
             units.append(column / length)
             owners.append(response)
     if not units:
@@ -73,13 +73,13 @@ def chance_gains(
     scores = rng.standard_normal((draws, len(units))) @ _root(columns.T @ columns).T
     scores += rng.standard_normal((draws, scatter.shape[1])) @ (scatter.T @ columns)
     gains = np.zeros(draws)
-    for name in dict.fromkeys(owner.chosen.names[0] for owner in owners):
-        joint = [i for i, o in enumerate(owners) if o.chosen.names[0] == name and o.linear]
+    for name in dict.fromkeys(owner.effect for owner in owners):
+        joint = [i for i, o in enumerate(owners) if o.effect == name and o.linear]
         if joint:
             gram = columns[:, joint].T @ columns[:, joint]
             together = scores[:, joint]
             gains = np.maximum(gains, np.einsum("di,ij,dj->d", together, np.linalg.pinv(gram), together))
-        others = [i for i, o in enumerate(owners) if o.chosen.names[0] == name and not o.linear]
+        others = [i for i, o in enumerate(owners) if o.effect == name and not o.linear]
         if others:
             # A threshold acts in one direction only.
             gains = np.maximum(gains, np.max(np.minimum(scores[:, others], 0.0) ** 2, axis=1))
@@ -103,12 +103,15 @@ def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[s
     """
     needed = float((np.sqrt(threshold) + norm.ppf(THRESHOLDS.power)) ** 2)
     found: dict[str, dict[str, float]] = {}
-    for name in dict.fromkeys(response.chosen.names[0] for response in library):
-        own = [r for r in library if r.chosen.names[0] == name and not r.chosen.integral]
-        for parameter in dict.fromkeys(r.chosen.coordinates[0].parameter for r in own):
-            value = _smallest([r for r in own if r.chosen.coordinates[0].parameter == parameter], needed)
-            if value is not None:
-                found.setdefault(name, {})[parameter] = value
+    by_parameter: dict[tuple[str, str], list[Response]] = {}
+    for response in library:
+        if not response.chosen.integral:
+            key = response.effect, response.chosen.coordinates[0].parameter
+            by_parameter.setdefault(key, []).append(response)
+    for (name, parameter), own in by_parameter.items():
+        value = _smallest(own, needed)
+        if value is not None:
+            found.setdefault(name, {})[parameter] = value
     return found
 
 
@@ -129,35 +132,31 @@ def untestable(
     found = []
     for name, effect in CATALOGUE.items():
         if name in considered and name not in detectable:
-            lengths = [float(np.linalg.norm(r.change)) for r in library if r.chosen.names[0] == name]
-            responds = max(lengths, default=0.0) > _NO_RESPONSE
+            responds = any(r.effect == name and r.length > _NO_RESPONSE for r in library)
             reason = (
-                "even the largest size of the search would change these logs by less than chance does"
+                "even the largest size of the search would change these logs by less than noise does"
                 if responds
-                else "no command in these logs brings it out: nothing measured depends on it"
+                else "no measured channel responds to it under the commands of these logs"
             )
             found.append(Untestable(name, reason, {}))
         elif effect.simulated and level == "bench" and "bench" in effect.absent_from:
-            found.append(Untestable(name, f"a bench log has no {effect.acts_on}: it takes a robot log", {}))
+            found.append(Untestable(name, f"a bench log has no {effect.acts_on}: record a robot log", {}))
     return tuple(found)
 
 
 def _smallest(own: Sequence[Response], needed: float) -> float | None:
     """Return the value of a parameter whose response has the squared length `needed`, None if none has."""
     if own[0].linear:
-        response = max(own, key=lambda r: float(np.linalg.norm(r.change)))
-        length = float(np.linalg.norm(response.change))
-        if length <= _NO_RESPONSE:
+        response = max(own, key=lambda r: r.length)
+        if response.length <= _NO_RESPONSE:
             return None
-        first, place = response.chosen.coordinates[0], float(response.place[0])
-        neutral = first.unit(first.neutral)
-        at = neutral + (place - neutral) * np.sqrt(needed) / length
+        first, neutral = response.chosen.coordinates[0], response.chosen.coordinates[0].neutral_place
+        at = neutral + (float(response.place[0]) - neutral) * np.sqrt(needed) / response.length
         return first.value(float(at)) if -1e-9 <= at <= 1.0 + 1e-9 else None
     # Linear interpolation between the sizes that were simulated.
     best: dict[float, float] = {}
     for response in own:
-        length = float(np.linalg.norm(response.change))
-        best[response.size] = max(best.get(response.size, 0.0), length)
+        best[response.size] = max(best.get(response.size, 0.0), response.length)
     sizes = np.array([0.0, *sorted(best)])
     lengths = np.array([0.0, *(best[size] for size in sorted(best))])
     longest = np.maximum.accumulate(lengths)

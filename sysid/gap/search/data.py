@@ -19,14 +19,16 @@ from sysid.logs import Dataset, Run
 
 @dataclass(frozen=True, eq=False)
 class StudyData:
-    """What a study decides on, and what a right model would leave of it."""
+    """What a study decides on."""
 
     observations: Observations
     noise: Noise
     error: ModelError | None
-    """Of the model itself; None where it is not known, or not from other logs than these."""
+    """The model's own error; None if it is not known from other logs than these."""
     floor: Floor
+    """What is known of the noise floor."""
     notes: tuple[str, ...]
+    """What was chosen or assumed, in sentences."""
 
 
 def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData:
@@ -34,7 +36,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
 
     Args:
         dataset: bench or robot logs.
-        model: may state its own error.
+        model: its file may state its own error.
         options: of the study.
 
     Raises:
@@ -55,7 +57,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     if same_logs:
         notes.append(
             "the model was fitted to these very logs: its own error is not known from others, so no set of "
-            "effects is called inadequate"
+            "effects is refused for what it leaves"
         )
     elif not trusted:
         notes.append(

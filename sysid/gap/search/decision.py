@@ -135,8 +135,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     p_gain = by_chance.p_value((base.cost - search.best_fit.cost) / inflation)
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
-    ratio = _noise_ratio(problem, base)
-    facts = Facts(floor.trusted, floor.repeatable, ratio, p_value, p_misfit, inflation)
+    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, inflation)
     if p_value > THRESHOLDS.false_alarm:
         return facts
     if not search.of_size(1):
@@ -208,9 +207,8 @@ def _mean_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
     """Return the sum of squared errors, each a mean over repeats, in variances of such a mean."""
     noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
     parts = problem.whitener.unwhiten(problem.unmarginal(fitted.residual))
-    return sum(
-        float(b.weight @ part**2) / noise[b.channel] ** 2 for b, part in zip(blocks, parts, strict=True)
-    )
+    both = zip(blocks, parts, strict=True)
+    return sum(float(block.weight @ part**2) / noise[block.channel] ** 2 for block, part in both)
 
 
 def _noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:

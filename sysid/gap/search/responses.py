@@ -58,6 +58,16 @@ class Response:
     size: float
     """Distance of the first coordinate from neutral, 0 .. 1."""
 
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+        return self.chosen.names[0]
+
+    @property
+    def length(self) -> float:
+        """Norm of the change, in noise sigmas over all samples."""
+        return float(np.linalg.norm(self.change))
+
 
 def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
     """Return the responses of effects, in the order of the catalogue; without what cannot be simulated.
@@ -160,14 +170,11 @@ def growths(
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)
     best: dict[Key, Growth] = {}
-    for name in dict.fromkeys(response.chosen.names[0] for response in library):
-        if name in parent.names:
-            continue
-        own = [response for response in library if response.chosen.names[0] == name]
-        seen = [r for r in own if float(np.linalg.norm(r.change)) > _LEAST_RESPONSE]
-        for together in _alternatives(seen, rest, orthogonal):
+    for name in dict.fromkeys(r.effect for r in library if r.effect not in parent.names):
+        clear = [r for r in library if r.effect == name and r.length > _LEAST_RESPONSE]
+        for together in _alternatives(clear, rest, orthogonal):
             expected, shares = _linear(together, rest, orthogonal)
-            candidate = joined(parent.candidate, _free(base, name, seen, together, scale))
+            candidate = joined(parent.candidate, _free(base, name, clear, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
             growth = Growth(candidate, place, parent, expected)
             if growth.key not in best or expected < best[growth.key].expected:
@@ -234,12 +241,12 @@ def _moved(together: Sequence[Response], shares: FloatArray) -> dict[Coordinate,
 
 
 def _free(
-    base: Model, name: str, seen: Sequence[Response], together: Sequence[Response], scale: float
+    base: Model, name: str, clear: Sequence[Response], together: Sequence[Response], scale: float
 ) -> EffectSet:
     """Return the effect with those parameters free to which these logs respond."""
     integral = together[0].chosen.integral
     full = effect_set(base, [name], integral=integral, scale=scale)
-    shown = {c for response in (*seen, *together) for c in response.chosen.coordinates}
+    shown = {c for response in (*clear, *together) for c in response.chosen.coordinates}
     # A height or a heading matters only together with its mass or slope.
     beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from sysid.gap.result import Verdict
+from sysid.gap.search.adequacy import Floor
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.search.thresholds import Thresholds
 
@@ -16,10 +17,8 @@ from sysid.gap.search.thresholds import Thresholds
 class Facts:
     """What the rules know of a study."""
 
-    trusted: bool
-    """Whether it is known what a right model leaves (`sysid.gap.search.adequacy.Floor`)."""
-    repeatable: bool
-    """Whether repeats of one command differ by no more than noise."""
+    floor: Floor
+    """What is known of the noise floor."""
     noise_ratio: float
     """Mean squared error of the model as it is over single samples, in noise variances."""
     p_value: float
@@ -70,7 +69,7 @@ def _far_apart(facts: Facts, thresholds: Thresholds) -> Outcome | None:
 
     An error that was measured on these very logs contains any gap, and so excuses none.
     """
-    near = facts.trusted or facts.noise_ratio <= thresholds.above_noise
+    near = facts.floor.trusted or facts.noise_ratio <= thresholds.above_noise
     if near or facts.removed >= thresholds.least_removed:
         return None
     reason = (
@@ -111,7 +110,7 @@ def _harmful(facts: Facts, thresholds: Thresholds) -> Outcome | None:
 
 def _not_repeatable(facts: Facts, thresholds: Thresholds) -> Outcome | None:
     """Unexplained: repeats of one command differ, so that no effect of the commands is all of it."""
-    if facts.repeatable:
+    if facts.floor.repeatable:
         return None
     reason = (
         "repeats of one command differ far more than neighbouring samples do: something random acts, which "
@@ -131,7 +130,7 @@ def _size_in_doubt(facts: Facts, thresholds: Thresholds) -> Outcome | None:
     if not facts.doubtful:
         return None
     reason = f"{' + '.join(facts.doubtful)}: the runs disagree about the size, which may as well be none"
-    is_noise = facts.trusted and facts.p_misfit > thresholds.false_alarm
+    is_noise = facts.floor.trusted and facts.p_misfit > thresholds.false_alarm
     return Outcome("no_gap" if is_noise else "unexplained", (reason,))
 
 

@@ -175,7 +175,7 @@ class Search:
             return self.library
         key = parent.names, parent.candidate.integral
         if key not in self._behind:
-            names = {response.chosen.names[0] for response in self.library} - set(parent.names)
+            names = {response.effect for response in self.library} - set(parent.names)
             at = parent.candidate.model(self.problem.base, parent.place)
             self._behind[key] = responses(self.problem, tuple(names), at)
         return self._behind[key]

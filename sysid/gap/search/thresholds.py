@@ -38,9 +38,9 @@ class Thresholds:
     """Share of the squared difference above the noise that a set must remove to be named. Assumed: removing
     less lowers the rms by 5 % at most."""
     above_noise: float = 4.0
-    """Mean squared residual, in noise variances, that is an error of the model although nothing says how
-    large that may be. Calibrated: a law leaves 1.9 of the example's logs that it was fitted to, and 11 to 73
-    of recordings of a Robotino, a Husky and a micromouse."""
+    """Mean squared error, in noise variances, too large to be the model's own even if nothing states that.
+    Calibrated: laws leave 1.9 in the example's logs that they were fitted to, and 11, 29 and 73 in recordings
+    of a Robotino, a Husky and a micromouse."""
     needless_square: float = 4.0
     """A parameter is left out if it is within two standard deviations of neutral, the usual 95 %, and if the
     cost rises by no more than this without it."""
@@ -67,7 +67,7 @@ THRESHOLDS: Final = Thresholds()
 
 @dataclass(frozen=True)
 class SearchEffort:
-    """How many sets of effects are fitted by full simulation, to keep a study within some minutes."""
+    """How many sets of effects are fitted by full simulation, so that a study takes some minutes at most."""
 
     singles: int = 12
     pairs: int = 12
@@ -77,7 +77,7 @@ class SearchEffort:
     beam: int = 4
     """Sets of one size that the next size grows from."""
     log_s: float = 240.0
-    """Distinct commands that are simulated again and again [s]."""
+    """Duration of the runs that decide, repeats not counted [s]."""
 
     def of_size(self, size: int) -> int:
         """Return how many sets of a size are fitted at a time."""

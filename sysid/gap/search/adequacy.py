@@ -1,8 +1,7 @@
 """What a right model would leave on these runs, and whether a set of effects leaves no more.
 
-It leaves noise and, on robots, the scatter of the rollers at the place of the set (`ResidualProblem.rough`).
-The noise variance is estimated from finitely many samples, so that the ratio of a cost to it follows an F
-distribution.
+It leaves noise and, on robots, the scatter of the rollers at the place of the set. The noise variance is
+estimated from finitely many samples, so that the ratio of a cost to it follows an F distribution.
 """
 
 from __future__ import annotations

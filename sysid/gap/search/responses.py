@@ -82,9 +82,8 @@ def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None
     for name in filter(effects.__contains__, CATALOGUE):
         trials = _trials(problem.base, CATALOGUE[name], problem.look_step([name]), problem.study.scale)
         models = [chosen.model(start, place) for chosen, place, _, _ in trials]
-        for (chosen, place, linear, size), change in zip(
-            trials, problem.changes(models, quick=problem.is_quick([name]), at=start), strict=True
-        ):
+        changes = problem.changes(models, quick=problem.is_quick([name]), at=start)
+        for (chosen, place, linear, size), change in zip(trials, changes, strict=True):
             if change is not None:
                 found.append(Response(chosen, place, change, linear, size))
     return found

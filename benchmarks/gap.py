@@ -1,9 +1,9 @@
-"""How long a study of the gap takes, alone and with two simulations at a time; whether both say the same.
+"""Time that a study of the gap takes with one and with two simulations at a time; both must agree.
 
-The bench study is that of `examples/gap_logs`, in which two effects are hidden: all singles and all pairs
-are tried, and triples looked at. The robot study is of eight runs of 5 s, each other commands, made here with
-the rollers' friction and a turned sensor hidden. The model of both is fitted to `examples/logs`. `replay` is
-one simulation of every run of the same logs in the same process.
+The bench study is that of `examples/gap_logs`, in which two effects are hidden: all singles and pairs are
+considered, and triples of the best. The robot study is of eight runs of 5 s with different commands, made
+here with roller friction and a turned sensor hidden. The model of both is fitted to `examples/logs`. `replay`
+is one simulation of every run of the same logs in the same process.
 
     python benchmarks/gap.py --out out/benchmark_gap.json
 """
@@ -36,12 +36,12 @@ from sysid.progress import seconds_of
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 WANTED_S = {"bench": 60.0, "robot": 240.0}
-"""On two cores."""
+"""Longest wanted time of a study on two cores [s]."""
 HIDDEN: dict[str, dict[str, float]] = {
     "roller_friction": {"torque_n_m": 0.06},
     "mount_yaw": {"angle_deg": 4.0},
 }
-"""In the robot logs."""
+"""Effect -> parameter -> value hidden in the robot logs."""
 NOISE = {"speed_fl_rpm": 0.5, "speed_fr_rpm": 0.5, "speed_rl_rpm": 0.5, "speed_rr_rpm": 0.5,
          "vx_m_s": 0.005, "vy_m_s": 0.005, "yaw_rate_rad_s": 0.01}  # fmt: skip
 """Channel of the robot logs -> standard deviation of its noise, in the channel's unit."""
@@ -56,7 +56,7 @@ def benchmark(levels: tuple[Level, ...] = ("bench", "robot"), seed: int = 0, out
     Example: python benchmarks/gap.py --levels bench
 
     Args:
-        levels: which studies.
+        levels: studies to time.
         seed: of the noise and of the studies.
         out: JSON file to write.
     """
@@ -75,11 +75,11 @@ def benchmark(levels: tuple[Level, ...] = ("bench", "robot"), seed: int = 0, out
 
 
 def study(dataset: Dataset, model: Model, seed: int) -> dict[str, Any]:
-    """Return the figures of one study, done with one job and with two.
+    """Return times and results of one study, done with one job and with two.
 
     Args:
-        dataset: with something hidden.
-        model: without it.
+        dataset: logs with hidden effects.
+        model: without them.
         seed: of the study.
     """
     _, replay_s = seconds_of(lambda: predicted(model, dataset.runs))
@@ -103,10 +103,10 @@ def study(dataset: Dataset, model: Model, seed: int) -> dict[str, Any]:
 
 
 def robot_logs(model: Model, seed: int) -> Dataset:
-    """Return eight runs of 5 s of a robot in which `HIDDEN` is hidden, no repeats.
+    """Return eight runs of 5 s, without repeats, of a robot with the effects of `HIDDEN`.
 
     Args:
-        model: of the robot without it.
+        model: of the robot without these effects.
         seed: of commands and noise.
     """
     rng = np.random.default_rng(seed)
@@ -150,7 +150,7 @@ def _written(report: GapReport) -> bytes:
 def _print(level: Level, r: dict[str, Any]) -> None:
     print(f"\n{level}: {r['runs']} runs, {r['log_s']:.0f} s of log. {r['sentence']}")
     print(f"  one bare replay of all runs  {r['replay_s']:8.2f} s")
-    print(f"  study, --jobs 1              {r['jobs_1_s']:8.2f} s, of it {r['jobs_1_cpu_s']:.2f} s at work")
+    print(f"  study, --jobs 1              {r['jobs_1_s']:8.2f} s, {r['jobs_1_cpu_s']:.2f} s of it computing")
     print(f"  study, --jobs 2              {r['jobs_2_s']:8.2f} s; {r['speed_up']:.2f} times as fast")
     print(f"  the faster over the replay   {r['best_over_replay']:8.1f} times")
     print(f"  wanted on two cores          {WANTED_S[level]:8.2f} s at most")

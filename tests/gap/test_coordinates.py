@@ -1,4 +1,4 @@
-"""A set of effects as a vector between 0 and 1: there and back, neutral is nothing, sets join."""
+"""A set of effects as a vector between 0 and 1: round trips, neutral values, joined sets."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def test_an_infinite_limit_is_the_end_of_its_scale() -> None:
     assert math.isfinite(one.value(0.999))
 
 
-def test_what_the_model_has_already_is_where_the_search_starts() -> None:
+def test_the_search_starts_at_the_values_of_the_model() -> None:
     late = MODEL.with_effect("command_latency", delay_s=0.04)
     assert effect_set(late, ["command_latency"]).start()[0] > 0.0
 
@@ -55,7 +55,7 @@ def test_joined_sets_have_both_effects_in_the_order_of_the_chain() -> None:
     assert [c.effect for c in both.coordinates] == ["command_latency", "sensor_latency"]
 
 
-def test_integral_action_is_the_drives_own_number() -> None:
+def test_integral_action_is_a_number_of_the_drive() -> None:
     chosen = effect_set(MODEL, ["coulomb_friction"], integral=True)
     model = chosen.model(MODEL, np.array([0.5, 0.5]))
     assert model.robot.servo_integral_n_m_rad > 0.0

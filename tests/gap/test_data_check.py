@@ -1,4 +1,4 @@
-"""Logs that cannot show a gap are refused at once, in the sentences that a fit has for them."""
+"""Logs that cannot show a gap are refused before any work, in the same sentences as by a fit."""
 
 import numpy as np
 import pytest

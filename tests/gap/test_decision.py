@@ -19,7 +19,8 @@ from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, Interval
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.responses import Growth, growths, responses
-from sysid.gap.search.sets import Search, SearchEffort
+from sysid.gap.search.sets import Search
+from sysid.gap.search.thresholds import SearchEffort
 from sysid.gap.workflow import analyse
 from tests.gap.conftest import MakeLogs
 
@@ -68,7 +69,7 @@ def test_twins_are_both_candidates(bench_logs: MakeLogs, base: Model) -> None:
     assert (report.effects[0].name,) == report.candidates[0]
 
 
-def test_what_no_effect_makes_is_unexplained(bench_logs: MakeLogs, base: Model) -> None:
+def test_a_ripple_that_no_effect_makes_is_unexplained(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base)
     for run in dataset.runs:
         angle = np.cumsum(run.channels["speed_rpm"]) * 0.01 * 0.1047
@@ -103,13 +104,13 @@ def test_an_effect_that_no_command_excites_is_untestable(bench_logs: MakeLogs, b
     assert report.smallest_detectable["speed_gain"]["gain"] == pytest.approx(1.0, abs=0.01)
 
 
-def test_the_package_is_the_door_and_takes_the_runs_alone(bench_logs: MakeLogs, base: Model) -> None:
+def test_analyse_takes_the_runs_alone(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base, seed=1)
     report = sysid.gap.analyse(dataset.runs, base, QUIET)
     assert report.verdict == analyse(dataset, base, QUIET).verdict == "no_gap"
 
 
-def test_a_gap_that_effects_hardly_touch_is_unexplained_too(bench_logs: MakeLogs, base: Model) -> None:
+def test_a_gap_that_effects_cannot_reduce_is_unexplained(bench_logs: MakeLogs, base: Model) -> None:
     dataset = bench_logs(base)
     for run in dataset.runs:
         # Faster than any wheel could follow.
@@ -139,20 +140,19 @@ def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
     observations = observe(dataset)
     problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
     search = Search(problem, responses(problem, ("command_latency", "sensor_latency")), SearchEffort())
-    search.grow(1)
+    screened = search.growths
+    search.fit_best([g for g in screened(search.base) if g.candidate.names == ("command_latency",)], 1)
     chosen = search.fitted[("command_latency",), False]
-    del search.fitted[("sensor_latency",), False]
-    seen = search.growths
 
-    def rough(parent: Fitted[EffectSet]) -> list[Growth]:
-        return [replace(growth, expected=0.9 * parent.cost) for growth in seen(parent)]
+    def inaccurate(parent: Fitted[EffectSet]) -> list[Growth]:
+        return [replace(growth, expected=0.9 * parent.cost) for growth in screened(parent)]
 
-    monkeypatch.setattr(search, "growths", rough)
+    monkeypatch.setattr(search, "growths", inaccurate)
     search.swap(chosen)
     assert (("sensor_latency",), False) in search.fitted
 
 
-def test_what_lies_behind_a_delay_is_looked_for_where_the_delay_is(bench_logs: MakeLogs, base: Model) -> None:
+def test_effects_behind_a_delay_are_screened_with_the_delay(bench_logs: MakeLogs, base: Model) -> None:
     late = base.with_effect("command_latency", delay_s=0.15)
     dataset = bench_logs(late.with_effect("direction_asymmetry", reverse_ratio=0.8))
     observations = observe(dataset)

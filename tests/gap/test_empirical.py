@@ -1,4 +1,4 @@
-"""The correction by regression: a known pattern found, nothing found in noise, the same when applied."""
+"""The correction by regression: finds a known pattern, nothing in noise, and applies as it was fitted."""
 
 import json
 import re
@@ -74,13 +74,13 @@ def test_nothing_is_found_in_white_noise(seed: int):
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_nothing_is_found_in_a_wander_that_each_run_has_its_own(seed: int):
+def test_nothing_is_found_in_a_random_walk_of_each_run(seed: int):
     rng = np.random.default_rng(100 + seed)
 
-    def wander(time: np.ndarray, *_: np.ndarray) -> np.ndarray:
+    def random_walk(time: np.ndarray, *_: np.ndarray) -> np.ndarray:
         return np.cumsum(0.1 * rng.standard_normal(time.size))
 
-    assert fit_correction(bench_runs(wander, seed=seed)) is None
+    assert fit_correction(bench_runs(random_walk, seed=seed)) is None
 
 
 def test_two_terms_are_told_apart_and_no_more_are_added():

@@ -23,8 +23,7 @@ from sysid.gap.design.next_experiment import conditions_of, design_for_untestabl
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
 from sysid.gap.design.trial import EFFORT, DesignEffort, ExperimentConditions, Trial, command_of
 from sysid.gap.result import GapOptions
-from sysid.gap.search.chance import NEVER
-from sysid.gap.search.scores import FORMULA_ERROR
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
@@ -133,7 +132,8 @@ def test_power_is_the_share_of_simulated_experiments_that_leave_the_truth_alone(
     moved = [trial.differences(p, r.plausible) for p, r in zip(shown, both, strict=True)]
     rng = np.random.default_rng(0)
     for index, (truth, rival) in enumerate(permutations(range(2))):
-        limit = NEVER**2 + FORMULA_ERROR**2 * trial.squared_distance(shown[truth] - trial.whitened(paper))
+        explained = trial.squared_distance(shown[truth] - trial.whitened(paper))
+        limit = THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained
         alone = 0
         for _ in range(4000):
             measured = shown[truth] + rng.standard_normal(shown[truth].size)

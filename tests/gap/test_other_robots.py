@@ -1,4 +1,4 @@
-"""The search on robots that are faster or slower than the packaged one, with other clocks or no ceiling."""
+"""The search on robots with other speeds, clocks or ceilings than the packaged one."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ from sysid.compare.study import speed_scale
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, scanned
 from sysid.gap.search.responses import responses
-from sysid.gap.search.sets import EMPTY, Search, SearchEffort
+from sysid.gap.search.sets import EMPTY, Search
+from sysid.gap.search.thresholds import SearchEffort
 from sysid.logs import BenchCommand, Dataset, Run, Split
 
 from .conftest import MakeLogs
@@ -32,7 +33,7 @@ def of_ceiling(rpm: float) -> Model:
 
 
 def fast_logs(model: Model, top_rpm: float) -> Dataset:
-    """Return what a model does at speeds up to some, on the bench, with noise."""
+    """Return bench logs of a model at speeds up to `top_rpm`, with noise."""
     rng = np.random.default_rng(3)
     time = np.arange(0.0, 4.0, 0.02)
     runs = []
@@ -73,7 +74,7 @@ def test_the_logs_say_how_fast_a_wheel_without_ceiling_is(bench_logs: MakeLogs) 
     assert speed_scale(of_ceiling(30.0), fast_logs(endless, 800.0).runs) == 0.25
 
 
-def test_bounds_and_grid_of_speeds_go_with_the_robot_and_no_others_do() -> None:
+def test_bounds_and_grids_of_speeds_scale_with_the_robot_and_others_do_not() -> None:
     endless = of_ceiling(math.inf)
     for effect in CATALOGUE.values():
         for parameter in effect.parameters:

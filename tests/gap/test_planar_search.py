@@ -1,4 +1,4 @@
-"""Searching robot logs on the planar plant: exact where corrected, elsewhere near the rollers, and quick."""
+"""Searching robot logs on the planar plant: exact at the corrected place, near the rollers elsewhere."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from sysid.compare.fitted import base_fit, fit, function_near, marginal_function
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.problem import OF_THE_ROLLERS, ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.adequacy import Floor, complete, expected
-from sysid.gap.search.chance import chance
+from sysid.gap.search.chance import chance_gains
 from sysid.gap.search.coordinates import EffectSet, effect_set
 from sysid.gap.search.responses import responses
-from sysid.gap.search.scores import ScoredSet, group_masks, group_scores
-from sysid.gap.search.sets import EMPTY, Search, SearchEffort
+from sysid.gap.search.scores import scored
+from sysid.gap.search.sets import EMPTY, Search
+from sysid.gap.search.thresholds import SearchEffort
 from sysid.gap.search.ties import tied
 from sysid.logs import BodyCommand, Dataset, Run
 
@@ -67,9 +68,9 @@ def slower(problem: ResidualProblem) -> tuple[EffectSet, FloatArray]:
 def test_what_only_rollers_show_is_simulated_on_them(problem: ResidualProblem) -> None:
     refused = {name for name, effect in CATALOGUE.items() if "planar" in effect.refused_by}
     assert refused
-    slow = refused | {"com_offset", "weak_servo"}
+    assert refused <= OF_THE_ROLLERS
     for name in CATALOGUE:
-        assert problem.surrogate_covers([name, "speed_gain"]) == (name not in slow)
+        assert problem.surrogate_covers([name, "speed_gain"]) == (name not in OF_THE_ROLLERS)
 
 
 def test_a_corrected_simulation_is_exact_where_it_was_corrected(problem: ResidualProblem) -> None:
@@ -125,8 +126,8 @@ def test_rollers_that_meet_the_floor_otherwise_are_expected_to_differ(problem: R
 def test_what_rollers_do_by_chance_raises_what_chance_gains(problem: ResidualProblem) -> None:
     library = responses(problem, ["wheel_gain_mismatch", "mount_yaw"])
     base = base_fit(problem, EMPTY)
-    smooth = chance(base, library, np.random.default_rng(0), np.zeros((problem.size, 0)))
-    rough = chance(base, library, np.random.default_rng(0), problem.roller_scatter(problem.base))
+    smooth = chance_gains(base, library, np.random.default_rng(0), np.zeros((problem.size, 0)))
+    rough = chance_gains(base, library, np.random.default_rng(0), problem.roller_scatter(problem.base))
     assert rough.threshold() > smooth.threshold()
 
 
@@ -138,7 +139,6 @@ def test_twins_stay_tied_though_rollers_are_rough() -> None:
     twins = ("command_latency", "sensor_latency")
     search = Search(problem, responses(problem, [*twins, "mount_yaw"]), SearchEffort(3, 1, 1, 1, 1))
     search.grow(1)
-    masks = group_masks(problem)
-    judged = [ScoredSet(fitted, group_scores(problem, fitted, masks)) for fitted in search.of_size(1)]
+    judged = [scored(problem, fitted) for fitted in search.of_size(1)]
     best = min(judged, key=lambda j: j.score)
     assert {j.names for j in tied(search, best, judged, 1.0)} == {(name,) for name in twins}

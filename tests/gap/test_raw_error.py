@@ -1,4 +1,4 @@
-"""A set of effects that raises the plain error on validation runs is refused, whatever its weighted gain."""
+"""A set of effects that raises the plain rms error on validation runs is refused, whatever its gain."""
 
 from __future__ import annotations
 

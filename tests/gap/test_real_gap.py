@@ -42,6 +42,7 @@ def test_files_with_different_controllers_get_no_name(real_logs: Path) -> None:
     data = read_dataset(real_logs / "micromouse/closed_loop_left")
     model = fitted_model(fit_dataset(data, FitOptions(starts=1)))
     report = analyse(data, model, GapOptions(max_effects=2, next_experiment=False))
+    assert report.verdict == "unexplained"
     assert report.effects == ()
     assert report.gap.after == report.gap.before
     assert any("fitted to these very logs" in note for note in report.notes)

@@ -1,4 +1,4 @@
-"""A robot's wheels start at any angle: which roller meets the floor when is known to no log."""
+"""Initial wheel angles are unknown: the ripple they can cause is counted as noise."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ KNOWN = Floor(1e6, trusted=True)
 
 
 def problem_of(model: Model, turned: bool) -> ResidualProblem:
-    """Return a study of three robot runs, twice each, whose wheels start at 0 or anyhow."""
+    """Return a study of three robot runs, twice each, whose wheels start at angle 0 or at random angles."""
     rng = np.random.default_rng(2)
     runs = []
     for number, (v, theta, vc) in enumerate(LEVELS):

@@ -1,4 +1,4 @@
-"""Logs as recorders write them: stamps that differ from repeat to repeat, speeds in counts of an encoder."""
+"""Logs as recorders write them: stamps that differ between repeats, speeds in encoder counts."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ def test_the_noise_is_known_from_repeats(bench_logs: MakeLogs, base: Model, late
     assert noise.sigma["speed_rpm"] == pytest.approx(NOISE_RPM, rel=0.1)
 
 
-def test_counts_that_hold_are_not_taken_for_silence(bench_logs: MakeLogs, base: Model) -> None:
+def test_a_quantised_speed_that_stays_constant_has_noise(bench_logs: MakeLogs, base: Model) -> None:
     data = bench_logs(base, noise_rpm=0.3, step_rpm=1.5)
     noise = measure_noise(data, observe(data))
     assert noise.scatter["speed_rpm"] >= 1.5 / np.sqrt(12.0)
     assert not noise.inconsistent_channels(3.0)
 
 
-def test_repeats_that_differ_by_more_than_noise_are_pointed_at(bench_logs: MakeLogs, base: Model) -> None:
+def test_a_note_points_at_repeats_that_differ_by_more_than_noise(bench_logs: MakeLogs, base: Model) -> None:
     data = bench_logs(base, noise_rpm=0.2)
     rng = np.random.default_rng(0)
     other = [

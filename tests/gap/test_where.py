@@ -1,4 +1,4 @@
-"""Regions of the error: each sample in one region, the error found where it was put."""
+"""Regions of the error: each sample lies in one region, and an error is found where it was added."""
 
 from dataclasses import replace
 
@@ -61,7 +61,7 @@ def test_a_body_that_turns_round_reverses():
     assert names[305] == "reversal"
 
 
-def test_the_error_is_found_where_it_was_put():
+def test_an_error_is_found_where_it_was_added():
     error = np.where((TIME >= 2.5) & (TIME < 2.8), 8.0, 0.1)
     found = regions([bench(error, after=error)])
     reversal = part(found, "phase")["reversal"]
@@ -90,7 +90,7 @@ def test_ties_are_broken_by_name():
     assert [(r.dimension, r.region) for r in found] == sorted((r.dimension, r.region) for r in found)
 
 
-def test_missing_samples_belong_nowhere():
+def test_missing_samples_are_in_no_region():
     error = np.where(TIME < 2.0, np.nan, 1.0)
     found = regions([bench(error)])
     assert sum(r.samples for r in part(found, "phase").values()) == np.sum(TIME >= 2.0)

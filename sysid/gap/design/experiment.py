@@ -1,11 +1,11 @@
 """The experiment that separates tied candidate sets best, within the robot's limits.
 
 A set of effects is dropped if its score is worse than the best one's by more than a limit L
-(`sysid.gap.search.decide`). If a sequence puts truth and rival a squared distance S apart
+(`sysid.gap.search.decision`). If a sequence puts truth and rival a squared distance S apart
 (`sysid.gap.design.trial`), the difference of their scores grows by about N(S, 4 S). The truth, whose score is
 now worse by g, remains as the only candidate with probability Phi(z),
 
-    z = (S - g - L) / (2 sqrt(S)),    L = NEVER^2 + FORMULA_ERROR^2 E,
+    z = (S - g - L) / (2 sqrt(S)),    L = tie_sigmas^2 + formula_error^2 E,
 
 where E is the sum of squares that the effects explain, in the logs so far and in the new ones. Sought is the
 sequence with the largest z of the worst pair: a T-optimal design (Atkinson and Fedorov, Biometrika 62:57,
@@ -38,8 +38,7 @@ from sysid.gap.design.trial import (
     command_of,
 )
 from sysid.gap.result import Experiment
-from sysid.gap.search.chance import NEVER
-from sysid.gap.search.scores import FORMULA_ERROR
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.wording import amount, listed, set_name
 from sysid.logs.runs import UNITS
 
@@ -151,7 +150,8 @@ def separation(
     z = []
     for i, j in permutations(range(len(candidates)), 2):
         square = trial.squared_distance(predictions[i] - predictions[j], hidden[i], hidden[j])
-        needed = NEVER**2 + FORMULA_ERROR**2 * explained[i] + candidates[i].score - candidates[j].score
+        tolerance = THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained[i]
+        needed = tolerance + candidates[i].score - candidates[j].score
         z.append(max(_LEAST_Z, (square - needed) / (2.0 * math.sqrt(max(square, 1e-9)))))
     return np.array(z)
 

@@ -29,7 +29,7 @@ from sysid.gap.design.trial import (
 )
 from sysid.gap.result import Untestable
 from sysid.gap.search.coordinates import coordinate
-from sysid.gap.search.decide import Decision
+from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.wording import listed, set_name
 from sysid.logs import BenchCommand, BodyCommand, Run

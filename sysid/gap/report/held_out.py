@@ -26,7 +26,7 @@ from sysid.compare.study import Study
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
 from sysid.gap.search.adequacy import Floor, enough, expected
 from sysid.gap.search.coordinates import EffectSet
-from sysid.gap.search.decide import Decision
+from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats

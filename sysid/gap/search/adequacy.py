@@ -1,6 +1,7 @@
 """What a right model would leave on these runs, and whether a set of effects leaves no more.
 
-It leaves noise, and on robots the rollers' own roughness where it stands (`ResidualProblem.roller_scatter`).
+It leaves noise and, on robots, the scatter of the rollers at the place of the set. The noise variance is
+estimated from finitely many samples, so that the ratio of a cost to it follows an F distribution.
 """
 
 from __future__ import annotations
@@ -9,52 +10,55 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import f as f_distribution
 
 from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.search.chance import largest_misfit, misfit_p_value
+from sysid.gap.search.thresholds import THRESHOLDS
 
-ENOUGH: Final = 0.2
-"""Of what a set explains (root mean square) so much may be left beyond chance, and its name still stands.
-
-Of a set of k effects, which can bend more, 1 / sqrt(k) of it."""
+_KNOWN: Final = 1e7
+"""Degrees of freedom of a variance that is known exactly, as the F distribution takes them."""
 
 
 @dataclass(frozen=True)
 class Floor:
-    """What is known of the noise."""
+    """What is known of the noise floor."""
 
     freedom: float
-    """Degrees of freedom of the noise."""
+    """Degrees of freedom of the estimated noise variance."""
     trusted: bool
-    """Whether what a right model leaves is known: else no set can be called inadequate."""
+    """Whether it is known what a right model leaves; if not, no set can be called inadequate."""
     repeatable: bool = True
-    """Whether repeats are alike but for noise: where chance acts on the wheel, no effect is all of it."""
+    """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
+
+    def largest_ratio(self, size: int) -> float:
+        """Return the cost over `size` values that a right model exceeds in a false alarm."""
+        return float(f_distribution.isf(THRESHOLDS.false_alarm, size, min(self.freedom, _KNOWN)))
 
 
-def rough(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
-    """Return `ResidualProblem.roller_scatter` of a fitted set, (N, k).
+def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
+    """Return the columns of the rollers' scatter at the place of a set, (N, k), each one standard deviation.
 
     Args:
         problem: the model and the runs that decide.
-        fitted: where.
+        fitted: the set.
     """
     return problem.roller_scatter(fitted.candidate.model(problem.base, fitted.place))
 
 
 def expected(problem: ResidualProblem, *fitted: Fitted[Any]) -> float:
-    """Return the square sum that a right model leaves, by the roughest of some fitted sets.
+    """Return the cost that a right model has, with the largest roller scatter of some fitted sets.
 
     Args:
         problem: the model and the runs that decide.
-        fitted: one or more.
+        fitted: one set or more.
     """
-    return problem.size + max(float(np.sum(rough(problem, one) ** 2)) for one in fitted)
+    return problem.size + max(float(np.sum(roller_scatter(problem, one) ** 2)) for one in fitted)
 
 
 def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float:
-    """Return how likely a right model leaves as much as a fitted set does; 1 where none can tell.
+    """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell.
 
     Args:
         problem: the model and the runs that decide.
@@ -63,38 +67,37 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     """
     if not floor.trusted:
         return 1.0
-    share = problem.size / expected(problem, fitted)
-    return misfit_p_value(fitted.cost * share, problem.size, floor.freedom)
+    ratio = fitted.cost * (problem.size / expected(problem, fitted)) / problem.size
+    return float(f_distribution.sf(ratio, problem.size, min(floor.freedom, _KNOWN)))
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:
-    """Return whether a set leaves no more than chance allows.
+    """Return whether a set leaves no more than a right model would.
 
     Args:
         problem: the model and the runs that decide.
         fitted: the set.
         floor: what is known of the noise.
     """
-    return floor.trusted and fitted.cost <= expected(problem, fitted) * largest_misfit(
-        problem.size, floor.freedom
-    )
+    return floor.trusted and fitted.cost <= expected(problem, fitted) * floor.largest_ratio(problem.size)
 
 
 def enough(
     problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any], floor: Floor, right: float | None = None
 ) -> bool:
-    """Return whether what a set leaves is what chance allows, or little beside what it explains.
+    """Return whether a set leaves what a right model would, or little beside what the set explains.
 
     Args:
         problem: the model and the runs that decide.
         base: the empty set.
         fitted: the set.
         floor: what is known of the noise.
-        right: what a right model leaves, if it is known; else it is measured where the set stands.
+        right: cost of a right model, if it is known; else it is measured at the place of the set.
     """
     if not floor.trusted:
         return True
     right = expected(problem, fitted) if right is None else right
-    allowed = right * largest_misfit(problem.size, floor.freedom)
+    allowed = right * floor.largest_ratio(problem.size)
     explained = float(np.sum((base.residual - fitted.residual) ** 2))
-    return fitted.cost <= allowed + ENOUGH**2 / max(1, len(fitted.names)) * explained
+    share = THRESHOLDS.adequate_residual**2 / max(1, len(fitted.names))
+    return fitted.cost <= allowed + share * explained

@@ -13,11 +13,11 @@ from mecanum_env.effects import CATALOGUE, Effect, Parameter
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 
-_WIDE: Final = 20.0
-"""Bounds this far apart (in ratio) are searched in the logarithm."""
+_LOGARITHMIC: Final = 20.0
+"""Ratio of the bounds above which a parameter is searched in the logarithm."""
 INTEGRAL: Final = "servo_integral_n_m_rad"
 INTEGRAL_BOUNDS: Final = (1.0, 500.0)
-"""Of the drive's integral action [N m/rad], where friction is tried on a drive that has one."""
+"""Bounds of the drive's integral action [N m/rad] when friction is tried on a drive that has one."""
 
 
 @dataclass(frozen=True)
@@ -25,33 +25,38 @@ class Coordinate:
     """One free parameter."""
 
     effect: str
-    """Name in the catalogue; "" for the drive's integral action, which is the robot's own number."""
+    """Name in the catalogue; "" for the drive's integral action, which is a number of the robot."""
     parameter: str
     low: float
     high: float
     neutral: float
-    """In the base model; may be infinite."""
+    """Value in the base model; may be infinite."""
     stepwise: bool = False
-    """Its response jumps and is flat in between: a slope says nothing."""
+    """Whether its response is piecewise constant, so that derivatives say nothing."""
 
     @property
     def logarithmic(self) -> bool:
-        """Whether equal steps are equal ratios."""
-        return self.low > 0.0 and self.high > _WIDE * self.low
+        """Whether equal steps of the place are equal ratios of the value."""
+        return self.low > 0.0 and self.high > _LOGARITHMIC * self.low
+
+    @property
+    def neutral_place(self) -> float:
+        """Place of the neutral value; 1 if it is infinite."""
+        return self.unit(self.neutral) if math.isfinite(self.neutral) else 1.0
 
     def value(self, unit: float) -> float:
-        """Return the parameter at a place `unit`, 0 .. 1; neutral beyond the bounds stands at an end."""
+        """Return the parameter at a place `unit`, 0 .. 1; a neutral value beyond a bound lies at that end."""
         if (unit >= 1.0 and self.neutral > self.high) or (unit <= 0.0 and self.neutral < self.low):
             return self.neutral
         if math.isfinite(self.neutral) and unit == self.unit(self.neutral):
-            # A logarithm and back is off by a rounding, and neutral is to be exactly that.
+            # A logarithm and back rounds, and neutral must be exact.
             return self.neutral
         if self.logarithmic:
             return self.low * math.exp(unit * math.log(self.high / self.low))
         return self.low + unit * (self.high - self.low)
 
     def unit(self, value: float) -> float:
-        """Return the place of a value, clipped to the bounds."""
+        """Return the place of a `value`, clipped to the bounds."""
         inside = min(max(value, self.low), self.high)
         if self.logarithmic:
             return math.log(inside / self.low) / math.log(self.high / self.low)
@@ -60,17 +65,17 @@ class Coordinate:
 
 @dataclass(frozen=True)
 class EffectSet:
-    """Effects with some of their parameters free; the others stay at neutral or default."""
+    """Effects with some of their parameters free; the others keep their neutral or default values."""
 
     names: tuple[str, ...]
-    """In the order of the catalogue."""
+    """Names of the effects, in the order of the catalogue."""
     coordinates: tuple[Coordinate, ...]
     integral: bool = False
-    """Whether the drive is taken to have integral action that the model lacks."""
+    """Whether the drive is assumed to have integral action that the model lacks."""
 
     @property
     def parameter_count(self) -> int:
-        """Free parameters."""
+        """Number of free parameters p."""
         return len(self.coordinates)
 
     def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
@@ -87,7 +92,7 @@ class EffectSet:
 
     @property
     def stepwise(self) -> tuple[bool, ...]:
-        """Which free parameters have a response that jumps, shape (p,)."""
+        """Which free parameters have a piecewise constant response, shape (p,)."""
         return tuple(coordinate.stepwise for coordinate in self.coordinates)
 
     @property
@@ -97,7 +102,7 @@ class EffectSet:
 
     def start(self) -> FloatArray:
         """Return the place nearest to neutral, shape (p,)."""
-        return np.array([c.unit(c.neutral) if math.isfinite(c.neutral) else 1.0 for c in self.coordinates])
+        return np.array([coordinate.neutral_place for coordinate in self.coordinates])
 
     def without(self, index: int) -> EffectSet:
         """Return the set without the parameter at `index`, which is left at neutral."""
@@ -106,13 +111,13 @@ class EffectSet:
 
 
 def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float = 1.0) -> Coordinate:
-    """Return the free parameter of an effect.
+    """Return a parameter of an effect as a coordinate.
 
     Args:
-        base: whose own value is neutral: that of the effect where the model has it already.
-        effect: in the catalogue.
+        base: model whose value is neutral; that of the effect if the model has the effect already.
+        effect: definition in the catalogue.
         parameter: of the effect.
-        scale: of bounds in rpm and rpm/s, from `sysid.compare.study`.
+        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
     """
     present = base.effects.get(effect.name, {})
     neutral = present.get(parameter.name, parameter.neutral_in(base))
@@ -120,7 +125,7 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float =
     if parameter.largest is not None:
         high = min(high, parameter.largest(base))
     if math.isfinite(neutral):
-        # What the model has already may lie outside of where a search looks.
+        # A value that the model has already may lie outside of the bounds.
         low, high = min(low, neutral), max(high, neutral)
     return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
 
@@ -131,12 +136,12 @@ def bench_twins(names: Sequence[str]) -> bool:
 
 
 def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:
-    """Return the places at which a parameter is tried, each once; none where its response has a gradient.
+    """Return the places at which a parameter is tried; none if its response has a gradient.
 
     Args:
         parameter: of an effect.
         one: its coordinate.
-        scale: of the grid, as for `coordinate`.
+        scale: factor on the grid, as for `coordinate`.
     """
     return list(dict.fromkeys(one.unit(value) for value in parameter.scaled(scale).scan or ()))
 
@@ -145,9 +150,9 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
     """Return the set of named effects with all their parameters free.
 
     Args:
-        base: whose own values are neutral.
-        names: in the catalogue.
-        integral: the drive has integral action too, of unknown size.
+        base: model whose values are neutral.
+        names: of effects in the catalogue, in any order.
+        integral: whether the drive is assumed to have integral action too, of unknown size.
         scale: as for `coordinate`.
     """
     ordered = tuple(name for name in CATALOGUE if name in names)
@@ -163,11 +168,7 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
 
 
 def integral_action(base: Model) -> Coordinate:
-    """Return the drive's integral action as a free parameter.
-
-    Args:
-        base: whose own value is neutral.
-    """
+    """Return the drive's integral action as a coordinate whose neutral value is that of the `base` model."""
     return Coordinate("", INTEGRAL, *INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
 
 

@@ -1,6 +1,7 @@
-"""What each effect by itself does to these very logs: its response at one or several sizes.
+"""What one effect would change in these logs, and what adding it to a fitted set would gain.
 
-What one more effect would do for a fitted set, by linear least squares: tells what to simulate.
+The response of each effect is simulated once, at one or several sizes. The gain of a set by one more effect
+is then estimated by linear least squares on the responses, which tells what is worth a full simulation.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeAlias
 
 import numpy as np
 from scipy.optimize import lsq_linear
@@ -29,45 +30,60 @@ from sysid.gap.search.coordinates import (
 )
 
 _TORQUES: Final = (0.05, 0.2, 0.5)
-"""Of friction on a drive with integral action, on the scale 0 .. 1."""
+"""Friction torques that are tried on a drive with integral action, on the scale 0 .. 1."""
 _TYPICAL_INTEGRAL: Final = 50.0
-"""At which friction on a drive with integral action is tried first [N m/rad]."""
+"""Integral action with which friction is tried [N m/rad]. Assumed."""
+_LARGEST_MULTIPLE: Final = 1.2
+"""Largest multiple of a threshold's response that is considered, since it is not proportional to its size."""
+_LEAST_RESPONSE: Final = 0.3
+"""Length of a response (in noise sigmas, over all samples) below which a parameter is not fitted."""
+
+Key: TypeAlias = tuple[tuple[str, ...], bool]
+"""Names of the effects, and whether the drive is assumed to have integral action."""
 
 
 @dataclass(frozen=True, eq=False)
 class Response:
-    """The change of the marginal residual that one effect makes."""
+    """Change of the marginal residual by one effect."""
 
     chosen: EffectSet
     """The effect, with the coordinates that were moved."""
     place: FloatArray
-    """(p,)"""
+    """Where they were moved to, shape (p,)."""
     change: FloatArray
-    """Residual there less that of the base model, marginalised, (N,)."""
+    """Marginal residual at that place less that without the effect, shape (N,)."""
     linear: bool
-    """From a small step: its multiples mean something, the other way too where neutral is inside."""
+    """Whether it is from a small step, so that its multiples mean something, negative ones too."""
     size: float
-    """Along the first coordinate, how far from neutral (0 .. 1)."""
+    """Distance of the first coordinate from neutral, 0 .. 1."""
+
+    @property
+    def effect(self) -> str:
+        """Name of the effect."""
+        return self.chosen.names[0]
+
+    @property
+    def length(self) -> float:
+        """Norm of the change, in noise sigmas over all samples."""
+        return float(np.linalg.norm(self.change))
 
 
 def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
-    """Return the responses of effects, in the order of the catalogue; what cannot be simulated is left out.
+    """Return the responses of effects, in the order of the catalogue; without what cannot be simulated.
 
     Args:
         problem: the model and the logs.
         effects: names in the catalogue.
-        at: the model that has none of them yet; the base model when None.
+        at: the model to which each effect is added; the base model if None.
     """
     found = []
     start = problem.base if at is None else at
-    for name in [name for name in CATALOGUE if name in effects]:
+    for name in filter(effects.__contains__, CATALOGUE):
         trials = _trials(problem.base, CATALOGUE[name], problem.probe_step([name]), problem.study.scale)
         models = [chosen.model(start, place) for chosen, place, _, _ in trials]
-        for (chosen, place, linear, size), change in zip(
-            trials,
-            problem.changes(models, surrogate=problem.surrogate_covers([name]), reference=start),
-            strict=True,
-        ):
+        covered = problem.surrogate_covers([name])
+        changes = problem.changes(models, surrogate=covered, reference=start)
+        for (chosen, place, linear, size), change in zip(trials, changes, strict=True):
             if change is not None:
                 found.append(Response(chosen, place, change, linear, size))
     return found
@@ -76,29 +92,28 @@ def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None
 def _trials(
     base: Model, effect: Effect, step: float, scale: float
 ) -> list[tuple[EffectSet, FloatArray, bool, float]]:
-    """Return set, place, whether a small step, and how far from neutral, of each simulation to make."""
-    trials = []
+    """Return the effect as a set, its place, whether it is linear, and its size, for each simulation."""
+    trials: list[tuple[EffectSet, FloatArray, bool, float]] = []
     primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
     secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
     for parameter in primary:
         one = coordinate(base, effect, parameter, scale)
-        neutral = one.unit(one.neutral) if np.isfinite(one.neutral) else 1.0
+        neutral = one.neutral_place
         places = scanned(parameter, one, scale)
         linear = not places
         if linear:
-            # Into the side with more room: a servo can be far weaker than the model's, and hardly stiffer.
+            # To the side with more room: a servo can be far weaker than the model's, and hardly stiffer.
             places = [neutral + step if neutral <= 0.5 + 1e-9 else neutral - step]
         for place in places:
-            if abs(place - neutral) < 1e-9:
+            size = abs(place - neutral)
+            if size < 1e-9:
                 continue
-            moved, where = [one], [place]
             if not secondary:
-                trials.append((_set(effect, moved), np.array(where), linear, abs(place - neutral)))
+                trials.append((EffectSet((effect.name,), (one,)), np.array([place]), linear, size))
             for other in secondary:
                 second = coordinate(base, effect, other, scale)
-                for beside in scanned(other, second, scale):
-                    both = np.array([place, beside])
-                    trials.append((_set(effect, [one, second]), both, linear, abs(place - neutral)))
+                both = EffectSet((effect.name,), (one, second))
+                trials += [(both, np.array([place, x]), linear, size) for x in scanned(other, second, scale)]
     if effect.depends_on_integral:
         trials += _with_integral(base, effect, scale)
     return trials
@@ -107,7 +122,7 @@ def _trials(
 def _with_integral(
     base: Model, effect: Effect, scale: float
 ) -> list[tuple[EffectSet, FloatArray, bool, float]]:
-    """Return a friction's trials on a drive with integral action, or, where it has, almost without."""
+    """Return the trials of friction with integral action; almost without it if the drive has some."""
     extra = integral_action(base)
     parameter = effect.parameters[0]
     one = coordinate(base, effect, parameter, scale)
@@ -117,34 +132,21 @@ def _with_integral(
     return [(chosen, np.array([place, action]), False, place) for place in places if place <= 1.0]
 
 
-def _set(effect: Effect, coordinates: list[Coordinate]) -> EffectSet:
-    return EffectSet((effect.name,), tuple(coordinates))
-
-
-_MOST_OF_A_RESPONSE: Final = 1.2
-"""A response to a threshold is not proportional to its size: at most this multiple of it counts."""
-_SEEN: Final = 0.3
-"""A parameter whose response is smaller than this (in sigmas, over all samples) is left alone."""
-
-Key = tuple[tuple[str, ...], bool]
-"""Names of the effects, and whether with integral action."""
-
-
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """A set that may be fitted."""
+    """A set that has one effect more than a fitted one, and may be fitted in turn."""
 
     candidate: EffectSet
     place: FloatArray
-    """Where to start."""
+    """Where a fit should start, shape (p,)."""
     parent: Fitted[EffectSet]
-    """What it grew from."""
+    """The smaller set."""
     expected: float
-    """Square sum, by linear least squares."""
+    """Cost that linear least squares expects."""
 
     @property
     def key(self) -> Key:
-        """What tells two growths apart."""
+        """Names of the effects, and whether integral action is assumed."""
         return self.candidate.names, self.candidate.integral
 
     @property
@@ -159,24 +161,19 @@ def growths(
     """Return a set's growths by one effect each, the most promising first.
 
     Args:
-        base: whose own values are neutral.
-        parent: the set, fitted.
+        base: model whose values are neutral.
+        parent: the fitted set.
         library: responses of the effects to consider.
-        scale: of bounds in rpm and rpm/s, from `sysid.compare.study`.
+        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
     """
-    orthogonal = (
-        np.linalg.qr(parent.jacobian)[0] if parent.place.size else np.zeros((parent.residual.size, 0))
-    )
+    orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)
     best: dict[Key, Growth] = {}
-    for name in dict.fromkeys(response.chosen.names[0] for response in library):
-        if name in parent.names:
-            continue
-        own = [response for response in library if response.chosen.names[0] == name]
-        seen = [r for r in own if float(np.linalg.norm(r.change)) > _SEEN]
-        for together in _alternatives(seen, rest, orthogonal):
+    for name in dict.fromkeys(r.effect for r in library if r.effect not in parent.names):
+        clear = [r for r in library if r.effect == name and r.length > _LEAST_RESPONSE]
+        for together in _alternatives(clear, rest, orthogonal):
             expected, shares = _linear(together, rest, orthogonal)
-            candidate = joined(parent.candidate, _free(base, name, seen, together, scale))
+            candidate = joined(parent.candidate, _free(base, name, clear, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
             growth = Growth(candidate, place, parent, expected)
             if growth.key not in best or expected < best[growth.key].expected:
@@ -191,14 +188,13 @@ def _alternatives(
     linear = [r for r in own if r.linear and len(r.chosen.coordinates) == 1]
     if linear:
         yield linear
-    others = [r for r in own if r not in linear]
     best: dict[str, tuple[float, Response]] = {}
-    for response in others:
+    for response in [r for r in own if r not in linear]:
         yield [response]
         expected = _linear([response], rest, orthogonal)[0]
         parameter = response.chosen.coordinates[0].parameter
-        plain = not response.chosen.integral and len(response.chosen.coordinates) == 1
-        if plain and (parameter not in best or expected < best[parameter][0]):
+        alone = not response.chosen.integral and len(response.chosen.coordinates) == 1
+        if alone and (parameter not in best or expected < best[parameter][0]):
             best[parameter] = (expected, response)
     if len(best) + len(linear) > 1 and best:
         yield [response for _, response in best.values()] + linear
@@ -207,7 +203,7 @@ def _alternatives(
 def _linear(
     together: Sequence[Response], rest: FloatArray, orthogonal: FloatArray
 ) -> tuple[float, FloatArray]:
-    """Return the square sum and the multiples of the responses that make it least."""
+    """Return the smallest cost and the multiples of the responses at which it is reached."""
     columns = _without(orthogonal, np.stack([response.change for response in together], axis=1))
     low, high = np.array([_range(response) for response in together]).T
     q, triangle = np.linalg.qr(columns)
@@ -223,39 +219,37 @@ def _linear(
 
 
 def _range(response: Response) -> tuple[float, float]:
-    """Return which multiples of a response its parameter's bounds allow."""
+    """Return which multiples of a response the bounds of its parameter allow."""
     if not response.linear:
-        return 0.0, _MOST_OF_A_RESPONSE
-    first, place = response.chosen.coordinates[0], float(response.place[0])
-    neutral = _neutral(first)
-    step = place - neutral
+        return 0.0, _LARGEST_MULTIPLE
+    neutral = response.chosen.coordinates[0].neutral_place
+    step = float(response.place[0]) - neutral
     ends = sorted(((1.0 - neutral) / step, -neutral / step))
     return min(ends[0], 0.0) - 1e-9, max(ends[1], 0.0) + 1e-9
 
 
 def _moved(together: Sequence[Response], shares: FloatArray) -> dict[Coordinate, float]:
-    """Return where the responses' coordinates should start."""
+    """Return where a fit should start along the coordinates of the responses."""
     places = {}
     for response, share in zip(together, shares, strict=True):
         for index, (moved, place) in enumerate(zip(response.chosen.coordinates, response.place, strict=True)):
             if response.linear and index == 0:
-                neutral = _neutral(moved)
-                place = neutral + share * (place - neutral)
+                place = moved.neutral_place + share * (place - moved.neutral_place)
             places[moved] = float(np.clip(place, 0.0, 1.0))
     return places
 
 
 def _free(
-    base: Model, name: str, seen: Sequence[Response], together: Sequence[Response], scale: float
+    base: Model, name: str, clear: Sequence[Response], together: Sequence[Response], scale: float
 ) -> EffectSet:
-    """Return the effect with those parameters free that these logs show."""
+    """Return the effect with those parameters free to which these logs respond."""
     integral = together[0].chosen.integral
     full = effect_set(base, [name], integral=integral, scale=scale)
-    shown = {c for response in (*seen, *together) for c in response.chosen.coordinates}
-    # A height or a heading matters only beside its mass or slope, and is found there.
+    shown = {c for response in (*clear, *together) for c in response.chosen.coordinates}
+    # A height or a heading matters only together with its mass or slope.
     beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):
-        # So does the softness of a limit that the model does not have.
+        # So does the softness of a limit matter only with a limit that the model does not have.
         beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}
     kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside or not c.effect)
     return EffectSet(full.names, kept, integral)
@@ -263,11 +257,7 @@ def _free(
 
 def _place(candidate: EffectSet, parent: Fitted[EffectSet], moved: dict[Coordinate, float]) -> FloatArray:
     known = dict(zip(parent.candidate.coordinates, parent.place.tolist(), strict=True))
-    return np.array([known.get(c, moved.get(c, _neutral(c))) for c in candidate.coordinates])
-
-
-def _neutral(coordinate: Coordinate) -> float:
-    return coordinate.unit(coordinate.neutral) if np.isfinite(coordinate.neutral) else 1.0
+    return np.array([known.get(c, moved.get(c, c.neutral_place)) for c in candidate.coordinates])
 
 
 def _without(orthogonal: FloatArray, columns: FloatArray) -> FloatArray:

@@ -1,6 +1,7 @@
-"""How well each group of runs is predicted from the others: the score that decides between sets.
+"""How good a fitted set is: its score, its plain error, and how sure its parameters are.
 
-With the residual linear in the parameters p and the model's own error z about the fit,
+The score says how well each group of runs is predicted from the others. With the residual linear in the
+parameters p and in the model's own error z about the fit,
 
     r = r0 + J theta,    theta = (p, z),    J = (Jp, -X),    theta ~ N(0, prior),
 
@@ -8,21 +9,17 @@ the predictive density of a group g given all others is normal, with
 
     r_g = r0_g + J_g m,   C_g = I + J_g H^-1 J_g',   H = J_o' J_o + prior^-1,   m = -H^-1 J_o' r0_o,
 
-o being the other groups. The score is the sum over the groups of r_g' C_g^-1 r_g + log |C_g|: minus twice
+where o are the other groups. The score is the sum over the groups of r_g' C_g^-1 r_g + log |C_g|: minus twice
 the log predictive density by leave-one-group-out cross-validation (for its use: Vehtari, Gelman and Gabry,
 Statistics and Computing 27:1413, 2017). A needless parameter costs, a needed one gains.
-
-The plain root mean square of measured minus simulated, before any weighting by noise that lasts.
-
-How sure the parameters of a fitted set are.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -34,8 +31,7 @@ from sysid.compare.fitted import PRIOR, Fitted, function_near, marginal_function
 from sysid.compare.observations import Observations
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.coordinates import EffectSet
-
-Mask = npt.NDArray[np.bool_]
+from sysid.gap.search.thresholds import THRESHOLDS
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,7 +40,7 @@ class ScoredSet:
 
     fitted: Fitted[Any]
     scores: FloatArray
-    """One a group."""
+    """Score of each group of runs; lower is better."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -54,29 +50,16 @@ class ScoredSet:
     @property
     def score(self) -> float:
         """Sum over the groups."""
-        return total(self.scores)
+        return float(np.sum(self.scores))
 
 
-def group_masks(problem: ResidualProblem) -> dict[str, Mask]:
-    """Return group -> which of the N values belong to it."""
-    masks: dict[str, Mask] = {}
-    observations = problem.observations
-    for block, place in zip(observations.blocks, problem.whitener.slices, strict=True):
-        group = observations.situations[block.situation].group
-        masks.setdefault(group, np.zeros(problem.size, bool))[place] = True
-    return masks
-
-
-def group_scores(
-    problem: ResidualProblem, fitted: Fitted[Any], masks: Mapping[str, Mask], inflation: float = 1.0
-) -> FloatArray:
-    """Return the score of each group, in the order of `masks`; lower is better.
+def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0) -> ScoredSet:
+    """Return a fitted set with the score of each group of runs.
 
     Args:
-        problem: the model and the logs.
+        problem: the model and the runs that decide.
         fitted: a fit to all groups.
-        masks: group -> which of the N values belong to it.
-        inflation: of the variance of everything, where the best fit leaves more than expected.
+        inflation: factor on all variances, if the best fit leaves more than expected.
     """
     residual = problem.marginal_inverse(fitted.residual)
     own = problem.marginal_inverse(fitted.jacobian)
@@ -86,42 +69,43 @@ def group_scores(
     prior = np.concatenate([np.full(p, 1.0 / PRIOR**2), np.full(columns.shape[1] - p, 1.0 / inflation)])
     normal = columns.T @ columns + np.diag(prior)
     gradient = columns.T @ residual
+    whole = np.linalg.cholesky(normal)
     scores = []
-    for mask in masks.values():
+    for mask in _group_masks(problem):
         ours, left = columns[mask], residual[mask]
         information = normal - ours.T @ ours
         factor = np.linalg.cholesky(information)
         mean = -np.linalg.solve(information, gradient - ours.T @ left)
         predicted = left + ours @ mean
         # (I + J H^-1 J')^-1 by Woodbury, and its determinant by Sylvester.
-        whole = np.linalg.cholesky(normal)
         half = np.linalg.solve(whole, ours.T @ predicted)
         square = float(predicted @ predicted - half @ half)
         logarithm = 2.0 * float(np.sum(np.log(np.diag(whole))) - np.sum(np.log(np.diag(factor))))
         scores.append(square + logarithm)
-    return np.array(scores)
+    return ScoredSet(fitted, np.array(scores))
 
 
-def total(scores: Sequence[float] | FloatArray) -> float:
-    """Return the sum of group scores."""
-    return float(np.sum(scores))
-
-
-RISES: Final = 1.01
-"""Ratio of root mean squares that is a rise; chance moves it by less where there are some hundred samples."""
+def _group_masks(problem: ResidualProblem) -> list[npt.NDArray[np.bool_]]:
+    """Return for each group of runs which of the N values belong to it."""
+    masks: dict[str, npt.NDArray[np.bool_]] = {}
+    observations = problem.observations
+    for block, place in zip(observations.blocks, problem.whitener.slices, strict=True):
+        group = observations.situations[block.situation].group
+        masks.setdefault(group, np.zeros(problem.size, bool))[place] = True
+    return list(masks.values())
 
 
 def raw_rms(
     problem: ResidualProblem, observations: Observations, parts: Sequence[FloatArray], split: str
 ) -> float:
-    """Return the rms of a residual over single samples, repeats' spread included; NaN without such runs.
+    """Return the rms of a residual over single samples, without any weighting by noise that lasts.
 
-    In the channel's unit where there is one channel, else over the noise.
+    In the channel's unit if there is one channel, else in noise sigmas; NaN without runs of the split.
 
     Args:
-        problem: whose noise counts.
-        observations: what the residual is of.
-        parts: measured minus simulated, one array (m,) a block.
+        problem: gives the noise.
+        observations: that the residual belongs to.
+        parts: measured minus simulated, one array (m,) per block.
         split: of the runs that count.
     """
     alone = len(problem.observations.channels) == 1
@@ -138,7 +122,7 @@ def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> flo
     """Return `raw_rms` of a fit on the runs of a split that decide.
 
     Args:
-        problem: the model and the runs.
+        problem: the model and the runs that decide.
         fitted: a set of effects or the law.
         split: of the runs that count.
     """
@@ -147,29 +131,17 @@ def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> flo
 
 
 def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> bool:
-    """Return whether a fit leaves more on the validation runs than the model as it is, in plain numbers.
+    """Return whether a fit has a larger plain error on the validation runs than the model as it is.
 
-    What the weights of a small noise, or of the model's own error, make look better is no gain then.
+    A set that gains only by the weights of a small noise, or of the model's own error, is refused by this.
 
     Args:
-        problem: the model and the runs.
+        problem: the model and the runs that decide.
         base: the model as it is.
         fitted: a set of effects.
     """
-    return fitted_rms(problem, fitted, "validation") > RISES * fitted_rms(problem, base, "validation")
-
-
-LEVEL: Final = 0.9
-"""Of the intervals."""
-SYSTEMATIC: Final = 0.25
-"""Correlation that what is left beyond chance, or a formula's error, may have with a parameter's response.
-
-It moves the estimate in all groups alike, so that they do not show it.
-"""
-FORMULA_ERROR: Final = 0.1
-"""Relative error that an effect's formula may have."""
-FEWEST_GROUPS: Final = 4
-"""Fewer say too little about how much they differ."""
+    before = fitted_rms(problem, base, "validation")
+    return fitted_rms(problem, fitted, "validation") > THRESHOLDS.rms_rise * before
 
 
 def interval_ends(
@@ -177,23 +149,24 @@ def interval_ends(
 ) -> tuple[FloatArray, FloatArray]:
     """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1.
 
-    An interval is the wider of two: that of the linearised fit, with noise, the model's own error, the
-    inflation and what is left (`SYSTEMATIC`) in it; and that of the groups, from how much each of them would
-    move the estimate (Liang and Zeger, Biometrika 73:13, 1986), which knows nothing of what the errors are
-    like. Where the square sum has no slope (a threshold between two commands) it reaches as far as the square
-    sum does not rise.
+    An interval is the wider of two: that of the linearised fit, which includes noise, the model's own error,
+    the inflation and the unexplained residual (`systematic_correlation`); and that of the groups, from how
+    much each of them would move the estimate (Liang and Zeger, Biometrika 73:13, 1986), which assumes nothing
+    about the errors. Where the cost has no slope (a threshold between two commands) it reaches as far as the
+    cost does not rise.
 
     Args:
-        problem: the model and the runs that decided.
+        problem: the model and the runs that decide.
         fitted: a set of effects.
-        inflation: of the variance of everything.
+        inflation: residual variance of the best fit relative to the expected one.
     """
-    tail = 0.5 * (1.0 + LEVEL)
+    tail = 0.5 * (1.0 + THRESHOLDS.interval_level)
     explained = float(np.sum((problem.marginal(problem.base_residual) - fitted.residual) ** 2))
-    left = max(0.0, fitted.cost - problem.size) + FORMULA_ERROR**2 * explained
-    half = norm.ppf(tail) * np.sqrt(np.diag(fitted.covariance(inflation + SYSTEMATIC**2 * left)))
-    masks = list(group_masks(problem).values())
-    if len(masks) >= FEWEST_GROUPS:
+    left = max(0.0, fitted.cost - problem.size) + THRESHOLDS.formula_error**2 * explained
+    variance = np.diag(fitted.covariance(inflation + THRESHOLDS.systematic_correlation**2 * left))
+    half = norm.ppf(tail) * np.sqrt(variance)
+    masks = _group_masks(problem)
+    if len(masks) >= THRESHOLDS.fewest_groups:
         pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
         moves = pulls @ fitted.covariance()
         spread = np.sqrt(np.sum(moves**2, axis=0) * len(masks) / (len(masks) - 1))
@@ -203,8 +176,9 @@ def interval_ends(
     near = function_near(problem, fitted.candidate, fitted.place, fitted.residual, fitted.jacobian)
     full = marginal_function(problem, fitted.candidate)
     quick = problem.surrogate_mask(fitted.candidate.owners)
+    rise = chi2.ppf(THRESHOLDS.interval_level, 1) * inflation
     for i in np.flatnonzero(derivative_free(minimum, fitted.candidate.stepwise)):
-        down, up = reach(near if quick[i] else full, minimum, int(i), chi2.ppf(LEVEL, 1) * inflation)
+        down, up = reach(near if quick[i] else full, minimum, int(i), rise)
         low[i], high[i] = fitted.place[i] - down, fitted.place[i] + up
     return low, high
 
@@ -213,9 +187,9 @@ def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: flo
     """Return the effects of a set of which no parameter is surely away from neutral.
 
     Args:
-        problem: the model and the runs that decided.
+        problem: the model and the runs that decide.
         fitted: a set of effects.
-        inflation: of the variance of everything.
+        inflation: residual variance of the best fit relative to the expected one.
     """
     low, high = interval_ends(problem, fitted, inflation)
     neutral = fitted.candidate.start()

@@ -1,14 +1,14 @@
 """Which sets of effects explain the logs best: singles, pairs, triples, each grown from smaller ones.
 
-Growing a set by one effect is judged twice: cheaply (`sysid.gap.search.responses`), and, for those that
-promise most, by full simulation. A larger set contains the smaller one at its neutral value and so never
+Growing a set by one effect is judged twice: cheaply (`sysid.gap.search.responses`), and, for the most
+promising ones, by full simulation. A larger set contains the smaller one at its neutral value and so never
 fits worse: where a descent ends higher than the set it grew from, it is started again from there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -19,29 +19,18 @@ from sysid.compare.fitted import Fitted, base_fit, fit, marginal_function
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.coordinates import EffectSet, bench_twins
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
+from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 
 EMPTY: Final = EffectSet((), ())
-_ROUNDING: Final = 1e-6  # of a square sum
-_HOPE: Final = 0.5
-_FAR: Final = 4.0  # of what chance leaves: much is missing
-_NEAR: Final = 0.2  # of what an effect explains: another may miss so much in the screen
-
-
-@dataclass(frozen=True)
-class SearchEffort:
-    """How many sets are fitted by full simulation."""
-
-    singles: int = 12
-    pairs: int = 12
-    triples: int = 6
-    swaps: int = 20
-    """Sets that differ from the best one in one effect."""
-    beam: int = 4
-    """Sets of one size that the next size grows from."""
-
-    def of_size(self, size: int) -> int:
-        """Return how many sets of a size are fitted at a time."""
-        return {1: self.singles, 2: self.pairs}.get(size, self.triples)
+_ROUNDING: Final = 1e-6
+"""Relative rise of a cost that is no more than rounding."""
+_WORTH_FITTING: Final = 0.5
+"""A growth is simulated if the linear screening expects this share of the best growth's gain: the screening
+may be off by as much."""
+_MUCH_LEFT: Final = 4.0
+"""Mean squared residual behind a delay above which the other effects' responses are measured again there."""
+_SWAP: Final = 0.2
+"""Share of an effect's gain by which the screening may underrate another effect that could replace it."""
 
 
 class Search:
@@ -56,12 +45,22 @@ class Search:
     def __init__(self, problem: ResidualProblem, library: Sequence[Response], effort: SearchEffort) -> None:
         self.problem, self.library, self.effort = problem, tuple(library), effort
         self.base = base_fit(problem, EMPTY)
-        self.fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
+        self._fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
         self._behind: dict[Key, list[Response]] = {}
+
+    @property
+    def fitted(self) -> Mapping[Key, Fitted[EffectSet]]:
+        """The fitted sets; read-only."""
+        return MappingProxyType(self._fitted)
+
+    @property
+    def best_fit(self) -> Fitted[EffectSet]:
+        """The set with the lowest cost, whatever its size."""
+        return min(self._fitted.values(), key=lambda fitted: fitted.cost)
 
     def of_size(self, size: int) -> list[Fitted[EffectSet]]:
         """Return the fitted sets of a size, the best fit first."""
-        found = [fitted for fitted in self.fitted.values() if len(fitted.names) == size]
+        found = [fitted for fitted in self._fitted.values() if len(fitted.names) == size]
         return sorted(found, key=lambda f: (f.cost, f.names))
 
     def grow(self, size: int) -> None:
@@ -72,7 +71,7 @@ class Search:
     def growths(self, parent: Fitted[EffectSet]) -> list[Growth]:
         """Return a fitted set's growths by one effect each, the most promising first.
 
-        Not by one that does what an effect of the set does already, whatever the command.
+        An effect that does what one of the set does already, whatever the command, is left out.
         """
         found = growths(self.problem.base, parent, self._library_at(parent), self.problem.study.scale)
         return [g for g in found if not (self.problem.bench and bench_twins(g.candidate.names))]
@@ -80,8 +79,8 @@ class Search:
     def swap(self, chosen: Fitted[EffectSet]) -> None:
         """Fit the sets that differ from a `chosen` one in one effect and may explain as much.
 
-        The linear screen is rough where an effect is large, so what may explain most of what the chosen
-        effect explains is tried, and what the screen takes for as good as the chosen effect.
+        The linear screening is inaccurate where an effect is large. Tried is therefore what may explain most
+        of what the chosen effect explains, or what the screening rates as high as the chosen effect.
         """
         near: list[Growth] = []
         for name in chosen.names:
@@ -90,39 +89,71 @@ class Search:
                 grown = self.growths(parent)
                 screened = min((g.expected for g in grown if name in g.candidate.names), default=chosen.cost)
                 best = max(chosen.cost, screened)
-                limit = best + _NEAR * max(0.0, parent.cost - best)
+                limit = best + _SWAP * max(0.0, parent.cost - best)
                 near += [g for g in grown if g.expected <= limit]
         self.fit_best(near, self.effort.swaps)
 
     def polish(self, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
-        """Return a fitted set after a look about, where the simulation is rough and slopes mislead."""
-        rough = ~self.problem.surrogate_mask(fitted.candidate.owners)
-        if not self.problem.has_surrogate or not np.any(rough):
+        """Return a fitted set, improved by a search without derivatives where only the rollers respond.
+
+        Their response is rough, so that slopes mislead there.
+        """
+        only_rollers = ~self.problem.surrogate_mask(fitted.candidate.owners)
+        if not self.problem.has_surrogate or not np.any(only_rollers):
             return fitted
         function = marginal_function(self.problem, fitted.candidate)
         here = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
-        looked = compass_search(function, here, rough)
-        if looked.cost < fitted.cost:
-            again = fit(self.problem, fitted.candidate, looked.place, most=4)
+        improved = compass_search(function, here, only_rollers)
+        if improved.cost < fitted.cost:
+            again = fit(self.problem, fitted.candidate, improved.place, most=4)
             if again is not None and again.cost < fitted.cost:
                 fitted = again
-                self.fitted[fitted.names, fitted.candidate.integral] = fitted
+                self._fitted[fitted.names, fitted.candidate.integral] = fitted
         return fitted
 
     def fit_best(self, candidates: Sequence[Growth], most: int) -> None:
-        """Fit up to `most` different `candidates` by full simulation, those that promise enough.
-
-        The linear screen is rough: what is expected to gain less than `_HOPE` of the best one's gain is left.
-        """
+        """Fit up to `most` different `candidates` by full simulation, those that promise enough."""
         ordered = sorted(candidates, key=lambda g: (g.expected, g.key))
         chosen: dict[Key, Growth] = {}
         for growth in ordered:
             gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
-            if gain >= _HOPE * best and growth.key not in self.fitted and len(chosen) < most:
+            if gain >= _WORTH_FITTING * best and growth.key not in self._fitted and len(chosen) < most:
                 chosen.setdefault(growth.key, growth)
         for key, found in zip(chosen, self.problem.study.map(self._fit, chosen.values()), strict=True):
             if found is not None:
-                self.fitted[key] = found
+                self._fitted[key] = found
+
+    def leave_out_needless(self, size: int, inflation: float) -> None:
+        """Replace the best sets of a size by what they are without the parameters that they do not need.
+
+        Args:
+            size: of the sets.
+            inflation: residual variance of the best fit relative to the expected one.
+        """
+        near = self.of_size(size)
+        limit = near[0].cost + 4.0 * THRESHOLDS.tie_sigmas**2 * inflation
+        for fitted in [f for f in near if f.cost <= limit]:
+            smaller = self._without_needless(fitted, inflation)
+            del self._fitted[fitted.names, fitted.candidate.integral]
+            key = smaller.names, smaller.candidate.integral
+            if key not in self._fitted or smaller.cost < self._fitted[key].cost:
+                self._fitted[key] = smaller
+
+    def _without_needless(self, fitted: Fitted[EffectSet], inflation: float) -> Fitted[EffectSet]:
+        while True:
+            candidate, spread = fitted.candidate, np.sqrt(np.diag(fitted.covariance(inflation)))
+            sigmas = np.abs(fitted.place - candidate.start()) / np.maximum(spread, 1e-12)
+            for index in np.argsort(sigmas):
+                effect = candidate.coordinates[index].effect
+                siblings = candidate.owners.count(effect)
+                if (effect and siblings < 2) or sigmas[index] ** 2 > THRESHOLDS.needless_square:
+                    continue
+                found = fit(self.problem, candidate.without(int(index)), np.delete(fitted.place, index))
+                if found is not None and found.cost <= fitted.cost + THRESHOLDS.needless_square * inflation:
+                    fitted = found
+                    break
+            else:
+                return fitted
 
     def _fit(self, growth: Growth) -> Fitted[EffectSet] | None:
         found = fit(self.problem, growth.candidate, growth.place)
@@ -134,16 +165,16 @@ class Search:
         return found
 
     def _library_at(self, parent: Fitted[EffectSet]) -> Sequence[Response]:
-        """Return the responses to grow a set by: measured where it stands, where that is behind a delay.
+        """Return the responses to grow a set by, measured at the set itself if it has a delay.
 
         What an effect does before a delay is another response, and tells nothing of what the set leaves.
         """
         shifted = any(CATALOGUE[name].shifts_time for name in parent.names)
-        if parent.cost < _FAR * self.problem.size or not shifted:
+        if parent.cost < _MUCH_LEFT * self.problem.size or not shifted:
             return self.library
         key = parent.names, parent.candidate.integral
         if key not in self._behind:
-            names = {response.chosen.names[0] for response in self.library} - set(parent.names)
+            names = {response.effect for response in self.library} - set(parent.names)
             at = parent.candidate.model(self.problem.base, parent.place)
             self._behind[key] = responses(self.problem, tuple(names), at)
         return self._behind[key]
@@ -152,11 +183,11 @@ class Search:
         """Return the fit of a set without one of its effects, made now if there is none."""
         names = tuple(other for other in chosen.names if other != name)
         for integral in (False, True):
-            if (names, integral) in self.fitted:
-                return self.fitted[names, integral]
+            if (names, integral) in self._fitted:
+                return self._fitted[names, integral]
         kept = [i for i, c in enumerate(chosen.candidate.coordinates) if c.effect in names]
         smaller = EffectSet(names, tuple(chosen.candidate.coordinates[i] for i in kept))
         found = fit(self.problem, smaller, chosen.place[kept])
         if found is not None:
-            self.fitted[names, False] = found
+            self._fitted[names, False] = found
         return found

@@ -1,0 +1,237 @@
+"""From logs to a verdict: how many effects, which, what else would do, and is it enough.
+
+1. Is there a gap? The best growth of the empty set, and the cost itself, against what chance does.
+2. How many effects? One more only if the cost falls by more than the best of all effects would make it fall
+   by chance, and each run is predicted better from the others (`sysid.gap.search.scores`).
+3. Which? Every set of that size whose score is within `tie_sigmas`^2 of the best is as good
+   (`sysid.gap.search.ties`).
+4. What is the verdict? The first rule that applies gives it (`sysid.gap.search.rules`): is it enough, does it
+   matter, does it do harm, would the wheel law fitted again do better?
+
+All costs are divided by `inflation`, the residual variance of the best fit relative to the expected noise
+variance (at least 1). All numbers are in `sysid.gap.search.thresholds`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from sysid.compare.fitted import Fitted, RefittedLaw, fit
+from sysid.compare.problem import ResidualProblem
+from sysid.gap.result import Verdict
+from sysid.gap.search.adequacy import Floor, complete, enough, expected, misfit, roller_scatter
+from sysid.gap.search.chance import chance_gains
+from sysid.gap.search.coordinates import EffectSet
+from sysid.gap.search.rules import Facts, apply_rules
+from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
+from sysid.gap.search.sets import Search
+from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.gap.search.ties import tied
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The verdict and what it rests on."""
+
+    verdict: Verdict
+    chosen: ScoredSet | None
+    """What is added to the model, if anything."""
+    candidates: tuple[ScoredSet, ...]
+    """Sets that explain the logs as well as the chosen one, which comes first."""
+    judged: tuple[ScoredSet, ...]
+    """All sets that were fitted, the empty one too; best score first."""
+    law: ScoredSet | None
+    """The wheel law fitted again, where that was tried."""
+    p_value: float
+    inflation: float
+    frequency: Mapping[str, float]
+    """Effect of the chosen set -> share of resamples in which it is chosen."""
+    notes: tuple[str, ...]
+
+
+def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Decision:
+    """Search and decide; again, if it turns out that the logs' wheels started at other angles.
+
+    Args:
+        search: over the effects to consider; what it fits stays in it.
+        floor: what is known of the noise.
+        max_effects: size of the largest set.
+        rng: of the simulated thresholds and the bootstrap.
+    """
+    problem, notes = search.problem, []
+    facts = collect(search, floor, max_effects, rng)
+    best = search.best_fit
+    if not complete(problem, best, floor) and problem.has_surrogate:
+        model = best.candidate.model(problem.base, best.place)
+        if problem.update_angle_uncertainty(model, best.residual):
+            facts = collect(search, floor, max_effects, rng)
+            notes.append("initial wheel angles are unknown: the ripple they can cause is counted as noise")
+    outcome = apply_rules(facts, THRESHOLDS)
+    found = outcome.verdict in ("named", "ambiguous")
+    return Decision(
+        verdict=outcome.verdict,
+        chosen=facts.tied[0] if found else None,
+        candidates=facts.tied if found else (),
+        judged=facts.judged,
+        law=facts.law,
+        p_value=facts.p_value,
+        inflation=facts.inflation,
+        frequency=facts.frequency,
+        notes=(*outcome.reasons, *notes),
+    )
+
+
+def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
+    """Search, and return all facts that the rules need.
+
+    Args:
+        search: over the effects to consider; what it fits stays in it.
+        floor: what is known of the noise.
+        max_effects: size of the largest set.
+        rng: of the simulated thresholds and the bootstrap.
+    """
+    problem, base = search.problem, search.base
+    facts = explore(search, floor, max_effects, rng)
+    chosen, inflation = facts.chosen, facts.inflation
+    # If nothing is left to explain, no law can do better.
+    refit = chosen is not None and not complete(problem, chosen.fitted, floor)
+    law = _law(problem, inflation) if refit else None
+    every = [scored(problem, fitted, inflation) for fitted in search.fitted.values()]
+    judged = tuple(sorted(every, key=lambda j: (j.score, j.names)))
+    facts = replace(facts, judged=judged, law=law)
+    if chosen is None:
+        return facts
+    same_size = [j for j in judged if len(j.names) == len(chosen.names)]
+    harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
+    return replace(
+        facts,
+        tied=tied(search, chosen, harmless, inflation),
+        adequate=enough(problem, base, chosen.fitted, floor),
+        removed=_removed(problem, base, chosen.fitted),
+        raises_rms=rises(problem, base, chosen.fitted),
+        doubtful=doubtful(problem, chosen.fitted, inflation),
+        frequency=_frequency(chosen, [j for j in judged if j.names], rng),
+    )
+
+
+def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
+    """Fit sets of effects as far as the logs support them; return the facts up to the best such set.
+
+    Args:
+        search: over the effects to consider; what it fits stays in it.
+        floor: what is known of the noise.
+        max_effects: size of the largest set.
+        rng: of the simulated thresholds.
+    """
+    problem, base = search.problem, search.base
+    by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base))
+    hope = max((base.cost - growth.expected for growth in search.growths(base)), default=0.0)
+    if hope > 0.5 * by_chance.threshold():
+        search.grow(1)
+    inflation = _inflation(problem, search.best_fit)
+    p_gain = by_chance.p_value((base.cost - search.best_fit.cost) / inflation)
+    p_misfit = misfit(problem, base, floor)
+    p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
+    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, inflation)
+    if p_value > THRESHOLDS.false_alarm:
+        return facts
+    if not search.of_size(1):
+        # Effects could gain little, but the whole residual is more than chance allows.
+        search.grow(1)
+    if not search.of_size(1):
+        return facts
+    size = _grow(search, floor, max_effects, rng)
+    inflation = _inflation(problem, search.best_fit)
+    search.swap(_best(search, size, inflation).fitted)
+    search.leave_out_needless(size, inflation)
+    chosen = _best(search, size, inflation)
+    while size > 1 and (doubtful(problem, chosen.fitted, inflation) or rises(problem, base, chosen.fitted)):
+        # An effect that may as well be none, or that does harm, is no finding: the smaller set is.
+        size -= 1
+        chosen = _best(search, size, inflation)
+    return replace(facts, inflation=inflation, chosen=chosen)
+
+
+def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> int:
+    """Fit larger sets as long as one more effect pays; return the size that does."""
+    problem, size = search.problem, 1
+    while size < max_effects:
+        parent = _best(search, size, 1.0).fitted
+        if not complete(problem, parent, floor):
+            parent = search.polish(parent)
+        nearest = search.of_size(size)[: search.effort.beam]
+        promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
+        inflation = max(1.0, promised / problem.size)
+        needed = chance_gains(parent, search.library, rng, roller_scatter(problem, parent)).threshold()
+        if parent.cost - promised < needed * inflation:
+            return size
+        search.grow(size + 1)
+        if not search.of_size(size + 1):
+            return size
+        inflation = _inflation(problem, search.of_size(size + 1)[0])
+        larger = _best(search, size + 1, inflation)
+        smaller = _best(search, size, inflation)
+        gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
+        visible = smaller.fitted.cost > THRESHOLDS.plainly_visible * expected(problem, smaller.fitted)
+        if not (visible and complete(problem, larger.fitted, floor)):
+            # The residue of an imperfect formula can mimic another effect.
+            needed += THRESHOLDS.formula_error**2 * (search.base.cost - smaller.fitted.cost) / inflation
+        if gain < needed or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
+            return size
+        if rises(problem, search.base, larger.fitted):
+            return size
+        size += 1
+    return size
+
+
+def _inflation(problem: ResidualProblem, best: Fitted[EffectSet]) -> float:
+    return max(1.0, best.cost / max(1, problem.size - best.candidate.parameter_count))
+
+
+def _best(search: Search, size: int, inflation: float) -> ScoredSet:
+    """Return the set of a size that predicts each group best from the others, a harmless one if there is."""
+    judged = [scored(search.problem, fitted, inflation) for fitted in search.of_size(size)]
+    return min(judged, key=lambda j: (rises(search.problem, search.base, j.fitted), j.score, j.names))
+
+
+def _law(problem: ResidualProblem, inflation: float) -> ScoredSet | None:
+    rival = RefittedLaw(problem.base)
+    found = fit(problem, rival, rival.start(), most=20)
+    return None if found is None else scored(problem, found, inflation)
+
+
+def _mean_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
+    """Return the sum of squared errors, each a mean over repeats, in variances of such a mean."""
+    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
+    both = zip(blocks, parts, strict=True)
+    return sum(float(block.weight @ part**2) / noise[block.channel] ** 2 for block, part in both)
+
+
+def _noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
+    """Return the mean squared error over single samples in noise variances, 1 for a right model."""
+    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
+    spread = sum(b.repeat_squares / noise[b.channel] ** 2 for b in blocks)
+    return (_mean_squares(problem, base) + spread) / sum(float(b.weight.sum()) for b in blocks)
+
+
+def _removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:
+    """Return the share of the squared difference above the noise that a set removes, sample by sample."""
+    before, after = (_mean_squares(problem, fitted) - problem.size for fitted in (base, chosen))
+    return (before - after) / before if before > 0.0 else 0.0
+
+
+def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Generator) -> dict[str, float]:
+    """Return how often each effect is in the best set of resampled groups.
+
+    A larger set counts as better only by more than a tie, as in the decision.
+    """
+    scores = np.array([j.scores for j in judged])
+    penalty = THRESHOLDS.tie_sigmas**2 * np.array([len(j.names) for j in judged], float)
+    picks = rng.integers(0, scores.shape[1], (THRESHOLDS.resamples, scores.shape[1]))
+    totals = scores[:, picks].sum(axis=2) + penalty[:, None]
+    winners = [judged[i].names for i in np.argmin(totals, axis=0)]
+    return {name: float(np.mean([name in winner for winner in winners])) for name in chosen.names}

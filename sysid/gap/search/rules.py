@@ -1,0 +1,172 @@
+"""The rules of the decision: each looks at the same facts and gives a verdict with its reason, or passes."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Final, TypeAlias
+
+from sysid.gap.result import Verdict
+from sysid.gap.search.adequacy import Floor
+from sysid.gap.search.scores import ScoredSet
+from sysid.gap.search.thresholds import Thresholds
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """What the rules know of a study."""
+
+    floor: Floor
+    """What is known of the noise floor."""
+    noise_ratio: float
+    """Mean squared error of the model as it is over single samples, in noise variances."""
+    p_value: float
+    """Probability that a right model differs as much from the logs."""
+    p_misfit: float
+    """The same by the whole residual alone, whatever effects could remove."""
+    inflation: float
+    """Residual variance of the best fit relative to the expected noise variance (at least 1)."""
+    chosen: ScoredSet | None = None
+    """Best set of the size that the logs support; None if nothing is significant or could be fitted."""
+    judged: tuple[ScoredSet, ...] = ()
+    """All sets that were fitted, the empty one too; best score first."""
+    tied: tuple[ScoredSet, ...] = ()
+    """Sets that explain the logs as well as the chosen one, which comes first."""
+    law: ScoredSet | None = None
+    """The wheel law fitted again, if that was tried."""
+    adequate: bool = False
+    """Whether the chosen set leaves what noise allows, or little beside what it explains."""
+    removed: float = 0.0
+    """Share of the squared difference above the noise that the chosen set removes."""
+    raises_rms: bool = False
+    """Whether the chosen set raises the plain error on the validation runs."""
+    doubtful: tuple[str, ...] = ()
+    """Effects of the chosen set of which no parameter is surely away from neutral."""
+    frequency: Mapping[str, float] = field(default_factory=dict)
+    """Effect of the chosen set -> share of resamples in which it is chosen."""
+
+    @property
+    def significant(self) -> str:
+        """Beginning of a note about a set that is significant and yet not named."""
+        name = " + ".join(self.chosen.names) if self.chosen else ""
+        return f"{name} would be significant (p = {self.p_value:.2g}), but"
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """A verdict and the reasons for it, in sentences."""
+
+    verdict: Verdict
+    reasons: tuple[str, ...] = ()
+
+
+Rule: TypeAlias = Callable[[Facts, Thresholds], Outcome | None]
+
+
+def _far_apart(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """Unexplained: nothing says how large the model's own error is, and the residual is plainly no noise.
+
+    An error that was measured on these very logs contains any gap, and so excuses none.
+    """
+    near = facts.floor.trusted or facts.noise_ratio <= thresholds.above_noise
+    if near or facts.removed >= thresholds.least_removed:
+        return None
+    reason = (
+        f"the difference is {math.sqrt(facts.noise_ratio):.2g} times the noise (rms), and no set of effects "
+        f"removes {thresholds.least_removed:.0%} of its square"
+    )
+    return _unexplained(facts, thresholds, reason)
+
+
+def _not_significant(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """No gap: neither the best effect nor the whole residual is more than chance allows."""
+    return Outcome("no_gap") if facts.p_value > thresholds.false_alarm else None
+
+
+def _inadequate(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """Unexplained: no effect could be fitted, or the chosen set leaves more than an imperfect formula can."""
+    return None if facts.adequate else _unexplained(facts, thresholds)
+
+
+def _too_small(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """No gap: the chosen set is significant and removes next to nothing."""
+    if facts.removed >= thresholds.least_removed:
+        return None
+    reason = (
+        f"{facts.significant} removes only {max(facts.removed, 0.0):.0%} of the difference above the noise: "
+        "it cannot be told from the model's own error"
+    )
+    return Outcome("no_gap", (reason,))
+
+
+def _harmful(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """Unexplained: the chosen set raises the plain error on the validation runs."""
+    if not facts.raises_rms:
+        return None
+    reason = f"{facts.significant} raises the plain difference on the validation runs"
+    return _unexplained(facts, thresholds, reason)
+
+
+def _not_repeatable(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """Unexplained: repeats of one command differ, so that no effect of the commands is all of it."""
+    if facts.floor.repeatable:
+        return None
+    reason = (
+        "repeats of one command differ far more than neighbouring samples do: something random acts, which "
+        "no effect describes"
+    )
+    return _unexplained(facts, thresholds, reason)
+
+
+def _law_fits_better(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """Unexplained: no effect is missing but a better fit of the wheel law."""
+    outcome = _unexplained(facts, thresholds)
+    return outcome if outcome.reasons else None
+
+
+def _size_in_doubt(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+    """No gap or unexplained: the runs disagree about an effect of the set, which may as well be none."""
+    if not facts.doubtful:
+        return None
+    reason = f"{' + '.join(facts.doubtful)}: the runs disagree about the size, which may as well be none"
+    is_noise = facts.floor.trusted and facts.p_misfit > thresholds.false_alarm
+    return Outcome("no_gap" if is_noise else "unexplained", (reason,))
+
+
+RULES: Final[tuple[Rule, ...]] = (
+    _far_apart,
+    _not_significant,
+    _inadequate,
+    _too_small,
+    _harmful,
+    _not_repeatable,
+    _law_fits_better,
+    _size_in_doubt,
+)
+"""What objects to naming the chosen set; the first objection decides."""
+
+
+def apply_rules(facts: Facts, thresholds: Thresholds) -> Outcome:
+    """Return the first objection; without any the set is named, or ambiguous if others are tied with it.
+
+    Args:
+        facts: of the study.
+        thresholds: numbers of the decision.
+    """
+    for rule in RULES:
+        outcome = rule(facts, thresholds)
+        if outcome is not None:
+            return outcome
+    return Outcome("ambiguous" if len(facts.tied) > 1 else "named")
+
+
+def _unexplained(facts: Facts, thresholds: Thresholds, *reasons: str) -> Outcome:
+    """Return the verdict; that the wheel law fitted again beats every set is said beside other reasons."""
+    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - thresholds.tie_sigmas**2:
+        law = (
+            "the wheel law fitted again explains these logs better than any set of effects: "
+            "fit it again (python -m sysid.fit) before looking for effects"
+        )
+        reasons = (*reasons, law)
+    return Outcome("unexplained", reasons)

@@ -1,0 +1,90 @@
+"""Every number that a verdict depends on, with its source, its derivation or the reason for assuming it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from sysid.logs.runs import Level
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """The numbers of the decision; "assumed" marks those that nothing but judgement supports."""
+
+    false_alarm: float = 0.01
+    """Probability with which noise alone is taken for an effect. Assumed."""
+    draws: int = 2000
+    """Simulated residuals for a threshold: the probability of a false alarm is then right to
+    sqrt(0.01 x 0.99 / 2000) = 0.2 %."""
+    power: float = 0.9
+    """Probability with which an effect of the smallest detectable size is seen. Assumed; the usual choice."""
+    tie_sigmas: float = 3.0
+    """Standard deviations by which a set may be worse than the best one and still be tied with it: if it is
+    the truth, it is dropped with a probability of Phi(-3) = 0.13 %."""
+    formula_error: float = 0.1
+    """Relative error that the formula of an effect may have. Assumed."""
+    adequate_residual: float = 0.2
+    """Largest unexplained rms of an adequate single effect, relative to the rms that it explains; 1 / sqrt(k)
+    of it for a set of k effects, which can adapt to more. Assumed: twice `formula_error`."""
+    systematic_correlation: float = 0.25
+    """Correlation of an unexplained residual with the response to a parameter. Assumed; it shifts an estimate
+    in all command sequences alike, so that comparing them does not reveal it."""
+    plainly_visible: float = 1.5
+    """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
+    formula-error penalty: an error this far above expectation is not the residue of a formula. Assumed."""
+    least_removed: float = 0.1
+    """Share of the squared difference above the noise that a set must remove to be named. Assumed: removing
+    less lowers the rms by 5 % at most."""
+    above_noise: float = 4.0
+    """Mean squared error, in noise variances, too large to be the model's own even if nothing states that.
+    Calibrated: laws leave 1.9 in the example's logs that they were fitted to, and 11, 29 and 73 in recordings
+    of a Robotino, a Husky and a micromouse."""
+    needless_square: float = 4.0
+    """A parameter is left out if it is within two standard deviations of neutral, the usual 95 %, and if the
+    cost rises by no more than this without it."""
+    rms_rise: float = 1.01
+    """Ratio of validation rms that counts as a rise. With some hundred samples noise, which both fits share,
+    changes the ratio by less."""
+    resamples: int = 500
+    """Bootstrap resamples: a selection frequency is then right to sqrt(0.25 / 500) = 2 %."""
+    interval_level: float = 0.9
+    """Probability that an interval holds the parameter. The blind tests count how many do."""
+    fewest_groups: int = 4
+    """Command sequences from which their disagreement is estimated; the spread of fewer is unknown to a
+    factor of two. Assumed."""
+    inconsistent_repeats: float = 2.0
+    """Ratio of the scatter between repeats to that of neighbouring samples, on the bench, that is worth a
+    note. Assumed."""
+    unrepeatable: float = 5.0
+    """The same ratio from which repeats are no repeats, and no effect of the commands can be all of the
+    difference. Assumed."""
+
+
+THRESHOLDS: Final = Thresholds()
+
+
+@dataclass(frozen=True)
+class SearchEffort:
+    """How many sets of effects are fitted by full simulation, so that a study takes some minutes at most."""
+
+    singles: int = 12
+    pairs: int = 12
+    triples: int = 6
+    swaps: int = 20
+    """Sets that differ from the best one in one effect."""
+    beam: int = 4
+    """Sets of one size that the next size grows from."""
+    log_s: float = 240.0
+    """Duration of the runs that decide, repeats not counted [s]."""
+
+    def of_size(self, size: int) -> int:
+        """Return how many sets of a size are fitted at a time."""
+        return {1: self.singles, 2: self.pairs}.get(size, self.triples)
+
+
+EFFORT: Final[Mapping[Level, SearchEffort]] = {
+    "bench": SearchEffort(15, 16, 8, 20, 5, 240.0),
+    "robot": SearchEffort(8, 8, 4, 4, 3, 60.0),
+}

@@ -1,0 +1,101 @@
+"""Each rule of the decision, and which of them decides where nothing says how far a model may be off."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model
+from sysid.compare.model_error import ChannelError, ModelError, with_model_error
+from sysid.gap.result import GapOptions, Verdict
+from sysid.gap.search.adequacy import Floor
+from sysid.gap.search.rules import Facts, apply_rules
+from sysid.gap.search.scores import ScoredSet
+from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.gap.workflow import analyse
+
+from .conftest import MakeLogs
+
+
+def a_set(score: float, *names: str) -> ScoredSet:
+    """Return a scored set of which only score and names are known."""
+    fitted: Any = SimpleNamespace(names=names)
+    return ScoredSet(fitted, np.array([score]))
+
+
+UNKNOWN = Floor(1e4, trusted=False)
+RANDOM = Floor(1e4, trusted=True, repeatable=False)
+CHOSEN = a_set(-50.0, "backlash")
+NAMED = Facts(
+    floor=Floor(1e4, trusted=True),
+    p_value=1e-3,
+    p_misfit=1e-3,
+    noise_ratio=9.0,
+    inflation=1.0,
+    judged=(CHOSEN,),
+    chosen=CHOSEN,
+    tied=(CHOSEN,),
+    adequate=True,
+    removed=0.9,
+)
+
+
+@pytest.mark.parametrize(
+    ("changes", "verdict", "reason"),
+    [
+        ({}, "named", ""),
+        ({"tied": (CHOSEN, a_set(-49.0, "stiction"))}, "ambiguous", ""),
+        ({"p_value": 0.5}, "no_gap", ""),
+        ({"p_value": 0.5, "floor": UNKNOWN, "removed": 0.0}, "unexplained", "times the noise"),
+        ({"p_value": 0.5, "floor": UNKNOWN, "noise_ratio": 2.0}, "no_gap", ""),
+        ({"chosen": None, "adequate": False, "removed": 0.0}, "unexplained", ""),
+        ({"removed": 0.05}, "no_gap", "removes only 5%"),
+        ({"removed": 0.05, "floor": UNKNOWN}, "unexplained", "times the noise"),
+        ({"removed": 0.05, "floor": UNKNOWN, "noise_ratio": 2.0}, "no_gap", "removes only 5%"),
+        ({"removed": 0.5, "floor": UNKNOWN}, "named", ""),
+        ({"raises_rms": True}, "unexplained", "raises the plain difference"),
+        (
+            {"floor": RANDOM},
+            "unexplained",
+            "repeats of one command differ",
+        ),
+        ({"law": a_set(-60.0, "wheel_law")}, "unexplained", "the wheel law fitted again"),
+        ({"law": a_set(-55.0, "wheel_law")}, "named", ""),
+        ({"adequate": False}, "unexplained", ""),
+        ({"doubtful": ("backlash",)}, "unexplained", "backlash: the runs disagree"),
+        ({"doubtful": ("backlash",), "p_misfit": 0.5}, "no_gap", "backlash: the runs disagree"),
+    ],
+)
+def test_the_first_rule_that_applies_decides(changes: dict[str, Any], verdict: Verdict, reason: str) -> None:
+    outcome = apply_rules(replace(NAMED, **changes), THRESHOLDS)
+    assert outcome.verdict == verdict
+    assert len(outcome.reasons) == bool(reason)
+    assert reason in "".join(outcome.reasons)
+
+
+def test_that_the_law_fits_better_is_said_beside_another_reason() -> None:
+    facts = replace(NAMED, raises_rms=True, law=a_set(-60.0, "wheel_law"))
+    harm, law = apply_rules(facts, THRESHOLDS).reasons
+    assert "raises the plain difference" in harm
+    assert "the wheel law fitted again" in law
+
+
+def test_an_error_far_above_the_noise_is_unexplained_in_logs_that_the_model_was_fitted_to(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    """Its own error is measured on these very logs: it cannot excuse what it was measured from."""
+    logs = bench_logs(base, repeats=1)
+    fitted = with_model_error(base, ModelError({"speed_rpm": ChannelError(2.0, 0.01, 0.05)}, logs.sha256))
+    options = GapOptions(next_experiment=False)
+    assert analyse(logs, fitted, options).verdict == "no_gap"
+    for run in logs.runs:
+        angle = np.cumsum(run.channels["speed_rpm"]) * 0.01 * 0.1047
+        run.channels["speed_rpm"][:] += 3.0 * np.sin(2.0 * angle)
+    report = analyse(logs, fitted, options)
+    assert report.verdict == "unexplained"
+    assert report.effects == ()
+    assert any("times the noise" in note for note in report.notes)

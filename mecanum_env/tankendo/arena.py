@@ -15,9 +15,9 @@ from mecanum_env.tankendo.chance import Chance
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.judge import TERMS, Dodge, Judge
 from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Senses
-from mecanum_env.tankendo.opponent import BoolArray, Fighter
+from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
-from mecanum_env.tankendo.scene import Scenes, wrapped
+from mecanum_env.tankendo.scene import BoolArray, Scenes, wrapped
 from mecanum_env.tankendo.tasks import Duel, Track
 from mecanum_env.units import FloatArray
 

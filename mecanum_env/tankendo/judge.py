@@ -22,8 +22,8 @@ import numpy as np
 
 from mecanum_env.tankendo.chance import Chance
 from mecanum_env.tankendo.constants import RewardWeights, Rules
-from mecanum_env.tankendo.opponent import BoolArray, Fighter
-from mecanum_env.tankendo.scene import RowArray, Scenes, separation
+from mecanum_env.tankendo.opponent import Fighter
+from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation
 from mecanum_env.units import FloatArray
 
 TERMS: Final = ("distance", "facing", "effort", "waiting", "hit", "success", "out")

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
 from mecanum_env.tankendo.chance import EXCHANGES, Chance
 from mecanum_env.tankendo.constants import Opponent, Rules
-from mecanum_env.tankendo.scene import RowArray, Scenes, separation, wrapped
+from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation, wrapped
 from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
 
 _APPROACH_PER_S = 2.5  # how hard it corrects its distance
 _MIN_LUNGE_M = 0.9
 _NOBODY = np.zeros(0, np.intp)
-BoolArray = npt.NDArray[np.bool_]
 
 
 class Fighter:

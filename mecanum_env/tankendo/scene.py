@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from mecanum_env.units import FloatArray
 
+BoolArray = npt.NDArray[np.bool_]
 RowArray = npt.NDArray[np.intp]
 """Indices of some episodes, (m,)."""
 

@@ -1,97 +1,170 @@
-"""Where the opponent's tip is at a time: on guard, drawn back, forward in a strike, back on guard."""
+"""How the opponent's sword moves: on guard, drawn back, forward in a strike, back on guard.
+
+Every motion is made of three shares between 0 and 1 (`StrikeShares`), each a function of time alone. The
+simulator places the tip with them; an estimator of the strike's phase evaluates the same functions on its
+hypotheses.
+"""
 
 from __future__ import annotations
 
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from mecanum_env.tankendo.constants import GUARD_TIP_M
+from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
 
 GUARD_HEIGHT_M: Final = 0.58
-"""Height of the tip on guard [m]; ours."""
-_RATE_S = 0.01  # the tip's velocity is its mean over this time
-_EARLIER_S = np.array([[0.0], [_RATE_S]])
-_LONG_AGO = -1e6
+"""Height of the tip on guard [m]; this project's choice."""
+TIP_VELOCITY_S: Final = 0.01
+"""The tip's velocity is its mean over this time [s]."""
+_EARLIER_S = np.array([[0.0], [TIP_VELOCITY_S]])
+_LONG_AGO_S = -1e6
 
 
-class Sword:
-    """The motion of n swords: times [s] and places [m], each of shape (n,) or (2, n).
+class StrikeShares(NamedTuple):
+    """How far the phases of sword motions have come, each between 0 and 1 and of shape (..., n)."""
 
-    A sword rises from `raise_s` to `cut_s`, goes forward until `land_s`, and is back on guard at `free_s`. In
-    a feint it only rises and sinks: `cut_s` equals `land_s`.
-    """
+    rise: FloatArray
+    """Drawing back: 0 on guard, 1 fully drawn back; s^2 (3 - 2 s) of the elapsed share s."""
+    forward: FloatArray
+    """Strike: 0 drawn back, 1 at the place of the hit; s^2. Always 0 in a feint."""
+    back: FloatArray
+    """Return: 1 on guard again; s^2 (3 - 2 s)."""
 
-    def __init__(self, n: int) -> None:
-        self.raise_s, self.cut_s, self.land_s, self.free_s = (np.full(n, _LONG_AGO) for _ in range(4))
-        self.raised_m, self.raised_height_m, self.end_height_m = (np.ones(n) for _ in range(3))
-        self.is_feint = np.ones(n, bool)
-        self.origin = np.zeros((2, n))
-        """Where the opponent stood when the sword rose."""
-        self.end = np.zeros((2, n))
-        """Where the tip hits."""
+    def place(self, drawn_m: FloatArray, end_m: FloatArray, guard_m: FloatArray | float) -> FloatArray:
+        """Return one coordinate of the tip [m].
 
-    def clear(self, row: int) -> None:
-        """Put the sword of one row on guard, without a past."""
-        for times in (self.raise_s, self.cut_s, self.land_s, self.free_s):
-            times[row] = _LONG_AGO
-        self.is_feint[row] = True
+        Args:
+            drawn_m: the coordinate by drawing back alone, `guard + rise (raised - guard)`.
+            end_m: the coordinate of the hit.
+            guard_m: the coordinate on guard.
+        """
+        forward = drawn_m + self.forward * (end_m - drawn_m)
+        return forward + self.back * (guard_m - forward)
 
-    def idle(self, time_s: FloatArray) -> npt.NDArray[np.bool_]:
-        """Return whether each sword is on guard at times (n,), shape (n,) of bool."""
-        idle: npt.NDArray[np.bool_] = time_s >= self.free_s
-        return idle
+    def height(self, raised_m: FloatArray, end_m: FloatArray) -> FloatArray:
+        """Return the height of the tip over the floor [m].
 
-    def step_share(self, time_s: FloatArray) -> FloatArray:
-        """Return how far, 0 to 1, the body is on its step forward at times (n,)."""
+        Args:
+            raised_m: its height when the sword is fully drawn back.
+            end_m: its height at the hit.
+        """
+        drawn = GUARD_HEIGHT_M + self.rise * (raised_m - GUARD_HEIGHT_M)
+        return self.place(drawn, end_m, GUARD_HEIGHT_M)
+
+    def ahead(self, raised_m: FloatArray) -> FloatArray:
+        """Return how far ahead of the opponent's centre the tip is before the strike goes forward [m].
+
+        Args:
+            raised_m: the distance when the sword is fully drawn back.
+        """
+        return GUARD_TIP_M + self.rise * (raised_m - GUARD_TIP_M)
+
+
+@dataclass(eq=False)
+class StrikeTimes:
+    """When n sword motions begin and end their phases [s], each of shape (n,)."""
+
+    raise_s: FloatArray
+    """The sword leaves its guard."""
+    cut_s: FloatArray
+    """It starts forward."""
+    land_s: FloatArray
+    """It hits; in a feint it sinks from `cut_s` on, and `land_s` equals `cut_s`."""
+    free_s: FloatArray
+    """It is back on guard."""
+    is_feint: BoolArray
+
+    def shares(self, time_s: FloatArray | float) -> StrikeShares:
+        """Return how far each phase has come at times of shape (..., n), or at one time."""
+        strike = _share(time_s, self.cut_s, self.land_s)
+        return StrikeShares(
+            _smooth(_share(time_s, self.raise_s, self.cut_s)),
+            np.where(self.is_feint, 0.0, strike * strike),
+            _smooth(_share(time_s, self.land_s, self.free_s)),
+        )
+
+    def step_share(self, time_s: FloatArray | float) -> FloatArray:
+        """Return the share of its step that the opponent's body is forward; 0 in a feint.
+
+        Args:
+            time_s: times of shape (..., n), or one time.
+        """
         forward = _smooth(_share(time_s, self.raise_s, self.land_s))
         back = _smooth(_share(time_s, self.land_s, self.free_s))
         return np.where(self.is_feint, 0.0, forward - back)
 
+
+class Sword(StrikeTimes):
+    """The motion of n swords.
+
+    Args:
+        n: number of episodes.
+    """
+
+    def __init__(self, n: int) -> None:
+        raise_s, cut_s, land_s, free_s = (np.full(n, _LONG_AGO_S) for _ in range(4))
+        super().__init__(raise_s, cut_s, land_s, free_s, np.ones(n, bool))
+        self.raised_m, self.raised_height_m, self.end_height_m = (np.ones(n) for _ in range(3))
+        """Distance ahead and height of the tip when drawn back, and its height at the hit, (n,)."""
+        self.origin = np.zeros((2, n))
+        """Where the opponent stood when the sword rose: x, y, shape (2, n)."""
+        self.end = np.zeros((2, n))
+        """Where the tip hits: x, y, shape (2, n)."""
+
+    def clear(self, row: int) -> None:
+        """Put the sword of one row on guard, without a past."""
+        for times in (self.raise_s, self.cut_s, self.land_s, self.free_s):
+            times[row] = _LONG_AGO_S
+        self.is_feint[row] = True
+
+    def idle(self, time_s: FloatArray) -> BoolArray:
+        """Return whether each sword is on guard at times (n,), shape (n,)."""
+        idle: BoolArray = time_s >= self.free_s
+        return idle
+
     def tip(
         self, time_s: FloatArray, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray
     ) -> FloatArray:
-        """Return the tip's place x, y, z [m] at times (..., n), shape (3, ..., n).
+        """Return the tip's position x, y, z [m], shape (3, ..., n).
 
-        The opponent's centre is at (x, y), (..., n), then and looks along its heading, (n,).
+        Args:
+            time_s: times, shape (..., n).
+            x_m: x of the opponent's centre at these times, shape (..., n).
+            y_m: y of the opponent's centre at these times, shape (..., n).
+            heading_rad: the opponent's heading, shape (n,).
         """
         tip = np.empty((3, *x_m.shape))
         cos, sin = np.cos(heading_rad), np.sin(heading_rad)
         if np.all((time_s >= self.free_s) | (time_s <= self.raise_s)):
-            # All on guard: what the formulae below would give, at a fraction of the time.
+            # All swords are on guard: the formulae below would give the same in several times the time.
             tip[0], tip[1] = x_m + GUARD_TIP_M * cos, y_m + GUARD_TIP_M * sin
             tip[2] = GUARD_HEIGHT_M
             return tip
-        rise = _smooth(_share(time_s, self.raise_s, self.cut_s))
-        strike = _share(time_s, self.cut_s, self.land_s)
-        strike = np.where(self.is_feint, 0.0, strike * strike)
-        back = _smooth(_share(time_s, self.land_s, self.free_s))
-        ahead = GUARD_TIP_M + rise * (self.raised_m - GUARD_TIP_M)
-        for axis, at, direction in ((0, x_m, cos), (1, y_m, sin)):
-            guard, drawn = at + GUARD_TIP_M * direction, at + ahead * direction
-            forward = drawn + strike * (self.end[axis] - drawn)
-            tip[axis] = forward + back * (guard - forward)
-        drawn = GUARD_HEIGHT_M + rise * (self.raised_height_m - GUARD_HEIGHT_M)
-        forward = drawn + strike * (self.end_height_m - drawn)
-        tip[2] = forward + back * (GUARD_HEIGHT_M - forward)
+        shares = self.shares(time_s)
+        ahead = shares.ahead(self.raised_m)
+        tip[0] = shares.place(x_m + ahead * cos, self.end[0], x_m + GUARD_TIP_M * cos)
+        tip[1] = shares.place(y_m + ahead * sin, self.end[1], y_m + GUARD_TIP_M * sin)
+        tip[2] = shares.height(self.raised_height_m, self.end_height_m)
         return tip
 
-    def tip_and_velocity(
-        self,
-        time_s: FloatArray,
-        scene: FloatArray,
-    ) -> tuple[FloatArray, FloatArray]:
-        """Return the tip's place [m] and velocity [m/s], shapes (3, n), at times (n,) in scenes (11, n)."""
-        earlier = _EARLIER_S
-        x, y = scene[6] - earlier * scene[9], scene[7] - earlier * scene[10]
-        tip = self.tip(time_s - earlier, x, y, scene[8])
-        return tip[:, 0], (tip[:, 0] - tip[:, 1]) / _RATE_S
+    def tip_and_velocity(self, time_s: FloatArray, scene: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Return the tip's position [m] and velocity [m/s], shape (3, n) each.
+
+        Args:
+            time_s: times, shape (n,).
+            scene: the scenes at these times, shape (11, n).
+        """
+        x, y = scene[6] - _EARLIER_S * scene[9], scene[7] - _EARLIER_S * scene[10]
+        tip = self.tip(time_s - _EARLIER_S, x, y, scene[8])
+        return tip[:, 0], (tip[:, 0] - tip[:, 1]) / TIP_VELOCITY_S
 
 
-def _share(time_s: FloatArray, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
-    """Return how much of the way from start to end has passed, 0 to 1; no time at all passes at once."""
+def _share(time_s: FloatArray | float, start_s: FloatArray, end_s: FloatArray) -> FloatArray:
+    """Return the elapsed share of the time from start to end, 0 to 1; a phase of no length is over."""
     return np.minimum(np.maximum((time_s - start_s) / np.maximum(end_s - start_s, 1e-9), 0.0), 1.0)
 
 

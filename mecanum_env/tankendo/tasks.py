@@ -12,8 +12,7 @@ import numpy as np
 from mecanum_env.tankendo.chance import WAVES
 from mecanum_env.tankendo.constants import Rules
 from mecanum_env.tankendo.judge import Judge, Verdict
-from mecanum_env.tankendo.opponent import BoolArray
-from mecanum_env.tankendo.scene import separation
+from mecanum_env.tankendo.scene import BoolArray, separation
 from mecanum_env.units import FloatArray
 
 _HOME_PER_S = 0.3  # how hard it is drawn back to the middle of the field

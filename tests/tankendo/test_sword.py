@@ -6,7 +6,7 @@ import pytest
 from mecanum_env.mjcf.chassis import SWORD_M
 from mecanum_env.tankendo.constants import DIFFICULTIES, GUARD_TIP_M, TECHNIQUES, Rules, opponent_for
 from mecanum_env.tankendo.opponent import strike_hits
-from mecanum_env.tankendo.sword import GUARD_HEIGHT_M, Sword
+from mecanum_env.tankendo.sword import GUARD_HEIGHT_M, StrikeTimes, Sword
 
 NAMES = [technique.name for technique in TECHNIQUES]
 
@@ -121,3 +121,19 @@ def test_levels_differ_in_one_direction():
         a, b, c = (sign * getattr(level, name) for level in (easy, normal, hard))
         assert a <= b <= c
     assert easy.warning_s > normal.warning_s > hard.warning_s
+
+
+@pytest.mark.parametrize("is_feint", [False, True])
+def test_an_estimator_finds_the_simulators_tip_in_the_shares_of_the_phases(is_feint):
+    sword = strike(TECHNIQUES[1])
+    sword.is_feint[:] = is_feint
+    if is_feint:
+        sword.land_s[:] = sword.cut_s
+    times = StrikeTimes(sword.raise_s, sword.cut_s, sword.land_s, sword.free_s, sword.is_feint)
+    for seconds in np.arange(0.9, 2.5, 0.01):
+        shares, tip = times.shares(seconds), tip_at(sword, seconds)
+        assert shares.height(sword.raised_height_m, sword.end_height_m)[0] == tip[2]
+        if is_feint or seconds <= sword.cut_s[0]:
+            drawn = shares.ahead(sword.raised_m)
+            assert shares.place(drawn, drawn, GUARD_TIP_M)[0] == pytest.approx(tip[0], abs=1e-12)
+        assert times.step_share(seconds)[0] == sword.step_share(np.array([seconds]))[0]

@@ -16,13 +16,13 @@ from tqdm import tqdm
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from training.controllers.policy import Policy, load_policy
-from training.evaluate import Setup, evaluate, mean, named_maker
+from training.evaluate import Setup, controller_factory, evaluate, mean
 from training.train import run as training
 from training.train.checkpoint import newest_checkpoint, read_run, read_state
 from training.train.environments import model_of
 from training.train.export import commit, versions
+from training.train.run import DEVELOPMENT_SEEDS
 from training.train.settings import Algorithm, Settings
-from training.train.watch import DEVELOPMENT_SEEDS
 
 BUDGET_S = 600.0
 """In which training should pass the scripted retreat, by the clock [s]."""
@@ -70,7 +70,7 @@ def main(
         episodes: of the final figure, seeds 0, 1, ...
     """
     settings = Settings(algo=algo, steps=steps, checkpoint_every=checkpoint_every)
-    retreat_maker = named_maker("retreat", model_of(settings))
+    retreat_maker = controller_factory("retreat", model_of(settings))
     watched = success(settings, retreat_maker, DEVELOPMENT_SEEDS)
     retreat = success(settings, retreat_maker, range(episodes))
     runs: list[dict[str, Any]] = []

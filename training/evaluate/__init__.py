@@ -1,31 +1,34 @@
 """Playing seeded episodes of a controller and measuring them.
 
-play       episodes side by side, one seed an episode
-episode    what is recorded of one, and what is kept
-measures   settling, overshoot and the like, of arrays
-jobs       many evaluations at a time
-intervals  shares and means with their intervals
+play     episodes side by side, one seed each; several evaluations in parallel processes
+metrics  the metrics of one episode; shares and means over episodes with confidence intervals
 """
 
-from training.evaluate.episode import Ending, Episode, Reason, Trace, summarise
-from training.evaluate.intervals import Mean, Share, mean, share
-from training.evaluate.jobs import Job, play_jobs
-from training.evaluate.play import Evaluation, Maker, Setup, evaluate, named_maker
+from training.evaluate.metrics import Ending, Episode, Mean, Reason, Share, Trace, mean, share, summarise
+from training.evaluate.play import (
+    ControllerFactory,
+    Evaluation,
+    Job,
+    Setup,
+    controller_factory,
+    evaluate,
+    play_jobs,
+)
 
 __all__ = [
+    "ControllerFactory",
     "Ending",
     "Episode",
     "Evaluation",
     "Job",
-    "Maker",
     "Mean",
     "Reason",
     "Setup",
     "Share",
     "Trace",
+    "controller_factory",
     "evaluate",
     "mean",
-    "named_maker",
     "play_jobs",
     "share",
     "summarise",

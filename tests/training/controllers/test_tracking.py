@@ -9,7 +9,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.model import paper_model
 from training.controllers import Lqr, Proportional, Smith
-from training.controllers.lqr import MEMORY, Weights, axis_dynamics, tracking_gain
+from training.controllers.lqr import Weights, axis_dynamics, tracking_gain
 from training.controllers.prediction.observed_motion import Delays
 
 LAW = paper_model().wheel.law
@@ -60,7 +60,7 @@ def test_the_closed_loop_of_lqr_is_stable(weight, delay):
 @given(weights, st.integers(1, 4), st.integers(0, 1000))
 def test_gain_of_late_commands_is_the_gain_on_the_predicted_state(weight, delay, seed):
     rng = np.random.default_rng(seed)
-    state, under_way = rng.standard_normal(MEMORY + 1), rng.standard_normal(delay)
+    state, under_way = rng.standard_normal(6), rng.standard_normal(delay)
     late = tracking_gain(LAW, 0.1, weight, delay) @ np.concatenate([state, under_way])
     f, g = axis_dynamics(LAW, 0.1)
     for command in under_way[::-1]:  # the oldest acts first
@@ -81,8 +81,8 @@ def test_dynamics_are_those_of_the_law():
 
 
 def test_cheaper_commands_make_a_stiffer_loop():
-    stiff = tracking_gain(LAW, 0.1, Weights(0.02, 1.0))[MEMORY]
-    soft = tracking_gain(LAW, 0.1, Weights(0.02, 0.1))[MEMORY]
+    stiff = tracking_gain(LAW, 0.1, Weights(0.02, 1.0))[-1]
+    soft = tracking_gain(LAW, 0.1, Weights(0.02, 0.1))[-1]
     assert stiff > 2.0 * soft > 0.0
 
 

@@ -8,7 +8,7 @@ from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.tankendo.env import TankendoEnv
 from training.controllers.scripted import Still
-from training.evaluate import Setup, evaluate, named_maker
+from training.evaluate import Setup, controller_factory, evaluate
 from training.record.__main__ import main
 from training.record.rollout import Rollout
 
@@ -25,7 +25,7 @@ def video(tmp_path_factory):
 
 def test_the_video_is_the_episode_that_is_evaluated(video, paper, read_video):
     frames, fps = read_video(video)
-    episode = evaluate(named_maker("still", paper), Setup(paper), [0]).episodes[0]
+    episode = evaluate(controller_factory("still", paper), Setup(paper), [0]).episodes[0]
     assert frames.shape == (1 + round(10 * episode.duration_s) + 10, 240, 320, 3)
     assert fps == 10
 
@@ -52,7 +52,7 @@ def test_bad_arguments_are_one_sentence(tmp_path, capsys):
         (("still", "--width", "321"), "width = 321 pixels, must be an even number from 320 to 8192"),
         (("still", "--height", "100000"), "height = 100000 pixels, must be an even number from 240 to 8192"),
         (("still", "--seed", "-1"), "seed = -1, must be at least 0"),
-        (("still", "--still-time", "1"), "no still is asked for; add --still"),
+        (("still", "--still-time", "1"), "there is no still; add --still"),
         (
             ("still", "--still", picture, "--still-time", "-1"),
             "still_time = -1, must be within the film, 0 to",

@@ -13,14 +13,14 @@ from mecanum_env.tankendo.actions import action_to_command
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from training.controllers.policy import (
-    NAMES,
+    FEATURE_NAMES,
     Network,
     Policy,
     bundled,
     features,
     load_policy,
-    remember,
     save_policy,
+    stack_features,
 )
 
 
@@ -69,11 +69,11 @@ def test_memory_of_many_is_that_of_each():
     seen = np.random.default_rng(3).normal(size=(4, 5, 20))
     together = None
     for step in seen:
-        together = remember(together, step, 3)
+        together = stack_features(together, step, 3)
     for row in range(5):
         alone = None
         for step in seen[:, row]:
-            alone = remember(alone, step, 3)
+            alone = stack_features(alone, step, 3)
         np.testing.assert_array_equal(together[row], alone)
 
 
@@ -149,15 +149,15 @@ def test_features_say_what_their_names_say():
     seen = np.zeros(22)
     seen[[0, 2, 4, 6, 10]] = 2.0, 0.5, 2.0 - GUARD_TIP_M, GUARD_HEIGHT_M, 0.2
     seen[20:] = 1.0, 2.0
-    named = dict(zip(NAMES, features(seen), strict=False))
-    assert len(features(seen)) == len(NAMES) + 2
+    named = dict(zip(FEATURE_NAMES, features(seen), strict=False))
+    assert len(features(seen)) == len(FEATURE_NAMES) + 2
     np.testing.assert_array_equal(features(seen)[-2:], [1.0, 2.0])
     assert named["distance - maai"] == pytest.approx(2.0 - 2 * GUARD_TIP_M)
     assert named["opponent's velocity relative to the own, ahead"] == pytest.approx(0.3)
     assert named["tip seen from the opponent, ahead"] == pytest.approx(-GUARD_TIP_M)
     assert named["how far the tip is from guard"] == pytest.approx(0.0)
     seen[[4, 6]] = 2.0 - GUARD_TIP_M + 0.3, GUARD_HEIGHT_M - 0.4
-    assert features(seen)[NAMES.index("how far the tip is from guard")] == pytest.approx(0.5)
+    assert features(seen)[FEATURE_NAMES.index("how far the tip is from guard")] == pytest.approx(0.5)
 
 
 def test_features_of_many_are_those_of_each():

@@ -10,8 +10,7 @@ from mecanum_env.tankendo.constants import DIFFICULTIES, TECHNIQUES
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers import Proportional
-from training.controllers.prediction.hit_margin import Seen, miss_margin
-from training.controllers.prediction.strike_phase import StrikeEstimate, StrikePhase
+from training.controllers.prediction.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
 
 FIRST_SEED, EPISODES, STEPS = 100_000, 24, 60
 
@@ -121,6 +120,8 @@ def test_margin_is_negative_exactly_where_the_simulator_hits():
     landed = seen.copy()
     landed[:2] += 0.3 * seen[3:5] + 0.12 * rng.standard_normal((2, n))
     hits = fighter.hits(rows, landed, fighter.aim_at(rows, seen))
-    margin = miss_margin(Opponent(), technique, sword.origin, Seen(*seen[:5]), Seen(*landed[:5]))
+    margin = miss_margin(
+        Opponent(), technique, sword.origin, RobotStates(*seen[:5]), RobotStates(*landed[:5])
+    )
     assert 0.2 < np.mean(hits) < 0.8
     np.testing.assert_array_equal(margin <= 0.0, hits)

@@ -15,15 +15,7 @@ def checks(
     track: TrackingResult,
     thresholds: Thresholds,
 ) -> tuple[Check, ...]:
-    """Return all checks except that of the time per command.
-
-    Args:
-        nominal: result on the nominal plant.
-        worst: result on the plant with the smallest success.
-        warning: success against warning.
-        track: result of the tracking task.
-        thresholds: what a controller must reach.
-    """
+    """Return all checks except that of the time per command, from the results on these plants and tasks."""
     least, most, t = _at_least, _at_most, thresholds
     distance, settling, overshoot = track.distance_error_m, nominal.settling_s, nominal.overshoot
     worst_text = f"{share_text(worst.success)} on {worst.name}"
@@ -33,20 +25,15 @@ def checks(
         least("nominal success", share_text(nominal.success), nominal.success.low, t.success),
         least("worst-plant success", worst_text, worst.success.low, t.worst_success),
         most(f"warning for {warning.target:.0%} success", warning_text(warning), needed, t.warning_s, "s"),
-        most("tracking error", _mean_text(distance, "m"), _high(distance), t.tracking_m, "m"),
-        most("settling", _mean_text(settling, "s"), _high(settling), t.settling_s, "s"),
-        most("overshoot", _mean_text(overshoot, ""), _high(overshoot), t.overshoot),
-        most("commands that saturate a wheel", _mean_text(saturated, ""), saturated.high, t.saturated_share),
+        most("tracking error", mean_text(distance, "m"), _high(distance), t.tracking_m, "m"),
+        most("settling", mean_text(settling, "s"), _high(settling), t.settling_s, "s"),
+        most("overshoot", mean_text(overshoot), _high(overshoot), t.overshoot),
+        most("commands that saturate a wheel", mean_text(saturated), saturated.high, t.saturated_share),
     )
 
 
 def timing_check(timing: Timing, thresholds: Thresholds) -> Check:
-    """Return the check of the time per command.
-
-    Args:
-        timing: the measured times.
-        thresholds: what a controller must reach.
-    """
+    """Return the check of the time per command."""
     text = f"p50 {milliseconds(timing.p50_s)}, p99 {milliseconds(timing.p99_s)}"
     return _at_most("time for a command, p99", text, timing.p99_s, thresholds.command_s, "s")
 
@@ -72,7 +59,8 @@ def milliseconds(seconds: float) -> str:
     return f"{1e3 * seconds:.3g} ms"
 
 
-def _mean_text(found: Mean | None, unit: str) -> str:
+def mean_text(found: Mean | None, unit: str = "") -> str:
+    """Return a mean with its interval in a unit; "never" for None."""
     if found is None:
         return "never"
     return f"{found.value:.2f}{' ' * bool(unit)}{unit} ({found.low:.2f} .. {found.high:.2f})"

@@ -63,9 +63,7 @@ class RobotVariant:
 def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotVariant, ...]:
     """Return all variants of a model, in the order of `GROUPS`; `posterior` only if it has an uncertainty.
 
-    Args:
-        model: the identified model.
-        physics: simulated system; variants with an effect that the planar plant refuses run on rollers.
+    Variants run on the given physics, except on rollers if the planar plant refuses one of their effects.
     """
     late = model.effects.get("command_latency", {}).get("delay_s", 0.0) + EXTRA_LATENCY_S
     found = [

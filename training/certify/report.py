@@ -92,12 +92,7 @@ def _mean_text(found: Mean | None, unit: str) -> str:
 
 
 def write_certificate_page(certificate: Certificate, path: Path) -> bool:
-    """Write a certificate as an HTML page; return False, writing nothing, without the `report` extra.
-
-    Args:
-        certificate: what is shown.
-        path: of the page.
-    """
+    """Write a certificate as an HTML page; without the `report` extra write nothing and return False."""
     if not report_available():
         return False
     c = certificate

@@ -133,9 +133,9 @@ def variant_result(
     """Return the metrics of the dodge on one plant.
 
     Args:
-        variant: the plant that was played on.
+        variant: the plant.
         episodes: in the order of their seeds.
-        nominal: those of the nominal plant with the same seeds; None: this is the nominal plant.
+        nominal: those on the nominal plant with the same seeds; None: this is the nominal plant.
     """
     change = None
     if nominal is not None:

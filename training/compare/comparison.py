@@ -15,7 +15,7 @@ from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model
 from mecanum_env.tankendo import DIFFICULTIES, opponent_for
 from training.certify.certificate import Timing, TrackingResult
-from training.certify.judge import milliseconds, share_text
+from training.certify.judge import mean_text, milliseconds, share_text, warning_text
 from training.certify.plants import robot_variants
 from training.certify.report import columns
 from training.certify.run import (
@@ -27,7 +27,7 @@ from training.certify.run import (
     warning_curve_of,
 )
 from training.certify.warning import RANGE_S, WarningCurve
-from training.evaluate import Evaluation, Job, Mean, Setup, Share, controller_factory, evaluate, play_jobs
+from training.evaluate import Evaluation, Job, Setup, Share, controller_factory, evaluate, play_jobs
 from training.evaluate.play import Progress, require_jobs
 
 ROLLERS: Final = "rollers"
@@ -73,7 +73,7 @@ def compare(
 
     Args:
         controllers: names or paths; see `training.controllers.named.make_controller`.
-        model: the robot, which all of them know.
+        model: the robot, which all controllers know.
         episodes: number of episodes per controller and setting.
         rollers: whether to play on rollers too, which takes most of the time.
         jobs: number of parallel processes, which does not change the result; 0: as many as processors.
@@ -145,12 +145,7 @@ def comparison_table(found: Comparison) -> str:
 
 
 def comparison_markdown(found: Comparison, command: str) -> str:
-    """Return a comparison as a Markdown page.
-
-    Args:
-        found: the comparison.
-        command: that writes the page.
-    """
+    """Return a comparison as a Markdown page that names the command it is written by."""
     head, *rows = cells(found)
     made, split = found.provenance, 1 + len(found.settings)
     settings = "\n".join(f"- {name}: {text}." for name, text in found.settings.items())
@@ -190,8 +185,8 @@ def cells(found: Comparison) -> list[tuple[str, ...]]:
         (
             label(row.controller),
             *(share_text(row.success[setting]) for setting in found.settings),
-            _warning_text(row.warning),
-            _mean_text(row.track.distance_error_m),
+            warning_text(row.warning),
+            mean_text(row.track.distance_error_m),
             share_text(row.track.success),
             milliseconds(row.timing.p50_s),
             milliseconds(row.timing.p99_s),
@@ -204,15 +199,3 @@ def cells(found: Comparison) -> list[tuple[str, ...]]:
 def label(controller: str) -> str:
     """Return how tables show a controller: its name, or that of its policy's file or folder."""
     return Path(controller).stem if "/" in controller or controller.endswith(".npz") else controller
-
-
-def _warning_text(curve: WarningCurve) -> str:
-    if curve.needed_s is None:
-        return f"not reached, at best {max(curve.success):.2f}"
-    high = f"more than {curve.range_s[1]:g}" if curve.high_s is None else f"{curve.high_s:.2f}"
-    text = f"{curve.needed_s:.2f} s ({curve.low_s:.2f} .. {high})"
-    return text if curve.holds_to_s is None else f"{text}, up to {curve.holds_to_s:.2f}"
-
-
-def _mean_text(found: Mean | None) -> str:
-    return "-" if found is None else f"{found.value:.2f} ({found.low:.2f} .. {found.high:.2f})"

@@ -8,8 +8,8 @@ period and its dynamics are
     z = (w(k), w(k-1), w(k-2), r(k-1), r(k-2), p)        z' = F z + G u
 
 The command u = -K z minimises the sum of (p / p_max)^2 + (u / u_max)^2 (Bryson's rule); K follows from the
-discrete algebraic Riccati equation. If commands act n periods late, the last n of them join the state; the
-gain then equals K times the state predicted over these periods, so the controller predicts instead.
+discrete algebraic Riccati equation. For commands that act late the optimal gain is K on the state predicted
+to the time at which they act.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
 from training.controllers.prediction.motion_model import MEMORY
-from training.controllers.prediction.observed_motion import Delays, ObservationPredictor
+from training.controllers.prediction.observed_motion import ObservationPredictor
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,11 @@ TURN = Weights(place=0.06, command=0.6)
 """Weights in yaw [rad], [rad/s]."""
 
 
-def axis_dynamics(law: WheelLaw, period_s: float, delay_periods: int = 0) -> tuple[FloatArray, FloatArray]:
-    """Return F, shape (m, m), and G, shape (m, 1), of one axis over a command period; m = 6 + delay_periods.
+def axis_dynamics(law: WheelLaw, period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return F, shape (6, 6), and G, shape (6, 1), of one axis over a command period.
 
-    Args:
-        law: of the wheels, for speeds in any unit; the position is in that unit times seconds.
-        period_s: command period; rounded to whole ticks of the law.
-        delay_periods: whole periods by which commands act late; those under way, newest first, are the
-            last states.
+    Speeds may be in any unit; the position is in that unit times seconds. The period is rounded to whole
+    ticks of the law.
     """
     size = MEMORY + 1
     tick, push = np.zeros((size, size)), np.zeros((size, 1))
@@ -77,25 +74,11 @@ def axis_dynamics(law: WheelLaw, period_s: float, delay_periods: int = 0) -> tup
     f, g = np.eye(size), np.zeros((size, 1))
     for _ in range(max(1, round(period_s / law.sample_period_s))):
         f, g = tick @ f, tick @ g + push
-    if delay_periods == 0:
-        return f, g
-    late_f, late_g = np.zeros((size + delay_periods,) * 2), np.zeros((size + delay_periods, 1))
-    late_f[:size, :size], late_f[:size, -1:] = f, g
-    late_f[size + 1 :, size:-1] = np.eye(delay_periods - 1)
-    late_g[size] = 1.0
-    return late_f, late_g
+    return f, g
 
 
-def tracking_gain(law: WheelLaw, period_s: float, weights: Weights, delay_periods: int = 0) -> FloatArray:
-    """Return K of u = -K z, shape (6 + delay_periods,).
-
-    Args:
-        law: of the wheels.
-        period_s: command period.
-        weights: deviations of equal cost.
-        delay_periods: whole periods by which commands act late.
-    """
-    f, g = axis_dynamics(law, period_s, delay_periods)
+def riccati_gain(f: FloatArray, g: FloatArray, weights: Weights) -> FloatArray:
+    """Return K of u = -K z, shape (m,), for `f`, shape (m, m), and `g`, shape (m, 1); z[5] is p."""
     q = np.zeros(f.shape)
     q[MEMORY, MEMORY] = 1.0 / weights.place**2
     r = np.array([[1.0 / weights.command**2]])
@@ -112,24 +95,14 @@ class Lqr:
     Args:
         model: wheel laws, robot and its `command_latency`.
         distance_m: distance to keep.
-        translation: weights along and across.
-        turn: weights in yaw.
-        delays: of sensors and commands; by default the usual sensors' and the model's latency.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        distance_m: float = Rules.maai_m,
-        translation: Weights = TRANSLATION,
-        turn: Weights = TURN,
-        delays: Delays | None = None,
-    ) -> None:
+    def __init__(self, model: Model, distance_m: float = Rules.maai_m) -> None:
         self._robot, self._limit_rpm = model.robot, model.wheel.saturation_rpm
         self._distance_m = distance_m
-        law, period = model.wheel.law, model.wheel.command_period_s
-        self._gains = np.array([tracking_gain(law, period, w) for w in (translation, translation, turn)])
-        self._motion = ObservationPredictor(model, delays)
+        dynamics = axis_dynamics(model.wheel.law, model.wheel.command_period_s)
+        self._gains = np.array([riccati_gain(*dynamics, w) for w in (TRANSLATION, TRANSLATION, TURN)])
+        self._motion = ObservationPredictor(model)
 
     def reset(self) -> None:
         """Forget the episode."""

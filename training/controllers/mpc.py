@@ -14,14 +14,9 @@ from mecanum_env.tankendo import Observed, Opponent, Rules, read_observation
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.observed_motion import Delays, ObservationPredictor, integrated_path
-from training.controllers.prediction.strike import (
-    RobotStates,
-    StrikeEstimate,
-    StrikePhase,
-    StrikePriors,
-    miss_margin,
-)
+from training.controllers.prediction.motion_model import received_wheels
+from training.controllers.prediction.observed_motion import ObservationPredictor, integrated_path
+from training.controllers.prediction.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
 from training.controllers.tracking import Proportional
 
 _HISTORY_S = 0.3
@@ -81,8 +76,6 @@ class Mpc:
         model: wheel laws, robot and its `command_latency`.
         planning: parameters of the planner.
         opponent: its techniques, sight delay and lead are taken as known; by default those of level normal.
-        priors: of the strike's times; by default they span all levels.
-        delays: of sensors and commands; by default the usual sensors' and the model's latency.
         rules: their maai is kept; by default the usual rules.
     """
 
@@ -91,8 +84,6 @@ class Mpc:
         model: Model,
         planning: Planning | None = None,
         opponent: Opponent | None = None,
-        priors: StrikePriors | None = None,
-        delays: Delays | None = None,
         rules: Rules | None = None,
     ) -> None:
         self._planning = Planning() if planning is None else planning
@@ -104,8 +95,8 @@ class Mpc:
         self._speed_m_s = self._planning.speed_share * float(
             wheels_to_twist(np.full(4, self._limit_rpm), model.robot)[0]
         )
-        self._motion = ObservationPredictor(model, delays)
-        self._strike = StrikePhase(self._opponent, priors, step_s=self._period_s)
+        self._motion = ObservationPredictor(model)
+        self._strike = StrikePhase(self._opponent, self._period_s)
         # Only the twists of these two are used, not their commands.
         self._wait = Proportional(self._maai_m + self._planning.wait_margin_m)
         gain = self._planning.return_gain_per_s
@@ -229,8 +220,10 @@ class Mpc:
         """Return the paths of plans: x, y, yaw, vx, vy in the present frame, shape (ticks + 1, 5, n)."""
         own = self._motion.own
         wheels_first, wheels_second = (
-            own.model.received(
-                scale_wheels(twist_to_wheels(twists.T, self._robot), self._limit_rpm).T, own.time_s
+            received_wheels(
+                own.model.drives,
+                scale_wheels(twist_to_wheels(twists.T, self._robot), self._limit_rpm).T,
+                own.time_s,
             )
             for twists in (first, second)
         )

@@ -31,7 +31,6 @@ from mecanum_env.files import atomic_path
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.constants import GUARD_TIP_M
-from mecanum_env.tankendo.observation import SIZE
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
@@ -43,6 +42,8 @@ _FOLDER: Final = Path(__file__).parent.parent / "policies"
 _UNREADABLE: Final = (OSError, EOFError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
 """Errors that NumPy raises for a file that is no archive or is torn."""
 _HINT: Final = "give policy.npz of a folder that `python -m training.train` wrote"
+_KEPT: Final = 10
+"""From this number on an observation (own motion, held command, own place) is kept unchanged."""
 FEATURE_NAMES: Final = (
     "distance - maai",
     "bearing",
@@ -55,29 +56,14 @@ FEATURE_NAMES: Final = (
     "tip's velocity relative to the opponent, ahead",
     "tip's velocity relative to the opponent, left",
     "tip's velocity, up",
-    "own velocity, ahead",
-    "own velocity, left",
-    "own yaw rate",
-    "held command, ahead",
-    "held command, left",
-    "held command, turn",
-    "own position, x",
-    "own position, y",
-    "cosine of the own heading",
-    "sine of the own heading",
 )
-"""The features of an observation; numbers that a task adds to the observation follow unchanged."""
-EXTRA_FEATURES: Final = len(FEATURE_NAMES) - SIZE
+"""The features that replace the numbers before."""
+EXTRA_FEATURES: Final = len(FEATURE_NAMES) - _KEPT
 """Number of features minus the size of an observation."""
 
 
 def features(observation: npt.NDArray[np.floating], maai_m: float = Rules.maai_m) -> FloatArray:
-    """Return the features of observations, shape (..., k + 1).
-
-    Args:
-        observation: one or more observations, shape (..., k), k = 20 or more.
-        maai_m: striking distance by the rules.
-    """
+    """Return the features, shape (..., k + 1), of one or more observations, shape (..., k), k >= 20."""
     whole = np.asarray(observation, float)
     seen = read_observation(whole)
     tip_x, tip_y = seen.tip_x - seen.opponent_x, seen.tip_y - seen.opponent_y
@@ -95,7 +81,7 @@ def features(observation: npt.NDArray[np.floating], maai_m: float = Rules.maai_m
         seen.tip_vy - seen.opponent_vy,
         seen.tip_rising,
     )
-    return np.concatenate([np.stack(own, axis=-1), whole[..., 10:]], axis=-1)
+    return np.concatenate([np.stack(own, axis=-1), whole[..., _KEPT:]], axis=-1)
 
 
 def stack_features(memory: FloatArray | None, newest: FloatArray, stack: int) -> FloatArray:
@@ -252,13 +238,7 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
 
 
 def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
-    """Write a policy file, whole or not at all.
-
-    Args:
-        path: the `.npz` to write.
-        network: from observations to an action.
-        about: what it was trained for and with; must fit into JSON.
-    """
+    """Write a policy to an `.npz` file; `about` says in JSON what it was trained for and with."""
     layers = len(network.weights)
     shape = {
         "format": FORMAT,

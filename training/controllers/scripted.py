@@ -63,7 +63,7 @@ class Retreat:
 
     def reset(self) -> None:
         """Forget the episode."""
-        self._since = 0
+        self._since, self._side = 0, 1.0
 
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
@@ -73,48 +73,30 @@ class Retreat:
         if 0 < self._since <= self.commands:
             x, y = float(seen.opponent_x), float(seen.opponent_y)
             distance = max(float(np.hypot(x, y)), 1e-6)
-            vx, vy = -self.speed_m_s * x / distance, -self.speed_m_s * y / distance
+            x, y = self.direction(seen, x / distance, y / distance)
+            vx, vy = self.speed_m_s * x, self.speed_m_s * y
         return self.hold.command(vx, vy, turn)
 
+    def direction(self, seen: Observed, x: float, y: float) -> tuple[float, float]:
+        """Return the direction of the evasion; the opponent, as it is `seen`, is in the direction x, y."""
+        return -x, -y
 
-@dataclass
-class SideStep:
+
+class SideStep(Retreat):
     """Moves across the line to the opponent once its sword has left its guard, then returns to its distance.
 
     It moves to the side on which the middle of the field lies, where there is room.
     """
 
-    hold: Proportional = field(default_factory=Proportional)
-    """Controller of the remaining time."""
-    speed_m_s: float = 1.07
-    """Speed of the evasion [m/s]; the paper's robot reaches 1.08."""
-    commands: int = 4
-    """Duration of the evasion, in commands of 0.1 s."""
-
-    def __post_init__(self) -> None:
-        self.reset()
-
-    def reset(self) -> None:
-        """Forget the episode."""
-        self._since, self._side = 0, 1.0
-
-    def act(self, observation: npt.NDArray[np.floating]) -> Command:
-        """Return the command for an observation, shape (20 or more,)."""
-        seen = read_observation(observation)
-        vx, vy, turn = self.hold.twist(seen)
-        self._since = self._since + 1 if _has_risen(seen) else 0
-        x, y = float(seen.opponent_x), float(seen.opponent_y)
-        distance = max(float(np.hypot(x, y)), 1e-6)
-        x, y = x / distance, y / distance
+    def direction(self, seen: Observed, x: float, y: float) -> tuple[float, float]:
+        """Return the direction of the evasion; the opponent, as it is `seen`, is in the direction x, y."""
         if self._since == 1:
             # The middle of the field in the frame of the robot.
             cos, sin = float(seen.heading_cos), float(seen.heading_sin)
             ahead = -(cos * float(seen.x) + sin * float(seen.y))
             left = -(cos * float(seen.y) - sin * float(seen.x))
             self._side = 1.0 if x * left - y * ahead >= 0.0 else -1.0
-        if 0 < self._since <= self.commands:
-            vx, vy = -self.speed_m_s * self._side * y, self.speed_m_s * self._side * x
-        return self.hold.command(vx, vy, turn)
+        return -self._side * y, self._side * x
 
 
 def _has_risen(seen: Observed) -> bool:

@@ -4,7 +4,7 @@ play     episodes side by side, one seed each; several evaluations in parallel p
 metrics  the metrics of one episode; shares and means over episodes with confidence intervals
 """
 
-from training.evaluate.metrics import Ending, Episode, Mean, Reason, Share, Trace, mean, share, summarise
+from training.evaluate.metrics import Episode, Mean, Reason, Recording, Share, mean, share, summarise
 from training.evaluate.play import (
     ControllerFactory,
     Evaluation,
@@ -17,15 +17,14 @@ from training.evaluate.play import (
 
 __all__ = [
     "ControllerFactory",
-    "Ending",
     "Episode",
     "Evaluation",
     "Job",
     "Mean",
     "Reason",
+    "Recording",
     "Setup",
     "Share",
-    "Trace",
     "controller_factory",
     "evaluate",
     "mean",

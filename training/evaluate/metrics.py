@@ -60,9 +60,16 @@ class Episode:
 
 
 @dataclass(frozen=True)
-class Trace:
-    """The n + 1 samples of an episode: at its start (row 0) and at the end of each command."""
+class Recording:
+    """A recorded episode: how it ended, and n + 1 samples, at its start and at the end of each command."""
 
+    seed: int
+    success: bool
+    reason: Reason
+    technique: str
+    warning_s: float | None
+    command_times_s: tuple[float, ...]
+    """Processor times of the commands that were timed [s]."""
     time_s: FloatArray
     """Time since the start [s], shape (n + 1,)."""
     distance_m: FloatArray
@@ -79,58 +86,37 @@ class Trace:
     """Reward of the step that ended at the sample, shape (n + 1,); the first is 0."""
 
 
-@dataclass(frozen=True)
-class Ending:
-    """How an episode ended."""
-
-    seed: int
-    success: bool
-    reason: Reason
-    technique: str
-    warning_s: float | None
-    command_times_s: tuple[float, ...]
-    """Processor times of the commands that were timed [s]."""
-
-
-def summarise(trace: Trace, ending: Ending, model: Model, rules: Rules, task: TaskName) -> Episode:
-    """Return the metrics of an episode.
-
-    Args:
-        trace: samples of the episode.
-        ending: how it ended.
-        model: the robot as the controller knows it; its kinematics and maximum wheel speed are used.
-        rules: maai, its band and the facing angle.
-        task: the task that was played.
-    """
-    error = trace.distance_m - rules.maai_m
-    inside = (np.abs(error) <= rules.band_m) & (np.abs(trace.bearing_rad) <= rules.facing_rad)
-    before = slice(0, int(np.sum(np.cumprod(trace.guarded)))) if task != "track" else slice(None)
-    settling = settling_time(trace.time_s[before], inside[before])
+def summarise(recorded: Recording, model: Model, rules: Rules, task: TaskName) -> Episode:
+    """Return the metrics of a recorded episode of a task; the model is the one that the controller knows."""
+    error = recorded.distance_m - rules.maai_m
+    inside = (np.abs(error) <= rules.band_m) & (np.abs(recorded.bearing_rad) <= rules.facing_rad)
+    before = slice(0, int(np.sum(np.cumprod(recorded.guarded)))) if task != "track" else slice(None)
+    settling = settling_time(recorded.time_s[before], inside[before])
     if task == "track":
         # The rules judge samples strictly after this time.
-        counted = trace.time_s[before] > rules.track_settle_s
+        counted = recorded.time_s[before] > rules.track_settle_s
     else:
-        counted = trace.time_s[before] >= (np.inf if settling is None else settling)
-    v, theta, vc = trace.commands[1:].T
+        counted = recorded.time_s[before] >= (np.inf if settling is None else settling)
+    v, theta, vc = recorded.commands[1:].T
     wanted = command_to_twist(v, theta, vc, model.robot)
     wheels = command_to_wheels(v, theta, vc)
     return Episode(
-        seed=ending.seed,
-        success=ending.success,
-        reason=ending.reason,
-        technique=ending.technique,
-        warning_s=ending.warning_s,
-        duration_s=float(trace.time_s[-1]),
-        total_reward=float(np.sum(trace.reward)),
+        seed=recorded.seed,
+        success=recorded.success,
+        reason=recorded.reason,
+        technique=recorded.technique,
+        warning_s=recorded.warning_s,
+        duration_s=float(recorded.time_s[-1]),
+        total_reward=float(np.sum(recorded.reward)),
         distance_error_m=rms(error[before][counted]) if counted.any() else None,
-        bearing_error_rad=rms(trace.bearing_rad[before][counted]) if counted.any() else None,
-        speed_error_m_s=rms(np.hypot(*(wanted - trace.actual[1:])[:, :2].T)),
+        bearing_error_rad=rms(recorded.bearing_rad[before][counted]) if counted.any() else None,
+        speed_error_m_s=rms(np.hypot(*(wanted - recorded.actual[1:])[:, :2].T)),
         settling_s=settling,
-        overshoot=overshoot(trace.distance_m[before], rules.maai_m),
+        overshoot=overshoot(recorded.distance_m[before], rules.maai_m),
         saturated_share=float(
             np.mean(is_saturated(wheels, model.wheel.saturation_rpm, model.wheel.command_quantum_rpm))
         ),
-        command_time_s=float(np.mean(ending.command_times_s)) if ending.command_times_s else None,
+        command_time_s=float(np.mean(recorded.command_times_s)) if recorded.command_times_s else None,
     )
 
 

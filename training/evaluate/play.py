@@ -24,7 +24,7 @@ from mecanum_env.tankendo.arena import Arena, TaskName
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers.interface import Controller
 from training.controllers.named import make_controller
-from training.evaluate.metrics import Ending, Episode, Reason, Trace, summarise
+from training.evaluate.metrics import Episode, Reason, Recording, summarise
 
 _TIMED: Final = 5
 """One command in this many is timed: on some machines reading the clock takes as long as a controller."""
@@ -64,14 +64,10 @@ class Evaluation:
 
 
 def controller_factory(name: str, known: Model) -> ControllerFactory:
-    """Return a factory of a controller by its name; the controller knows the rules of its arena.
-
-    Args:
-        name: see `training.controllers.named.make_controller`.
-        known: the robot as the controller knows it.
+    """Return a factory for `training.controllers.named.make_controller`; `known` is the robot that it knows.
 
     Raises:
-        InputError: no such controller; raised when the first one is made.
+        InputError: there is no such controller; raised when the first one is made.
     """
     return lambda arena, row, seed: make_controller(name, known, arena=arena, row=row, seed=seed)
 
@@ -114,9 +110,9 @@ def evaluate(
     )
     known = setup.model if setup.known is None else setup.known
     finished: list[tuple[Episode, tuple[float, ...]]] = []
-    for trace, ending in _played(factory, env, iter(waiting)):
-        episode = summarise(trace, ending, known, env.arena.setting.rules, setup.task)
-        finished.append((episode, ending.command_times_s))
+    for recorded in _played(factory, env, iter(waiting)):
+        episode = summarise(recorded, known, env.arena.setting.rules, setup.task)
+        finished.append((episode, recorded.command_times_s))
         if progress is not None:
             progress()
     finished.sort(key=lambda one: one[0].seed)
@@ -126,7 +122,7 @@ def evaluate(
 
 def _played(
     factory: ControllerFactory, env: TankendoVectorEnv, waiting: Iterator[int]
-) -> Iterator[tuple[Trace, Ending]]:
+) -> Iterator[Recording]:
     """Yield every episode as it ends; its row then begins the next waiting one."""
     arena, n = env.arena, env.num_envs
     seeds = [next(waiting) for _ in range(n)]
@@ -151,7 +147,7 @@ def _played(
         for row in np.flatnonzero(over).tolist():
             ended = players[row]
             if ended is not None:
-                yield ended.trace(), ended.ending(bool(step.truncated[row]))
+                yield ended.recorded(bool(step.truncated[row]))
             players[row] = None
             seed = next(waiting, None)
             if seed is not None:
@@ -196,10 +192,17 @@ class _Recorder:
         now = float(arena.time_s()[row])
         self._samples.append([now, distance, bearing, *arena.commands[row], *actual, guarded, reward])
 
-    def trace(self) -> Trace:
-        """Return all samples."""
+    def recorded(self, truncated: bool) -> Recording:
+        """Return the whole episode; call it when it has ended."""
+        arena, row = self._arena, self._row
         table = np.array(self._samples)
-        return Trace(
+        return Recording(
+            seed=self._seed,
+            success=bool(arena.succeeded[row]),
+            reason=_why_failed(arena, row, truncated),
+            technique=self._technique,
+            warning_s=self._warning_s,
+            command_times_s=tuple(self._times),
             time_s=table[:, 0],
             distance_m=table[:, 1],
             bearing_rad=table[:, 2],
@@ -207,18 +210,6 @@ class _Recorder:
             actual=table[:, 6:9],
             guarded=table[:, 9],
             reward=table[:, 10],
-        )
-
-    def ending(self, truncated: bool) -> Ending:
-        """Return how the episode ended; call it when it has."""
-        arena, row = self._arena, self._row
-        return Ending(
-            seed=self._seed,
-            success=bool(arena.succeeded[row]),
-            reason=_why_failed(arena, row, truncated),
-            technique=self._technique,
-            warning_s=self._warning_s,
-            command_times_s=tuple(self._times),
         )
 
 

@@ -48,12 +48,7 @@ class StateDependentStdPolicy(ActorCriticPolicy):  # type: ignore[misc]
 
 
 def make_agent(settings: Settings, env: VecEnv) -> BaseAlgorithm:
-    """Return a learner with new weights, drawn from the settings' seed.
-
-    Args:
-        settings: of the run.
-        env: the environments to learn in.
-    """
+    """Return a learner in `env` with new weights, drawn from the settings' seed."""
     # On networks this small more threads only wait for each other.
     torch.set_num_threads(1)
     common: dict[str, Any] = {
@@ -96,13 +91,7 @@ def make_agent(settings: Settings, env: VecEnv) -> BaseAlgorithm:
 
 
 def read_agent(settings: Settings, env: VecEnv, path: Path) -> BaseAlgorithm:
-    """Return the learner of a checkpoint.
-
-    Args:
-        settings: of the run.
-        env: the environments to learn in.
-        path: the checkpoint's `agent.zip`.
-    """
+    """Return the learner in a checkpoint's `agent.zip`, with `env` to learn in."""
     torch.set_num_threads(1)
     # The stored schedule is code of the version that wrote it; it is replaced.
     schedule = _learning_rate(settings)

@@ -51,7 +51,7 @@ def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, 
 
     Args:
         policy: the policy.
-        model: of the robot.
+        model: the model of the robot.
         episodes: number of episodes per row on the planar plant, with the seeds 0, 1, ...
         rollers_episodes: number of episodes per row on rollers.
         progress: called after each row.
@@ -80,14 +80,7 @@ def _success(factory: ControllerFactory, setup: Setup, episodes: int) -> Share:
 
 
 def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
-    """Return a policy's card as Markdown.
-
-    Args:
-        name: of the policy.
-        policy: the policy with the description in its file.
-        rows: the measured success.
-        command: that measured it.
-    """
+    """Return a policy's card as Markdown, with its measured success and the command that measured it."""
     about, network = policy.about, policy.network
     settings = about["settings"]
     algorithm = settings[settings["algo"]]

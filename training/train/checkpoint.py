@@ -57,34 +57,32 @@ class State:
     processor_s: float = 0.0
 
 
-def write_checkpoint(
-    folder: Path,
-    agent: BaseAlgorithm,
-    normaliser: VecNormalize,
-    settings: Settings,
-    state: State,
-    commands: Sequence[str],
-) -> None:
-    """Write a checkpoint, then `policy.npz` and `curve.json` beside it.
+@dataclass
+class Run:
+    """A training run."""
 
-    Args:
-        folder: of the run.
-        agent: the learner.
-        normaliser: of its observations and rewards.
-        settings: of the run.
-        state: of the run.
-        commands: that train the policy: those of the runs that it started from, then its own.
-    """
+    settings: Settings
+    folder: Path
+    commands: Sequence[str]
+    """Commands that train the policy: those of the runs that it started from, then its own."""
+    agent: BaseAlgorithm
+    normaliser: VecNormalize
+    state: State
+
+
+def write_checkpoint(run: Run) -> None:
+    """Write a checkpoint of a run, then `policy.npz` and `curve.json` in its folder."""
+    folder, agent, settings, state = run.folder, run.agent, run.settings, run.state
     target = folder / "checkpoints" / f"{state.steps_done:09d}"
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=".writing-"))
     try:
         agent.save(temporary / "agent.zip")
-        normaliser.save(str(temporary / "normaliser.pkl"))
+        run.normaliser.save(str(temporary / "normaliser.pkl"))
         if settings.algo == "sac":
             agent.save_replay_buffer(temporary / "replay.pkl")
-        network = network_of(agent, normaliser, settings)
-        facts = about(settings, model_of(settings), state.steps_done, commands)
+        network = network_of(agent, run.normaliser, settings)
+        facts = about(settings, model_of(settings), state.steps_done, run.commands)
         save_policy(temporary / "policy.npz", network, facts)
         write_json(temporary / "state.json", asdict(state))
         temporary.chmod(0o755)
@@ -101,13 +99,7 @@ def write_checkpoint(
 
 
 def write_run(folder: Path, settings: Settings, facts: dict[str, Any]) -> None:
-    """Write `run.json`.
-
-    Args:
-        folder: of the run.
-        settings: of the run.
-        facts: versions, commit and commands.
-    """
+    """Write `run.json` with the settings of a run and other facts: versions, commit and commands."""
     write_json(folder / "run.json", {"settings": asdict(settings), **facts})
 
 
@@ -180,15 +172,12 @@ def read_state(checkpoint: Path) -> State:
 
 
 def read_learner(checkpoint: Path, settings: Settings, env: VecEnv) -> tuple[BaseAlgorithm, VecNormalize]:
-    """Return learner and normaliser of a checkpoint.
+    """Return learner and normaliser of a checkpoint, with `env` to learn in.
 
-    Args:
-        checkpoint: its folder. Stable-Baselines3's files are pickled: open only your own.
-        settings: of the run.
-        env: the environments to normalise.
+    Stable-Baselines3's files are pickled: open only your own.
 
     Raises:
-        InputError: it cannot be read.
+        InputError: the checkpoint cannot be read.
     """
     try:
         normaliser = VecNormalize.load(str(checkpoint / "normaliser.pkl"), env)
@@ -201,12 +190,7 @@ def read_learner(checkpoint: Path, settings: Settings, env: VecEnv) -> tuple[Bas
 
 
 def load_weights(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -> None:
-    """Give a learner the final weights, and a normaliser the final statistics, of another run.
-
-    Args:
-        folder: of the other run.
-        agent: changed in place; its network must have the same layers.
-        normaliser: changed in place.
+    """Give an agent the weights, and a normaliser the statistics, of the newest checkpoint in a folder.
 
     Raises:
         InputError: the folder holds no checkpoint, or one of another algorithm or network.

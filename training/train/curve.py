@@ -40,7 +40,7 @@ def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[s
     Args:
         curves: learning curves by the names of the runs.
         retreat: success of the scripted retreat on the same episodes.
-        on_levels: names of the runs for which the success on the worst robot is drawn, too.
+        on_levels: names of the runs whose success on the worst robot is drawn, too.
     """
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()

@@ -37,9 +37,6 @@ def level_models(model: Model) -> dict[str, Model]:
     """Return the robots of `--randomize levels` by name.
 
     They are the model itself, with latency, with the losses that the paper measured, and in between.
-
-    Args:
-        model: the model that they vary.
     """
     own = model.effects.get("command_latency", {}).get("delay_s", 0.0)
     limit = HALF_CEILING * min(model.wheel.saturation_rpm, FULL_V_RPM)

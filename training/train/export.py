@@ -26,13 +26,7 @@ _ACTIVATION_NAMES: Final = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
 
 
 def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Settings) -> Network:
-    """Return the learner's deterministic policy.
-
-    Args:
-        agent: PPO or SAC.
-        normaliser: of its observations.
-        settings: of the run.
-    """
+    """Return the deterministic policy of an agent, PPO or SAC, with the normaliser of its observations."""
     if settings.algo == "ppo":
         layers = [*agent.policy.mlp_extractor.policy_net, agent.policy.action_net]
     else:
@@ -57,14 +51,7 @@ def _numbers(tensor: torch.Tensor) -> FloatArray:
 
 
 def about(settings: Settings, model: Model, steps_done: int, commands: Sequence[str]) -> dict[str, Any]:
-    """Return the description that a policy file holds.
-
-    Args:
-        settings: of the run.
-        model: the model that was trained on or varied.
-        steps_done: number of training steps.
-        commands: that train the policy, oldest first.
-    """
+    """Return the description in a policy file: of a policy trained by these commands, with `steps_done`."""
     whole = model_to_dict(model)
     return {
         "env": settings.env,

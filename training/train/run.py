@@ -11,7 +11,7 @@ import math
 import sys
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -30,6 +30,7 @@ from training.evaluate import Setup, evaluate
 from training.train.agent import make_agent
 from training.train.checkpoint import (
     Point,
+    Run,
     State,
     commands_before,
     has_checkpoint,
@@ -60,7 +61,7 @@ def train(
     """Train a policy into a new folder; return the state at the end.
 
     Args:
-        settings: of the run.
+        settings: settings of the run.
         folder: folder to write; see `training.train.checkpoint`.
         stop_after: stop at the first checkpoint after this many steps; `resume` continues from there.
         development_seeds: seeds of the episodes that each checkpoint is scored on.
@@ -77,8 +78,7 @@ def train(
     commands = [*commands_before(settings), command_line(settings, str(folder))]
     write_run(folder, settings, {"commands": commands, "versions": versions(), "commit": commit()})
     write_model(model_of(settings), folder / "model.json")
-    run = _Run(settings, folder, commands, *learner, State(), development_seeds)
-    return _learn(run, stop_after, quiet)
+    return _learn(Run(settings, folder, commands, *learner, State()), development_seeds, stop_after, quiet)
 
 
 def resume(
@@ -91,7 +91,7 @@ def resume(
     """Continue the run in a folder from its newest checkpoint; return the state at the end.
 
     Args:
-        folder: of the run.
+        folder: folder of the run.
         steps: total number of steps, instead of the run's own; the learning rate then falls over this number,
             so the result differs from that of a run that had it from the start.
         development_seeds: seeds of the episodes that each checkpoint is scored on.
@@ -113,17 +113,13 @@ def resume(
         learner = read_learner(newest_checkpoint(folder), settings, VecMonitor(bare_env(settings)))
     else:
         learner = _new_learner(settings)
-    run = _Run(settings, folder, facts["commands"], *learner, state, development_seeds)
-    return _learn(run, None, quiet)
+    return _learn(Run(settings, folder, facts["commands"], *learner, state), development_seeds, None, quiet)
 
 
 def development_score(network: Network, settings: Settings, seeds: Sequence[int]) -> tuple[float, float]:
     """Return the share of successes on the robots that are trained on: over all, and on the worst one.
 
-    Args:
-        network: the policy.
-        settings: of the run.
-        seeds: seeds of the episodes, distributed over the robots.
+    The seeds are distributed over the robots.
     """
     robots = [model_of(settings)]
     if settings.randomize == "levels":
@@ -153,52 +149,34 @@ def _new_learner(settings: Settings) -> tuple[BaseAlgorithm, VecNormalize]:
     return agent, normaliser
 
 
-@dataclass
-class _Run:
-    """A training run; `save` updates its state."""
+class _Checkpoints(BaseCallback):  # type: ignore[misc]
+    """Writes a checkpoint and begins anew whenever enough steps are done."""
 
-    settings: Settings
-    folder: Path
-    commands: Sequence[str]
-    agent: BaseAlgorithm
-    normaliser: VecNormalize
-    state: State
-    development_seeds: Sequence[int]
+    def __init__(self, run: Run, seeds: Sequence[int], stop_after: int | None, bar: tqdm[Any]) -> None:
+        super().__init__()
+        self._run, self._seeds, self._bar = run, seeds, bar
+        self._next = self._begun = run.state.steps_done
+        self._stop_after = sys.maxsize if stop_after is None else stop_after
+        self.stopped = False
+        self._start_clocks(run.state.wall_s, run.state.processor_s)
 
-    def __post_init__(self) -> None:
-        self._restart_clocks(self.state.wall_s, self.state.processor_s)
-
-    def _restart_clocks(self, wall_s: float, processor_s: float) -> None:
+    def _start_clocks(self, wall_s: float, processor_s: float) -> None:
         self._wall, self._processor = time.perf_counter() - wall_s, time.process_time() - processor_s
 
     def save(self) -> None:
         """Score the policy on the development seeds and write a checkpoint."""
+        run, agent = self._run, self._run.agent
         spent = time.perf_counter() - self._wall, time.process_time() - self._processor
-        network = network_of(self.agent, self.normaliser, self.settings)
-        success, worst = development_score(network, self.settings, self.development_seeds)
+        network = network_of(agent, run.normaliser, run.settings)
+        success, worst = development_score(network, run.settings, self._seeds)
         # Scoring does not count as training time.
-        self._restart_clocks(*spent)
-        point = Point(self.agent.num_timesteps, success, worst, *spent)
-        self.state = State(point.steps, (*self.state.curve, point), *spent)
-        self.agent.logger.record("watch/success", success)
-        self.agent.logger.record("watch/worst", worst)
-        write_checkpoint(self.folder, self.agent, self.normaliser, self.settings, self.state, self.commands)
-
-
-class _Checkpoints(BaseCallback):  # type: ignore[misc]
-    """Saves the run and begins anew whenever enough steps are done."""
-
-    def __init__(self, run: _Run, stop_after: int | None, bar: tqdm[Any]) -> None:
-        super().__init__()
-        self._run, self._bar = run, bar
-        self._next = self._begun = run.state.steps_done
-        self._stop_after = sys.maxsize if stop_after is None else stop_after
-        self.stopped = False
-
-    def save(self) -> None:
-        """Save the run and show its success."""
-        self._run.save()
-        self._bar.set_postfix_str(f"success {self._run.state.curve[-1].success:.2f}")
+        self._start_clocks(*spent)
+        point = Point(agent.num_timesteps, success, worst, *spent)
+        run.state = State(point.steps, (*run.state.curve, point), *spent)
+        agent.logger.record("watch/success", success)
+        agent.logger.record("watch/worst", worst)
+        self._bar.set_postfix_str(f"success {success:.2f}")
+        write_checkpoint(run)
 
     def _on_rollout_start(self) -> None:
         done = self.model.num_timesteps
@@ -217,7 +195,7 @@ class _Checkpoints(BaseCallback):  # type: ignore[misc]
         return not self.stopped
 
 
-def _learn(run: _Run, stop_after: int | None, quiet: bool) -> State:
+def _learn(run: Run, seeds: Sequence[int], stop_after: int | None, quiet: bool) -> State:
     settings, agent, normaliser = run.settings, run.agent, run.normaliser
     agent.set_logger(configure(str(run.folder / "tensorboard"), ["tensorboard"]))
     with tqdm(
@@ -228,7 +206,7 @@ def _learn(run: _Run, stop_after: int | None, quiet: bool) -> State:
         desc=settings.algo,
         disable=True if quiet else None,
     ) as bar:
-        checkpoints = _Checkpoints(run, stop_after, bar)
+        checkpoints = _Checkpoints(run, seeds, stop_after, bar)
         # With a last observation `learn` does not reset the environments; `_begin_anew` does.
         agent._last_obs = np.zeros((settings.envs, *normaliser.observation_space.shape), np.float32)
         agent.learn(settings.steps - agent.num_timesteps, callback=checkpoints, reset_num_timesteps=False)

@@ -24,36 +24,18 @@ TrainingRobots = Literal["none", "posterior", "levels"]
 
 _LARGEST_SEED: Final = 2**32 - 1
 """Largest seed of NumPy's legacy generator, which Stable-Baselines3 seeds."""
-_Range = tuple[float, float, str]
 _MOST: Final = sys.float_info.max
+_Range = tuple[float, float, str]
 _ANY: Final = (-_MOST, _MOST, "a finite number")
 _NOT_NEGATIVE: Final = (0.0, _MOST, "a finite number of at least 0")
 _SHARE: Final = (0.0, 1.0, "a number from 0 to 1")
 _POSITIVE: Final = (1.0, _MOST, "at least 1")
-_BOTH: Final[Mapping[str, _Range]] = {
-    "learning_rate": _NOT_NEGATIVE,
-    "last_learning_rate": _NOT_NEGATIVE,
-    "gamma": _SHARE,
-    "layers": _POSITIVE,
-}
-_PPO: Final[Mapping[str, _Range]] = {
-    **_BOTH,
-    "rollout_steps": _POSITIVE,
-    "batch_size": (2.0, _MOST, "at least 2"),  # advantages are normalised over a minibatch
-    "epochs": _POSITIVE,
-    "gae_lambda": _SHARE,
-    "clip_range": _NOT_NEGATIVE,
-    "entropy_weight": _ANY,
-    "log_std": _ANY,
-    "renewed_at": _NOT_NEGATIVE,
-    "renewed_log_std": _ANY,
-}
-_SAC: Final[Mapping[str, _Range]] = {
-    **_BOTH,
-    "batch_size": _POSITIVE,
-    "updates_a_step": _POSITIVE,
-    "buffer_size": _POSITIVE,
-    "learning_starts": _NOT_NEGATIVE,
+_RANGES: Final[Mapping[str, _Range]] = {
+    **dict.fromkeys(("learning_rate", "last_learning_rate", "clip_range"), _NOT_NEGATIVE),
+    **dict.fromkeys(("renewed_at", "learning_starts"), _NOT_NEGATIVE),
+    **dict.fromkeys(("gamma", "gae_lambda"), _SHARE),
+    **dict.fromkeys(("layers", "rollout_steps", "epochs", "updates_a_step", "buffer_size"), _POSITIVE),
+    **dict.fromkeys(("entropy_weight", "log_std", "renewed_log_std"), _ANY),
 }
 """Hyperparameter -> smallest value, largest value, and both in words; for layers, of each one."""
 
@@ -166,8 +148,9 @@ class Settings:
         for name, weight in self.reward_weights.items():
             if not math.isfinite(weight):
                 raise InputError(f"reward_weights: {name} = {weight}, must be a finite number")
-        _require_within("ppo", self.ppo, _PPO)
-        _require_within("sac", self.sac, _SAC)
+        # PPO normalises advantages over a minibatch.
+        _require_within("ppo", self.ppo, {**_RANGES, "batch_size": (2.0, _MOST, "at least 2")})
+        _require_within("sac", self.sac, {**_RANGES, "batch_size": _POSITIVE})
         if self.ppo.rollout_steps * self.envs < 2:
             raise InputError("ppo.rollout_steps = 1 with envs = 1: a rollout must have at least 2 steps")
 
@@ -183,11 +166,12 @@ class Settings:
 
 
 def _require_within(section: str, given: Ppo | Sac, ranges: Mapping[str, _Range]) -> None:
-    for name, (least, most, right) in ranges.items():
-        value = getattr(given, name)
-        for one in value if isinstance(value, tuple) else (value,):
-            if not least <= one <= most:
-                raise InputError(f"{section}.{name} = {one}, must be {right}")
+    for name, value in asdict(given).items():
+        if name in ranges:
+            least, most, right = ranges[name]
+            for one in value if isinstance(value, tuple) else (value,):
+                if not least <= one <= most:
+                    raise InputError(f"{section}.{name} = {one}, must be {right}")
 
 
 def settings_from_json(stored: Mapping[str, Any]) -> Settings:

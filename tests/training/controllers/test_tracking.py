@@ -9,7 +9,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.model import paper_model
 from training.controllers import Lqr, Proportional, Smith
-from training.controllers.lqr import Weights, axis_dynamics, tracking_gain
+from training.controllers.lqr import Weights, axis_dynamics, riccati_gain
 from training.controllers.prediction.observed_motion import Delays
 
 LAW = paper_model().wheel.law
@@ -50,22 +50,28 @@ def test_smith_takes_into_account_what_is_under_way():
     assert later[0] < first[0]
 
 
-@given(weights, st.integers(0, 4))
-def test_the_closed_loop_of_lqr_is_stable(weight, delay):
-    f, g = axis_dynamics(LAW, 0.1, delay)
-    k = tracking_gain(LAW, 0.1, weight, delay)
-    assert np.max(np.abs(np.linalg.eigvals(f - g @ k[None]))) < 1.0
+def tracking_gain(law, weight):
+    return riccati_gain(*axis_dynamics(law, 0.1), weight)
+
+
+@given(weights)
+def test_the_closed_loop_of_lqr_is_stable(weight):
+    f, g = axis_dynamics(LAW, 0.1)
+    assert np.max(np.abs(np.linalg.eigvals(f - g @ riccati_gain(f, g, weight)[None]))) < 1.0
 
 
 @given(weights, st.integers(1, 4), st.integers(0, 1000))
 def test_gain_of_late_commands_is_the_gain_on_the_predicted_state(weight, delay, seed):
+    """The commands under way, newest first, are the last states of the late robot."""
+    f, g = axis_dynamics(LAW, 0.1)
+    late_f, late_g = np.zeros((6 + delay, 6 + delay)), np.zeros((6 + delay, 1))
+    late_f[:6, :6], late_f[:6, -1:], late_f[7:, 6:-1], late_g[6] = f, g, np.eye(delay - 1), 1.0
     rng = np.random.default_rng(seed)
     state, under_way = rng.standard_normal(6), rng.standard_normal(delay)
-    late = tracking_gain(LAW, 0.1, weight, delay) @ np.concatenate([state, under_way])
-    f, g = axis_dynamics(LAW, 0.1)
+    late = riccati_gain(late_f, late_g, weight) @ np.concatenate([state, under_way])
     for command in under_way[::-1]:  # the oldest acts first
         state = f @ state + g[:, 0] * command
-    assert late == pytest.approx(tracking_gain(LAW, 0.1, weight) @ state, rel=1e-5, abs=1e-6)
+    assert late == pytest.approx(tracking_gain(LAW, weight) @ state, rel=1e-5, abs=1e-6)
 
 
 def test_dynamics_are_those_of_the_law():
@@ -81,15 +87,15 @@ def test_dynamics_are_those_of_the_law():
 
 
 def test_cheaper_commands_make_a_stiffer_loop():
-    stiff = tracking_gain(LAW, 0.1, Weights(0.02, 1.0))[-1]
-    soft = tracking_gain(LAW, 0.1, Weights(0.02, 0.1))[-1]
+    stiff = tracking_gain(LAW, Weights(0.02, 1.0))[-1]
+    soft = tracking_gain(LAW, Weights(0.02, 0.1))[-1]
     assert stiff > 2.0 * soft > 0.0
 
 
 def test_gains_follow_the_model():
     slow = WheelLaw(0.95, 0.0, 0.0, 0.05, 0.0, 0.0, LAW.sample_period_s)
     weight = Weights(0.03, 0.3)
-    assert np.max(np.abs(tracking_gain(slow, 0.1, weight) - tracking_gain(LAW, 0.1, weight))) > 0.1
+    assert np.max(np.abs(tracking_gain(slow, weight) - tracking_gain(LAW, weight))) > 0.1
 
 
 @pytest.mark.parametrize("bad", [0.0, -1.0, float("nan"), float("inf")])

@@ -42,10 +42,10 @@ def test_a_wheel_at_its_ceiling_within_the_rounding_is_saturated():
     assert not is_saturated(asked, np.inf, 1.0).any()
 
 
-def test_an_episode_is_measured_until_the_sword_moves(trace, ending, paper):
+def test_an_episode_is_measured_until_the_sword_moves(recording, paper):
     distance = [2.5, 2.1, 1.8, 1.6, 1.7, 1.7, 0.9, 0.9]
     guarded = np.array([1, 1, 1, 1, 1, 1, 0, 0.0])
-    found = summarise(trace(distance, guarded=guarded), ending, paper, Rules(), "dodge")
+    found = summarise(recording(distance, guarded=guarded), paper, Rules(), "dodge")
     assert found.settling_s == pytest.approx(0.2)
     assert found.overshoot == pytest.approx(0.1 / 0.8)
     assert found.distance_error_m == pytest.approx(np.sqrt((0.01 + 0.01) / 4))
@@ -53,18 +53,18 @@ def test_an_episode_is_measured_until_the_sword_moves(trace, ending, paper):
     assert found.command_time_s == pytest.approx(0.002)
 
 
-def test_commanded_against_actual_speed_and_saturation(trace, ending, paper):
+def test_commanded_against_actual_speed_and_saturation(recording, paper):
     commands = np.array([[0, 0, 0], [100, 0, 0], [134, 0, 20], [0, 0, 0], [0, 0, 0.0]])
     actual = np.array([command_to_twist(*row, paper.robot) for row in commands])
     actual[1, 0] -= 0.2
-    found = summarise(trace([1.7] * 5, commands=commands, actual=actual), ending, paper, Rules(), "dodge")
+    found = summarise(recording([1.7] * 5, commands=commands, actual=actual), paper, Rules(), "dodge")
     assert found.speed_error_m_s == pytest.approx(0.2 / np.sqrt(4))
     assert found.saturated_share == 0.25
 
 
-def test_tracking_counts_from_when_the_rules_say(trace, ending, paper):
+def test_tracking_counts_from_when_the_rules_say(recording, paper):
     distance = [2.5] * 31 + [1.8] * 20
-    found = summarise(trace(distance), ending, paper, Rules(track_settle_s=3.0), "track")
+    found = summarise(recording(distance), paper, Rules(track_settle_s=3.0), "track")
     assert found.distance_error_m == pytest.approx(0.1)
 
 

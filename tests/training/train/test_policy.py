@@ -13,6 +13,7 @@ from mecanum_env.tankendo.actions import action_to_command
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from training.controllers.policy import (
+    EXTRA_FEATURES,
     FEATURE_NAMES,
     Network,
     Policy,
@@ -150,14 +151,14 @@ def test_features_say_what_their_names_say():
     seen[[0, 2, 4, 6, 10]] = 2.0, 0.5, 2.0 - GUARD_TIP_M, GUARD_HEIGHT_M, 0.2
     seen[20:] = 1.0, 2.0
     named = dict(zip(FEATURE_NAMES, features(seen), strict=False))
-    assert len(features(seen)) == len(FEATURE_NAMES) + 2
+    assert len(features(seen)) == len(seen) + EXTRA_FEATURES == len(FEATURE_NAMES) + 12
     np.testing.assert_array_equal(features(seen)[-2:], [1.0, 2.0])
     assert named["distance - maai"] == pytest.approx(2.0 - 2 * GUARD_TIP_M)
-    assert named["opponent's velocity relative to the own, ahead"] == pytest.approx(0.3)
-    assert named["tip seen from the opponent, ahead"] == pytest.approx(-GUARD_TIP_M)
-    assert named["how far the tip is from guard"] == pytest.approx(0.0)
+    assert named["opponent's relative velocity, ahead"] == pytest.approx(0.3)
+    assert named["tip relative to the opponent, ahead"] == pytest.approx(-GUARD_TIP_M)
+    assert named["tip's distance from guard"] == pytest.approx(0.0)
     seen[[4, 6]] = 2.0 - GUARD_TIP_M + 0.3, GUARD_HEIGHT_M - 0.4
-    assert features(seen)[FEATURE_NAMES.index("how far the tip is from guard")] == pytest.approx(0.5)
+    assert features(seen)[FEATURE_NAMES.index("tip's distance from guard")] == pytest.approx(0.5)
 
 
 def test_features_of_many_are_those_of_each():

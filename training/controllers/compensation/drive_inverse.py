@@ -18,9 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, drive_parameters
+from mecanum_env.effects.apply import active_effects
 from mecanum_env.kinematics import (
-    WHEELS,
     body_to_wheels,
     clip_wheels,
     command_to_wheels,
@@ -29,11 +28,11 @@ from mecanum_env.kinematics import (
     wheels_to_command,
     wheels_to_twist,
 )
-from mecanum_env.law.drive import received_command
 from mecanum_env.model import Model, Robot
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from training.controllers.interface import Command
+from training.controllers.prediction.motion_model import received_wheels, wheel_drives
 
 INVERTED: Final = (
     *("body_speed_limit", "command_deadband", "speed_gain", "wheel_gain_mismatch", "direction_asymmetry"),
@@ -77,8 +76,7 @@ class DriveInverse:
         self.is_needed = any(name in effects for name in INVERTED)
         """Whether the model has an effect to invert; otherwise commands stay as they are."""
         self._limit_rpm = model.wheel.saturation_rpm
-        # Commands are rounded as V, theta and VC, not wheel by wheel.
-        self._drives = [replace(drive_parameters(model, w), command_quantum_rpm=0.0) for w in WHEELS]
+        self._drives = wheel_drives(model)
         self._smooth = [replace(drive, deadband_rpm=0.0) for drive in self._drives]
         changed = model
         for name in _GEOMETRY:
@@ -120,26 +118,15 @@ class DriveInverse:
         return self._diffused(body, seconds)
 
     def delivered(self, command: Command, seconds: float) -> FloatArray:
-        """Return the body motion (ahead, left, turn) [rpm], shape (3,), that a command leads to.
-
-        Args:
-            command: V [rpm], theta [deg], VC [rpm].
-            seconds: time since the start.
-        """
+        """Return the body motion (ahead, left, turn) [rpm], shape (3,), that a command leads to at a time."""
         v = min(max(command[0], -self._v_rpm), self._v_rpm)
         vc = min(max(command[2], -self._vc_rpm), self._vc_rpm)
         wheels = command_to_wheels(v, command[1], vc)
-        received = [
-            received_command(drive, one, seconds) for drive, one in zip(self._drives, wheels, strict=True)
-        ]
-        return wheels_to_body(self._friction.speed(np.array(received)))
+        return wheels_to_body(self._friction.speed(received_wheels(self._drives, wheels, seconds)))
 
     def _smooth_wheels(self, wheels: FloatArray, seconds: float) -> FloatArray:
         """Return the wheel speeds that wheel commands lead to, without dead bands and rounding."""
-        received = [
-            received_command(drive, one, seconds) for drive, one in zip(self._smooth, wheels, strict=True)
-        ]
-        return self._friction.speed(np.array(received))
+        return self._friction.speed(received_wheels(self._smooth, wheels, seconds))
 
     def _within_reach(self, body: FloatArray, seconds: float) -> FloatArray:
         """Return the body motion [rpm], scaled until every wheel can follow."""

@@ -16,6 +16,7 @@ of V and VC, backlash, slip, Coriolis forces and external forces.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -23,7 +24,7 @@ import numpy as np
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.kinematics import WHEELS, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
-from mecanum_env.law.drive import EPS, received_command
+from mecanum_env.law.drive import EPS, DriveParameters, received_command
 from mecanum_env.mjcf.plants import wheel_armature
 from mecanum_env.model import Model, Robot
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -59,8 +60,7 @@ class MotionModel:
         self.model = model
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
-        # Commands are rounded as V, theta and VC, not wheel by wheel.
-        self._drives = [replace(drive_parameters(model, w), command_quantum_rpm=0.0) for w in WHEELS]
+        self.drives = wheel_drives(model)
         robot, self._friction = _with_effects(model)
         most = math.ceil(self.period_s / self.tick_s + EPS) + 1
         laws = [model.law_of(wheel) for wheel in WHEELS]
@@ -91,22 +91,12 @@ class MotionModel:
     def _first_tick(self, command: int) -> int:
         return math.ceil(command * self.period_s / self.tick_s - EPS)
 
-    def received(self, wheels_rpm: FloatArray, seconds: float) -> FloatArray:
-        """Return the wheel commands after the effects on the drives, shape (4, n) [rpm].
-
-        Args:
-            wheels_rpm: wheel commands, shape (4, n).
-            seconds: time since the start, which counts for a sagging battery.
-        """
-        pairs = zip(self._drives, wheels_rpm, strict=True)
-        return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
-
     def play(self, state: MotionState, wheels_rpm: FloatArray, ticks: int) -> tuple[FloatArray, MotionState]:
         """Return the twist after each tick of a held command, shape (ticks, 3, n), and the state at the end.
 
         Args:
             state: of n robots.
-            wheels_rpm: wheel commands as `received` returns them, shape (4, n).
+            wheels_rpm: wheel commands as `received_wheels` returns them, shape (4, n).
             ticks: number of law ticks, at most one more than a command period has.
         """
         before = np.concatenate([state.law, wheels_rpm[:, None, :]], axis=1)  # (4, 6, n)
@@ -127,6 +117,17 @@ class MotionModel:
             twist = twist + self._to_twist @ torque
             twists[k] = twist
         return twists, MotionState(np.matmul(self._responses[:, ticks - 1, :MEMORY], before), twist)
+
+
+def wheel_drives(model: Model) -> list[DriveParameters]:
+    """Return the drives of the four wheels; commands are rounded as V, theta and VC, not wheel by wheel."""
+    return [replace(drive_parameters(model, wheel), command_quantum_rpm=0.0) for wheel in WHEELS]
+
+
+def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, seconds: float) -> FloatArray:
+    """Return wheel commands, shape (4, ...), after the drives' effects at a time since the start."""
+    pairs = zip(drives, wheels_rpm, strict=True)
+    return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
 
 
 @dataclass(frozen=True)

@@ -17,7 +17,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Sensors
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
-from training.controllers.prediction.motion_model import MotionModel, MotionState
+from training.controllers.prediction.motion_model import MotionModel, MotionState, received_wheels
 
 _KEPT_S = 1.5
 """Length of the remembered motion [s]; longer than the delays of any sensor and command together."""
@@ -56,7 +56,7 @@ class OwnMotion:
     def send(self, command: Command) -> None:
         """Predict the motion during the period of a command that is sent now."""
         ticks = self.model.ticks(self.commands)
-        wheels = self.model.received(command_to_wheels(*command)[:, None], self.time_s)
+        wheels = received_wheels(self.model.drives, command_to_wheels(*command)[:, None], self.time_s)
         twists, self.state = self.model.play(self.state, wheels, ticks)
         self._twists.extend(twists[:, :, 0])
         self.commands += 1

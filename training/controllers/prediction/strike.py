@@ -18,6 +18,11 @@ from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M, TIP_VELOCITY_S, StrikeTimes
 from mecanum_env.units import FloatArray
 
+_WARNING_S, _FEINT_S = (0.36, 0.74), (0.14, 0.30)
+"""Ranges of the time from the first motion of a strike to its hit, and of the rise in a feint [s]; they span
+all levels of difficulty."""
+_FEINT, _SECOND_FEINT = 0.3, 0.02
+"""Probability that a rise is a feint: usually, and after a feint."""
 _STEP_MEAN_S = 0.2
 """The observed velocity of a body that steps forward is taken as its mean over this time [s]."""
 _START_GRID_S, _LENGTH_GRID_S = 0.01, 0.02
@@ -28,8 +33,6 @@ _ALARM = 25.0
 """Chi-square of four numbers above which the sword has left its guard; exceeded by chance once in 20,000."""
 _MODEL_M, _MODEL_M_S, _BODY_M_S = 0.005, 0.05, 0.12
 """Standard deviations of the curves' own error, added to the sensors' noise: places, rates, body speed."""
-_SECOND_FEINT = 0.02
-"""Probability that a feint follows a feint."""
 _OUTLIER = 6.0
 """Largest deviation of one number that counts, in standard deviations."""
 _RETURN_MARGIN = 5.0
@@ -40,18 +43,6 @@ _SHORTEST_M = 0.9
 """The opponent strikes no nearer than this to where it stands [m]; as `mecanum_env.tankendo.opponent`."""
 _GUARD = np.array([GUARD_TIP_M, GUARD_HEIGHT_M, 0.0, 0.0, 0.0])
 """The five features of `_features` on guard."""
-
-
-@dataclass(frozen=True)
-class StrikePriors:
-    """Prior ranges and probabilities of the hypotheses; the defaults span all levels of difficulty."""
-
-    warning_s: tuple[float, float] = (0.36, 0.74)
-    """Time from the first motion of a strike to its hit [s]."""
-    feint_s: tuple[float, float] = (0.14, 0.30)
-    """Time that the sword rises in a feint [s]."""
-    feint_probability: float = 0.3
-    """Probability that the first rise is a feint; a second feint in a row is far less likely."""
 
 
 @dataclass(frozen=True)
@@ -81,28 +72,17 @@ class StrikeEstimate:
         weight = np.where(self.is_feint, 0.0, self.weight)
         return float(np.sum(weight * self.land_in_s) / np.sum(weight)) if weight.any() else float("nan")
 
-    def technique_probabilities(self, count: int) -> FloatArray:
-        """Return the probability of each of the `count` techniques, shape (count,)."""
-        return np.asarray(np.bincount(self.technique, self.weight, minlength=count), float)
-
 
 class StrikePhase:
     """Estimates the phase of the strike from one observation every `step_s`.
 
     Args:
         opponent: its techniques, its step and its times of recovery are taken as known.
-        priors: ranges of what is not known.
         step_s: time between two observations.
     """
 
-    def __init__(
-        self,
-        opponent: Opponent | None = None,
-        priors: StrikePriors | None = None,
-        step_s: float = 0.1,
-    ) -> None:
-        self._priors = StrikePriors() if priors is None else priors
-        self._grid = _Grid(Opponent() if opponent is None else opponent, self._priors)
+    def __init__(self, opponent: Opponent | None = None, step_s: float = 0.1) -> None:
+        self._grid = _Grid(Opponent() if opponent is None else opponent)
         self._step_s = step_s
         place, rate, body = Sensors.position_m, Sensors.tip_velocity_m_s, Sensors.velocity_m_s
         # Of the features: the first is a difference of two places, the third one of two velocities.
@@ -140,8 +120,7 @@ class StrikePhase:
             if chi2 < _ALARM:
                 return None
             self._alarm_s = shown_s
-            feint = _SECOND_FEINT if self._feinted else self._priors.feint_probability
-            self._log_weight = self._grid.log_prior(feint)
+            self._log_weight = self._grid.log_prior(_SECOND_FEINT if self._feinted else _FEINT)
             self._log_guard = 0.0
             new = self._past
         else:
@@ -155,12 +134,7 @@ class StrikePhase:
         return self._estimate(self._log_weight)
 
     def stepped_m(self, estimate: StrikeEstimate, in_s: float = 0.0) -> float:
-        """Return how far the opponent's body has stepped forward [m] by the likeliest strike.
-
-        Args:
-            estimate: the latest one.
-            in_s: time after now [s].
-        """
+        """Return how far the body will have stepped forward [m] in `in_s` by the likeliest strike."""
         strikes = np.flatnonzero(~estimate.is_feint)
         if not len(strikes):
             return 0.0
@@ -220,9 +194,11 @@ def _features(seen: Observed) -> FloatArray:
 class _Grid:
     """The hypotheses, m of them; times are seconds after the alarm, arrays have shape (m,)."""
 
-    def __init__(self, opponent: Opponent, priors: StrikePriors) -> None:
-        warnings = np.arange(priors.warning_s[0], priors.warning_s[1] + 1e-9, _LENGTH_GRID_S)
-        feints = np.arange(priors.feint_s[0], priors.feint_s[1] + 1e-9, _LENGTH_GRID_S)
+    def __init__(self, opponent: Opponent) -> None:
+        warnings, feints = (
+            np.arange(shortest, longest + 1e-9, _LENGTH_GRID_S)
+            for shortest, longest in (_WARNING_S, _FEINT_S)
+        )
         starts = np.arange(-_LOOK_BACK_S, 1e-9, _START_GRID_S)
         techniques = opponent.techniques
         technique, kind, start = (
@@ -254,14 +230,8 @@ class _Grid:
         """Return the features that each hypothesis predicts, (5, m), and which of them it does predict."""
         ahead, height = self._tip(time_s)
         ahead_before, height_before = self._tip(time_s - TIP_VELOCITY_S)
-        body = (
-            self._step_m
-            / _STEP_MEAN_S
-            * (
-                self.times.step_share(time_s + 0.25 * _STEP_MEAN_S)
-                - self.times.step_share(time_s - 0.75 * _STEP_MEAN_S)
-            )
-        )
+        stepped = self.times.step_share(time_s + 0.25 * _STEP_MEAN_S)
+        body = self._step_m / _STEP_MEAN_S * (stepped - self.times.step_share(time_s - 0.75 * _STEP_MEAN_S))
         rates = (ahead - ahead_before) / TIP_VELOCITY_S, (height - height_before) / TIP_VELOCITY_S
         predicted = np.array([ahead, height, *rates, body])
         known = np.ones(predicted.shape, bool)
@@ -277,10 +247,8 @@ class _Grid:
         """Return the tip's distance ahead, as if it did not go forward, and its height [m]."""
         shares = self.times.shares(time_s)
         drawn = shares.ahead(self._raised_m)
-        return (
-            shares.place(drawn, drawn, GUARD_TIP_M),
-            shares.height(self._raised_height_m, self._end_height_m),
-        )
+        height = shares.height(self._raised_height_m, self._end_height_m)
+        return shares.place(drawn, drawn, GUARD_TIP_M), height
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The estimate of the strike's phase, against what the simulator knows."""
+"""The estimate of the strike against the simulator, and the success of evading with it."""
 
 from dataclasses import dataclass
 
@@ -124,3 +124,24 @@ def test_margin_is_negative_exactly_where_the_simulator_hits():
     )
     assert 0.2 < np.mean(hits) < 0.8
     np.testing.assert_array_equal(margin <= 0.0, hits)
+
+
+@pytest.fixture(scope="module")
+def shares(successes):
+    """Return the share of successes by controller and level."""
+    numbers = {"sidestep": 40, "mpc": 20}
+    return {
+        name: [successes(name, n, difficulty=level) for level in DIFFICULTIES] for name, n in numbers.items()
+    }
+
+
+@pytest.mark.parametrize("name", ["sidestep", "mpc"])
+def test_harder_is_harder(shares, name):
+    easy, normal, hard = shares[name]
+    assert easy >= normal - 0.05
+    assert normal >= hard
+
+
+def test_planning_beats_the_script(shares):
+    assert shares["mpc"][1] >= 0.85
+    assert shares["mpc"][2] >= shares["sidestep"][2] + 0.15

@@ -1,4 +1,4 @@
-"""Smith predictor and LQR: their invariants, and what they gain on the simulator."""
+"""P, Smith predictor, LQR and pose controller: their invariants, and their errors on the simulator."""
 
 import numpy as np
 import pytest
@@ -7,12 +7,14 @@ from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
-from mecanum_env.model import paper_model
-from training.controllers import Lqr, Proportional, Smith
+from mecanum_env.model import Robot, paper_model
+from mecanum_env.simulator.robot import RobotSession
+from training.controllers import Lqr, PoseController, Proportional, Smith
 from training.controllers.lqr import Weights, axis_dynamics, riccati_gain
 from training.controllers.prediction.observed_motion import Delays
 
 LAW = paper_model().wheel.law
+ZERO = np.zeros(3)
 weights = st.builds(Weights, st.floats(0.005, 0.5), st.floats(0.05, 2.0))
 
 
@@ -121,3 +123,48 @@ def test_a_known_latency_costs_little(tracking_error):
     aware = tracking_error("smith", 4, model)
     blind = tracking_error("smith", 4, model, known=paper_model())
     assert aware < 0.9 * blind
+
+
+@pytest.fixture
+def pose_controller() -> PoseController:
+    return PoseController(Robot())
+
+
+@pytest.mark.parametrize(
+    ("wanted", "theta"), [((1, 0, 0), 0), ((0, 1, 0), 90), ((-1, 0, 0), 180), ((0, -1, 0), -90)]
+)
+def test_pose_control_drives_towards_the_target(pose_controller, wanted, theta):
+    v, direction, vc = pose_controller.command(ZERO, np.array(wanted, float), ZERO)
+    assert (v > 0, direction, vc) == (True, theta, 0)
+
+
+def test_pose_control_asks_for_the_direction_in_the_body_frame(pose_controller):
+    facing_left = np.array([0.0, 0.0, np.pi / 2])
+    _, direction, _ = pose_controller.command(facing_left, np.array([1.0, 0.0, np.pi / 2]), ZERO)
+    assert direction == -90
+
+
+def test_pose_control_turns_the_short_way(pose_controller):
+    _, _, vc = pose_controller.command(np.array([0, 0, 3.0]), np.array([0, 0, -3.0]), ZERO)
+    assert vc > 0
+
+
+def test_pose_control_stays_within_the_limit_in_whole_numbers(pose_controller):
+    v, theta, vc = pose_controller.command(ZERO, np.array([30.0, -20.0, 2.0]), ZERO)
+    assert all(isinstance(x, int) for x in (v, theta, vc))
+    assert abs(v) * np.sqrt(2) + abs(vc) <= 135 * np.sqrt(2) + 2
+
+
+@pytest.mark.parametrize("plant", ["planar", "rollers"])
+def test_pose_control_follows_a_circle_within_five_centimetres(pose_controller, plant):
+    radius, rate = 0.5, 1.0
+    session = RobotSession(paper_model(), plant)
+    errors = []
+    for k in range(60):
+        angle = rate * k * 0.1
+        wanted = np.array([radius * np.sin(angle), radius * (1 - np.cos(angle)), angle])
+        twist = np.array([radius * rate * np.cos(angle), radius * rate * np.sin(angle), rate])
+        errors.append(np.linalg.norm(wanted[:2] - session.pose[:2]))
+        session.advance(*pose_controller.command(session.pose, wanted, twist))
+    assert max(errors[20:]) < 0.05
+    assert session.time_s == pytest.approx(6.0)

@@ -1,6 +1,7 @@
-"""A policy file and the controller that it makes, with numpy alone."""
+"""Policy files and the controllers that they make, with NumPy alone; the bundled ones and their cards."""
 
 import itertools
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.model import paper_model
 from mecanum_env.tankendo.actions import action_to_command
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
@@ -23,6 +25,10 @@ from training.controllers.policy import (
     save_policy,
     stack_features,
 )
+from training.evaluate import Setup, evaluate
+
+BUNDLED = sorted(bundled().parent.glob("*.npz"))
+EPISODES = range(100_000, 100_080)
 
 
 @pytest.fixture
@@ -165,3 +171,31 @@ def test_features_of_many_are_those_of_each():
     seen = np.random.default_rng(4).normal(size=(5, 3, 20))
     for index in np.ndindex(5, 3):
         np.testing.assert_array_equal(features(seen)[index], features(seen[index]))
+
+
+@pytest.mark.parametrize("path", BUNDLED, ids=lambda path: path.stem)
+def test_its_card_is_of_this_very_file(path):
+    policy = load_policy(path)
+    card = json.loads(path.with_suffix(".json").read_text())
+    assert card["about"] == policy.about
+    text = path.with_suffix(".md").read_text()
+    for row in card["rows"]:
+        assert f"{row['policy']['successes'] / row['policy']['trials']:.3f}" in text
+    assert path.stat().st_size < 200_000
+
+
+@pytest.mark.parametrize("path", BUNDLED, ids=lambda path: path.stem)
+def test_it_wins_as_often_as_its_card_says(path):
+    policy = load_policy(path)
+    card = json.loads(path.with_suffix(".json").read_text())
+    said = next(
+        row["policy"] for row in card["rows"] if (row["physics"], row["difficulty"]) == ("planar", "normal")
+    )
+    played = evaluate(
+        lambda *_: Policy(policy.network, policy.about), Setup(paper_model()), EPISODES
+    ).episodes
+    successes = sum(episode.success for episode in played)
+    share = said["successes"] / said["trials"]
+    # Four standard deviations of the number of successes, other episodes being others.
+    spread = 4.0 * np.sqrt(len(EPISODES) * share * (1.0 - share))
+    assert abs(successes - share * len(EPISODES)) <= max(spread, 3.0)

@@ -1,1 +1,1 @@
-"""Controllers for the Mecanum robot: pose in, whole V, theta, VC out, ten times a second."""
+"""Controllers of the Mecanum robot: their training, evaluation, certificates and videos."""

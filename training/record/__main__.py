@@ -67,7 +67,7 @@ def main(
     from mecanum_env.tankendo.env import TankendoEnv
     from training.certify.plants import robot_variants, select_variants
     from training.controllers.named import make_controller
-    from training.record.rollout import AFTER_S, Rollout, outcome
+    from training.record.rollout import AFTER_S, outcome, rollout_frames
 
     if env not in ENVIRONMENTS:
         raise InputError(f"env = {env!r}{did_you_mean(env, ENVIRONMENTS)}, must be {', '.join(ENVIRONMENTS)}")
@@ -93,13 +93,21 @@ def main(
     if not 0.0 <= still_s <= longest_s:
         raise InputError(f"still_time = {still_s:g}, must be within the film, 0 to {longest_s:g} s")
     player = make_controller(controller, known, arena=world.arena, seed=seed)
-    title = f"{controller}, {variant.name}, seed {seed}"
-    rollout = Rollout(world, player, known, seed=seed, width=width, height=height, fps=fps, title=title)
+    drawn = rollout_frames(
+        world,
+        player,
+        known,
+        variant.physics,
+        seed=seed,
+        width=width,
+        height=height,
+        fps=fps,
+        title=f"{controller}, {variant.name}, seed {seed}",
+    )
     kept: list[Frame] = []
 
     def frames() -> Iterator[Frame]:
-        drawn = tqdm(rollout.frames(variant.physics), desc="drawing", unit="frame", disable=None)
-        for i, frame in enumerate(drawn):
+        for i, frame in enumerate(tqdm(drawn, desc="drawing", unit="frame", disable=None)):
             if i <= still_s * fps:
                 kept[:] = [frame]
             yield frame

@@ -155,13 +155,25 @@ def _font(size: int) -> ImageFont.FreeTypeFont:
     return font
 
 
-class Rollout:
-    """One episode as frames.
+def rollout_frames(
+    env: TankendoEnv,
+    controller: Controller,
+    known: Model,
+    plant: RobotPlant,
+    *,
+    seed: int = 0,
+    width: int = 640,
+    height: int = 480,
+    fps: float = 30.0,
+    title: str = "",
+) -> Iterator[Frame]:
+    """Play an episode and return its frames, each (height, width, 3).
 
     Args:
         env: an environment with `action_mode="command"`.
         controller: the controller, ready for an episode.
         known: the robot as the controller knows it; its kinematics give the commanded speed.
+        plant: the simulated system of the environment.
         seed: of the episode.
         width: of the frames [pixels], even.
         height: of the frames [pixels], even.
@@ -171,65 +183,44 @@ class Rollout:
     Raises:
         InputError: a size is odd, too small or too large, the seed is negative, or `fps` is out of range.
     """
+    for name, pixels in (("width", width), ("height", height)):
+        least = _SMALLEST[name]
+        if pixels % 2 or not least <= pixels <= LARGEST_PX:
+            raise InputError(f"{name} = {pixels} pixels, must be an even number from {least} to {LARGEST_PX}")
+    require_at_least(0, seed=seed)
+    if not 1.0 <= fps <= 240.0:
+        raise InputError(f"fps = {fps}, must be 1 to 240")
+    strip_height = 2 * round(STRIP_SHARE * height / 2)
+    strip = Strip(_panels(known), width, strip_height, title)
 
-    def __init__(
-        self,
-        env: TankendoEnv,
-        controller: Controller,
-        known: Model,
-        *,
-        seed: int = 0,
-        width: int = 640,
-        height: int = 480,
-        fps: float = 30.0,
-        title: str = "",
-    ) -> None:
-        for name, pixels in (("width", width), ("height", height)):
-            least = _SMALLEST[name]
-            if pixels % 2 or not least <= pixels <= LARGEST_PX:
-                raise InputError(
-                    f"{name} = {pixels} pixels, must be an even number from {least} to {LARGEST_PX}"
-                )
-        require_at_least(0, seed=seed)
-        if not 1.0 <= fps <= 240.0:
-            raise InputError(f"fps = {fps}, must be 1 to 240")
-        self._env, self._controller, self._known, self._seed = env, controller, known, seed
-        self._width, self._fps, self._title = width, fps, title
-        self._strip_height = 2 * round(STRIP_SHARE * height / 2)
-        self._picture_height = height - self._strip_height
-
-    def frames(self, plant: RobotPlant) -> Iterator[Frame]:
-        """Play the episode; yield its frames, (height, width, 3).
-
-        Args:
-            plant: the simulated system of the environment.
-        """
-        env, arena = self._env, self._env.arena
-        observation, _ = env.reset(seed=self._seed)
-        painter = Painter(arena, plant, self._width, self._picture_height)
-        strip = Strip(_panels(self._known), self._width, self._strip_height, self._title)
-        samples = [_sample(arena, self._known)]
-        each = max(1, round(self._fps * arena.step_s))
+    def frames() -> Iterator[Frame]:
+        arena = env.arena
+        observation, _ = env.reset(seed=seed)
+        painter = Painter(arena, plant, width, height - strip_height)
+        samples = [_sample(arena, known)]
+        each = max(1, round(fps * arena.step_s))
         over = False
         try:
             frame = _stacked(painter.frame(), strip, 0.0, samples)
             yield frame
             while not over:
                 before = arena.robots.qpos(0)
-                action = command_to_action(self._controller.act(observation))
+                action = command_to_action(controller.act(observation))
                 observation, _, terminated, truncated, _ = env.step(action)
                 over, after = terminated or truncated, arena.robots.qpos(0)
-                samples.append(_sample(arena, self._known))
+                samples.append(_sample(arena, known))
                 for i in range(1, each + 1):
                     share = i / each
                     ago_s = (1.0 - share) * arena.step_s
                     picture = painter.frame(ago_s, before + share * (after - before))
                     frame = _stacked(picture, strip, samples[-1][0] - ago_s, samples)
                     yield frame
-            for _ in range(round(AFTER_S * self._fps)):
+            for _ in range(round(AFTER_S * fps)):
                 yield frame
         finally:
             painter.close()
+
+    return frames()
 
 
 def outcome(arena: Arena) -> str:
@@ -241,9 +232,9 @@ def outcome(arena: Arena) -> str:
 
 def _panels(known: Model) -> tuple[Panel, ...]:
     """Return the plots, with axes up to the speeds that the wheels can reach."""
-    ceiling = min(known.wheel.saturation_rpm, 200.0)
-    speed = float(command_to_twist(ceiling, 0.0, 0.0, known.robot)[0])
-    turn = float(np.rad2deg(command_to_twist(0.0, 0.0, ceiling, known.robot)[2]))
+    fastest = min(known.wheel.saturation_rpm, 200.0)
+    speed = float(command_to_twist(fastest, 0.0, 0.0, known.robot)[0])
+    turn = float(np.rad2deg(command_to_twist(0.0, 0.0, fastest, known.robot)[2]))
     wide = float(np.ceil(10.0 * speed) / 10.0)
     return (
         Panel("ahead, m/s", wide),

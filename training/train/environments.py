@@ -23,7 +23,7 @@ from training.train.settings import Settings
 
 HALF_LATENCY_S: Final = EXTRA_LATENCY_S / 2
 """Extra latency of the robot "a little late" [s]: half of that in a certificate."""
-HALF_CEILING: Final = 0.85
+REDUCED_SPEED: Final = 0.85
 """Maximum wheel speed of the robot "a little slow", relative to the model's; this project's choice."""
 CLIP: Final = 10.0
 """Largest absolute value of a normalised observation."""
@@ -39,7 +39,7 @@ def level_models(model: Model) -> dict[str, Model]:
     They are the model itself, with latency, with the losses that the paper measured, and in between.
     """
     own = model.effects.get("command_latency", {}).get("delay_s", 0.0)
-    limit = HALF_CEILING * min(model.wheel.saturation_rpm, FULL_V_RPM)
+    limit = REDUCED_SPEED * min(model.wheel.saturation_rpm, FULL_V_RPM)
     return {
         "nominal": model,
         "a little late": model.with_effect("command_latency", delay_s=own + HALF_LATENCY_S),

@@ -25,8 +25,8 @@ LENIENT = [
 ]
 
 
-def lasting(certificate) -> bytes:
-    """Return the certificate as it is written, without what hangs on the machine."""
+def reproducible(certificate) -> bytes:
+    """Return the certificate as it is written, without what depends on the machine."""
     value = certificate_to_dict(certificate)
     return json.dumps({name: item for name, item in value.items() if name not in MACHINE}).encode()
 
@@ -34,10 +34,10 @@ def lasting(certificate) -> bytes:
 def test_the_same_certificate_bit_for_bit_whatever_the_number_of_jobs(small):
     again = certify("retreat", paper_model(), Options(4, ("latency", "with-backlash"), jobs=2))
     assert again == small
-    assert lasting(again) == lasting(small)
+    assert reproducible(again) == reproducible(small)
 
 
-def test_the_figures_are_those_of_the_episodes(small, paper):
+def test_the_results_are_those_of_the_episodes(small, paper):
     played = evaluate(controller_factory("retreat", paper), Setup(paper), range(4)).episodes
     assert small.nominal.success.successes == sum(one.success for one in played)
     late = paper.with_effect("command_latency", delay_s=0.1)

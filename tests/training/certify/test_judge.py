@@ -1,4 +1,4 @@
-"""Figures of hand-made episodes, and what they make of the thresholds."""
+"""Metrics of hand-made episodes and their comparison with the thresholds."""
 
 from dataclasses import replace
 
@@ -66,7 +66,7 @@ def judged(nominal_plant, episode, **thresholds):
     return {one.name: one for one in checks(good, bad, curve, track, Thresholds(**thresholds))}
 
 
-def test_the_worse_end_of_the_interval_is_held_against_the_threshold(nominal_plant, episode):
+def test_the_worse_end_of_the_interval_is_compared_with_the_threshold(nominal_plant, episode):
     found = judged(nominal_plant, episode, success=0.95, worst_success=0.65)
     assert found["nominal success"].value == pytest.approx(share(100, 100).low)
     assert found["nominal success"].passed
@@ -76,7 +76,7 @@ def test_the_worse_end_of_the_interval_is_held_against_the_threshold(nominal_pla
     assert found["warning for 90% success"].passed
 
 
-def test_a_figure_that_is_not_defined_does_not_pass(nominal_plant, episode):
+def test_a_metric_that_is_not_defined_does_not_pass(nominal_plant, episode):
     plant = variant_result(nominal_plant, [episode(0, False, settling_s=None)], None)
     track = tracking_result([episode(0, distance_error_m=None)])
     curve = warning_curve([0.3, 0.6], [0, 0], resamples=5)

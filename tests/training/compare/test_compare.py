@@ -1,4 +1,4 @@
-"""All controllers in one table: the same figures as certificates, whatever plays at a time."""
+"""All controllers in one table, with the same results as in certificates."""
 
 import json
 
@@ -26,7 +26,7 @@ def successes(name, setup, paper):
     return sum(one.success for one in evaluate(controller_factory(name, paper), setup, range(4)).episodes)
 
 
-def test_the_figures_are_those_of_the_episodes(found, paper):
+def test_the_results_are_those_of_the_episodes(found, paper):
     assert [row.controller for row in found.rows] == list(NAMES)
     row = found.rows[1]
     assert (
@@ -69,7 +69,7 @@ def test_a_list_that_makes_no_table_is_refused(paper, names, message):
         compare(names, paper, episodes=1)
 
 
-def test_the_program_writes_figures_and_page(tmp_path, capsys):
+def test_the_program_writes_results_and_page(tmp_path, capsys):
     out, page = tmp_path / "c.json", tmp_path / "docs" / "c.md"
     arguments = ["still", "--episodes", "1", "--no-rollers", "--jobs", "1", "--out", str(out)]
     assert run(main, [*arguments, "--markdown", str(page)]) == 0

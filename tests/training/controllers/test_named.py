@@ -115,7 +115,7 @@ def test_no_name_at_all_is_not_the_current_folder():
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-10, 10))
 def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
-    """No wheel is asked for more than its ceiling, and what is asked is the wanted twist times a factor."""
+    """No wheel is asked for more than its maximum speed; the command is the wanted twist times a factor."""
     robot = paper_model().robot
     v, theta, vc = twist_command(vx, vy, turn, robot)
     wheels = command_to_wheels(v, theta, vc)
@@ -131,7 +131,7 @@ def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
 
 
 @pytest.mark.parametrize("name", ["p", "smith", "lqr", "mpc", "sidestep", "retreat"])
-def test_the_ceiling_is_that_of_the_model(name):
+def test_the_maximum_wheel_speed_is_that_of_the_model(name):
     model = paper_model()
     model = replace(model, wheel=replace(model.wheel, saturation_rpm=60.0))
     controller = make_controller(name, model)

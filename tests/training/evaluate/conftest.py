@@ -37,7 +37,7 @@ def echo() -> Callable[..., Any]:
 
 @pytest.fixture
 def recording() -> Callable[..., Recording]:
-    """Return a maker of successful episodes from distances [m], at rest and facing unless told otherwise."""
+    """Return a maker of successful episodes from distances [m], at rest and facing by default."""
 
     def make(distance_m, **columns: Any) -> Recording:
         n = len(distance_m)

@@ -36,7 +36,7 @@ def test_what_leaves_the_band_at_the_end_never_settles():
     assert settling_time(TIME[:3], np.array([True, True, True])) == 0.0
 
 
-def test_a_wheel_at_its_ceiling_within_the_rounding_is_saturated():
+def test_a_wheel_at_its_maximum_speed_within_the_rounding_is_saturated():
     asked = np.array([[0, 0, 134.5, 0], [133, -133, 0, 0], [0, -200, 0, 0]])
     assert is_saturated(asked, 135.0, 1.0).tolist() == [True, False, True]
     assert not is_saturated(asked, np.inf, 1.0).any()

@@ -112,9 +112,9 @@ def test_no_episode_is_refused(paper):
 def test_each_job_is_played_and_reported(paper):
     """A test of certificates shows that the number of processes changes nothing."""
     jobs = {key: Job(key, "still", Setup(paper), count) for key, count in (("a", 1), ("b", 3), ("c", 2))}
-    told = []
-    one = play_jobs(jobs, 1, lambda name, count: told.append((name, count)))
-    assert told == [("a", 1), ("b", 3), ("c", 2)]
+    reported = []
+    one = play_jobs(jobs, 1, lambda name, count: reported.append((name, count)))
+    assert reported == [("a", 1), ("b", 3), ("c", 2)]
     assert {key: len(found.episodes) for key, found in one.items()} == {"a": 1, "b": 3, "c": 2}
 
 

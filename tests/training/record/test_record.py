@@ -10,7 +10,7 @@ from mecanum_env.tankendo.env import TankendoEnv
 from training.controllers.scripted import Still
 from training.evaluate import Setup, controller_factory, evaluate
 from training.record.__main__ import main
-from training.record.rollout import Rollout
+from training.record.rollout import rollout_frames
 
 SMALL = ("--physics", "planar", "--width", "320", "--height", "240", "--fps", "10")
 
@@ -38,7 +38,7 @@ def test_the_plots_are_under_the_picture(video):
 
 def test_pictures_between_two_steps_are_between_them(paper):
     env = TankendoEnv(model=paper, action_mode="command")
-    frames = Rollout(env, Still(), paper, width=320, height=240, fps=20).frames("planar")
+    frames = rollout_frames(env, Still(), paper, "planar", width=320, height=240, fps=20)
     first, between, after = (next(frames)[60:160].astype(float) for _ in range(3))
     frames.close()
     assert 0.0 < np.abs(between - first).mean() < np.abs(after - first).mean()
@@ -74,4 +74,4 @@ def test_bad_arguments_are_one_sentence(tmp_path, capsys):
 def test_a_frame_rate_of_nothing_is_refused(paper):
     env = TankendoEnv(model=paper, action_mode="command")
     with pytest.raises(InputError, match="fps = 0"):
-        Rollout(env, Still(), paper, fps=0.0)
+        rollout_frames(env, Still(), paper, "planar", fps=0.0)

@@ -1,4 +1,4 @@
-"""Cards and curves: their figures come from episodes and runs, and from nowhere else."""
+"""Cards and curves show the results of episodes and runs."""
 
 import json
 from dataclasses import asdict

@@ -1,8 +1,8 @@
-"""What training reaches, over seeds: success after all steps, and how soon it passes the scripted retreat.
+"""Success of training over several seeds: after all steps, and how soon it exceeds the scripted retreat.
 
 Example: python benchmarks/train.py --out out/bench/train.json
 
-Interrupted, it goes on where it was; what is trained already is not trained again.
+An interrupted benchmark continues where it was; finished runs are not trained again.
 """
 
 from __future__ import annotations
@@ -16,39 +16,38 @@ from tqdm import tqdm
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from training.controllers.policy import Policy, load_policy
-from training.evaluate import Setup, evaluate, mean, named_maker
+from training.evaluate import ControllerFactory, Setup, controller_factory, evaluate, mean
 from training.train import run as training
-from training.train.checkpoint import newest_checkpoint, read_run, read_state
+from training.train.checkpoint import has_checkpoint, newest_checkpoint, read_run, read_state
 from training.train.environments import model_of
 from training.train.export import commit, versions
+from training.train.run import DEVELOPMENT_SEEDS
 from training.train.settings import Algorithm, Settings
-from training.train.watch import DEVELOPMENT_SEEDS
 
 BUDGET_S = 600.0
-"""In which training should pass the scripted retreat, by the clock [s]."""
+"""Wall-clock time in which training should exceed the scripted retreat [s]."""
 TARGET = 0.85
-"""Success after all steps."""
+"""Required success after all steps."""
 
 
 def trained(settings: Settings, folder: Path) -> list[dict[str, Any]]:
-    """Train, or go on, until the run is over; return its learning curve."""
+    """Train or resume until the run is over; return its learning curve."""
     if not (folder / "run.json").exists():
         state = training.train(settings, folder)
     else:
         stored, _ = read_run(folder)
         if stored != settings:
             raise SystemExit(f"{folder}: trained with other settings; give another --out or remove it")
-        done = any((folder / "checkpoints").glob("[0-9]*"))
-        state = read_state(newest_checkpoint(folder)) if done else None
+        state = read_state(newest_checkpoint(folder)) if has_checkpoint(folder) else None
         if state is None or state.steps_done < settings.steps:
             state = training.resume(folder)
     return [asdict(point) for point in state.curve]
 
 
-def success(settings: Settings, maker: Any, seeds: range) -> float:
-    """Return the share of successes on some seeds."""
+def success(settings: Settings, factory: ControllerFactory, seeds: range) -> float:
+    """Return the share of successes in the episodes with these seeds."""
     setup = Setup(model_of(settings), settings.plant, settings.task, settings.difficulty)
-    return float(sum(one.success for one in evaluate(maker, setup, seeds).episodes) / len(seeds))
+    return float(sum(one.success for one in evaluate(factory, setup, seeds).episodes) / len(seeds))
 
 
 def main(
@@ -59,20 +58,20 @@ def main(
     checkpoint_every: int = 100_000,
     episodes: int = 500,
 ) -> None:
-    """Train with several seeds and print what they reach.
+    """Train with several seeds and print their success.
 
     Args:
-        out: JSON to write; the runs are in a folder of the same name beside it.
+        out: JSON file to write; the runs are in a folder of the same name beside it.
         algo: ppo or sac.
-        seeds: of the runs.
-        steps: of each.
-        checkpoint_every: points of the learning curve are so many steps apart.
-        episodes: of the final figure, seeds 0, 1, ...
+        seeds: seeds of the runs.
+        steps: number of steps of each run.
+        checkpoint_every: steps between two points of the learning curve.
+        episodes: number of episodes of the final evaluation, with the seeds 0, 1, ...
     """
     settings = Settings(algo=algo, steps=steps, checkpoint_every=checkpoint_every)
-    retreat_maker = named_maker("retreat", model_of(settings))
-    watched = success(settings, retreat_maker, DEVELOPMENT_SEEDS)
-    retreat = success(settings, retreat_maker, range(episodes))
+    baseline = controller_factory("retreat", model_of(settings))
+    watched = success(settings, baseline, DEVELOPMENT_SEEDS)
+    retreat = success(settings, baseline, range(episodes))
     runs: list[dict[str, Any]] = []
     over_seeds = None
     for seed in tqdm(seeds, desc="seeds", disable=None):

@@ -243,11 +243,11 @@ def on_models(controller: str, improved: Model, known: Model, scale: Scale) -> d
         known: what the controller was made for.
         scale: of the story; the fights are those of the certificate.
     """
-    from training.certify.plants import plants, select
+    from training.certify.plants import robot_variants, select_variants
     from training.evaluate import Job, Setup
 
     jobs = {}
-    for plant in select(plants(improved, scale.fights), ("nominal", "effects")):
+    for plant in select_variants(robot_variants(improved, scale.fights), ("nominal", "effects")):
         name = IMPROVED if plant.name == "nominal" else plant.name
         if name != "bare":  # that is the fit, which its certificate was made on
             jobs[name] = Job(name, controller, Setup(plant.model, plant.physics, known=known), scale.episodes)

@@ -1,4 +1,4 @@
-"""Controllers for the Mecanum robot: pose in, whole V, theta, VC out, ten times a second."""
+"""Controllers of the Mecanum robot: their training, evaluation, certificates and videos."""
 
 from typing import TYPE_CHECKING
 
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from training.controllers.interface import Controller
     from training.controllers.named import make_controller
     from training.controllers.policy import load_policy
-    from training.evaluate import Evaluation, Setup, named_maker
+    from training.evaluate import Evaluation, Setup, controller_factory
     from training.evaluate import evaluate as evaluate_controller
     from training.train.run import train as train_policy
     from training.train.settings import Settings as TrainingSettings
@@ -30,10 +30,10 @@ __all__ = [
     "TrainingSettings",
     "certify_controller",
     "compare_controllers",
+    "controller_factory",
     "evaluate_controller",
     "load_policy",
     "make_controller",
-    "named_maker",
     "read_certificate",
     "train_policy",
     "write_certificate",

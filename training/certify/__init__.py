@@ -1,14 +1,12 @@
-"""Certifying a controller: fixed episodes on many plants, figures with intervals, pass or fail.
+"""Certifying a controller: fixed episodes on many plants, metrics with intervals, pass or fail.
 
-plants   the robots that it is played on
-run      what is played, and the certificate that comes of it
-warning  success against warning time
-figures  from episodes to figures
-judge    figures against thresholds
-records  what a certificate holds
-codec    a certificate as a file
-table    a certificate as text
-page     a certificate as one HTML page
+plants       the variants of the robot that it is played on
+run          what is played, and the certificate of the results
+warning      success against warning time
+thresholds   what a controller must reach
+judge        metrics against thresholds
+certificate  the content of a certificate, and its JSON file
+report       a certificate as text and as an HTML page
 """
 
 from typing import TYPE_CHECKING
@@ -17,7 +15,7 @@ from mecanum_env.lazy import lazy_exports
 
 if TYPE_CHECKING:
     from training.certify.certificate import Certificate, read_certificate, write_certificate
-    from training.certify.plants import NamedPlant, select
+    from training.certify.plants import RobotVariant, robot_variants, select_variants
     from training.certify.report import certificate_table, write_certificate_page
     from training.certify.run import Options, certify
     from training.certify.thresholds import Thresholds
@@ -26,13 +24,14 @@ else:
 
 __all__ = [
     "Certificate",
-    "NamedPlant",
     "Options",
+    "RobotVariant",
     "Thresholds",
     "certificate_table",
     "certify",
     "read_certificate",
-    "select",
+    "robot_variants",
+    "select_variants",
     "write_certificate",
     "write_certificate_page",
 ]

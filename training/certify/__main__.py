@@ -27,7 +27,7 @@ def main(
     jobs: int = 0,
     thresholds: Thresholds = Thresholds(),  # noqa: B008  (frozen; its values are the help's defaults)
 ) -> int:
-    """Play a controller on many plants; write its figures and whether they meet the thresholds.
+    """Play a controller on many plants; write its metrics and whether they meet the thresholds.
 
     Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input.
 
@@ -35,17 +35,17 @@ def main(
 
     Args:
         controller: Name of a controller (random, still, p, smith, lqr, retreat, sidestep, mpc, oracle,
-            policy; with +compensated behind it: with the model's effects compensated), or path of a trained
+            policy; followed by +compensated: with the model's effects compensated), or path of a trained
             policy.
         model: Model file of the robot; by default the packaged one.
-        episodes: Of each plant, seeded 0, 1, ...
+        episodes: Number of episodes per plant, with the seeds 0, 1, ...
         plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if), or
-            all of them.
+            all.
         out: Folder to write.
-        physics: planar is fast; rollers puts every plant on its rollers.
-        difficulty: Of the opponent: easy, normal or hard.
-        jobs: Plants at a time; the result is the same with any number. 0: as many as there are processors.
-        thresholds: What it takes to pass; each is held against the worse end of the figure's interval.
+        physics: planar, which is fast, or rollers: every roller on the floor, on all plants.
+        difficulty: Difficulty of the opponent: easy, normal or hard.
+        jobs: Number of parallel processes, which does not change the result; 0: as many as processors.
+        thresholds: What a controller must reach; compared with the worse end of the metric's interval.
 
     Returns:
         The exit code.

@@ -1,7 +1,4 @@
-"""What a certificate holds.
-
-A certificate as a JSON file, and back.
-"""
+"""What a certificate holds, and its JSON file."""
 
 from __future__ import annotations
 
@@ -17,14 +14,16 @@ from typing import Any, Final, Literal
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
 from training.certify.plants import Group
-from training.certify.thresholds import Thresholds as Thresholds
+from training.certify.thresholds import Thresholds
 from training.certify.warning import WarningCurve
 from training.evaluate import Mean, Share
 
+FORMAT: Final = "mecanum-certificate/1"
+
 
 @dataclass(frozen=True)
-class PlantFigures:
-    """What the episodes of the dodge on one plant gave."""
+class VariantResult:
+    """Metrics of the dodge on one plant."""
 
     name: str
     group: Group
@@ -32,110 +31,112 @@ class PlantFigures:
     physics: str
     success: Share
     by_technique: Mapping[str, Share]
-    """What the opponent strikes with -> success."""
+    """Technique of the opponent -> success."""
     failures: Mapping[str, int]
-    """Why episodes failed -> how many."""
+    """Reason of failure -> number of episodes."""
     change: Mean | None
     """Success minus that on the nominal plant, seed by seed; None on the nominal plant itself."""
     settling_s: Mean | None
-    """Time until at maai and facing, of the episodes that get there [s]."""
+    """Time until the robot is at maai and facing, over the episodes in which it gets there [s]."""
     overshoot: Mean | None
     saturated_share: Mean
     speed_error_m_s: Mean
-    """Root mean square of commanded minus actual velocity [m/s]."""
+    """RMS of the commanded minus the actual velocity [m/s]."""
     duration_s: Mean
     total_reward: Mean
 
 
 @dataclass(frozen=True)
-class TrackFigures:
-    """What the tracking task gave on the nominal plant."""
+class TrackingResult:
+    """Metrics of the tracking task on the nominal plant."""
 
     success: Share
     distance_error_m: Mean | None
-    """Root mean square of distance - maai, episode by episode [m]; None if none lasted until it counts."""
+    """RMS of distance - maai of an episode [m]; None if no episode lasted until tracking counts."""
     bearing_error_rad: Mean | None
-    """The same of the bearing [rad]."""
+    """RMS of the bearing of an episode [rad]."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """Processor time for a command, on the machine that wrote the certificate."""
+    """Processor time per command, on the machine that wrote the certificate."""
 
     p50_s: float
     p99_s: float
     longest_s: float
     commands: int
-    """That were timed."""
+    """Number of timed commands."""
 
 
 @dataclass(frozen=True)
 class Check:
-    """One threshold."""
+    """The comparison of one metric with its threshold."""
 
     name: str
     text: str
-    """What is held against the limit, with its interval."""
+    """The metric with its interval."""
     value: float | None
     """The worse end of the interval; None: not defined, which does not pass."""
     sense: Literal["at least", "at most"]
     limit: float
     unit: str
-    """Of the value and the limit; empty for shares."""
+    """Unit of value and limit; empty for shares."""
     passed: bool
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """All figures of a controller; two of the same controller, model and seeds are equal."""
+    """The results of a controller; equal for the same controller, model and seeds."""
 
     controller: str
-    plants: tuple[PlantFigures, ...]
+    plants: tuple[VariantResult, ...]
     """The nominal one first."""
     warning: WarningCurve
-    track: TrackFigures
+    track: TrackingResult
     thresholds: Thresholds
     checks: tuple[Check, ...]
-    """All but the one of the time for a command."""
+    """All but that of the time per command."""
     notes: tuple[str, ...]
     provenance: Mapping[str, str | int]
     timing: Timing = field(compare=False)
-    """Of the machine, so it does not count in `==`."""
+    """Depends on the machine and is ignored by `==`."""
     timing_check: Check = field(compare=False)
 
     @property
-    def nominal(self) -> PlantFigures:
-        """The model itself."""
+    def nominal(self) -> VariantResult:
+        """The result on the model itself."""
         return self.plants[0]
 
     @property
-    def worst(self) -> PlantFigures:
-        """The plant with the least success, the first of several."""
+    def worst(self) -> VariantResult:
+        """The result on the plant with the smallest success, the first one of several."""
         return min(self.plants, key=lambda plant: plant.success.value)
+
+    @property
+    def all_checks(self) -> tuple[Check, ...]:
+        """All checks, that of the time per command last."""
+        return (*self.checks, self.timing_check)
 
     @property
     def passed(self) -> bool:
         """Whether every check passed."""
-        return all(check.passed for check in (*self.checks, self.timing_check))
-
-
-FORMAT: Final = "mecanum-certificate/1"
+        return all(check.passed for check in self.all_checks)
 
 
 def certificate_to_dict(certificate: Certificate) -> dict[str, Any]:
     """Return a certificate as a JSON object.
 
-    Only `timing`, `timing_check` and, where the time decides, `passed` hang on the machine.
+    Only `timing`, `timing_check` and, if the time decides, `passed` depend on the machine.
     """
     head = {"format": FORMAT, "passed": certificate.passed, "worst_plant": certificate.worst.name}
     return head | asdict(certificate)
 
 
 def certificate_from_dict(value: Mapping[str, Any]) -> Certificate:
-    """Build a certificate from a JSON object, the value that `certificate_to_dict` returns.
+    """Return the certificate in a JSON object, a value that `certificate_to_dict` returned.
 
     Raises:
-        InputError: another format, or a field that is missing or of another kind.
+        InputError: the format is another one, or a field is missing or of another type.
     """
     if value.get("format") != FORMAT:
         raise InputError(f'"format" is {value.get("format")!r}, must be "{FORMAT}"')
@@ -149,10 +150,10 @@ def write_certificate(certificate: Certificate, path: str | os.PathLike[str]) ->
 
 
 def read_certificate(path: str | os.PathLike[str]) -> Certificate:
-    """Read a certificate from a path: what `write_certificate` was given.
+    """Read the certificate in a file, given by its path.
 
     Raises:
-        InputError: no such file, not JSON, or not a certificate.
+        InputError: there is no such file, or it is not JSON or not a certificate.
     """
     path = Path(path)
     try:
@@ -170,7 +171,7 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
 
 
 def _read(kind: Any, value: Any, where: str) -> Any:
-    """Build a value of a type out of what JSON made of it."""
+    """Return a value of type `kind` from its JSON form; `where` names it in messages."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin is types.UnionType:
         choices = [one for one in arguments if one is not types.NoneType]

@@ -1,83 +1,39 @@
-"""Pass or fail: each figure's worse end against its threshold."""
+"""Pass or fail: the worse end of each metric's interval against its threshold."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import fields
-
-from mecanum_env.errors import InputError
-from training.certify.certificate import Check, PlantFigures, Thresholds, Timing, TrackFigures
+from training.certify.certificate import Check, Timing, TrackingResult, VariantResult
+from training.certify.thresholds import Thresholds
 from training.certify.warning import WarningCurve
 from training.evaluate import Mean, Share
 
 
-def require_valid(thresholds: Thresholds) -> None:
-    """Refuse thresholds that no figure can be held against.
-
-    Raises:
-        InputError: one that is not a number from 0 on, or a share above 1.
-    """
-    for one in fields(thresholds):
-        value = getattr(thresholds, one.name)
-        most = 1.0 if one.name in ("success", "worst_success", "saturated_share") else math.inf
-        if not 0.0 <= value <= most:
-            end = " to 1" if most == 1.0 else " on"
-            raise InputError(f"thresholds: {one.name} = {value}, must be a number from 0{end}")
-
-
 def checks(
-    nominal: PlantFigures,
-    worst: PlantFigures,
+    nominal: VariantResult,
+    worst: VariantResult,
     warning: WarningCurve,
-    track: TrackFigures,
+    track: TrackingResult,
     thresholds: Thresholds,
 ) -> tuple[Check, ...]:
-    """Return every check but that of the time for a command.
-
-    Args:
-        nominal: the nominal plant.
-        worst: the one with the least success.
-        warning: success against warning.
-        track: the tracking task.
-        thresholds: what it takes.
-    """
-    least, most = _at_least, _at_most
-    t = thresholds
-    followed = track.distance_error_m
+    """Return all checks except that of the time per command, from the results on these plants and tasks."""
+    least, most, t = _at_least, _at_most, thresholds
+    distance, settling, overshoot = track.distance_error_m, nominal.settling_s, nominal.overshoot
+    worst_text = f"{share_text(worst.success)} on {worst.name}"
+    saturated = nominal.saturated_share
+    needed = warning.high_s if warning.needed_s is not None else None
     return (
         least("nominal success", share_text(nominal.success), nominal.success.low, t.success),
-        least(
-            "worst-plant success",
-            f"{share_text(worst.success)} on {worst.name}",
-            worst.success.low,
-            t.worst_success,
-        ),
-        most(
-            f"warning for {warning.target:.0%} success",
-            warning_text(warning),
-            warning.high_s if warning.needed_s is not None else None,
-            t.warning_s,
-            "s",
-        ),
-        most("tracking error", mean_text(followed, "m"), _high(followed), t.tracking_m, "m"),
-        most("settling", mean_text(nominal.settling_s, "s"), _high(nominal.settling_s), t.settling_s, "s"),
-        most("overshoot", mean_text(nominal.overshoot, ""), _high(nominal.overshoot), t.overshoot),
-        most(
-            "commands that saturate a wheel",
-            mean_text(nominal.saturated_share, ""),
-            nominal.saturated_share.high,
-            t.saturated_share,
-        ),
-    )  # fmt: skip
+        least("worst-plant success", worst_text, worst.success.low, t.worst_success),
+        most(f"warning for {warning.target:.0%} success", warning_text(warning), needed, t.warning_s, "s"),
+        most("tracking error", mean_text(distance, "m"), _high(distance), t.tracking_m, "m"),
+        most("settling", mean_text(settling, "s"), _high(settling), t.settling_s, "s"),
+        most("overshoot", mean_text(overshoot), _high(overshoot), t.overshoot),
+        most("commands that saturate a wheel", mean_text(saturated), saturated.high, t.saturated_share),
+    )
 
 
 def timing_check(timing: Timing, thresholds: Thresholds) -> Check:
-    """Return the check of the time for a command.
-
-    Args:
-        timing: what was measured.
-        thresholds: what it takes.
-    """
+    """Return the check of the time per command."""
     text = f"p50 {milliseconds(timing.p50_s)}, p99 {milliseconds(timing.p99_s)}"
     return _at_most("time for a command, p99", text, timing.p99_s, thresholds.command_s, "s")
 
@@ -87,15 +43,8 @@ def share_text(found: Share) -> str:
     return f"{found.value:.2f} ({found.low:.2f} .. {found.high:.2f})"
 
 
-def mean_text(found: Mean | None, unit: str) -> str:
-    """Return a mean found, with its interval, in a unit; "never" for None."""
-    if found is None:
-        return "never"
-    return f"{found.value:.2f}{' ' * bool(unit)}{unit} ({found.low:.2f} .. {found.high:.2f})"
-
-
 def warning_text(curve: WarningCurve) -> str:
-    """Return the warning that is needed by a curve, with its interval."""
+    """Return the warning needed by a curve, with its interval."""
     longest = f"more than {curve.range_s[1]:g}"
     if curve.needed_s is None:
         best = max(range(len(curve.success)), key=lambda i: curve.success[i])
@@ -106,8 +55,15 @@ def warning_text(curve: WarningCurve) -> str:
 
 
 def milliseconds(seconds: float) -> str:
-    """Return seconds as text in ms."""
+    """Return a time in ms as text."""
     return f"{1e3 * seconds:.3g} ms"
+
+
+def mean_text(found: Mean | None, unit: str = "") -> str:
+    """Return a mean with its interval in a unit; "never" for None."""
+    if found is None:
+        return "never"
+    return f"{found.value:.2f}{' ' * bool(unit)}{unit} ({found.low:.2f} .. {found.high:.2f})"
 
 
 def _high(found: Mean | None) -> float | None:

@@ -1,12 +1,12 @@
-"""The plants that a controller is certified on: the model, what it leaves open, and what may come on top.
+"""The plants of a certificate: variants of the robot, which are the model, its uncertainty and added effects.
 
 | group | plants |
 |---|---|
 | `nominal` | the model with all its effects |
 | `effects` | each of the model's effects alone, and none of them (`bare`) |
-| `posterior` | for each episode a robot drawn from what the identification left open |
+| `posterior` | for each episode a robot drawn from the model's uncertainty |
 | `robot-level` | the model with the losses and the rise time that the paper measured of its robot |
-| `latency` | the model, its commands 0.1 s later |
+| `latency` | the model with commands that act 0.1 s later |
 | `what-if` | the model with one more effect of the catalogue, each in turn, at a realistic size |
 """
 
@@ -24,10 +24,10 @@ from mecanum_env.simulator import RobotPlant
 
 Group = Literal["nominal", "effects", "posterior", "robot-level", "latency", "what-if"]
 GROUPS: Final[tuple[Group, ...]] = get_args(Group)
-"""In the order in which plants are listed."""
+"""Groups of plants, in the order in which they are listed."""
 
 EXTRA_LATENCY_S: Final = 0.1
-"""What the plant of the group `latency` adds to the model's own latency [s]: one command period."""
+"""Latency that the group `latency` adds to the model's own [s]: one command period."""
 
 _FRICTION_OVER_SERVO_RAD_S: Final = 0.767 / 5.0
 ROBOT_LEVEL: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
@@ -37,48 +37,46 @@ ROBOT_LEVEL: Final[Mapping[str, Mapping[str, float]]] = MappingProxyType(
         "sensor_bias": {"vx_m_s": -0.00317, "yaw_rate_rad_s": -0.0107},
     }
 )
-"""Effects that, with Coulomb friction of 0.153 rad/s times the servo, give the six figures that the paper
-prints of its robot: losses of .186, .0689, .156 and .310 at 10, 40, 80 and 130 rpm, .0306 in rotation, rise
-.19 s. Of the sets that do (docs/results/paper_gap.md) it is the one that lays the least on the sensors, so
-that the robot in truth moves as slowly as it is shown to."""
+"""Effects that, with Coulomb friction of 0.153 rad/s times the servo, reproduce the six numbers that the
+paper prints of its robot: losses of .186, .0689, .156 and .310 at 10, 40, 80 and 130 rpm, .0306 in rotation,
+rise time .19 s. Of the sets that do (docs/results/paper_gap.md) it attributes the least to the sensors: the
+robot really moves as slowly as it was measured to."""
 
 
 @dataclass(frozen=True)
-class NamedPlant:
-    """A robot to play on."""
+class RobotVariant:
+    """A variant of the robot to play on."""
 
     name: str
     """Unique, such as "with-backlash"."""
     group: Group
     summary: str
-    """What it is, one line."""
+    """Description in one line."""
     model: Model
-    """Wheel, robot and effects; where `randomize` is "posterior", what is drawn around."""
+    """Wheel, robot and effects; with `randomize="posterior"` the centre of the distribution."""
     physics: RobotPlant = "planar"
-    """How it is simulated; "rollers" for effects that the planar plant cannot express."""
+    """Simulated system; "rollers" for effects that the planar plant cannot simulate."""
     randomize: Literal["none", "posterior"] = "none"
-    """As for the environments."""
+    """Argument of the environments."""
 
 
-def plants(model: Model, physics: RobotPlant = "planar") -> tuple[NamedPlant, ...]:
-    """Return every plant for a model, in the order of `GROUPS`; `posterior` only where it is known.
+def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotVariant, ...]:
+    """Return all variants of a model, in the order of `GROUPS`; `posterior` only if it has an uncertainty.
 
-    Args:
-        model: as a file gives it.
-        physics: of all plants but those with an effect that the planar plant refuses; these run on rollers.
+    Variants run on the given physics, except on rollers if the planar plant refuses one of their effects.
     """
     late = model.effects.get("command_latency", {}).get("delay_s", 0.0) + EXTRA_LATENCY_S
     found = [
-        NamedPlant("nominal", "nominal", "the model with all its effects", model),
+        RobotVariant("nominal", "nominal", "the model with all its effects", model),
         *_own_effects(model),
     ]
     if knows_uncertainty(model):
-        drawn = "for each episode a robot drawn from what the identification left open"
-        found.append(NamedPlant("posterior", "posterior", drawn, model, randomize="posterior"))
-    losses = "losses and rise time as the paper measured them of its robot, in place of the model's effects"
+        drawn = "for each episode a robot drawn from the model's uncertainty"
+        found.append(RobotVariant("posterior", "posterior", drawn, model, randomize="posterior"))
+    losses = "losses and rise time that the paper measured of its robot, in place of the model's effects"
     found += [
-        NamedPlant("robot-level", "robot-level", losses, robot_level(model)),
-        NamedPlant(
+        RobotVariant("robot-level", "robot-level", losses, robot_level(model)),
+        RobotVariant(
             f"latency+{EXTRA_LATENCY_S:g}s",
             "latency",
             f"every command acts {EXTRA_LATENCY_S:g} s later",
@@ -89,25 +87,26 @@ def plants(model: Model, physics: RobotPlant = "planar") -> tuple[NamedPlant, ..
         if name not in model.effects:
             size = ", ".join(f"{key} {value:g}" for key, value in values.items())
             changed = model.with_effect(name, **values)
-            found.append(NamedPlant(f"with-{name}", "what-if", f"the model with {name}: {size}", changed))
-    return tuple(replace(plant, physics=_physics(plant.model, physics)) for plant in found)
+            found.append(RobotVariant(f"with-{name}", "what-if", f"the model with {name}: {size}", changed))
+    return tuple(replace(variant, physics=_physics(variant.model, physics)) for variant in found)
 
 
-def select(found: Sequence[NamedPlant], wanted: Sequence[str]) -> tuple[NamedPlant, ...]:
-    """Return the plants that are wanted, in their order, the nominal one always; all for no names.
+def select_variants(found: Sequence[RobotVariant], wanted: Sequence[str]) -> tuple[RobotVariant, ...]:
+    """Return the wanted variants in the order of all, with the nominal one; all if no names are given.
 
     Args:
-        found: what there is.
-        wanted: names and groups.
+        found: all variants.
+        wanted: names of variants and groups.
 
     Raises:
-        InputError: a name that is neither.
+        InputError: a name is neither.
     """
-    names = [plant.name for plant in found]
+    names = [variant.name for variant in found]
     for name in wanted:
         if name == "posterior" and name not in names:
             raise InputError(
-                "plants: posterior: the model holds no uncertainty; make one with `python -m sysid.fit LOGS`"
+                "plants: posterior: the model holds no uncertainty; `python -m sysid.fit LOGS` writes one "
+                "that does"
             )
         if name not in (*names, *GROUPS):
             raise InputError(
@@ -115,11 +114,11 @@ def select(found: Sequence[NamedPlant], wanted: Sequence[str]) -> tuple[NamedPla
                 f"{', '.join(GROUPS)} and the plants {', '.join(names)}"
             )
     keep = {"nominal", *(wanted or GROUPS)}
-    return tuple(plant for plant in found if plant.name in keep or plant.group in keep)
+    return tuple(variant for variant in found if variant.name in keep or variant.group in keep)
 
 
 def knows_uncertainty(model: Model) -> bool:
-    """Return whether a model holds what `randomize="posterior"` draws from."""
+    """Return whether a model holds an uncertainty that `randomize="posterior"` can draw from."""
     known = model.uncertainty
     return bool(known.get("wheel", {}).get("covariance") or known.get("robot") or known.get("effects"))
 
@@ -143,15 +142,15 @@ def realistic_sizes(model: Model) -> dict[str, dict[str, float]]:
     }
 
 
-def _own_effects(model: Model) -> list[NamedPlant]:
+def _own_effects(model: Model) -> list[RobotVariant]:
     if not model.effects:
         return []
     bare = replace(model, effects={})
-    found = [NamedPlant("bare", "effects", "the model without its effects", bare)]
+    found = [RobotVariant("bare", "effects", "the model without its effects", bare)]
     if len(model.effects) > 1:
         for name, values in model.effects.items():
-            alone = bare.with_effect(name, **values)
-            found.append(NamedPlant(f"only-{name}", "effects", f"of the model's effects {name} alone", alone))
+            summary = f"of the model's effects {name} alone"
+            found.append(RobotVariant(f"only-{name}", "effects", summary, bare.with_effect(name, **values)))
     return found
 
 

@@ -1,7 +1,4 @@
-"""The terminal's view of a certificate.
-
-The page of a certificate.
-"""
+"""A certificate as text and as an HTML page."""
 
 from __future__ import annotations
 
@@ -10,26 +7,35 @@ from pathlib import Path
 from typing import Any, Final
 
 from mecanum_env.report import figure, report_available, write_page
-from training.certify.certificate import Certificate, Check, PlantFigures
+from training.certify.certificate import Certificate, Check, VariantResult
 from training.certify.judge import milliseconds, share_text, warning_text
 from training.evaluate import Mean, Share
 
-HEAD = ("plant", "success", "change", "most fail by", "settling", "overshoot", "saturated", "speed error")
-"""Of the table of plants."""
+HEAD: Final = (
+    *("plant", "success", "change", "most fail by"),
+    *("settling", "overshoot", "saturated", "speed error"),
+)
+"""Head of the table of plants."""
+_TEMPLATE: Final = Path(__file__).with_name("page.html")
+_BLUE, _RED, _GREY, _BAND = "#1f5fa8", "#c0392b", "#888888", "rgba(31,95,168,0.15)"
+# On the left; the zoom buttons are on the right.
+_LEGEND: Final = {"orientation": "h", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}
+_ROW_PX, _MARGIN_PX = 22, 90
 
 
 def certificate_table(certificate: Certificate) -> str:
-    """Return a certificate as text: plants, techniques, warning, checks, verdict."""
+    """Return a certificate as text: plants, techniques, checks, verdict."""
     c = certificate
     techniques = ", ".join(f"{name} {share_text(one)}" for name, one in c.nominal.by_technique.items())
+    checks = [("check", "found", "must be", ""), *(_check_row(check) for check in c.all_checks)]
     lines = [
         f"{c.controller}: {c.provenance['episodes']} episodes a plant, level {c.provenance['difficulty']}",
         "",
-        *columns([HEAD, *(plant_row(plant) for plant in c.plants)]),
+        *columns([HEAD, *(_plant_row(plant) for plant in c.plants)]),
         "",
         f"by technique, nominal: {techniques}",
         "",
-        *columns([("check", "found", "must be", ""), *(check_row(check) for check in all_checks(c))]),
+        *columns(checks),
         *(f"note: {note}" for note in c.notes),
         "",
         verdict(c),
@@ -38,51 +44,12 @@ def certificate_table(certificate: Certificate) -> str:
 
 
 def verdict(certificate: Certificate) -> str:
-    """Return whether a certificate is passed, and if not by what it failed, in one sentence."""
-    failed = [check.name for check in all_checks(certificate) if not check.passed]
+    """Return in one sentence whether a certificate is passed, or which checks failed."""
+    checks = certificate.all_checks
+    failed = [check.name for check in checks if not check.passed]
     if not failed:
-        return f"PASS: {certificate.controller} meets all {len(all_checks(certificate))} thresholds."
+        return f"PASS: {certificate.controller} meets all {len(checks)} thresholds."
     return f"FAIL: {certificate.controller} misses {', '.join(failed)}."
-
-
-def plant_row(plant: PlantFigures) -> tuple[str, ...]:
-    """Return the cells of a plant, as `HEAD`."""
-    worst = next(iter(plant.failures.items()), ("-", 0))
-    return (
-        plant.name + (" (rollers)" if plant.physics == "rollers" else ""),
-        share_text(plant.success),
-        _change(plant.change),
-        f"{worst[0]} {worst[1]}" if worst[1] else "-",
-        _mean(plant.settling_s, "s"),
-        _mean(plant.overshoot, ""),
-        f"{plant.saturated_share.value:.0%}",
-        _mean(plant.speed_error_m_s, "m/s"),
-    )
-
-
-def check_row(check: Check) -> tuple[str, ...]:
-    """Return the cells of a check: name, what was found, limit, verdict."""
-    return (
-        check.name,
-        check.text,
-        f"{check.sense} {check.limit:g} {check.unit}".rstrip(),
-        "ok" if check.passed else "MISSED",
-    )
-
-
-def all_checks(certificate: Certificate) -> tuple[Check, ...]:
-    """Return all checks of a certificate, that of the time for a command last."""
-    return (*certificate.checks, certificate.timing_check)
-
-
-def timing_text(certificate: Certificate) -> str:
-    """Return a certificate's times for a command in one sentence."""
-    t = certificate.timing
-    return (
-        f"{t.commands} commands were timed. Of the processor's time half of them took up to "
-        f"{milliseconds(t.p50_s)}, 99 of 100 up to {milliseconds(t.p99_s)}, the longest "
-        f"{milliseconds(t.longest_s)}; the robot takes one every 100 ms."
-    )
 
 
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -91,35 +58,49 @@ def columns(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join(f"{cell:{w}}" for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
 
 
-def _change(change: Mean | None) -> str:
+def _plant_row(plant: VariantResult) -> tuple[str, ...]:
+    """Return the cells of a plant, as in `HEAD`."""
+    reason, count = next(iter(plant.failures.items()), ("-", 0))
+    return (
+        plant.name + (" (rollers)" if plant.physics == "rollers" else ""),
+        share_text(plant.success),
+        _change_text(plant.change),
+        f"{reason} {count}" if count else "-",
+        _mean_text(plant.settling_s, "s"),
+        _mean_text(plant.overshoot, ""),
+        f"{plant.saturated_share.value:.0%}",
+        _mean_text(plant.speed_error_m_s, "m/s"),
+    )
+
+
+def _check_row(check: Check) -> tuple[str, ...]:
+    """Return the cells of a check: name, metric, limit, verdict."""
+    limit = f"{check.sense} {check.limit:g} {check.unit}".rstrip()
+    return check.name, check.text, limit, "ok" if check.passed else "MISSED"
+
+
+def _change_text(change: Mean | None) -> str:
     if change is None:
         return "-"
-    # Plus 0.0: no "-0.00".
+    # Adding 0.0 turns -0.0 into 0.0.
     value, low, high = (round(x, 2) + 0.0 for x in (change.value, change.low, change.high))
     return f"{value:+.2f} ({low:+.2f} .. {high:+.2f})"
 
 
-def _mean(found: Mean | None, unit: str) -> str:
+def _mean_text(found: Mean | None, unit: str) -> str:
     return "-" if found is None else f"{found.value:.2f}{' ' * bool(unit)}{unit}"
 
 
-_TEMPLATE: Final = Path(__file__).with_name("page.html")
-_BLUE, _RED, _GREY, _BAND = "#1f5fa8", "#c0392b", "#888888", "rgba(31,95,168,0.15)"
-# On the left: on the right are the buttons that zoom.
-_LEGEND: Final = {"orientation": "h", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}
-_ROW_PX, _MARGIN_PX = 22, 90
-
-
 def write_certificate_page(certificate: Certificate, path: Path) -> bool:
-    """Write the page of a certificate; return False, writing nothing, without the `report` extra.
-
-    Args:
-        certificate: what is shown.
-        path: of the page.
-    """
+    """Write a certificate as an HTML page; without the `report` extra write nothing and return False."""
     if not report_available():
         return False
     c = certificate
+    timing = (
+        f"{c.timing.commands} commands were timed. Half of them took up to {milliseconds(c.timing.p50_s)} of "
+        f"processor time, 99 of 100 up to {milliseconds(c.timing.p99_s)}, the longest "
+        f"{milliseconds(c.timing.longest_s)}; the robot takes a command every 100 ms."
+    )
     write_page(
         path,
         _TEMPLATE,
@@ -135,13 +116,13 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
         nominal=share_text(c.nominal.success),
         worst=c.worst,
         worst_text=share_text(c.worst.success),
-        checks=[(*check_row(check), check.passed) for check in all_checks(c)],
+        checks=[(*_check_row(check), check.passed) for check in c.all_checks],
         head=HEAD,
-        plants=[plant_row(plant) for plant in c.plants],
+        plants=[_plant_row(plant) for plant in c.plants],
         summaries=[(plant.name, plant.summary) for plant in c.plants],
-        failures=[(reason, count) for reason, count in c.nominal.failures.items()],
+        failures=list(c.nominal.failures.items()),
         episodes=c.provenance["episodes"],
-        timing=timing_text(c),
+        timing=timing,
         notes=c.notes,
         provenance=list(c.provenance.items()),
     )
@@ -149,7 +130,7 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
 
 
 def warning_figure(certificate: Certificate) -> dict[str, Any]:
-    """Return success against warning time of a certificate, as a Plotly figure."""
+    """Return a certificate's success against warning time as a Plotly figure."""
     curve = certificate.warning
     grid = list(curve.warning_s)
     middles = [0.5 * (one.from_s + one.to_s) for one in curve.bins]
@@ -188,14 +169,13 @@ def warning_figure(certificate: Certificate) -> dict[str, Any]:
 
 
 def plants_figure(certificate: Certificate) -> dict[str, Any]:
-    """Return success plant by plant of a certificate, as a Plotly figure."""
+    """Return a certificate's success by plant as a Plotly figure; the worst plant is red."""
     plants = certificate.plants[::-1]
     thresholds = certificate.thresholds
     trace = _points([one.success.value for one in plants], [one.success for one in plants], "", across=True)
     trace["y"] = [one.name for one in plants]
-    trace["marker"]["color"] = [
-        _RED if one.name == certificate.worst.name else _BLUE for one in plants
-    ]  # the worst stands out
+    worst = certificate.worst.name
+    trace["marker"]["color"] = [_RED if one.name == worst else _BLUE for one in plants]
     limits = (thresholds.success, thresholds.worst_success)
     layout = {
         "shapes": [_line({"x0": x, "x1": x, "y0": 0, "y1": 1, "yref": "paper"}) for x in limits],
@@ -207,7 +187,7 @@ def plants_figure(certificate: Certificate) -> dict[str, Any]:
 
 
 def techniques_figure(certificate: Certificate) -> dict[str, Any]:
-    """Return success by technique, nominal and worst plant of a certificate, as a Plotly figure."""
+    """Return a certificate's success by technique, on the nominal and the worst plant, as a Plotly figure."""
     traces = []
     shown = [("nominal", certificate.nominal, _BLUE), (certificate.worst.name, certificate.worst, _RED)]
     for i, (name, plant, colour) in enumerate(shown if len(certificate.plants) > 1 else shown[:1]):
@@ -226,7 +206,7 @@ def techniques_figure(certificate: Certificate) -> dict[str, Any]:
 
 
 def _points(places: list[float], shares: list[Share], name: str, *, across: bool = False) -> dict[str, Any]:
-    """Return shares as points with their intervals."""
+    """Return shares as a trace of points with their intervals; `across`: along the x axis."""
     values = [one.value for one in shares]
     bars = {
         "type": "data",

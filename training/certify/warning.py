@@ -1,10 +1,11 @@
-"""The headline of a certificate: how much warning a controller needs to succeed nine times out of ten.
+"""The main result of a certificate: the warning that a controller needs to succeed nine times out of ten.
 
 The probability of success as a function of the warning time is estimated by local-linear logistic regression
-(J. Fan, N. E. Heckman and M. P. Wand, "Local polynomial kernel regression for generalized linear models",
-1995): at each warning time a logistic line, fitted to the episodes around it. Where the truth is a logistic
-curve it is unbiased, and unlike a logistic curve or isotonic regression it may fall again: a controller that
-moves too early is hit by a late strike. Intervals by the bootstrap over episodes.
+(J. Fan, N. E. Heckman and M. P. Wand, "Local polynomial kernel regression for generalized linear models and
+quasi-likelihood functions", JASA 90, 1995): at each warning time a logistic curve is fitted to the episodes
+around it. If the truth is logistic the estimate is unbiased. Unlike a logistic curve or isotonic regression
+it may fall again: a controller that moves too early is hit by a late strike. Intervals are from the bootstrap
+over episodes.
 """
 
 from __future__ import annotations
@@ -17,26 +18,28 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.units import FloatArray
-from training.evaluate.intervals import CONFIDENCE, Share, share
+from training.evaluate.metrics import CONFIDENCE, Share, share
 
 TARGET: Final = 0.9
-"""Success that is asked for."""
+"""Required probability of success."""
 RANGE_S: Final = (0.2, 0.9)
-"""Warning times that are played [s]: from half the shortest of kendo's fast attacks to half as much again as
-the longest (0.44 to 0.58 s)."""
+"""Range of the warning times that are played [s]: from half of the shortest to one and a half times the
+longest published of kendo's fast attacks (0.44 to 0.58 s)."""
 _BANDWIDTH_S: Final = 0.05
+"""Standard deviation of the Gaussian kernel [s]."""
 _GRID_S: Final = 0.01
 _BINS: Final = 7
 _RESAMPLES: Final = 400
-# Normal priors that keep the fit finite where all around succeed: of the logit, and of its change over one
-# bandwidth. Both are far wider than anything that data with two outcomes tell apart.
 _PRIOR: Final = np.array([5.0, 4.0])
+"""Standard deviations of normal priors of the logit and of its change over one bandwidth. They keep the fit
+finite if all episodes around succeed, and are far wider than what binary data can distinguish."""
 _LONGEST_STEP: Final = 2.0
+"""Largest Newton step of either coefficient."""
 
 
 @dataclass(frozen=True)
 class Bin:
-    """Episodes of similar warning: no model, just counts."""
+    """Counted successes of the episodes in an interval of warning times."""
 
     from_s: float
     to_s: float
@@ -48,26 +51,26 @@ class WarningCurve:
     """Success against warning time."""
 
     target: float
-    """Success that is asked for."""
+    """Required probability of success."""
     needed_s: float | None
-    """Shortest warning at which the curve reaches the target [s]; None: nowhere in the range."""
+    """Shortest warning at which the curve reaches the target [s]; None: not within the range."""
     low_s: float | None
     """Lower end of its interval [s]; None: beyond the range."""
     high_s: float | None
     """Upper end [s]; None: beyond the range."""
     holds_to_s: float | None
-    """Longer warnings than this fall below the target again [s]; None: they do not."""
+    """Warning beyond which the curve falls below the target again [s]; None: it does not."""
     range_s: tuple[float, float]
-    """Shortest and longest warning that was played [s]."""
+    """Shortest and longest warning played [s]."""
     episodes: int
     warning_s: tuple[float, ...]
     """Grid of the curve [s]."""
     success: tuple[float, ...]
-    """Probability of success there."""
+    """Probability of success at each point of the grid."""
     low: tuple[float, ...]
-    """Lower end of its interval, point by point."""
+    """Lower end of its pointwise interval."""
     high: tuple[float, ...]
-    """Upper end."""
+    """Upper end of its pointwise interval."""
     bins: tuple[Bin, ...]
 
 
@@ -80,37 +83,39 @@ def warning_curve(
     seed: int = 0,
     resamples: int = _RESAMPLES,
 ) -> WarningCurve:
-    """Return success against warning time, and the warning it takes to reach the target.
+    """Return success against warning time, with the warning needed to reach the target.
 
     Args:
-        warning_s: one an episode, (n,) [s].
-        success: whether it was one, (n,).
-        target: probability of success that is asked for.
-        range_s: shortest and longest warning; the curve runs from one to the other [s].
+        warning_s: warning time of each episode [s], shape (n,).
+        success: whether each episode is a success, shape (n,).
+        target: required probability of success.
+        range_s: range of the curve.
         seed: of the bootstrap.
-        resamples: of the bootstrap.
+        resamples: number of bootstrap resamples.
 
     Raises:
-        InputError: no episode, or the target is no probability.
+        InputError: there are no episodes, or the target is not between 0 and 1.
     """
     times, won = np.asarray(warning_s, float), np.asarray(success, float)
     if times.size == 0 or not 0.0 < target < 1.0:
-        raise InputError(f"{times.size} episodes, target = {target}: must be some, and between 0 and 1")
+        raise InputError(
+            f"episodes = {times.size}, target = {target}: must be at least 1, and between 0 and 1"
+        )
     count = round((range_s[1] - range_s[0]) / _GRID_S) + 1
     grid = np.linspace(*range_s, count)
     ones = np.ones(times.size)
-    place = _fitted(grid, times, won, ones, np.zeros((count, 2)), iterations=30)
-    curve = _probability(place)
+    fit = _fitted(grid, times, won, ones, np.zeros((count, 2)), iterations=30)
+    curve = _probability(fit)
     rng = np.random.default_rng(seed)
     curves, needed = np.empty((resamples, count)), np.empty(resamples)
     for i in range(resamples):
         weights = np.bincount(rng.integers(0, times.size, times.size), minlength=times.size).astype(float)
-        curves[i] = _probability(_fitted(grid, times, won, weights, place, iterations=6))
+        curves[i] = _probability(_fitted(grid, times, won, weights, fit, iterations=6))
         needed[i] = _crossing(grid, curves[i], target)
     tail = 50.0 * (1.0 - CONFIDENCE)
     ends = [tail, 100.0 - tail]
     low, high = np.percentile(curves, ends, axis=0)
-    # A quantile among infinities must not interpolate.
+    # Without interpolation: some of the values may be infinite.
     first, last = np.percentile(needed, ends, method="nearest")
     found = _crossing(grid, curve, target)
     return WarningCurve(
@@ -137,33 +142,33 @@ def _fitted(
     start: FloatArray,
     iterations: int,
 ) -> FloatArray:
-    """Return logit and slope at each point of the grid, (g, 2), by Newton's method."""
+    """Return logit and its slope per bandwidth at each point of the grid, (g, 2), by Newton's method."""
     u = (times[None] - grid[:, None]) / _BANDWIDTH_S
     kernel = weights * np.exp(-0.5 * u * u)
     precision = 1.0 / _PRIOR**2
-    place = start.copy()
+    fit = start.copy()
     for _ in range(iterations):
-        p = 1.0 / (1.0 + np.exp(-(place[:, :1] + place[:, 1:] * u)))
+        p = 1.0 / (1.0 + np.exp(-(fit[:, :1] + fit[:, 1:] * u)))
         misfit, spread = kernel * (won - p), kernel * p * (1.0 - p)
-        slope_a = misfit.sum(axis=1) - precision[0] * place[:, 0]
-        slope_b = (misfit * u).sum(axis=1) - precision[1] * place[:, 1]
+        slope_a = misfit.sum(axis=1) - precision[0] * fit[:, 0]
+        slope_b = (misfit * u).sum(axis=1) - precision[1] * fit[:, 1]
         aa = spread.sum(axis=1) + precision[0]
         ab = (spread * u).sum(axis=1)
         bb = (spread * u * u).sum(axis=1) + precision[1]
         determinant = aa * bb - ab * ab
         step = np.stack([bb * slope_a - ab * slope_b, aa * slope_b - ab * slope_a], axis=1)
         step /= determinant[:, None]
-        place += np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
-    return place
+        fit += np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
+    return fit
 
 
-def _probability(place: FloatArray) -> FloatArray:
-    curve: FloatArray = 1.0 / (1.0 + np.exp(-place[:, 0]))
+def _probability(fit: FloatArray) -> FloatArray:
+    curve: FloatArray = 1.0 / (1.0 + np.exp(-fit[:, 0]))
     return curve
 
 
 def _crossing(grid: FloatArray, curve: FloatArray, target: float) -> float:
-    """Return the first place at which a curve reaches the target; infinity if it does not."""
+    """Return the first point at which a curve reaches the target; infinity if it does not."""
     above = np.flatnonzero(curve >= target)
     if above.size == 0:
         return np.inf
@@ -193,5 +198,5 @@ def _finite(value: float) -> float | None:
 
 
 def _short(values: FloatArray) -> tuple[float, ...]:
-    # A curve on paper needs no more digits.
+    # Five digits are enough for a plotted curve.
     return tuple(round(float(value), 5) for value in values)

@@ -1,7 +1,6 @@
 """All controllers side by side: `python -m training.compare`.
 
-run    what is played, and the figures of each controller
-table  the same as text and Markdown
+comparison  what is played, the results of each controller, and both as text and Markdown
 """
 
 from typing import TYPE_CHECKING

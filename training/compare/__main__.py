@@ -23,18 +23,18 @@ def main(
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
 ) -> None:
-    """Play controllers on the same episodes; print success, warning needed, tracking error, time a command.
+    """Play controllers on the same episodes; print success, warning needed, tracking error, time per command.
 
     Example: python -m training.compare retreat mpc runs/mine --markdown docs/results/compare.md
 
     Args:
         controllers: Names, or paths of trained policies; by default every name.
         model: Model file of the robot; by default the packaged one.
-        episodes: Of each controller in each setting, seeded 0, 1, ...
-        rollers: Play the roller plant too, which takes most of the time.
-        jobs: At a time; 0: as many as there are processors. The result is the same with any number.
-        out: The figures (.json).
-        markdown: Also write a page here (.md).
+        episodes: Number of episodes per controller and setting, with the seeds 0, 1, ...
+        rollers: Play on rollers too, which takes most of the time.
+        jobs: Number of parallel processes, which does not change the result; 0: as many as processors.
+        out: File for the results (.json).
+        markdown: Also write a page to this file (.md).
     """
     # Imported here, so that --help does not wait for the library.
     from tqdm import tqdm

@@ -1,15 +1,15 @@
 """Controllers that run on the simulator and, unchanged, in a real robot's loop.
 
-Each has `reset()` and `act(observation) -> (V rpm, theta deg, VC rpm)`, whole numbers: the protocol
-`training.controllers.interface.Controller`. A loop on a robot is:
+Each has `reset()` and `act(observation) -> (V rpm, theta deg, VC rpm)`, in whole numbers
+(`training.controllers.interface.Controller`). The loop on a robot is:
 
     controller.reset()
     while fighting:                                   # ten times a second
         v, theta, vc = controller.act(observation)    # as `mecanum_env.tankendo.observation` describes it
         robot.send(v, theta, vc)
 
-`training.controllers.named.make_controller` makes one by its name.
-On the simulator, with `action_mode="command"`:
+`training.controllers.named.make_controller` makes a controller by its name. On the simulator, with
+`action_mode="command"`:
 
     observation, reward, ... = env.step(command_to_action(controller.act(observation)))
 """

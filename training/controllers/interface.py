@@ -1,4 +1,4 @@
-"""What every Tankendo controller is, and the step from a wanted twist to a command."""
+"""The interface of a Tankendo controller, and the step from a wanted twist to a command."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from mecanum_env.model import Robot, Wheel
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 
 Command = tuple[int, int, int]
-"""V [rpm], theta [deg], VC [rpm], as the robot takes them."""
+"""V [rpm], theta [deg], VC [rpm], the whole numbers that the robot takes."""
 
 
 class Controller(Protocol):
-    """Observation in, command out, once every 0.1 s; on the simulator and on a real robot alike.
+    """Turns an observation into a command every 0.1 s, on the simulator and on a real robot.
 
     The observation is that of `mecanum_env.tankendo.observation`, also where a real robot's sensors make it.
     """
@@ -37,16 +37,14 @@ def twist_command(
     robot: Robot,
     limit_rpm: float = Wheel.saturation_rpm,
 ) -> Command:
-    """Return the command that asks for a body twist (ahead [m/s], left [m/s], turn [rad/s]).
+    """Return the command for a body twist; a twist beyond the robot's range is scaled, turn included.
 
     Args:
-        vx_m_s: ahead.
-        vy_m_s: to the left.
+        vx_m_s: velocity ahead.
+        vy_m_s: velocity to the left.
         yaw_rate_rad_s: counter-clockwise.
-        robot: its dimensions count.
-        limit_rpm: no wheel is asked for more [rpm]; by default the ceiling of the paper's robot.
-
-    VC stays within its range, too. The direction of the twist, turn included, is kept.
+        robot: its dimensions are used.
+        limit_rpm: maximum wheel speed; by default that of the paper's robot.
     """
     wheels = twist_to_wheels([vx_m_s, vy_m_s, yaw_rate_rad_s], robot)
     v, theta, vc = (float(x) for x in wheels_to_command(scale_wheels(wheels, min(limit_rpm, FULL_V_RPM))))

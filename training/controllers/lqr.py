@@ -1,16 +1,15 @@
-"""The gain of an optimal tracking controller, computed from the identified wheel law.
+"""Optimal tracking (LQR) with gains computed from the identified wheel law.
 
-One axis of the robot (ahead, left, turn): its velocity follows the law, whose input is held for a command
-period; its place is the integral. With a target that moves evenly at c, all in deviations from moving with it
-(the law has unit DC gain, so velocity and command are then c), the state each period is
+Along each axis of the robot (ahead, left, turn) the velocity w follows the wheel law, whose input r is held
+for a command period, and the position p is its integral. All are deviations from moving along with a target
+of constant velocity c (the law has unit DC gain, so velocity and command are then c). The state at each
+period and its dynamics are
 
     z = (w(k), w(k-1), w(k-2), r(k-1), r(k-2), p)        z' = F z + G u
 
-and the command u = -K z minimises the sum of (p / p_max)^2 + (u / u_max)^2 (Bryson's rule): K comes from the
-discrete algebraic Riccati equation. A command that acts n periods late adds its last n commands to the state;
-the gain is then K times the state predicted over these periods, so a controller may predict instead.
-
-LQR for tracking: optimal feedback on the predicted state, about motion along with the opponent.
+The command u = -K z minimises the sum of (p / p_max)^2 + (u / u_max)^2 (Bryson's rule); K follows from the
+discrete algebraic Riccati equation. For commands that act late the optimal gain is K on the state predicted
+to the time at which they act.
 """
 
 from __future__ import annotations
@@ -29,20 +28,18 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.observed_motion import Delays, SeenMotion
-
-MEMORY = 5
-"""Numbers that the law remembers: w(k), w(k-1), w(k-2), r(k-1), r(k-2)."""
+from training.controllers.prediction.motion_model import MEMORY
+from training.controllers.prediction.observed_motion import ObservationPredictor
 
 
 @dataclass(frozen=True)
 class Weights:
-    """Deviations that cost the same (Bryson's rule)."""
+    """Deviations of equal cost (Bryson's rule)."""
 
     place: float
-    """p_max: of the place [m or rad]."""
+    """p_max: deviation of the position [m or rad]."""
     command: float
-    """u_max: of the command [m/s or rad/s]."""
+    """u_max: deviation of the command [m/s or rad/s]."""
 
     def __post_init__(self) -> None:
         for name in ("place", "command"):
@@ -51,14 +48,17 @@ class Weights:
                 raise InputError(f"LQR weight {name} = {value}, must be a finite number above 0")
 
 
-def axis_dynamics(law: WheelLaw, period_s: float, delay_periods: int = 0) -> tuple[FloatArray, FloatArray]:
-    """Return F, (m, m), and G, (m, 1), of one axis over one command period; m = 6 + delay_periods.
+TRANSLATION = Weights(place=0.03, command=0.3)
+"""Weights along each axis of the floor [m], [m/s]."""
+TURN = Weights(place=0.06, command=0.6)
+"""Weights in yaw [rad], [rad/s]."""
 
-    Args:
-        law: of the wheels; speeds may be in any unit, the place in that unit times seconds.
-        period_s: for which a command is held; rounded to whole ticks of the law.
-        delay_periods: whole periods by which a command acts late; the commands under way, newest first,
-            are the last states.
+
+def axis_dynamics(law: WheelLaw, period_s: float) -> tuple[FloatArray, FloatArray]:
+    """Return F, shape (6, 6), and G, shape (6, 1), of one axis over a command period.
+
+    Speeds may be in any unit; the position is in that unit times seconds. The period is rounded to whole
+    ticks of the law.
     """
     size = MEMORY + 1
     tick, push = np.zeros((size, size)), np.zeros((size, 1))
@@ -66,7 +66,7 @@ def axis_dynamics(law: WheelLaw, period_s: float, delay_periods: int = 0) -> tup
     push[0] = law.D
     tick[1, 0] = tick[2, 1] = tick[4, 3] = 1.0
     push[3] = 1.0
-    # The velocity is linear within a tick: the trapezoid is exact.
+    # The velocity is linear within a tick, so the trapezoidal rule is exact.
     tick[5] = 0.5 * law.sample_period_s * tick[0]
     tick[5, 0] += 0.5 * law.sample_period_s
     tick[5, 5] = 1.0
@@ -74,25 +74,11 @@ def axis_dynamics(law: WheelLaw, period_s: float, delay_periods: int = 0) -> tup
     f, g = np.eye(size), np.zeros((size, 1))
     for _ in range(max(1, round(period_s / law.sample_period_s))):
         f, g = tick @ f, tick @ g + push
-    if delay_periods == 0:
-        return f, g
-    late_f, late_g = np.zeros((size + delay_periods,) * 2), np.zeros((size + delay_periods, 1))
-    late_f[:size, :size], late_f[:size, -1:] = f, g
-    late_f[size + 1 :, size:-1] = np.eye(delay_periods - 1)
-    late_g[size] = 1.0
-    return late_f, late_g
+    return f, g
 
 
-def tracking_gain(law: WheelLaw, period_s: float, weights: Weights, delay_periods: int = 0) -> FloatArray:
-    """Return K, shape (6 + delay_periods,), of u = -K z.
-
-    Args:
-        law: of the wheels.
-        period_s: for which a command is held [s].
-        weights: what a deviation costs.
-        delay_periods: whole periods by which a command acts late.
-    """
-    f, g = axis_dynamics(law, period_s, delay_periods)
+def riccati_gain(f: FloatArray, g: FloatArray, weights: Weights) -> FloatArray:
+    """Return K of u = -K z, shape (m,), for `f`, shape (m, m), and `g`, shape (m, 1); z[5] is p."""
     q = np.zeros(f.shape)
     q[MEMORY, MEMORY] = 1.0 / weights.place**2
     r = np.array([[1.0 / weights.command**2]])
@@ -101,39 +87,22 @@ def tracking_gain(law: WheelLaw, period_s: float, weights: Weights, delay_period
     return gain
 
 
-PLACE: Weights = Weights(place=0.03, command=0.3)
-"""Along each axis of the floor [m], [m/s]."""
-TURN: Weights = Weights(place=0.06, command=0.6)
-"""In yaw [rad], [rad/s]."""
-
-
 class Lqr:
-    """Twist asked for = c - K (state of the wheel law - c, place error) on each axis; c the opponent's speed.
+    """Twist = c - K z on each axis, with c the opponent's velocity and z the state at which the command acts.
 
-    The state is that at which the command acts: the law's memory is known from the commands sent, the place
-    is predicted as in `Smith`. The gains K are those of `training.controllers.lqr`.
+    The memory of the wheel law is known from the commands sent; the position is predicted as in `Smith`.
 
     Args:
         model: wheel laws, robot and its `command_latency`.
-        distance_m: to keep [m].
-        place: weights along and across.
-        turn: weights in yaw.
-        delays: how late it sees and acts; by default the usual sensors and the model's latency.
+        distance_m: distance to keep.
     """
 
-    def __init__(
-        self,
-        model: Model,
-        distance_m: float = Rules.maai_m,
-        place: Weights = PLACE,
-        turn: Weights = TURN,
-        delays: Delays | None = None,
-    ) -> None:
+    def __init__(self, model: Model, distance_m: float = Rules.maai_m) -> None:
         self._robot, self._limit_rpm = model.robot, model.wheel.saturation_rpm
         self._distance_m = distance_m
-        law, period = model.wheel.law, model.wheel.command_period_s
-        self.gains: FloatArray = np.array([tracking_gain(law, period, w) for w in (place, place, turn)])
-        self._motion = SeenMotion(model, Delays.of(model) if delays is None else delays)
+        dynamics = axis_dynamics(model.wheel.law, model.wheel.command_period_s)
+        self._gains = np.array([riccati_gain(*dynamics, w) for w in (TRANSLATION, TRANSLATION, TURN)])
+        self._motion = ObservationPredictor(model)
 
     def reset(self) -> None:
         """Forget the episode."""
@@ -141,18 +110,16 @@ class Lqr:
 
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
-        seen = self._motion.now(read_observation(observation))
+        seen = self._motion.predict(read_observation(observation))
         x, y = float(seen.opponent_x), float(seen.opponent_y)
         distance = max(float(np.hypot(x, y)), 1e-6)
         short = 1.0 - self._distance_m / distance
         error = np.array([short * x, short * y, np.arctan2(y, x)])
-        along = np.array([float(seen.opponent_vx), float(seen.opponent_vy), 0.0])
-        # The memory of the four wheels as that of three axes, shape (3, 5).
+        target = np.array([float(seen.opponent_vx), float(seen.opponent_vy), 0.0])
+        # The memory of the four wheels as that of the three axes, shape (3, 5).
         memory = wheels_to_twist(self._motion.own.state.law[:, :, 0].T, self._robot).T
-        state = np.concatenate([memory - along[:, None], -error[:, None]], axis=1)
-        twist = along - np.sum(self.gains * state, axis=1)
-        command = twist_command(
-            float(twist[0]), float(twist[1]), float(twist[2]), self._robot, self._limit_rpm
-        )
+        state = np.concatenate([memory - target[:, None], -error[:, None]], axis=1)
+        vx, vy, turn = (float(value) for value in target - np.sum(self._gains * state, axis=1))
+        command = twist_command(vx, vy, turn, self._robot, self._limit_rpm)
         self._motion.send(command)
         return command

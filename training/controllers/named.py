@@ -1,4 +1,4 @@
-"""Controllers by name: what a command line takes and what tables list."""
+"""Controllers by name: the names that command lines accept and tables list."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from typing import Final
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
+from mecanum_env.tankendo import Rules
 from mecanum_env.tankendo.arena import Arena
 from training.controllers.compensation.compensated import Compensated
 from training.controllers.interface import Controller
@@ -21,91 +22,97 @@ from training.controllers.scripted import RandomMotion, Retreat, SideStep, Still
 from training.controllers.tracking import Proportional, Smith
 
 SUFFIX: Final = "+compensated"
-"""Behind a name: the controller within `Compensated`."""
-_PREDICTS: Final = ("smith", "lqr", "mpc")
-"""Controllers that predict over delays themselves, better than a compensation around them could."""
+"""After a name: the controller inside `Compensated`."""
+_PREDICT_LATENCY: Final = ("smith", "lqr", "mpc")
+"""Controllers that compensate `command_latency` themselves, better than `Compensated` could."""
 
 
 @dataclass(frozen=True)
-class Given:
+class ControllerArguments:
     """What a controller may be made from; see `make_controller`."""
 
     model: Model
+    rules: Rules
     arena: Arena | None
     row: int
     seed: int
 
 
-def _proportional(given: Given, gain_per_s: float) -> Proportional:
-    model = given.model
-    return Proportional(
-        gain_per_s=gain_per_s,
-        turn_gain_per_s=gain_per_s,
-        robot=model.robot,
-        limit_rpm=model.wheel.saturation_rpm,
-    )
+def _proportional(given: ControllerArguments, gain_per_s: float) -> Proportional:
+    model, maai_m = given.model, given.rules.maai_m
+    return Proportional(maai_m, gain_per_s, gain_per_s, model.robot, model.wheel.saturation_rpm)
 
 
-def _oracle(given: Given) -> Controller:
+def _oracle(given: ControllerArguments) -> Controller:
     if given.arena is None:
-        raise InputError("the oracle looks into the simulator and needs an arena; a real robot has none")
+        raise InputError("the oracle reads from the simulator and needs an arena; a real robot has none")
     return Oracle(given.arena, given.row)
 
 
-def _bundled(_given: Given) -> Controller:
-    from training.controllers.policy import bundled
+def _policy(path: Path | None, rules: Rules) -> Controller:
+    # Imported here, so that only those who use a policy wait for it.
+    from training.controllers.policy import bundled, load_policy
 
-    return _load(bundled())
+    return load_policy(bundled() if path is None else path, rules)
 
 
-CONTROLLERS: Final[Mapping[str, Callable[[Given], Controller]]] = MappingProxyType(
+CONTROLLERS: Final[Mapping[str, Callable[[ControllerArguments], Controller]]] = MappingProxyType(
     {
         "random": lambda given: RandomMotion(given.seed),
         "still": lambda _: Still(),
         "p": lambda given: _proportional(given, gain_per_s=4.0),
-        "smith": lambda given: Smith(given.model),
-        "lqr": lambda given: Lqr(given.model),
+        "smith": lambda given: Smith(given.model, given.rules.maai_m),
+        "lqr": lambda given: Lqr(given.model, given.rules.maai_m),
         "retreat": lambda given: Retreat(_proportional(given, gain_per_s=2.0)),
         "sidestep": lambda given: SideStep(_proportional(given, gain_per_s=2.0)),
-        "mpc": lambda given: Mpc(given.model),
+        "mpc": lambda given: Mpc(given.model, rules=given.rules),
         "oracle": _oracle,
-        "policy": _bundled,
+        "policy": lambda given: _policy(None, given.rules),
     }
 )
-"""Name -> maker, simplest first; `policy` is the trained policy that is part of the package."""
+"""Name -> factory, simplest first; `policy` is the trained policy that comes with the package."""
 
 
 def make_controller(
-    name: str, model: Model, *, arena: Arena | None = None, row: int = 0, seed: int = 0
+    name: str,
+    model: Model,
+    *,
+    arena: Arena | None = None,
+    row: int = 0,
+    seed: int = 0,
+    rules: Rules | None = None,
 ) -> Controller:
     """Return a new controller, ready for an episode.
 
     Args:
-        name: a key of `CONTROLLERS`, or the path of a trained policy: a folder, or a file `.npz`; with
-            `+compensated` behind it, wrapped into a compensation of the model's effects.
-        model: what the controller knows of the robot: wheel law, dimensions, named effects.
-        arena: the simulator that the oracle looks into.
-        row: which of the arena's episodes it plays.
-        seed: of a controller that draws by chance.
+        name: a key of `CONTROLLERS`, or the path of a trained policy (a folder or a file `.npz`); followed by
+            `+compensated`, the controller is wrapped into a compensation of the model's effects.
+        model: what the controller knows of the robot: wheel law, dimensions, effects.
+        arena: the simulator that it plays in; only the oracle needs it.
+        row: index of its episode in the arena.
+        seed: of a controller that draws at random.
+        rules: rules that it plays by; by default those of the arena, without one the usual rules.
 
     Raises:
-        InputError: no such name and no such policy, or the oracle without an arena.
+        InputError: there is no such name and no such policy, or the oracle has no arena.
     """
+    if rules is None:
+        rules = Rules() if arena is None else arena.setting.rules
     controller: Controller
     if name.endswith(SUFFIX):
-        # It drives the robot that compensation makes of this one.
         base = name.removesuffix(SUFFIX)
         if not base or base.endswith(SUFFIX):
-            raise InputError(f"controller {name!r}: must be one name or path with {SUFFIX} behind it, once")
-        predicts = base in _PREDICTS
-        left = {n: v for n, v in model.effects.items() if CATALOGUE[n].undone_by == "prediction"}
-        ideal = replace(model, effects=left if predicts else {})
-        inner = make_controller(base, ideal, arena=arena, row=row, seed=seed)
-        controller = Compensated(inner, model, foresees=predicts)
+            raise InputError(f"controller {name!r}: must be one name or path, followed by {SUFFIX} once")
+        predicts_latency = base in _PREDICT_LATENCY
+        predicted = {n: v for n, v in model.effects.items() if CATALOGUE[n].undone_by == "prediction"}
+        # The controller knows the robot that remains after compensation.
+        ideal = replace(model, effects=predicted if predicts_latency else {})
+        inner = make_controller(base, ideal, arena=arena, row=row, seed=seed, rules=rules)
+        controller = Compensated(inner, model, predicts_latency=predicts_latency)
     elif name in CONTROLLERS:
-        controller = CONTROLLERS[name](Given(model, arena, row, seed))
+        controller = CONTROLLERS[name](ControllerArguments(model, rules, arena, row, seed))
     elif name and (Path(name).suffix == ".npz" or Path(name).is_dir()):
-        controller = _load(Path(name))
+        controller = _policy(Path(name), rules)
     else:
         raise InputError(
             f"controller {name!r}: no such name{did_you_mean(name, CONTROLLERS)}; known: "
@@ -114,10 +121,3 @@ def make_controller(
         )
     controller.reset()
     return controller
-
-
-def _load(path: Path) -> Controller:
-    # Only who asks for a policy pays for it.
-    from training.controllers.policy import load_policy
-
-    return load_policy(path)

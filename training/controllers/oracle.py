@@ -1,4 +1,4 @@
-"""The oracle: it looks into the simulator and knows when and where the strike comes: an upper bound."""
+"""The oracle: it reads from the simulator when and where the strike lands; an upper bound of success."""
 
 from __future__ import annotations
 
@@ -10,32 +10,41 @@ from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
 from training.controllers.tracking import Proportional
 
-_SPEED_M_S, _ACCELERATION_M_S2 = 1.05, 3.5  # of the packaged robot, with a little in hand
+_SPEED_M_S, _ACCELERATION_M_S2 = 1.05, 3.5
+"""Limits of the point mass: slightly below those of the packaged robot [m/s], [m/s^2]."""
 _TICK_S = 0.02
+_COMMAND_TICKS = 5
+"""Ticks per command period of 0.1 s."""
+_LATE_TICKS = 1
+"""Delay from a command to the motion, in ticks."""
 _DIRECTIONS = 16
-_HORIZON_S = 0.5  # before, a point mass is too far off what the robot will do
+_HORIZON_S = 0.5
+"""It plans once the strike lands within this time [s]; earlier, a point mass predicts the robot too badly."""
 _LOYALTY = 0.5
-_LATE_TICKS = 1  # between a command and the motion it asks for
-_SPREAD_M = (0.0, 0.015, 0.03, 0.045)  # how far off a plan may be
+"""Bonus for continuing the last plan, in score."""
+_SPREAD_M = (0.0, 0.015, 0.03, 0.045)
+"""Errors of the final place that a plan is tried with [m]."""
+_WAIT_MARGIN_M = 0.15
+"""Distance beyond maai while it waits [m]."""
 
 
 class Oracle:
-    """Tries many ways to move until the strike ends, on a point mass, against the strike as it will be.
+    """Tries motions of a point mass until the strike ends, against the strike as it will be.
 
-    A way is one velocity until some command, then another. It takes the one that is missed most surely and,
-    of those, the one that ends nearest to maai.
+    A motion is one velocity until some command, then another one. The oracle takes the one that the strike
+    misses most surely and, among equals, the one that ends nearest to maai.
 
     Args:
-        arena: what it looks into; `env.unwrapped.arena`.
-        row: which of its episodes.
+        arena: the simulator, `env.unwrapped.arena`.
+        row: index of its episode.
     """
 
     def __init__(self, arena: Arena, row: int = 0) -> None:
         self._arena, self._row = arena, row
-        maai = arena.setting.rules.maai_m
+        self._maai_m = arena.setting.rules.maai_m
+        self._wait = Proportional(distance_m=self._maai_m + _WAIT_MARGIN_M)
+        self._return = Proportional(distance_m=self._maai_m, gain_per_s=4.0)
         self.reset()
-        self._wait = Proportional(distance_m=maai + 0.15)
-        self._return = Proportional(distance_m=maai, gain_per_s=4.0)
 
     def reset(self) -> None:
         """Forget the episode."""
@@ -56,19 +65,18 @@ class Oracle:
         return twist_command(cos * vx + sin * vy, cos * vy - sin * vx, 0.0, self._wait.robot)
 
     def _best_velocity(self) -> tuple[float, float]:
-        """Return the velocity in the field to ask for now [m/s]."""
+        """Return the velocity to command now, in the world frame [m/s]."""
         arena, row = self._arena, self._row
         fighter, sword = arena.fighter, arena.fighter.sword
         now_s = float(arena.time_s()[row])
         ticks = max(1, round((sword.land_s[row] - now_s) / _TICK_S))
-        first, second, switch = _ways(ticks)
+        first, second, switch = _candidates(ticks)
         if self._plan is not None:
-            # What it is about, once more: a point mass's little advantage is not worth another turn.
-            kept_first, kept_second, switch_s = self._plan
-            first = np.concatenate([first, kept_first[:, None]], axis=1)
-            second = np.concatenate([second, kept_second[:, None]], axis=1)
+            last_first, last_second, switch_s = self._plan
+            first = np.concatenate([first, last_first[:, None]], axis=1)
+            second = np.concatenate([second, last_second[:, None]], axis=1)
             switch = np.append(switch, round((switch_s - now_s) / _TICK_S))
-        path = _paths(arena.scenes.now[:, row], first, second, switch, ticks)  # (ticks + 1, 6, ways)
+        path = _paths(arena.scenes.now[:, row], first, second, switch, ticks)
         n = first.shape[1]
         rows = np.full(n, row)
         if fighter.aimed[row]:
@@ -92,7 +100,7 @@ class Oracle:
             missed += clear
         away = path[-1, :2] - sword.origin[:, row, None]
         distance = np.sqrt(away[0] ** 2 + away[1] ** 2)
-        score = missed - 0.5 * np.abs(distance - arena.setting.rules.maai_m)
+        score = missed - 0.5 * np.abs(distance - self._maai_m)
         if self._plan is not None:
             score[-1] += _LOYALTY
         best = int(np.argmax(score))
@@ -101,25 +109,23 @@ class Oracle:
         return float(wanted[0]), float(wanted[1])
 
 
-def _ways(ticks: int) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
-    """Return first and second velocities, (2, n) [m/s], and the tick of the change, (n,)."""
+def _candidates(ticks: int) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
+    """Return first and second velocities, (2, n) [m/s], and the tick at which they change, (n,)."""
     angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
     velocities = np.concatenate(
         [_SPEED_M_S * np.array([np.cos(angles), np.sin(angles)]), np.zeros((2, 1))], axis=1
     )
-    changes = np.arange(5, max(ticks, 6), 5)  # commands last five ticks
-    one, other, change = np.meshgrid(
-        np.arange(_DIRECTIONS + 1), np.arange(_DIRECTIONS + 1), changes, indexing="ij"
-    )
-    return velocities[:, one.ravel()], velocities[:, other.ravel()], change.ravel()
+    choices = np.arange(_DIRECTIONS + 1)
+    changes = np.arange(_COMMAND_TICKS, max(ticks, _COMMAND_TICKS + 1), _COMMAND_TICKS)
+    one, other, change = (axis.ravel() for axis in np.meshgrid(choices, choices, changes, indexing="ij"))
+    return velocities[:, one], velocities[:, other], change
 
 
 def _paths(
     scene: FloatArray, first: FloatArray, second: FloatArray, switch: npt.NDArray[np.intp], ticks: int
 ) -> FloatArray:
-    """Return the robots' scenes (ticks + 1, 6, n) of a point mass that follows the velocities."""
-    n = first.shape[1]
-    path = np.empty((ticks + 1, 6, n))
+    """Return the scenes of a point mass that follows the velocities, shape (ticks + 1, 6, n)."""
+    path = np.empty((ticks + 1, 6, first.shape[1]))
     path[0] = scene[:6, None]
     most = _ACCELERATION_M_S2 * _TICK_S
     for tick in range(ticks):

@@ -1,10 +1,4 @@
-"""What a trained policy looks at: numbers made of an observation, in which a strike stands out.
-
-An observation says where tip and opponent are. A sword that draws back 0.2 m is little beside the metre by
-which distances differ, and one that sinks (do) looks like the opposite of one that rises. So the tip is given
-relative to its place on guard, and how far it is from there as a number of its own.
-
-A trained policy as a controller, with numpy alone: what a robot's computer runs.
+"""A trained policy as a controller, with NumPy alone: what a robot's computer runs.
 
 A policy file (`.npz`, written by `training.train`) holds the observation normaliser, the layers of the
 network and, as JSON, what it was trained for. Nothing in it is pickled.
@@ -12,6 +6,11 @@ network and, as JSON, what it was trained for. Nothing in it is pickled.
     controller = load_policy(bundled())
     controller.reset()
     v, theta, vc = controller.act(observation)  # every 0.1 s
+
+The network sees features of the observation in which a strike stands out: the position of the tip relative
+to its place on guard, and its distance from there. In the raw observation, a sword that is drawn back by
+0.2 m hardly shows beside distances that vary by a metre, and a sword that sinks (do) looks like the opposite
+of one that rises.
 """
 
 from __future__ import annotations
@@ -32,47 +31,45 @@ from mecanum_env.files import atomic_path
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.constants import GUARD_TIP_M
-from mecanum_env.tankendo.observation import SIZE
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
 
-NAMES: Final = (
+FORMAT: Final = "mecanum-policy/1"
+DEFAULT: Final = "robust"
+"""Name of the default bundled policy."""
+_FOLDER: Final = Path(__file__).parent.parent / "policies"
+_UNREADABLE: Final = (OSError, EOFError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
+"""Errors that NumPy raises for a file that is no archive or is torn."""
+_HINT: Final = "give policy.npz of a folder that `python -m training.train` wrote"
+_KEPT: Final = 10
+"""From this number on an observation (own motion, held command, own place) is kept unchanged."""
+FEATURE_NAMES: Final = (
     "distance - maai",
     "bearing",
-    "opponent's velocity relative to the own, ahead",
-    "the same, left",
-    "tip seen from the opponent, ahead",
-    "the same, left",
-    "tip's height over guard",
-    "how far the tip is from guard",
+    "opponent's relative velocity, ahead",
+    "opponent's relative velocity, left",
+    "tip relative to the opponent, ahead",
+    "tip relative to the opponent, left",
+    "tip's height above guard",
+    "tip's distance from guard",
     "tip's velocity relative to the opponent, ahead",
-    "the same, left",
-    "tip's velocity upwards",
-    "own velocity, ahead",
-    "own velocity, left",
-    "own yaw rate",
-    "command held, ahead",
-    "command held, left",
-    "command held, turn",
-    "own place, x",
-    "own place, y",
-    "cosine of the own heading",
-    "sine of the own heading",
+    "tip's velocity relative to the opponent, left",
+    "tip's velocity, up",
 )
-"""The features; what a task adds to an observation follows them as it is."""
-ADDED: Final = len(NAMES) - SIZE
-"""Features minus numbers of an observation."""
+"""The features that replace the numbers before."""
+EXTRA_FEATURES: Final = len(FEATURE_NAMES) - _KEPT
+"""Number of features minus the size of an observation."""
 
 
-def features(observation: npt.NDArray[np.floating]) -> FloatArray:
-    """Return the features, shape (..., k + 1), of observations, shape (..., k), k = 20 or more."""
+def features(observation: npt.NDArray[np.floating], maai_m: float = Rules.maai_m) -> FloatArray:
+    """Return the features, shape (..., k + 1), of one or more observations, shape (..., k), k >= 20."""
     whole = np.asarray(observation, float)
     seen = read_observation(whole)
     tip_x, tip_y = seen.tip_x - seen.opponent_x, seen.tip_y - seen.opponent_y
     drawn, raised = np.hypot(tip_x, tip_y) - GUARD_TIP_M, seen.tip_height - GUARD_HEIGHT_M
     own = (
-        np.hypot(seen.opponent_x, seen.opponent_y) - Rules.maai_m,
+        np.hypot(seen.opponent_x, seen.opponent_y) - maai_m,
         np.arctan2(seen.opponent_y, seen.opponent_x),
         seen.opponent_vx - seen.vx,
         seen.opponent_vy - seen.vy,
@@ -84,16 +81,20 @@ def features(observation: npt.NDArray[np.floating]) -> FloatArray:
         seen.tip_vy - seen.opponent_vy,
         seen.tip_rising,
     )
-    return np.concatenate([np.stack(own, axis=-1), whole[..., 10:]], axis=-1)
+    return np.concatenate([np.stack(own, axis=-1), whole[..., _KEPT:]], axis=-1)
 
 
-FORMAT: Final = "mecanum-policy/1"
-DEFAULT: Final = "robust"
-"""Name of the bundled policy that is meant where none is named."""
-_FOLDER: Final = Path(__file__).parent.parent / "policies"
-_UNREADABLE: Final = (OSError, EOFError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
-"""What numpy raises for a file that is none of its archives, or part of one."""
-_GIVE: Final = "give policy.npz of a folder that `python -m training.train` wrote"
+def stack_features(memory: FloatArray | None, newest: FloatArray, stack: int) -> FloatArray:
+    """Return the features of the last `stack` observations, oldest first, shape (..., stack * k).
+
+    Args:
+        memory: the previous result; None at the start of an episode, when `newest` is repeated.
+        newest: features of the new observation, shape (..., k).
+        stack: number of observations.
+    """
+    if memory is None:
+        return np.concatenate([newest] * stack, axis=-1)
+    return np.concatenate([memory[..., newest.shape[-1] :], newest], axis=-1)
 
 
 def _relu(x: FloatArray) -> FloatArray:
@@ -101,44 +102,44 @@ def _relu(x: FloatArray) -> FloatArray:
 
 
 ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {"tanh": np.tanh, "relu": _relu}
-"""Name -> function between the layers."""
+"""Name -> activation function between the layers."""
 
 
 @dataclass(frozen=True)
 class Network:
-    """The deterministic policy: features of the newest observations in, an action out.
+    """The deterministic policy: features of the latest observations in, an action out.
 
-    With x the features of the last `stack` observations, oldest first, one after the other: x is normalised
-    to clip((x - mean) / scale, +-clip), goes through the layers W x + b with the activation between them,
-    and the result is clipped to [-1, 1], or through tanh where `squashes`.
+    With x the features of the last `stack` observations, oldest first: x is normalised to
+    clip((x - mean) / scale, +-clip), passes the layers W x + b with the activation in between, and the result
+    goes through tanh if `squashes`, else it is clipped to [-1, 1].
     """
 
     mean: FloatArray
-    """Of each number of x, (stack * k,)."""
+    """Mean of each number of x, shape (stack * k,)."""
     scale: FloatArray
-    """What x - mean is divided by, (stack * k,)."""
+    """Divisor of each number of x - mean, shape (stack * k,)."""
     clip: float
     """Largest absolute value of a normalised number."""
     weights: tuple[FloatArray, ...]
-    """W of each layer, (outputs, inputs)."""
+    """W of each layer, shape (outputs, inputs)."""
     biases: tuple[FloatArray, ...]
-    """b of each layer, (outputs,)."""
+    """b of each layer, shape (outputs,)."""
     activation: str
-    """Between the layers: a name in `ACTIVATIONS`."""
+    """Name of the function between the layers, from `ACTIVATIONS`."""
     squashes: bool
-    """Whether tanh, and not a clip, keeps actions within [-1, 1]."""
+    """Whether tanh, instead of a clip, keeps actions within [-1, 1]."""
     action_mode: ActionMode
-    """What an action means; see `mecanum_env.tankendo.actions`."""
+    """Meaning of an action; see `mecanum_env.tankendo.actions`."""
     stack: int
-    """How many observations it looks at."""
+    """Number of observations in x."""
 
     @property
     def observation_size(self) -> int:
-        """Numbers of one observation."""
-        return len(self.mean) // self.stack - ADDED
+        """Size of one observation."""
+        return len(self.mean) // self.stack - EXTRA_FEATURES
 
     def actions(self, stacked: npt.NDArray[np.floating]) -> FloatArray:
-        """Return actions within [-1, 1], shape (..., 3), of stacked features, (..., stack * k)."""
+        """Return actions within [-1, 1], shape (..., 3), of stacked features, shape (..., stack * k)."""
         x = np.clip((np.asarray(stacked, float) - self.mean) / self.scale, -self.clip, self.clip)
         between = ACTIVATIONS[self.activation]
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
@@ -149,15 +150,17 @@ class Network:
 
 
 class Policy:
-    """A trained policy as a controller; it remembers as many observations as its network looks at.
+    """A trained policy as a controller; it remembers as many observations as its network sees.
 
     Args:
         network: from observations to an action.
         about: what it was trained for and with, as its file says.
+        rules: rules that it plays by; by default the usual ones.
     """
 
-    def __init__(self, network: Network, about: Mapping[str, Any]) -> None:
+    def __init__(self, network: Network, about: Mapping[str, Any], rules: Rules | None = None) -> None:
         self.network, self.about = network, about
+        self._maai_m = (Rules() if rules is None else rules).maai_m
         self._quantum_rpm = float(about.get("command_quantum_rpm", 1.0))
         self.reset()
 
@@ -178,31 +181,18 @@ class Policy:
                 f"observation of shape {seen.shape}, must be ({size},): this policy was trained for "
                 f"{self.about.get('env', 'another task')}"
             )
-        self._memory = remember(self._memory, features(seen), self.network.stack)
+        self._memory = stack_features(self._memory, features(seen, self._maai_m), self.network.stack)
         action = self.network.actions(self._memory)
         # A robot takes whole numbers, whatever quantum the model was trained with.
         v, theta, vc = action_to_command(action, self.network.action_mode, max(self._quantum_rpm, 1.0))
         return round(float(v)), round(float(theta)), round(float(vc))
 
 
-def remember(memory: FloatArray | None, seen: FloatArray, stack: int) -> FloatArray:
-    """Return the features of the last observations, oldest first, (..., stack * k), after new ones.
-
-    Args:
-        memory: what it returned last; None at an episode's start: then the first stands for those before it.
-        seen: features of the new observation, (..., k).
-        stack: how many are kept.
-    """
-    if memory is None:
-        return np.concatenate([seen] * stack, axis=-1)
-    return np.concatenate([memory[..., seen.shape[-1] :], seen], axis=-1)
-
-
 def bundled(name: str = DEFAULT) -> Path:
     """Return a policy file that comes with the package; its card is beside it (`.md`).
 
     Raises:
-        InputError: there is none of this name.
+        InputError: there is no bundled policy of this name.
     """
     known = sorted(path.stem for path in _FOLDER.glob("*.npz"))
     if name not in known:
@@ -210,19 +200,20 @@ def bundled(name: str = DEFAULT) -> Path:
     return _FOLDER / f"{name}.npz"
 
 
-def load_policy(path: Path) -> Policy:
-    """Return the policy that a file holds, ready to act.
+def load_policy(path: Path, rules: Rules | None = None) -> Policy:
+    """Return the policy in a file, ready to act.
 
     Args:
         path: an `.npz` or a folder that `training.train` wrote, or `bundled()`.
+        rules: rules that it plays by; by default the usual ones.
 
     Raises:
-        InputError: there is no such file, or it is no policy.
+        InputError: there is no such file, or it holds no policy.
     """
     if path.is_dir():
         path = path / "policy.npz"
     try:
-        # Opened here, since numpy leaves a file open that it cannot read.
+        # Opened here, because NumPy does not close a file that it cannot read.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
     except FileNotFoundError as error:
@@ -232,28 +223,22 @@ def load_policy(path: Path) -> Policy:
     except PermissionError as error:
         raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except _UNREADABLE as error:
-        raise InputError(f"{path}: no policy file, or a torn one; {_GIVE}") from error
+        raise InputError(f"{path}: no policy file, or a torn one; {_HINT}") from error
     try:
         about = json.loads(str(arrays["about"]))
         if about["format"] != FORMAT:
             raise InputError(f'format = {about["format"]!r}, must be "{FORMAT}"; export it again')
-        return Policy(_network(arrays, about), about)
+        return Policy(_network(arrays, about), about, rules)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except (KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: no policy file, though it holds arrays; {_GIVE}") from error
+        raise InputError(f"{path}: no policy file, though it holds arrays; {_HINT}") from error
     except ValueError as error:
-        raise InputError(f"{path}: no policy that can act ({error}); {_GIVE}") from error
+        raise InputError(f"{path}: no policy that can act ({error}); {_HINT}") from error
 
 
 def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
-    """Write a policy file, whole or not at all.
-
-    Args:
-        path: the `.npz` to write.
-        network: from observations to an action.
-        about: what it was trained for and with; JSON.
-    """
+    """Write a policy to an `.npz` file; `about` says in JSON what it was trained for and with."""
     layers = len(network.weights)
     shape = {
         "format": FORMAT,
@@ -266,7 +251,7 @@ def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
     }
     arrays: dict[str, Any] = {"mean": network.mean, "scale": network.scale}
     for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
-        # Training computes in single precision too.
+        # Training uses single precision, too.
         arrays[f"weight_{layer}"] = weight.astype(np.float32)
         arrays[f"bias_{layer}"] = bias.astype(np.float32)
     text = json.dumps({**about, **shape}, indent=1, allow_nan=False)

@@ -1,10 +1,7 @@
 """Playing seeded episodes of a controller and measuring them.
 
-play       episodes side by side, one seed an episode
-episode    what is recorded of one, and what is kept
-measures   settling, overshoot and the like, of arrays
-jobs       many evaluations at a time
-intervals  shares and means with their intervals
+play     episodes side by side, one seed each; several evaluations in parallel processes
+metrics  the metrics of one episode; shares and means over episodes with confidence intervals
 """
 
 from typing import TYPE_CHECKING
@@ -12,27 +9,32 @@ from typing import TYPE_CHECKING
 from mecanum_env.lazy import lazy_exports
 
 if TYPE_CHECKING:
-    from training.evaluate.episode import Ending, Episode, Reason, Trace, summarise
-    from training.evaluate.intervals import Mean, Share, mean, share
-    from training.evaluate.jobs import Job, play_jobs
-    from training.evaluate.play import Evaluation, Maker, Setup, evaluate, named_maker
+    from training.evaluate.metrics import Episode, Mean, Reason, Recording, Share, mean, share, summarise
+    from training.evaluate.play import (
+        ControllerFactory,
+        Evaluation,
+        Job,
+        Setup,
+        controller_factory,
+        evaluate,
+        play_jobs,
+    )
 else:
     __getattr__, __dir__ = lazy_exports(__name__, __file__)
 
 __all__ = [
-    "Ending",
+    "ControllerFactory",
     "Episode",
     "Evaluation",
     "Job",
-    "Maker",
     "Mean",
     "Reason",
+    "Recording",
     "Setup",
     "Share",
-    "Trace",
+    "controller_factory",
     "evaluate",
     "mean",
-    "named_maker",
     "play_jobs",
     "share",
     "summarise",

@@ -1,9 +1,14 @@
-"""Playing seeded episodes of a controller, many side by side; the result does not depend on how many."""
+"""Playing seeded episodes of a controller, side by side and in parallel processes.
+
+The results depend neither on the number of episodes side by side nor on the number of processes.
+"""
 
 from __future__ import annotations
 
+import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -12,101 +17,103 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
+from mecanum_env.parallel import process_pool
 from mecanum_env.simulator import RobotPlant
-from mecanum_env.tankendo import Opponent, command_to_action
+from mecanum_env.tankendo import Opponent, Rules, command_to_action
 from mecanum_env.tankendo.arena import Arena, TaskName
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers.interface import Controller
 from training.controllers.named import make_controller
-from training.evaluate.episode import Ending, Episode, Reason, Trace, summarise
+from training.evaluate.metrics import Episode, Reason, Recording, summarise
 
-_TIMED: Final = 5  # one command in so many is timed: where clocks are slow, they take as long as a controller
+_TIMED: Final = 5
+"""One command in this many is timed: on some machines reading the clock takes as long as a controller."""
 
-Maker = Callable[[Arena, int, int], Controller]
-"""Return the controller of one episode: of an arena, its row, and the episode's seed."""
+ControllerFactory = Callable[[Arena, int, int], Controller]
+"""Makes the controller of one episode from an arena, its row, and the episode's seed."""
+Progress = Callable[[str, int], Any]
+"""Called with the name of a finished job and the number of its episodes."""
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What is played on."""
+    """The robot, task and opponent of an evaluation."""
 
     model: Model
-    """The robot that moves."""
+    """The robot that is simulated."""
     physics: RobotPlant = "planar"
     task: TaskName = "dodge"
     difficulty: str = "normal"
     opponent: Opponent | None = None
-    """In place of the difficulty's."""
+    """Replaces the opponent of the difficulty."""
     randomize: Literal["none", "posterior"] = "none"
     known: Model | None = None
-    """The robot as the controller knows it: kinematics and ceiling of its figures; None: the same."""
+    """The robot as the controller knows it, used for the metrics; None: the same as `model`."""
+    rules: Rules | None = None
+    """Rules of the environment, which named controllers know; None: the default rules."""
 
 
 @dataclass(frozen=True)
 class Evaluation:
-    """What came of it."""
+    """The result of an evaluation."""
 
     episodes: tuple[Episode, ...]
     """In the order of their seeds."""
     command_times_s: npt.NDArray[np.float64] = field(compare=False)
-    """Processor time of the controller for a command, one command in five, all episodes [s]; of the machine,
-    but not of what else runs on it."""
+    """Processor time of one command in five, over all episodes [s]."""
 
 
-def named_maker(name: str, known: Model) -> Maker:
-    """Return a maker of a controller by its name.
-
-    Args:
-        name: as for `training.controllers.named.make_controller`.
-        known: the robot as the controller knows it.
+def controller_factory(name: str, known: Model) -> ControllerFactory:
+    """Return a factory for `training.controllers.named.make_controller`; `known` is the robot that it knows.
 
     Raises:
-        InputError: no such controller, when the first is made.
+        InputError: there is no such controller; raised when the first one is made.
     """
     return lambda arena, row, seed: make_controller(name, known, arena=arena, row=row, seed=seed)
 
 
 def evaluate(
-    maker: Maker,
+    factory: ControllerFactory,
     setup: Setup,
     seeds: Iterable[int],
     *,
     rows: int = 64,
     progress: Callable[[], Any] | None = None,
 ) -> Evaluation:
-    """Play one episode a seed, each with a controller of its own, begun by `reset(seed=...)`.
+    """Play one episode per seed, each begun by `reset(seed=...)` with a controller of its own.
 
-    The result is the same, bit for bit but for the times, whatever the number of rows.
+    Except for the times, the result is the same, bit for bit, for any number of rows.
 
     Args:
-        maker: makes the controllers.
-        setup: what is played on.
-        seeds: one an episode.
-        rows: episodes side by side.
+        factory: makes the controllers.
+        setup: robot, task and opponent.
+        seeds: one per episode.
+        rows: number of episodes side by side.
         progress: called at the end of each episode.
 
     Raises:
-        InputError: no seed or no row, or a setup that cannot be simulated.
+        InputError: there are no seeds or no rows, or the setup cannot be simulated.
     """
     waiting = list(seeds)
     if not waiting or rows < 1:
-        raise InputError(f"{len(waiting)} episodes on {rows} rows, must be at least 1 and 1")
+        raise InputError(f"episodes = {len(waiting)} in rows = {rows}, both must be at least 1")
     env = TankendoVectorEnv(
         min(rows, len(waiting)),
         task=setup.task,
         model=setup.model,
         plant=setup.physics,
+        rules=setup.rules,
         difficulty=setup.difficulty,
         action_mode="command",
         opponent=setup.opponent,
         randomize=setup.randomize,
         autoreset_mode="Disabled",
     )
+    known = setup.model if setup.known is None else setup.known
     finished: list[tuple[Episode, tuple[float, ...]]] = []
-    for trace, ending in _played(maker, env, iter(waiting)):
-        known = setup.model if setup.known is None else setup.known
-        rules = env.arena.setting.rules
-        finished.append((summarise(trace, ending, known, rules, setup.task), ending.command_times_s))
+    for recorded in _played(factory, env, iter(waiting)):
+        episode = summarise(recorded, known, env.arena.setting.rules, setup.task)
+        finished.append((episode, recorded.command_times_s))
         if progress is not None:
             progress()
     finished.sort(key=lambda one: one[0].seed)
@@ -114,31 +121,69 @@ def evaluate(
     return Evaluation(tuple(episode for episode, _ in finished), times)
 
 
+def _played(
+    factory: ControllerFactory, env: TankendoVectorEnv, waiting: Iterator[int]
+) -> Iterator[Recording]:
+    """Yield every episode as it ends; its row then begins the next waiting one."""
+    arena, n = env.arena, env.num_envs
+    seeds = [next(waiting) for _ in range(n)]
+    observation, _ = env.reset(seed=seeds)
+    players: list[_Recorder | None] = [
+        _Recorder(arena, row, seed, factory(arena, row, seed)) for row, seed in enumerate(seeds)
+    ]
+    while any(player is not None for player in players):
+        commands = np.zeros((n, 3))
+        for row, player in enumerate(players):
+            if player is not None:
+                commands[row] = player.act(observation[row])
+        # The environment's own step would begin new episodes unseeded and hide how the old ones ended.
+        step = arena.step(command_to_action(commands))
+        observation, over = step.observation, step.terminated | step.truncated
+        for player, reward in zip(players, step.reward, strict=True):
+            if player is not None:
+                player.sample(float(reward))
+        if not over.any():
+            continue
+        following: dict[int, int] = {}
+        for row in np.flatnonzero(over).tolist():
+            ended = players[row]
+            if ended is not None:
+                yield ended.recorded(bool(step.truncated[row]))
+            players[row] = None
+            seed = next(waiting, None)
+            if seed is not None:
+                seeds[row] = following[row] = seed
+        # A row without a waiting episode repeats its last one, unrecorded.
+        observation, _ = env.reset(seed=seeds, options={"reset_mask": over})
+        for row, seed in following.items():
+            players[row] = _Recorder(arena, row, seed, factory(arena, row, seed))
+
+
 class _Recorder:
-    """Collects one row's samples."""
+    """Plays and samples the episode in one row of an arena."""
 
     def __init__(self, arena: Arena, row: int, seed: int, controller: Controller) -> None:
-        self._arena, self._row, self.seed, self.controller = arena, row, seed, controller
+        self._arena, self._row, self._seed, self._controller = arena, row, seed, controller
         fights = arena.setting.task != "track"
         technique = arena.setting.opponent.techniques[int(arena.fighter.technique()[row])]
         self._technique = technique.name if fights else ""
-        # Drawn with the episode: known, too, where the controller never lets it come to a strike.
-        self._warning = float(arena.fighter.drawn(arena.chance.warning)[row]) if fights else None
+        # Drawn at the start, so it is known even if the episode ends before a strike.
+        self._warning_s = float(arena.fighter.drawn(arena.chance.warning)[row]) if fights else None
         self._samples: list[list[float]] = []
         self._times: list[float] = []
         self.sample(0.0)
 
     def act(self, observation: npt.NDArray[np.float32]) -> tuple[int, int, int]:
-        """Ask the controller, and now and then note how long it takes."""
-        if (self.seed + len(self._samples)) % _TIMED != 0:
-            return self.controller.act(observation)
+        """Return the controller's command; measure the time of some of them."""
+        if (self._seed + len(self._samples)) % _TIMED != 0:
+            return self._controller.act(observation)
         begin = time.process_time()
-        command = self.controller.act(observation)
+        command = self._controller.act(observation)
         self._times.append(time.process_time() - begin)
         return command
 
     def sample(self, reward: float) -> None:
-        """Note what is now, and the reward of the step that brought it."""
+        """Record the present state and the reward of the step that led to it."""
         arena, row = self._arena, self._row
         distance, bearing = (float(values[row]) for values in arena.scenes.separation())
         yaw, vx, vy, turn = (float(value) for value in arena.scenes.now[2:6, row])
@@ -148,10 +193,17 @@ class _Recorder:
         now = float(arena.time_s()[row])
         self._samples.append([now, distance, bearing, *arena.commands[row], *actual, guarded, reward])
 
-    def trace(self) -> Trace:
-        """Return all samples."""
+    def recorded(self, truncated: bool) -> Recording:
+        """Return the whole episode; call it when it has ended."""
+        arena, row = self._arena, self._row
         table = np.array(self._samples)
-        return Trace(
+        return Recording(
+            seed=self._seed,
+            success=bool(arena.succeeded[row]),
+            reason=_why_failed(arena, row, truncated),
+            technique=self._technique,
+            warning_s=self._warning_s,
+            command_times_s=tuple(self._times),
             time_s=table[:, 0],
             distance_m=table[:, 1],
             bearing_rad=table[:, 2],
@@ -161,27 +213,9 @@ class _Recorder:
             reward=table[:, 10],
         )
 
-    def ending(self, truncated: bool) -> Ending:
-        """Return how the episode ended, now that it has."""
-        arena, row = self._arena, self._row
-        return Ending(
-            seed=self.seed,
-            success=bool(arena.succeeded[row]),
-            reason=why_failed(arena, row, truncated),
-            technique=self._technique,
-            warning_s=self._warning,
-            command_times_s=tuple(self._times),
-        )
 
-
-def why_failed(arena: Arena, row: int, truncated: bool) -> Reason:
-    """Return why an episode that has just ended is no success; empty if it is one.
-
-    Args:
-        arena: before the next reset.
-        row: which episode.
-        truncated: whether the time limit ended it.
-    """
+def _why_failed(arena: Arena, row: int, truncated: bool) -> Reason:
+    """Return why the episode in a row has failed, before the row is reset; empty for a success."""
     rules, task = arena.setting.rules, arena.setting.task
     if arena.succeeded[row]:
         return ""
@@ -201,37 +235,68 @@ def why_failed(arena: Arena, row: int, truncated: bool) -> Reason:
     return "time over" if pending else "no opening"
 
 
-def _played(maker: Maker, env: TankendoVectorEnv, waiting: Iterator[int]) -> Iterator[tuple[Trace, Ending]]:
-    """Yield every episode as it ends; a row that ends one begins the next that waits."""
-    arena, n = env.arena, env.num_envs
-    seeds = [next(waiting) for _ in range(n)]
-    observation, _ = env.reset(seed=seeds)
-    players: list[_Recorder | None] = [
-        _Recorder(arena, row, seed, maker(arena, row, seed)) for row, seed in enumerate(seeds)
-    ]
-    while any(player is not None for player in players):
-        commands = np.zeros((n, 3))
-        for row, player in enumerate(players):
-            if player is not None:
-                commands[row] = player.act(observation[row])
-        # The environment's own step would begin new episodes unseeded, and hide how the old ones ended.
-        step = arena.step(command_to_action(commands))
-        observation, over = step.observation, step.terminated | step.truncated
-        for player, reward in zip(players, step.reward, strict=True):
-            if player is not None:
-                player.sample(float(reward))
-        if not over.any():
-            continue
-        following: dict[int, int] = {}
-        for row in np.flatnonzero(over).tolist():
-            ended = players[row]
-            if ended is not None:
-                yield ended.trace(), ended.ending(bool(step.truncated[row]))
-            players[row] = None
-            seed = next(waiting, None)
-            if seed is not None:
-                seeds[row] = following[row] = seed
-        # A row for which nothing waits plays its last episode again, unseen.
-        observation, _ = env.reset(seed=seeds, options={"reset_mask": over})
-        for row, seed in following.items():
-            players[row] = _Recorder(arena, row, seed, maker(arena, row, seed))
+@dataclass(frozen=True)
+class Job:
+    """Episodes with the seeds 0, 1, ... to play; it can be sent to another process."""
+
+    name: str
+    """Shown by the progress bar."""
+    controller: str
+    """Name of a controller, which knows `setup.known`."""
+    setup: Setup
+    episodes: int
+
+    def play(self) -> Evaluation:
+        """Play the episodes."""
+        known = self.setup.model if self.setup.known is None else self.setup.known
+        return evaluate(controller_factory(self.controller, known), self.setup, range(self.episodes))
+
+
+def play_jobs(
+    jobs: Mapping[str, Job], processes: int = 0, progress: Progress | None = None
+) -> dict[str, Evaluation]:
+    """Return the evaluation of each job, under its key.
+
+    The first job is played alone: a controller that cannot be made is refused before any process starts, and
+    its times per command are measured while nothing else of this program runs.
+
+    Args:
+        jobs: at least one job.
+        processes: number of parallel processes; 0: as many as there are processors.
+        progress: called after each job.
+
+    Raises:
+        InputError: the number of processes is negative, or the first failing job raised it.
+    """
+    require_jobs(processes)
+    processes = min(processes or os.cpu_count() or 1, len(jobs))
+    played: dict[str, Evaluation] = {}
+
+    def done(key: str, evaluation: Evaluation) -> None:
+        played[key] = evaluation
+        if progress is not None:
+            progress(jobs[key].name, jobs[key].episodes)
+
+    first, *others = jobs
+    done(first, jobs[first].play())
+    if processes == 1:
+        for key in others:
+            done(key, jobs[key].play())
+        return played
+    with process_pool(processes) as pool:
+        # The longest jobs first, so that the processes end together.
+        order = sorted(others, key=lambda key: (jobs[key].setup.physics != "rollers", -jobs[key].episodes))
+        running = {pool.submit(jobs[key].play): key for key in order}
+        for future in as_completed(running):
+            done(running[future], future.result())
+    return played
+
+
+def require_jobs(jobs: int) -> None:
+    """Refuse a negative number of parallel jobs.
+
+    Raises:
+        InputError: it is negative.
+    """
+    if jobs < 0:
+        raise InputError(f"jobs = {jobs}, must be at least 0 (0: as many as there are processors)")

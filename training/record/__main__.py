@@ -38,26 +38,25 @@ def main(
 ) -> None:
     """Film one episode: the fight, the score, and the commanded against the actual speed.
 
-    Drawn offline, with OSMesa where it is there. The episode is the one that the same seed has in a
-    certificate.
+    Pictures are drawn without a screen, by OSMesa if it is installed. The episode is the one that the same
+    seed has in a certificate.
 
     Example: python -m training.record retreat --seed 3 --out retreat.mp4
 
     Args:
-        controller: Name of a controller, or path of a trained policy, as for python -m training.certify.
-        env: Which environment.
-        seed: Of the episode.
-        out: The video (.mp4).
+        controller: Name of a controller or path of a trained policy; see python -m training.certify.
+        env: Name of the environment.
+        seed: Seed of the episode.
+        out: Video to write (.mp4).
         model: Model file of the robot; by default the packaged one.
-        on: Plant of a certificate, such as robot-level or with-backlash; the controller knows the model only.
-        physics: Rollers on a floor, or the planar plant, whose wheels do not turn in the picture.
-        difficulty: Of the opponent: easy, normal or hard.
-        width: Of the video [pixels].
-        height: Of the video, plots included [pixels].
+        on: Plant of a certificate, such as robot-level or with-backlash; the controller knows only the model.
+        physics: rollers on a floor, or planar, whose wheels do not turn in the picture.
+        difficulty: Difficulty of the opponent: easy, normal or hard.
+        width: Width of the video [pixels].
+        height: Height of the video, plots included [pixels].
         fps: Frames per second.
-        still: Also write one frame here (.png, .jpg).
-        still_time: Which one: this long after the start [s], the last one where the episode ends sooner;
-            default 1.
+        still: Also write one frame to this file (.png, .jpg).
+        still_time: Time of that frame after the start [s], by default 1; the last one if the episode is over.
     """
     # Before anything imports mujoco, which picks its graphics library then.
     backend = use_backend()
@@ -67,9 +66,9 @@ def main(
     from mecanum_env.model import paper_model, read_model
     from mecanum_env.rendering import video
     from mecanum_env.tankendo.env import TankendoEnv
-    from training.certify.plants import plants, select
+    from training.certify.plants import robot_variants, select_variants
     from training.controllers.named import make_controller
-    from training.record.rollout import AFTER_S, Rollout, outcome
+    from training.record.rollout import AFTER_S, outcome, rollout_frames
 
     if env not in ENVIRONMENTS:
         raise InputError(f"env = {env!r}{did_you_mean(env, ENVIRONMENTS)}, must be {', '.join(ENVIRONMENTS)}")
@@ -77,35 +76,44 @@ def main(
     if still is not None:
         video.check_suffix(still, video.STILL_SUFFIXES)
     elif still_time is not None:
-        raise InputError(f"still_time = {still_time:g}: no still is asked for; add --still PICTURE.png")
+        raise InputError(f"still_time = {still_time:g}: there is no still; add --still PICTURE.png")
     require_writable(*(path for path in (out, still) if path is not None))
     known = paper_model() if model is None else read_model(model)
-    plant = next(one for one in select(plants(known, physics), [on]) if on in (one.name, one.group))
+    variants = select_variants(robot_variants(known, physics), [on])
+    variant = next(one for one in variants if on in (one.name, one.group))
     world = TankendoEnv(
         task=ENVIRONMENTS[env],  # type: ignore[arg-type]
-        model=plant.model,
-        plant=plant.physics,
+        model=variant.model,
+        plant=variant.physics,
         difficulty=difficulty,
         action_mode="command",
-        randomize=plant.randomize,
+        randomize=variant.randomize,
     )
     longest_s = world.arena.time_limit_s + AFTER_S
     still_s = _STILL_S if still_time is None else still_time
     if not 0.0 <= still_s <= longest_s:
         raise InputError(f"still_time = {still_s:g}, must be within the film, 0 to {longest_s:g} s")
     player = make_controller(controller, known, arena=world.arena, seed=seed)
-    title = f"{controller}, {plant.name}, seed {seed}"
-    rollout = Rollout(world, player, known, seed=seed, width=width, height=height, fps=fps, title=title)
+    drawn = rollout_frames(
+        world,
+        player,
+        known,
+        variant.physics,
+        seed=seed,
+        width=width,
+        height=height,
+        fps=fps,
+        title=f"{controller}, {variant.name}, seed {seed}",
+    )
     kept: list[Frame] = []
 
-    def watched() -> Iterator[Frame]:
-        frames = tqdm(rollout.frames(plant.physics), desc="drawing", unit="frame", disable=None)
-        for i, frame in enumerate(frames):
+    def frames() -> Iterator[Frame]:
+        for i, frame in enumerate(tqdm(drawn, desc="drawing", unit="frame", disable=None)):
             if i <= still_s * fps:
                 kept[:] = [frame]
             yield frame
 
-    count = video.write_video(out, watched(), fps)
+    count = video.write_video(out, frames(), fps)
     how = outcome(world.arena)
     print(
         f"{out}: {controller}, seed {seed}: {how}; {count} frames, {width} x {height}, drawn with {backend}"

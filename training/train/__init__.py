@@ -1,12 +1,11 @@
 """Training policies with Stable-Baselines3: `python -m training.train`; needs the `train` extra.
 
-settings     what a run is told
-levels       the robots of `--randomize levels`
-environment  the environments as the learner sees them: memory (`stack`), robots (`group`), normaliser
-agent        PPO or SAC
-run          training, and going on after an interruption
-checkpoint   what a training folder holds
-export       from the learner to a file that needs numpy alone
-play         many episodes with a network
-card         what a policy file should be known for
+settings      the settings of a run
+environments  the environments as the learner sees them
+agent         PPO or SAC
+run           training, and resuming after an interruption
+checkpoint    the files of a training folder
+export        from the learner to a file that needs NumPy alone
+card          measured success of a policy, as a page
+curve         learning curves, as a picture
 """

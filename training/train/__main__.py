@@ -34,29 +34,29 @@ def main(
     ppo: Ppo = Ppo(),  # noqa: B008
     sac: Sac = Sac(),  # noqa: B008
 ) -> None:
-    """Train a policy with Stable-Baselines3 and write it, with all that it takes to train it again.
+    """Train a policy with Stable-Baselines3 and write it with everything needed to train it again.
 
     Example: python -m training.train --out out/ppo --steps 2000000
 
     Args:
-        out: Folder to write; policy.npz in it is what a robot runs.
-        resume: Folder of a run that was interrupted; only --steps counts beside it.
+        out: Folder to write; a robot runs the policy.npz in it.
+        resume: Folder of an interrupted run; only --steps may be given with it.
         algo: ppo or sac.
         env: Name of the environment.
-        steps: Of all environments together; default 2,000,000.
-        seed: Of weights, episodes and actions.
+        steps: Number of steps of all environments together; by default 2,000,000.
+        seed: Seed of weights, episodes and actions.
         plant: planar, or rollers (much slower).
-        model: Model file; default: the packaged model.
-        difficulty: Of the opponent: easy, normal, hard.
-        randomize: On which robots: none, posterior, or levels.
-        start: Folder of another run to begin with the weights of, such as one on the model alone.
-        envs: Environments side by side.
-        action_mode: What an action means: cartesian, polar, command.
-        stack: How many observations the policy looks at.
+        model: Model file of the robot; by default the packaged one.
+        difficulty: Difficulty of the opponent: easy, normal or hard.
+        randomize: Robots to train on: none (the model), posterior (drawn from its uncertainty), or levels.
+        start: Folder of another run whose weights are the initial ones.
+        envs: Number of environments side by side.
+        action_mode: Meaning of an action: cartesian, polar or command.
+        stack: Number of observations that the policy sees.
         checkpoint_every: Steps between two checkpoints.
-        reward_weights: Of the environment's reward, by name; default: waiting 0.05 out 5.
-        ppo: Numbers of PPO.
-        sac: Numbers of SAC.
+        reward_weights: Weights of the reward by name; by default waiting 0.05 out 5.
+        ppo: Hyperparameters of PPO.
+        sac: Hyperparameters of SAC.
     """
     if importlib.util.find_spec("stable_baselines3") is None:
         raise InputError(f"training needs Stable-Baselines3: {install_command('train')}")

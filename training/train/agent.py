@@ -1,7 +1,4 @@
-"""PPO's policy with a spread of the actions that depends on what is seen.
-
-The learner: Stable-Baselines3's PPO or SAC with this run's numbers.
-"""
+"""The learner: Stable-Baselines3's PPO or SAC with the hyperparameters of a run."""
 
 from __future__ import annotations
 
@@ -18,112 +15,92 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from training.train.settings import Settings
 
-_LOG_STD: Final = (-4.0, 0.5)
+_LOG_STD_RANGE: Final = (-4.0, 0.5)
+_CLASSES: Final = {"ppo": PPO, "sac": SAC}
+_ACTIVATIONS: Final = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 
 
-class SeenSpreadPolicy(ActorCriticPolicy):  # type: ignore[misc]
-    """A normal distribution whose standard deviation is one more output of the actor's network.
+class StateDependentStdPolicy(ActorCriticPolicy):  # type: ignore[misc]
+    """PPO's policy with a standard deviation of the actions that is an output of the actor's network.
 
-    An opening is offered only by a robot that is slow: noise that is large enough to find out how to evade a
-    strike keeps it from ever being struck at. One spread for all states has to be one or the other.
+    The opponent strikes only at a slow robot, and noise that is large enough to discover evasions keeps the
+    robot too fast to be struck at. One standard deviation for all states would have to be either.
     """
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         super()._build(lr_schedule)
         self.log_std_net = torch.nn.Linear(self.mlp_extractor.latent_dim_pi, self.action_space.shape[0])
-        self.spread_anew(self.log_std_init)
+        self.reset_std(self.log_std_init)
         self.log_std.requires_grad_(False)
         learned = [parameter for parameter in self.parameters() if parameter.requires_grad]
         self.optimizer = self.optimizer_class(learned, lr=lr_schedule(1.0), **self.optimizer_kwargs)
 
-    def spread_anew(self, log_std: float) -> None:
-        """Give all states the same spread, with this logarithm log_std of the standard deviation."""
+    def reset_std(self, log_std: float) -> None:
+        """Give all states the same standard deviation, exp(`log_std`)."""
         torch.nn.init.zeros_(self.log_std_net.weight)
         torch.nn.init.constant_(self.log_std_net.bias, log_std)
 
     def _get_action_dist_from_latent(self, latent_pi: torch.Tensor) -> Distribution:
-        log_std = self.log_std_net(latent_pi).clamp(*_LOG_STD)
-        # Not used again: Stable-Baselines3 logs it as train/std.
+        log_std = self.log_std_net(latent_pi).clamp(*_LOG_STD_RANGE)
+        # Only read by Stable-Baselines3, which logs it as train/std.
         self.log_std.data = log_std.detach().mean(dim=0)
         return self.action_dist.proba_distribution(self.action_net(latent_pi), log_std)
 
 
-_CLASSES: Final = {"ppo": PPO, "sac": SAC}
-_ACTIVATIONS: Final = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
-
-
 def make_agent(settings: Settings, env: VecEnv) -> BaseAlgorithm:
-    """Return a learner with new weights, drawn from the settings' seed.
-
-    Args:
-        settings: of the run.
-        env: what it learns in.
-    """
-    # More threads only wait for each other on networks this small.
+    """Return a learner in `env` with new weights, drawn from the settings' seed."""
+    # On networks this small more threads only wait for each other.
     torch.set_num_threads(1)
-    make = _ppo if settings.algo == "ppo" else _sac
-    return make(settings, env)
+    common: dict[str, Any] = {
+        "learning_rate": _learning_rate(settings),
+        "seed": settings.seed,
+        "device": "cpu",
+    }
+    if settings.algo == "sac":
+        sac = settings.sac
+        return SAC(
+            "MlpPolicy",
+            env,
+            batch_size=sac.batch_size,
+            buffer_size=sac.buffer_size,
+            learning_starts=sac.learning_starts,
+            train_freq=1,
+            gradient_steps=sac.updates_a_step,
+            gamma=sac.gamma,
+            policy_kwargs={"net_arch": list(sac.layers), "activation_fn": _ACTIVATIONS[sac.activation]},
+            **common,
+        )
+    ppo = settings.ppo
+    return PPO(
+        StateDependentStdPolicy,
+        env,
+        n_steps=ppo.rollout_steps,
+        batch_size=min(ppo.batch_size, ppo.rollout_steps * settings.envs),
+        n_epochs=ppo.epochs,
+        gamma=ppo.gamma,
+        gae_lambda=ppo.gae_lambda,
+        clip_range=ppo.clip_range,
+        ent_coef=ppo.entropy_weight,
+        policy_kwargs={
+            "net_arch": {"pi": list(ppo.layers), "vf": list(ppo.layers)},
+            "activation_fn": _ACTIVATIONS[ppo.activation],
+            "log_std_init": ppo.log_std,
+        },
+        **common,
+    )
 
 
 def read_agent(settings: Settings, env: VecEnv, path: Path) -> BaseAlgorithm:
-    """Return the learner of a checkpoint.
-
-    Args:
-        settings: of the run.
-        env: what it learns in.
-        path: the checkpoint's `agent.zip`.
-    """
+    """Return the learner in a checkpoint's `agent.zip`, with `env` to learn in."""
     torch.set_num_threads(1)
-    # The schedule is made anew: stored, it is code of whatever version wrote it.
-    fresh = {"learning_rate": _falling(*_rates(settings)), "lr_schedule": _falling(*_rates(settings))}
+    # The stored schedule is code of the version that wrote it; it is replaced.
+    schedule = _learning_rate(settings)
+    fresh = {"learning_rate": schedule, "lr_schedule": schedule}
     return _CLASSES[settings.algo].load(path, env=env, device="cpu", custom_objects=fresh)
 
 
-def _ppo(settings: Settings, env: VecEnv) -> PPO:
-    own = settings.ppo
-    return PPO(
-        SeenSpreadPolicy,
-        env,
-        learning_rate=_falling(*_rates(settings)),
-        n_steps=own.rollout_steps,
-        batch_size=min(own.batch_size, own.rollout_steps * settings.envs),
-        n_epochs=own.epochs,
-        gamma=own.gamma,
-        gae_lambda=own.gae_lambda,
-        clip_range=own.clip_range,
-        ent_coef=own.entropy_weight,
-        policy_kwargs={
-            "net_arch": {"pi": list(own.layers), "vf": list(own.layers)},
-            "activation_fn": _ACTIVATIONS[own.activation],
-            "log_std_init": own.log_std,
-        },
-        seed=settings.seed,
-        device="cpu",
-    )
-
-
-def _sac(settings: Settings, env: VecEnv) -> SAC:
-    own = settings.sac
-    return SAC(
-        "MlpPolicy",
-        env,
-        learning_rate=_falling(*_rates(settings)),
-        batch_size=own.batch_size,
-        buffer_size=own.buffer_size,
-        learning_starts=own.learning_starts,
-        train_freq=1,
-        gradient_steps=own.updates_a_step,
-        gamma=own.gamma,
-        policy_kwargs={"net_arch": list(own.layers), "activation_fn": _ACTIVATIONS[own.activation]},
-        seed=settings.seed,
-        device="cpu",
-    )
-
-
-def _rates(settings: Settings) -> tuple[float, float]:
-    own: Any = settings.ppo if settings.algo == "ppo" else settings.sac
-    return own.learning_rate, own.last_learning_rate
-
-
-def _falling(first: float, last: float) -> Callable[[float], float]:
+def _learning_rate(settings: Settings) -> Callable[[float], float]:
+    """Return the learning rate as a function of the remaining share of the steps: it falls linearly."""
+    own = settings.ppo if settings.algo == "ppo" else settings.sac
+    first, last = own.learning_rate, own.last_learning_rate
     return lambda left: last + (first - last) * left

@@ -1,11 +1,11 @@
-"""A training folder: what is in it, and checkpoints that are there whole or not at all.
+"""A training folder, with checkpoints that are there whole or not at all.
 
-run.json                settings, seed, versions, commit, the command
-curve.json              success on the development seeds after so many steps
-policy.npz              the policy as it is now, for `training.controllers.load_policy`
+run.json                settings, versions, commit and commands
+curve.json              success on the development seeds at each checkpoint
+policy.npz              the newest policy, for `training.controllers.policy.load_policy`
 tensorboard/            for `tensorboard --logdir FOLDER`
 checkpoints/000250000/  agent.zip (Stable-Baselines3), normaliser.pkl (VecNormalize), policy.npz,
-                        state.json, and replay.pkl of SAC, in the newest only
+                        state.json, and SAC's replay.pkl, in the newest only
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pickle
 import shutil
 import tempfile
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,10 +26,10 @@ from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
 from training.controllers.policy import save_policy
-from training.train.agent import SeenSpreadPolicy, read_agent
+from training.train.agent import StateDependentStdPolicy, read_agent
 from training.train.environments import model_of
 from training.train.export import about, network_of
-from training.train.settings import Settings, settings_from_json, settings_json
+from training.train.settings import Settings, settings_from_json
 
 
 @dataclass(frozen=True)
@@ -38,53 +38,51 @@ class Point:
 
     steps: int
     success: float
-    """Share of successes with the deterministic policy, on the development seeds; of levels the mean."""
+    """Share of successes of the deterministic policy on the development seeds, over all robots."""
     worst: float
-    """Of levels the least; without levels the same as `success`."""
+    """The same on the worst robot; with one robot equal to `success`."""
     wall_s: float
-    """Spent on training until now, by the clock [s]."""
+    """Training time until now by the clock [s]."""
     processor_s: float
-    """The same by the processor [s]: what it would take on a machine without other work."""
+    """Training time until now by the processor [s]: the time that it takes on an idle machine."""
 
 
 @dataclass(frozen=True)
 class State:
-    """Where a run is."""
+    """How far a run has come."""
 
     steps_done: int = 0
-    curve: tuple[Point, ...] = field(default=())
+    curve: tuple[Point, ...] = ()
     wall_s: float = 0.0
     processor_s: float = 0.0
 
 
-def write_checkpoint(
-    folder: Path,
-    agent: BaseAlgorithm,
-    normaliser: VecNormalize,
-    settings: Settings,
-    state: State,
-    commands: Sequence[str],
-) -> None:
-    """Write a checkpoint, then `policy.npz` and `curve.json` beside it.
+@dataclass
+class Run:
+    """A training run."""
 
-    Args:
-        folder: of the run.
-        agent: the learner.
-        normaliser: of its observations and rewards.
-        settings: of the run.
-        state: where it is.
-        commands: that train it; the last one is this run's, those before the runs' that it began with.
-    """
+    settings: Settings
+    folder: Path
+    commands: Sequence[str]
+    """Commands that train the policy: those of the runs that it started from, then its own."""
+    agent: BaseAlgorithm
+    normaliser: VecNormalize
+    state: State
+
+
+def write_checkpoint(run: Run) -> None:
+    """Write a checkpoint of a run, then `policy.npz` and `curve.json` in its folder."""
+    folder, agent, settings, state = run.folder, run.agent, run.settings, run.state
     target = folder / "checkpoints" / f"{state.steps_done:09d}"
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=".writing-"))
     try:
         agent.save(temporary / "agent.zip")
-        normaliser.save(str(temporary / "normaliser.pkl"))
+        run.normaliser.save(str(temporary / "normaliser.pkl"))
         if settings.algo == "sac":
             agent.save_replay_buffer(temporary / "replay.pkl")
-        network = network_of(agent, normaliser, settings)
-        facts = about(settings, model_of(settings), state.steps_done, commands)
+        network = network_of(agent, run.normaliser, settings)
+        facts = about(settings, model_of(settings), state.steps_done, run.commands)
         save_policy(temporary / "policy.npz", network, facts)
         write_json(temporary / "state.json", asdict(state))
         temporary.chmod(0o755)
@@ -101,21 +99,15 @@ def write_checkpoint(
 
 
 def write_run(folder: Path, settings: Settings, facts: dict[str, Any]) -> None:
-    """Write `run.json`.
-
-    Args:
-        folder: of the run.
-        settings: of the run.
-        facts: versions, commit and command.
-    """
-    write_json(folder / "run.json", {"settings": settings_json(settings), **facts})
+    """Write `run.json` with the settings of a run and other facts: versions, commit and commands."""
+    write_json(folder / "run.json", {"settings": asdict(settings), **facts})
 
 
 def read_run(folder: Path) -> tuple[Settings, dict[str, Any]]:
-    """Return a run's settings, and what else `run.json` of its folder says.
+    """Return a run's settings and the remaining entries of `run.json` in its folder.
 
     Raises:
-        InputError: it is no training folder.
+        InputError: the folder is no training folder.
     """
     path = folder / "run.json"
     try:
@@ -130,41 +122,45 @@ def read_run(folder: Path) -> tuple[Settings, dict[str, Any]]:
         ) from error
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
-            f"{path}: not what `python -m training.train` writes, or changed since; give another folder"
+            f"{path}: not written by `python -m training.train`, or changed since; give another folder"
         ) from error
     return settings, stored
 
 
 def commands_before(settings: Settings) -> list[str]:
-    """Return the commands of the runs whose weights a run with these settings begins with, oldest first.
+    """Return the commands of the runs that a run with these settings starts from, oldest first.
 
     Raises:
-        InputError: a folder holds no run.
+        InputError: the folder holds no run.
     """
     if settings.start is None:
         return []
     return list(read_run(Path(settings.start))[1]["commands"])
 
 
+def has_checkpoint(folder: Path) -> bool:
+    """Return whether the run in a folder has a checkpoint."""
+    return any((folder / "checkpoints").glob("[0-9]*"))
+
+
 def newest_checkpoint(folder: Path) -> Path:
-    """Return the newest checkpoint of a run's folder.
+    """Return the newest checkpoint of the run in a folder.
 
     Raises:
         InputError: it has none.
     """
-    found = sorted((folder / "checkpoints").glob("[0-9]*"))
-    if not found:
+    if not has_checkpoint(folder):
         raise InputError(
             f"{folder}: no checkpoint yet; train it with `python -m training.train --out {folder}`"
         )
-    return found[-1]
+    return max((folder / "checkpoints").glob("[0-9]*"))
 
 
 def read_state(checkpoint: Path) -> State:
-    """Return where the run was at a checkpoint.
+    """Return the state of the run at a checkpoint.
 
     Raises:
-        InputError: the checkpoint is not readable.
+        InputError: it cannot be read.
     """
     path = checkpoint / "state.json"
     try:
@@ -172,16 +168,16 @@ def read_state(checkpoint: Path) -> State:
         stored["curve"] = tuple(Point(**point) for point in stored["curve"])
         return State(**stored)
     except (OSError, KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: no state of a checkpoint ({error!r})") from error
+        raise InputError(f"{path}: not the state of a checkpoint ({error!r})") from error
 
 
 def read_learner(checkpoint: Path, settings: Settings, env: VecEnv) -> tuple[BaseAlgorithm, VecNormalize]:
-    """Return learner and normaliser of a checkpoint.
+    """Return learner and normaliser of a checkpoint, with `env` to learn in.
 
-    Args:
-        checkpoint: its folder. Stable-Baselines3's files are pickled: open only your own.
-        settings: of the run.
-        env: what is normalised.
+    Stable-Baselines3's files are pickled: open only your own.
+
+    Raises:
+        InputError: the checkpoint cannot be read.
     """
     try:
         normaliser = VecNormalize.load(str(checkpoint / "normaliser.pkl"), env)
@@ -189,17 +185,12 @@ def read_learner(checkpoint: Path, settings: Settings, env: VecEnv) -> tuple[Bas
         if settings.algo == "sac":
             agent.load_replay_buffer(checkpoint / "replay.pkl")
     except (OSError, ValueError) as error:
-        raise InputError(f"{checkpoint}: checkpoint not readable ({error})") from error
+        raise InputError(f"{checkpoint}: the checkpoint cannot be read ({error})") from error
     return agent, normaliser
 
 
-def begin_with(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -> None:
-    """Give a learner the weights, and a normaliser the statistics, that another run ended with.
-
-    Args:
-        folder: of the other run.
-        agent: changed in place; its network must be built like the other's.
-        normaliser: changed in place.
+def load_weights(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -> None:
+    """Give an agent the weights, and a normaliser the statistics, of the newest checkpoint in a folder.
 
     Raises:
         InputError: the folder holds no checkpoint, or one of another algorithm or network.
@@ -214,6 +205,6 @@ def begin_with(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -> 
             f"{folder}: not a run with this algorithm, network, stack and task ({error})"
         ) from error
     normaliser.obs_rms, normaliser.ret_rms = other.obs_rms, other.ret_rms
-    if isinstance(agent.policy, SeenSpreadPolicy):
-        # A trained policy hardly varies its actions any more, and would learn nothing new.
-        agent.policy.spread_anew(agent.policy.log_std_init)
+    if isinstance(agent.policy, StateDependentStdPolicy):
+        # A trained policy hardly explores any more and would learn nothing new.
+        agent.policy.reset_std(agent.policy.log_std_init)

@@ -14,18 +14,18 @@ from matplotlib.figure import Figure
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path
-from training.evaluate import Setup, evaluate, named_maker
+from training.evaluate import Setup, controller_factory, evaluate
 from training.train.checkpoint import Point, read_run
 from training.train.environments import model_of
+from training.train.run import DEVELOPMENT_SEEDS
 from training.train.settings import Settings
-from training.train.watch import DEVELOPMENT_SEEDS
 
 
 def read_curve(folder: Path) -> list[Point]:
-    """Return the learning curve of a training folder.
+    """Return the learning curve in a training folder.
 
     Raises:
-        InputError: it holds none.
+        InputError: the folder holds none.
     """
     path = folder / "curve.json"
     try:
@@ -38,9 +38,9 @@ def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[s
     """Return a figure of success against steps.
 
     Args:
-        curves: of the runs, by name.
+        curves: learning curves by the names of the runs.
         retreat: success of the scripted retreat on the same episodes.
-        on_levels: names of the runs whose worst robot is drawn too.
+        on_levels: names of the runs whose success on the worst robot is drawn, too.
     """
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()
@@ -66,11 +66,11 @@ def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[s
     return figure
 
 
-def retreat_of(settings: Settings) -> float:
-    """Return what the scripted retreat reaches on the episodes that a run with these settings is tried on."""
+def retreat_success(settings: Settings) -> float:
+    """Return the success of the scripted retreat on the development seeds, with the settings of a run."""
     model = model_of(settings)
     setup = Setup(model, settings.plant, settings.task, settings.difficulty)
-    episodes = evaluate(named_maker("retreat", model), setup, DEVELOPMENT_SEEDS).episodes
+    episodes = evaluate(controller_factory("retreat", model), setup, DEVELOPMENT_SEEDS).episodes
     return sum(episode.success for episode in episodes) / len(episodes)
 
 
@@ -80,8 +80,8 @@ def main(folders: tyro.conf.Positional[tuple[Path, ...]], /, out: Path = Path("c
     Example: python -m training.train.curve out/ppo out/ppo-1 --out out/curve.png
 
     Args:
-        folders: Of training runs.
-        out: Picture to write; its suffix says the format.
+        folders: Folders of training runs.
+        out: Picture to write; its suffix selects the format.
     """
     if not folders:
         raise InputError("no folder given; name at least one training run")
@@ -89,7 +89,7 @@ def main(folders: tyro.conf.Positional[tuple[Path, ...]], /, out: Path = Path("c
     runs = {folder.name: read_run(folder)[0] for folder in folders}
     curves = {folder.name: read_curve(folder) for folder in folders}
     on_levels = [name for name, settings in runs.items() if settings.randomize == "levels"]
-    figure = draw(curves, retreat_of(next(iter(runs.values()))), on_levels)
+    figure = draw(curves, retreat_success(next(iter(runs.values()))), on_levels)
     with atomic_path(out) as path:
         figure.savefig(path, dpi=120)
     print(f"wrote {out}")

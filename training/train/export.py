@@ -1,13 +1,11 @@
-"""What made a result: versions of the packages, and the commit where there is one.
-
-From a learner to a policy file that needs numpy alone.
-"""
+"""Exporting a policy: from the learner to a network that needs NumPy alone, with what it was made with."""
 
 from __future__ import annotations
 
 import platform
 import subprocess
 from collections.abc import Sequence
+from dataclasses import asdict
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -21,58 +19,20 @@ import training
 from mecanum_env.model import Model, model_to_dict
 from mecanum_env.units import FloatArray
 from training.controllers.policy import Network
-from training.train.settings import Settings, settings_json
+from training.train.settings import Settings
 
 _PACKAGES: Final = ("mecanum-tankendo", "mujoco", "gymnasium", "stable-baselines3", "torch", "numpy")
-
-
-def versions() -> dict[str, str]:
-    """Return the version of Python and of each package that a training depends on, of those installed."""
-    found = {"python": platform.python_version()}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            continue
-    return found
-
-
-def commit() -> str | None:
-    """Return the commit of the checkout that runs, with "+" where files differ from it; None outside one."""
-    root = Path(training.__file__).parent.parent
-    if not (root / ".git").exists():
-        return None
-    head = _git(root, "rev-parse", "HEAD")
-    if head is None:
-        return None
-    return head + ("+" if _git(root, "status", "--porcelain", "--untracked-files=no") else "")
-
-
-def _git(root: Path, *arguments: str) -> str | None:
-    try:
-        done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return None
-    return done.stdout.strip()
-
-
-_NAMES = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
+_ACTIVATION_NAMES: Final = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
 
 
 def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Settings) -> Network:
-    """Return the learner's deterministic policy.
-
-    Args:
-        agent: PPO or SAC.
-        normaliser: of its observations.
-        settings: of the run.
-    """
+    """Return the deterministic policy of an agent, PPO or SAC, with the normaliser of its observations."""
     if settings.algo == "ppo":
         layers = [*agent.policy.mlp_extractor.policy_net, agent.policy.action_net]
     else:
         layers = [*agent.policy.actor.latent_pi, agent.policy.actor.mu]
     linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
-    between = {_NAMES[type(layer)] for layer in layers if type(layer) in _NAMES}
+    between = {_ACTIVATION_NAMES[type(layer)] for layer in layers if type(layer) in _ACTIVATION_NAMES}
     return Network(
         mean=np.array(normaliser.obs_rms.mean),
         scale=np.sqrt(normaliser.obs_rms.var + normaliser.epsilon),
@@ -86,21 +46,18 @@ def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Setting
     )
 
 
-def about(settings: Settings, model: Model, steps_done: int, commands: Sequence[str]) -> dict[str, Any]:
-    """Return what a policy file says of itself.
+def _numbers(tensor: torch.Tensor) -> FloatArray:
+    return np.array(tensor.detach().cpu().numpy(), float)
 
-    Args:
-        settings: of the run.
-        model: that was trained on, or around.
-        steps_done: of the training, so far.
-        commands: that train it, oldest first.
-    """
+
+def about(settings: Settings, model: Model, steps_done: int, commands: Sequence[str]) -> dict[str, Any]:
+    """Return the description in a policy file: of a policy trained by these commands, with `steps_done`."""
     whole = model_to_dict(model)
     return {
         "env": settings.env,
         "steps_done": steps_done,
         "commands": list(commands),
-        "settings": settings_json(settings),
+        "settings": asdict(settings),
         "model": {
             "source": "the packaged model" if settings.model is None else settings.model,
             "provenance": whole.get("provenance", {}),
@@ -111,5 +68,29 @@ def about(settings: Settings, model: Model, steps_done: int, commands: Sequence[
     }
 
 
-def _numbers(tensor: torch.Tensor) -> FloatArray:
-    return np.array(tensor.detach().cpu().numpy(), float)
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the installed packages that a training depends on."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def commit() -> str | None:
+    """Return the commit of the running checkout, with "+" if files differ from it; None outside of one."""
+    root = Path(training.__file__).parent.parent
+    head = _git(root, "rev-parse", "HEAD") if (root / ".git").exists() else None
+    if head is None:
+        return None
+    return head + ("+" if _git(root, "status", "--porcelain", "--untracked-files=no") else "")
+
+
+def _git(root: Path, *arguments: str) -> str | None:
+    try:
+        done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True)
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return done.stdout.strip()

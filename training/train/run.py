@@ -1,8 +1,8 @@
-"""Training, from the settings to the exported policy, and going on after an interruption.
+"""Training from the settings to the exported policy, and resuming after an interruption.
 
-At each checkpoint all environments begin anew and every generator of random numbers is seeded from the run's
-seed and the steps done. What follows a checkpoint thus hangs on nothing but the checkpoint and the settings:
-a run that goes on from one ends with the same weights as one that was never interrupted, bit for bit.
+At each checkpoint all environments begin anew, and every random generator is seeded from the run's seed and
+the number of steps done. What follows a checkpoint thus depends on nothing but the checkpoint and the
+settings: a resumed run ends with the same weights as an uninterrupted one, bit for bit.
 """
 
 from __future__ import annotations
@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 import sys
 import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -25,12 +25,16 @@ from tqdm import tqdm
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
+from training.controllers.policy import Network, Policy
+from training.evaluate import Setup, evaluate
 from training.train.agent import make_agent
 from training.train.checkpoint import (
     Point,
+    Run,
     State,
-    begin_with,
     commands_before,
+    has_checkpoint,
+    load_weights,
     newest_checkpoint,
     read_learner,
     read_run,
@@ -38,12 +42,12 @@ from training.train.checkpoint import (
     write_checkpoint,
     write_run,
 )
-from training.train.environments import bare_env, model_of, seeds_at, training_env
+from training.train.environments import bare_env, episode_seeds, level_models, model_of, training_env
 from training.train.export import commit, network_of, versions
 from training.train.settings import Settings, command_line
-from training.train.watch import DEVELOPMENT_SEEDS, watch
 
-_NEVER: Final = sys.maxsize
+DEVELOPMENT_SEEDS: Final = range(100_000, 100_200)
+"""Seeds of the episodes that a run scores its policy on. Choices are made on these; final results are not."""
 
 
 def train(
@@ -51,115 +55,139 @@ def train(
     folder: Path,
     *,
     stop_after: int | None = None,
-    watch_seeds: Sequence[int] = DEVELOPMENT_SEEDS,
+    development_seeds: Sequence[int] = DEVELOPMENT_SEEDS,
     quiet: bool = False,
 ) -> State:
-    """Train a policy into a new folder; return where the run ended.
+    """Train a policy into a new folder; return the state at the end.
 
     Args:
-        settings: of the run.
-        folder: to write; see `training.train.checkpoint`.
-        stop_after: end at the first checkpoint after so many steps; `resume` goes on from there.
-        watch_seeds: of the episodes that each checkpoint is tried on.
-        quiet: whether to show no progress bar.
+        settings: settings of the run.
+        folder: folder to write; see `training.train.checkpoint`.
+        stop_after: stop at the first checkpoint after this many steps; `resume` continues from there.
+        development_seeds: seeds of the episodes that each checkpoint is scored on.
+        quiet: show no progress bar.
 
     Raises:
-        InputError: the folder holds a run already, or the settings are not usable.
+        InputError: the folder already holds a run, or the settings cannot be used.
     """
     if (folder / "run.json").exists():
         raise InputError(
-            f"{folder}: holds a training run; go on with --resume {folder}, or give another --out"
+            f"{folder}: holds a training run; continue it with --resume {folder}, or give another --out"
         )
-    agent, normaliser = _beginner(settings)
+    learner = _new_learner(settings)
     commands = [*commands_before(settings), command_line(settings, str(folder))]
     write_run(folder, settings, {"commands": commands, "versions": versions(), "commit": commit()})
     write_model(model_of(settings), folder / "model.json")
-    told = _Told(settings, folder, commands, _NEVER if stop_after is None else stop_after, watch_seeds, quiet)
-    return _learn(agent, normaliser, State(), told)
+    return _learn(Run(settings, folder, commands, *learner, State()), development_seeds, stop_after, quiet)
 
 
 def resume(
     folder: Path,
     *,
     steps: int | None = None,
-    stop_after: int | None = None,
-    watch_seeds: Sequence[int] = DEVELOPMENT_SEEDS,
+    development_seeds: Sequence[int] = DEVELOPMENT_SEEDS,
     quiet: bool = False,
 ) -> State:
-    """Go on with the run of a folder, from its newest checkpoint; return where it ended.
+    """Continue the run in a folder from its newest checkpoint; return the state at the end.
 
     Args:
-        folder: of the run.
-        steps: train for so many in all instead of the run's own number; the learning rate then falls over
-            these, so the result is not that of a run that had this number from its start.
-        stop_after: end at the first checkpoint after so many steps.
-        watch_seeds: of the episodes that each checkpoint is tried on.
-        quiet: whether to show no progress bar.
+        folder: folder of the run.
+        steps: total number of steps, instead of the run's own; the learning rate then falls over this number,
+            so the result differs from that of a run that had it from the start.
+        development_seeds: seeds of the episodes that each checkpoint is scored on.
+        quiet: show no progress bar.
 
     Raises:
-        InputError: the folder holds no run, or one that is over.
+        InputError: the folder holds no run, or a finished one.
     """
     settings, facts = read_run(folder)
-    begun = any((folder / "checkpoints").glob("[0-9]*"))
+    begun = has_checkpoint(folder)
     state = read_state(newest_checkpoint(folder)) if begun else State()
     wanted = settings.steps if steps is None else steps
     if state.steps_done >= wanted:
-        raise InputError(f"{folder}: trained for {state.steps_done} steps already; give more with --steps")
+        raise InputError(f"{folder}: already trained for {state.steps_done} steps; give more with --steps")
     if wanted != settings.steps:
         settings = replace(settings, steps=wanted)
         write_run(folder, settings, facts)
     if begun:
-        env = VecMonitor(bare_env(settings))
-        agent, normaliser = read_learner(newest_checkpoint(folder), settings, env)
+        learner = read_learner(newest_checkpoint(folder), settings, VecMonitor(bare_env(settings)))
     else:
-        # Interrupted before its first checkpoint: from the start, as it was begun.
-        agent, normaliser = _beginner(settings)
-    until = _NEVER if stop_after is None else stop_after
-    told = _Told(settings, folder, facts["commands"], until, watch_seeds, quiet)
-    return _learn(agent, normaliser, state, told)
+        learner = _new_learner(settings)
+    return _learn(Run(settings, folder, facts["commands"], *learner, state), development_seeds, None, quiet)
 
 
-def _beginner(settings: Settings) -> tuple[BaseAlgorithm, VecNormalize]:
+def development_score(network: Network, settings: Settings, seeds: Sequence[int]) -> tuple[float, float]:
+    """Return the share of successes on the robots that are trained on: over all, and on the worst one.
+
+    The seeds are distributed over the robots.
+    """
+    robots = [model_of(settings)]
+    if settings.randomize == "levels":
+        robots = list(level_models(robots[0]).values())
+    played = []
+    for start, robot in enumerate(robots):
+        own = seeds[start :: len(robots)]
+        if own:
+            setup = Setup(
+                robot,
+                settings.plant,
+                settings.task,
+                settings.difficulty,
+                randomize="posterior" if settings.randomize == "posterior" else "none",
+            )
+            episodes = evaluate(lambda *_: Policy(network, {}), setup, own, rows=len(own)).episodes
+            played.append([episode.success for episode in episodes])
+    return float(np.mean(np.concatenate(played))), min(float(np.mean(successes)) for successes in played)
+
+
+def _new_learner(settings: Settings) -> tuple[BaseAlgorithm, VecNormalize]:
     """Return learner and normaliser before the first step."""
     normaliser = training_env(settings)
     agent = make_agent(settings, normaliser)
     if settings.start is not None:
-        begin_with(Path(settings.start), agent, normaliser)
+        load_weights(Path(settings.start), agent, normaliser)
     return agent, normaliser
 
 
-@dataclass(frozen=True)
-class _Told:
-    settings: Settings
-    folder: Path
-    commands: Sequence[str]
-    stop_after: int
-    watch_seeds: Sequence[int]
-    quiet: bool
-
-
-class _Parts(BaseCallback):  # type: ignore[misc]
+class _Checkpoints(BaseCallback):  # type: ignore[misc]
     """Writes a checkpoint and begins anew whenever enough steps are done."""
 
-    def __init__(
-        self, settings: Settings, state: State, save: Callable[[], None], stop_after: int, bar: tqdm[Any]
-    ) -> None:
+    def __init__(self, run: Run, seeds: Sequence[int], stop_after: int | None, bar: tqdm[Any]) -> None:
         super().__init__()
-        self._settings, self._save, self._bar = settings, save, bar
-        self._next = state.steps_done
-        self._begun, self._stop_after = state.steps_done, stop_after
+        self._run, self._seeds, self._bar = run, seeds, bar
+        self._next = self._begun = run.state.steps_done
+        self._stop_after = sys.maxsize if stop_after is None else stop_after
         self.stopped = False
+        self._start_clocks(run.state.wall_s, run.state.processor_s)
+
+    def _start_clocks(self, wall_s: float, processor_s: float) -> None:
+        self._wall, self._processor = time.perf_counter() - wall_s, time.process_time() - processor_s
+
+    def save(self) -> None:
+        """Score the policy on the development seeds and write a checkpoint."""
+        run, agent = self._run, self._run.agent
+        spent = time.perf_counter() - self._wall, time.process_time() - self._processor
+        network = network_of(agent, run.normaliser, run.settings)
+        success, worst = development_score(network, run.settings, self._seeds)
+        # Scoring does not count as training time.
+        self._start_clocks(*spent)
+        point = Point(agent.num_timesteps, success, worst, *spent)
+        run.state = State(point.steps, (*run.state.curve, point), *spent)
+        agent.logger.record("watch/success", success)
+        agent.logger.record("watch/worst", worst)
+        self._bar.set_postfix_str(f"success {success:.2f}")
+        write_checkpoint(run)
 
     def _on_rollout_start(self) -> None:
         done = self.model.num_timesteps
         if done < self._next:
             return
         if done > self._begun:
-            self._save()
+            self.save()
             self.stopped = done >= self._stop_after
         if not self.stopped:
-            _begin_part(self.model, self._settings)
-            every = self._settings.checkpoint_every
+            _begin_anew(self.model, self._run.settings)
+            every = self._run.settings.checkpoint_every
             self._next = (done // every + 1) * every
 
     def _on_step(self) -> bool:
@@ -167,58 +195,40 @@ class _Parts(BaseCallback):  # type: ignore[misc]
         return not self.stopped
 
 
-def _learn(agent: BaseAlgorithm, normaliser: VecNormalize, state: State, told: _Told) -> State:
-    settings, folder = told.settings, told.folder
-    wall, processor = time.perf_counter() - state.wall_s, time.process_time() - state.processor_s
-    now = [state]
-    agent.set_logger(configure(str(folder / "tensorboard"), ["tensorboard"]))
-
-    def save() -> None:
-        nonlocal wall, processor
-        spent = time.perf_counter() - wall, time.process_time() - processor
-        seen = watch(network_of(agent, normaliser, settings), settings, told.watch_seeds)
-        # Watching is no part of training, so the clocks stand meanwhile.
-        wall, processor = time.perf_counter() - spent[0], time.process_time() - spent[1]
-        point = Point(agent.num_timesteps, seen.success, seen.worst, *spent)
-        now[0] = State(agent.num_timesteps, (*now[0].curve, point), *spent)
-        agent.logger.record("watch/success", seen.success)
-        agent.logger.record("watch/worst", seen.worst)
-        bar.set_postfix_str(f"success {seen.success:.2f}")
-        write_checkpoint(folder, agent, normaliser, settings, now[0], told.commands)
-
+def _learn(run: Run, seeds: Sequence[int], stop_after: int | None, quiet: bool) -> State:
+    settings, agent, normaliser = run.settings, run.agent, run.normaliser
+    agent.set_logger(configure(str(run.folder / "tensorboard"), ["tensorboard"]))
     with tqdm(
         total=settings.steps,
-        initial=state.steps_done,
+        initial=run.state.steps_done,
         unit="step",
         unit_scale=True,
         desc=settings.algo,
-        disable=True if told.quiet else None,
+        disable=True if quiet else None,
     ) as bar:
-        parts = _Parts(settings, state, save, told.stop_after, bar)
-        # Something is there, so that `learn` does not reset what the first part resets.
+        checkpoints = _Checkpoints(run, seeds, stop_after, bar)
+        # With a last observation `learn` does not reset the environments; `_begin_anew` does.
         agent._last_obs = np.zeros((settings.envs, *normaliser.observation_space.shape), np.float32)
-        left = settings.steps - agent.num_timesteps
-        agent.learn(left, callback=parts, reset_num_timesteps=False)
-        if not parts.stopped:
-            save()
+        agent.learn(settings.steps - agent.num_timesteps, callback=checkpoints, reset_num_timesteps=False)
+        if not checkpoints.stopped:
+            checkpoints.save()
             agent.logger.dump(agent.num_timesteps)
     normaliser.close()
-    return now[0]
+    return run.state
 
 
-def _begin_part(agent: BaseAlgorithm, settings: Settings) -> None:
-    """Begin every episode anew and seed every generator from the settings and the steps done."""
+def _begin_anew(agent: BaseAlgorithm, settings: Settings) -> None:
+    """Begin new episodes and seed every generator from the settings and the steps done."""
     done = agent.num_timesteps
     every, ppo = settings.checkpoint_every, settings.ppo
     renewed = math.ceil(ppo.renewed_at * settings.steps / every)
     if settings.algo == "ppo" and 0 < done < settings.steps and done // every == renewed:
-        agent.policy.spread_anew(ppo.renewed_log_std)
+        agent.policy.reset_std(ppo.renewed_log_std)
     seed = int(np.random.SeedSequence((settings.seed, done, 1)).generate_state(1)[0])
     set_random_seed(seed)
     agent.action_space.seed(seed)
     env = agent.get_env()
-    native = env.unwrapped
-    native._seeds = seeds_at(settings, done)
+    env.unwrapped._seeds = episode_seeds(settings, done)
     agent._last_obs = env.reset()
     agent._last_episode_starts = np.ones(env.num_envs, bool)
     agent._last_original_obs = env.get_original_obs()

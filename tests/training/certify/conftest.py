@@ -15,7 +15,7 @@ SMALL = Options(episodes=4, plants=("latency", "with-backlash"), jobs=1)
 
 @pytest.fixture(scope="session")
 def episode() -> Callable[..., Episode]:
-    """Return a maker of episodes: successes unless told otherwise."""
+    """Return a maker of episodes: successes by default."""
 
     def make(seed: int = 0, success: bool = True, **values: Any) -> Episode:
         usual = {

@@ -14,7 +14,7 @@ from training.certify.__main__ import main
 from training.certify.certificate import certificate_to_dict, read_certificate, write_certificate
 from training.certify.report import certificate_table, write_certificate_page
 from training.certify.run import Options, certify, episodes_of
-from training.evaluate import Setup, evaluate, named_maker
+from training.evaluate import Setup, controller_factory, evaluate
 
 MACHINE = ("timing", "timing_check", "passed")
 QUICK = ("--episodes", "3", "--plants", "latency", "--jobs", "1")
@@ -25,8 +25,8 @@ LENIENT = [
 ]
 
 
-def lasting(certificate) -> bytes:
-    """Return the certificate as it is written, without what hangs on the machine."""
+def reproducible(certificate) -> bytes:
+    """Return the certificate as it is written, without what depends on the machine."""
     value = certificate_to_dict(certificate)
     return json.dumps({name: item for name, item in value.items() if name not in MACHINE}).encode()
 
@@ -34,14 +34,14 @@ def lasting(certificate) -> bytes:
 def test_the_same_certificate_bit_for_bit_whatever_the_number_of_jobs(small):
     again = certify("retreat", paper_model(), Options(4, ("latency", "with-backlash"), jobs=2))
     assert again == small
-    assert lasting(again) == lasting(small)
+    assert reproducible(again) == reproducible(small)
 
 
-def test_the_figures_are_those_of_the_episodes(small, paper):
-    played = evaluate(named_maker("retreat", paper), Setup(paper), range(4)).episodes
+def test_the_results_are_those_of_the_episodes(small, paper):
+    played = evaluate(controller_factory("retreat", paper), Setup(paper), range(4)).episodes
     assert small.nominal.success.successes == sum(one.success for one in played)
     late = paper.with_effect("command_latency", delay_s=0.1)
-    played = evaluate(named_maker("retreat", paper), Setup(late), range(4)).episodes
+    played = evaluate(controller_factory("retreat", paper), Setup(late), range(4)).episodes
     assert small.plants[1].name == "latency+0.1s"
     assert small.plants[1].success.successes == sum(one.success for one in played)
     assert small.warning.episodes == 8
@@ -122,7 +122,7 @@ def test_exit_codes_and_files(tmp_path, capsys):
             "--plants: none is given; name plants or groups (nominal, effects",
         ),
         (["still", "--model", ""], "--model is empty; give a value, or leave it out"),
-        (["still+compensated+compensated"], "must be one name or path with +compensated behind it, once"),
+        (["still+compensated+compensated"], "must be one name or path, followed by +compensated once"),
         (["still", "--episodes", "0"], "episodes = 0, must be at least 1"),
         (["still", "--jobs", "-1"], "jobs = -1"),
         (["still", "--difficulty", "hrd"], 'did you mean "hard"'),

@@ -10,7 +10,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import sampler_for
 from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, figures
-from training.certify.plants import GROUPS, plants, realistic_sizes, robot_level, select
+from training.certify.plants import GROUPS, realistic_sizes, robot_level, robot_variants, select_variants
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ def test_every_effect_of_the_catalogue_has_a_size_that_acts(paper):
 
 
 def test_every_plant_can_be_built_and_names_are_unique(identified):
-    found = plants(identified)
+    found = robot_variants(identified)
     assert len({plant.name for plant in found}) == len(found)
     for plant in found:
         compile_model(plant.model, plant.physics)
@@ -47,12 +47,16 @@ def test_every_plant_can_be_built_and_names_are_unique(identified):
 
 
 def test_all_groups_are_there_in_order(identified):
-    groups = [plant.group for plant in plants(identified)]
+    groups = [plant.group for plant in robot_variants(identified)]
     assert tuple(dict.fromkeys(groups)) == GROUPS
 
 
 def test_own_effects_alone_and_none(identified):
-    own = {plant.name: set(plant.model.effects) for plant in plants(identified) if plant.group == "effects"}
+    own = {
+        plant.name: set(plant.model.effects)
+        for plant in robot_variants(identified)
+        if plant.group == "effects"
+    }
     assert own == {
         "bare": set(),
         "only-backlash": {"backlash"},
@@ -61,25 +65,25 @@ def test_own_effects_alone_and_none(identified):
 
 
 def test_a_latency_that_is_there_already_grows(identified):
-    late = next(plant for plant in plants(identified) if plant.group == "latency")
+    late = next(plant for plant in robot_variants(identified) if plant.group == "latency")
     assert late.model.effects["command_latency"]["delay_s"] == pytest.approx(0.13)
     assert late.model.effects["backlash"] == identified.effects["backlash"]
 
 
 def test_what_the_planar_plant_refuses_runs_on_rollers(paper):
-    physics = {plant.name: plant.physics for plant in plants(paper)}
+    physics = {plant.name: plant.physics for plant in robot_variants(paper)}
     assert {name for name, kind in physics.items() if kind == "rollers"} == {
         "with-roller_friction",
         "with-low_grip",
     }
-    assert {plant.physics for plant in plants(paper, "rollers")} == {"rollers"}
+    assert {plant.physics for plant in robot_variants(paper, "rollers")} == {"rollers"}
 
 
 def test_a_selection_takes_names_and_groups_and_always_the_nominal_plant(identified):
-    found = plants(identified)
-    chosen = select(found, ["latency", "only-backlash"])
+    found = robot_variants(identified)
+    chosen = select_variants(found, ["latency", "only-backlash"])
     assert [plant.name for plant in chosen] == ["nominal", "only-backlash", "latency+0.1s"]
-    assert select(found, []) == found
+    assert select_variants(found, []) == found
 
 
 @pytest.mark.parametrize(
@@ -88,4 +92,4 @@ def test_a_selection_takes_names_and_groups_and_always_the_nominal_plant(identif
 )
 def test_a_plant_that_is_not_there_is_refused(paper, wanted, message):
     with pytest.raises(InputError, match=message):
-        select(plants(paper), [wanted])
+        select_variants(robot_variants(paper), [wanted])

@@ -1,4 +1,4 @@
-"""All controllers in one table: the same figures as certificates, whatever plays at a time."""
+"""All controllers in one table, with the same results as in certificates."""
 
 import json
 
@@ -10,7 +10,7 @@ from training.certify.plants import robot_level
 from training.compare import compare
 from training.compare.__main__ import main
 from training.compare.comparison import cells, comparison_markdown, comparison_table, label
-from training.evaluate import Setup, evaluate, named_maker
+from training.evaluate import Setup, controller_factory, evaluate
 
 NAMES = ("still", "retreat")
 
@@ -23,10 +23,10 @@ def found():
 
 
 def successes(name, setup, paper):
-    return sum(one.success for one in evaluate(named_maker(name, paper), setup, range(4)).episodes)
+    return sum(one.success for one in evaluate(controller_factory(name, paper), setup, range(4)).episodes)
 
 
-def test_the_figures_are_those_of_the_episodes(found, paper):
+def test_the_results_are_those_of_the_episodes(found, paper):
     assert [row.controller for row in found.rows] == list(NAMES)
     row = found.rows[1]
     assert (
@@ -61,13 +61,15 @@ def test_a_policy_is_shown_by_the_name_of_its_file():
     assert label("retreat+compensated") == "retreat+compensated"
 
 
-@pytest.mark.parametrize(("names", "message"), [([], "must be some"), (["still", "still"], "each once")])
+@pytest.mark.parametrize(
+    ("names", "message"), [([], "must be at least one"), (["still", "still"], "each named once")]
+)
 def test_a_list_that_makes_no_table_is_refused(paper, names, message):
     with pytest.raises(InputError, match=message):
         compare(names, paper, episodes=1)
 
 
-def test_the_program_writes_figures_and_page(tmp_path, capsys):
+def test_the_program_writes_results_and_page(tmp_path, capsys):
     out, page = tmp_path / "c.json", tmp_path / "docs" / "c.md"
     arguments = ["still", "--episodes", "1", "--no-rollers", "--jobs", "1", "--out", str(out)]
     assert run(main, [*arguments, "--markdown", str(page)]) == 0

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
-from training.controllers.named import make_controller
-from training.evaluate.play import Setup, evaluate
+from training.evaluate import Setup, controller_factory, evaluate
 
 FIRST_SEED = 100_000  # development seeds: those of certificates begin at 0
 
@@ -18,9 +17,8 @@ def play() -> Callable[..., tuple]:
 
     def episodes(name: str, n: int, model: Model | None = None, *, known: Model | None = None, **setup):
         robot = paper_model() if model is None else model
-        mind = robot if known is None else known
-        maker = lambda arena, row, seed: make_controller(name, mind, arena=arena, row=row, seed=seed)  # noqa: E731
-        return evaluate(maker, Setup(robot, **setup), range(FIRST_SEED, FIRST_SEED + n)).episodes
+        factory = controller_factory(name, robot if known is None else known)
+        return evaluate(factory, Setup(robot, **setup), range(FIRST_SEED, FIRST_SEED + n)).episodes
 
     return episodes
 

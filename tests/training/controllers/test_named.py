@@ -1,4 +1,4 @@
-"""Names: all of them make controllers, wrong ones are refused with what would be right."""
+"""Controllers by name: their commands, their rules, and what is said of a name that is wrong."""
 
 from dataclasses import replace
 
@@ -10,11 +10,16 @@ from hypothesis import strategies as st
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import paper_model
+from mecanum_env.tankendo import Rules
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
+from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.observation import LIMITS
+from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers.interface import twist_command
+from training.controllers.mpc import Planning
 from training.controllers.named import CONTROLLERS, SUFFIX, make_controller
+from training.controllers.policy import features
 
 # The oracle needs a simulator; trained policies have tests of their own.
 EVERYWHERE = [name for name in CONTROLLERS if name not in ("oracle", "policy")]
@@ -39,7 +44,7 @@ def test_whatever_is_seen_commands_are_whole_and_within_range(name, suffix):
 
 @pytest.mark.parametrize("name", ["random", "p", "smith", "lqr", "mpc", "sidestep", "retreat"])
 def test_reset_forgets(name):
-    """The same observations after a reset give the same commands; only chance goes on."""
+    """The same observations after a reset give the same commands, except from a random generator."""
     controller = make_controller(name, paper_model(), seed=3)
     env = TankendoVectorEnv(1, action_mode="command")
     observation, _ = env.reset(seed=100_000)
@@ -49,6 +54,37 @@ def test_reset_forgets(name):
     again = [controller.act(one) for one in seen]
     assert (first == again) == (name != "random")
     assert observation.shape == (1, 20)
+
+
+def opponent_ahead(distance_m):
+    """Return the observation of an opponent on guard at a distance, in front of a robot at rest."""
+    observation = np.zeros(20, np.float32)
+    observation[[0, 4, 6, 18]] = distance_m, distance_m - GUARD_TIP_M, GUARD_HEIGHT_M, 1.0
+    return observation
+
+
+@pytest.mark.parametrize("name", ["p", "smith", "lqr", "retreat", "sidestep", "mpc", "p" + SUFFIX])
+@pytest.mark.parametrize("maai_m", [1.3, Rules.maai_m, 2.0])
+def test_a_controller_keeps_the_distance_of_the_rules(name, maai_m):
+    rules, margin_m = Rules(maai_m=maai_m), Planning.wait_margin_m if name == "mpc" else 0.0
+    env = TankendoVectorEnv(1, rules=rules, action_mode="command")
+    env.reset(seed=100_000)
+    seen = opponent_ahead(maai_m + margin_m)
+    for controller in (
+        make_controller(name, paper_model(), arena=env.arena),
+        make_controller(name, paper_model(), rules=rules),
+    ):
+        v, _, vc = controller.act(seen)
+        assert (v, vc) == (0, 0)
+
+
+def test_a_policy_sees_the_distance_from_the_maai_of_the_rules():
+    near = make_controller("policy", paper_model(), rules=Rules(maai_m=1.3))
+    usual = make_controller("policy", paper_model())
+    seen = opponent_ahead(1.3)
+    assert features(seen, 1.3)[0] == pytest.approx(0.0, abs=1e-6)
+    np.testing.assert_array_equal(features(seen, 1.3)[1:], features(seen)[1:])
+    assert near.act(seen) != usual.act(seen)
 
 
 def test_the_oracle_needs_a_simulator():
@@ -67,8 +103,8 @@ def test_an_unknown_name_is_refused_behind_the_suffix_too():
 
 
 @pytest.mark.parametrize("name", [SUFFIX, "still" + 2 * SUFFIX])
-def test_the_suffix_is_behind_one_name_once(name):
-    with pytest.raises(InputError, match=r"must be one name or path with .compensated behind it, once"):
+def test_the_suffix_follows_one_name_once(name):
+    with pytest.raises(InputError, match=r"must be one name or path, followed by .compensated once"):
         make_controller(name, paper_model())
 
 
@@ -79,7 +115,7 @@ def test_no_name_at_all_is_not_the_current_folder():
 
 @given(st.floats(-5, 5), st.floats(-5, 5), st.floats(-10, 10))
 def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
-    """No wheel is asked for more than its ceiling, and what is asked is the wanted twist times a factor."""
+    """No wheel is asked for more than its maximum speed; the command is the wanted twist times a factor."""
     robot = paper_model().robot
     v, theta, vc = twist_command(vx, vy, turn, robot)
     wheels = command_to_wheels(v, theta, vc)
@@ -95,7 +131,7 @@ def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
 
 
 @pytest.mark.parametrize("name", ["p", "smith", "lqr", "mpc", "sidestep", "retreat"])
-def test_the_ceiling_is_that_of_the_model(name):
+def test_the_maximum_wheel_speed_is_that_of_the_model(name):
     model = paper_model()
     model = replace(model, wheel=replace(model.wheel, saturation_rpm=60.0))
     controller = make_controller(name, model)

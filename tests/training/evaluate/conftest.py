@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from training.evaluate import Ending, Trace
+from training.evaluate import Recording
 
 
 class Echo:
@@ -36,10 +36,10 @@ def echo() -> Callable[..., Any]:
 
 
 @pytest.fixture
-def trace() -> Callable[..., Trace]:
-    """Return a maker of traces from distances [m], at rest and facing unless told otherwise."""
+def recording() -> Callable[..., Recording]:
+    """Return a maker of successful episodes from distances [m], at rest and facing by default."""
 
-    def make(distance_m, **columns: Any) -> Trace:
+    def make(distance_m, **columns: Any) -> Recording:
         n = len(distance_m)
         usual = {
             "time_s": 0.1 * np.arange(n),
@@ -50,12 +50,6 @@ def trace() -> Callable[..., Trace]:
             "guarded": np.ones(n),
             "reward": np.zeros(n),
         }
-        return Trace(**{**usual, **columns})
+        return Recording(0, True, "", "men", 0.5, (0.001, 0.003), **{**usual, **columns})
 
     return make
-
-
-@pytest.fixture
-def ending() -> Ending:
-    """Return the ending of a successful episode."""
-    return Ending(0, True, "", "men", 0.5, (0.001, 0.003))

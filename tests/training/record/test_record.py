@@ -8,9 +8,9 @@ from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.tankendo.env import TankendoEnv
 from training.controllers.scripted import Still
-from training.evaluate import Setup, evaluate, named_maker
+from training.evaluate import Setup, controller_factory, evaluate
 from training.record.__main__ import main
-from training.record.rollout import Rollout
+from training.record.rollout import rollout_frames
 
 SMALL = ("--physics", "planar", "--width", "320", "--height", "240", "--fps", "10")
 
@@ -25,7 +25,7 @@ def video(tmp_path_factory):
 
 def test_the_video_is_the_episode_that_is_evaluated(video, paper, read_video):
     frames, fps = read_video(video)
-    episode = evaluate(named_maker("still", paper), Setup(paper), [0]).episodes[0]
+    episode = evaluate(controller_factory("still", paper), Setup(paper), [0]).episodes[0]
     assert frames.shape == (1 + round(10 * episode.duration_s) + 10, 240, 320, 3)
     assert fps == 10
 
@@ -38,7 +38,7 @@ def test_the_plots_are_under_the_picture(video):
 
 def test_pictures_between_two_steps_are_between_them(paper):
     env = TankendoEnv(model=paper, action_mode="command")
-    frames = Rollout(env, Still(), paper, width=320, height=240, fps=20).frames("planar")
+    frames = rollout_frames(env, Still(), paper, "planar", width=320, height=240, fps=20)
     first, between, after = (next(frames)[60:160].astype(float) for _ in range(3))
     frames.close()
     assert 0.0 < np.abs(between - first).mean() < np.abs(after - first).mean()
@@ -52,7 +52,7 @@ def test_bad_arguments_are_one_sentence(tmp_path, capsys):
         (("still", "--width", "321"), "width = 321 pixels, must be an even number from 320 to 8192"),
         (("still", "--height", "100000"), "height = 100000 pixels, must be an even number from 240 to 8192"),
         (("still", "--seed", "-1"), "seed = -1, must be at least 0"),
-        (("still", "--still-time", "1"), "no still is asked for; add --still"),
+        (("still", "--still-time", "1"), "there is no still; add --still"),
         (
             ("still", "--still", picture, "--still-time", "-1"),
             "still_time = -1, must be within the film, 0 to",
@@ -74,4 +74,4 @@ def test_bad_arguments_are_one_sentence(tmp_path, capsys):
 def test_a_frame_rate_of_nothing_is_refused(paper):
     env = TankendoEnv(model=paper, action_mode="command")
     with pytest.raises(InputError, match="fps = 0"):
-        Rollout(env, Still(), paper, fps=0.0)
+        rollout_frames(env, Still(), paper, "planar", fps=0.0)

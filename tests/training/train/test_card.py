@@ -1,4 +1,4 @@
-"""Cards and curves: their figures come from episodes and runs, and from nowhere else."""
+"""Cards and curves show the results of episodes and runs."""
 
 import json
 from dataclasses import asdict
@@ -23,7 +23,7 @@ def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("card") / "run"
     ppo = Ppo(rollout_steps=8, batch_size=32, epochs=1, layers=(8,))
     settings = Settings(steps=64, envs=4, stack=2, ppo=ppo, reward_weights={"hit": 2.0})
-    train(settings, folder, watch_seeds=range(100_000, 100_002), quiet=True)
+    train(settings, folder, development_seeds=range(100_000, 100_002), quiet=True)
     return folder
 
 

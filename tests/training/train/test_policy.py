@@ -1,6 +1,7 @@
-"""A policy file and the controller that it makes, with numpy alone."""
+"""Policy files and the controllers that they make, with NumPy alone; the bundled ones and their cards."""
 
 import itertools
+import json
 import subprocess
 import sys
 from dataclasses import replace
@@ -9,19 +10,25 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.model import paper_model
 from mecanum_env.tankendo.actions import action_to_command
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from training.controllers.policy import (
-    NAMES,
+    EXTRA_FEATURES,
+    FEATURE_NAMES,
     Network,
     Policy,
     bundled,
     features,
     load_policy,
-    remember,
     save_policy,
+    stack_features,
 )
+from training.evaluate import Setup, evaluate
+
+BUNDLED = sorted(bundled().parent.glob("*.npz"))
+EPISODES = range(100_000, 100_080)
 
 
 @pytest.fixture
@@ -69,11 +76,11 @@ def test_memory_of_many_is_that_of_each():
     seen = np.random.default_rng(3).normal(size=(4, 5, 20))
     together = None
     for step in seen:
-        together = remember(together, step, 3)
+        together = stack_features(together, step, 3)
     for row in range(5):
         alone = None
         for step in seen[:, row]:
-            alone = remember(alone, step, 3)
+            alone = stack_features(alone, step, 3)
         np.testing.assert_array_equal(together[row], alone)
 
 
@@ -149,18 +156,46 @@ def test_features_say_what_their_names_say():
     seen = np.zeros(22)
     seen[[0, 2, 4, 6, 10]] = 2.0, 0.5, 2.0 - GUARD_TIP_M, GUARD_HEIGHT_M, 0.2
     seen[20:] = 1.0, 2.0
-    named = dict(zip(NAMES, features(seen), strict=False))
-    assert len(features(seen)) == len(NAMES) + 2
+    named = dict(zip(FEATURE_NAMES, features(seen), strict=False))
+    assert len(features(seen)) == len(seen) + EXTRA_FEATURES == len(FEATURE_NAMES) + 12
     np.testing.assert_array_equal(features(seen)[-2:], [1.0, 2.0])
     assert named["distance - maai"] == pytest.approx(2.0 - 2 * GUARD_TIP_M)
-    assert named["opponent's velocity relative to the own, ahead"] == pytest.approx(0.3)
-    assert named["tip seen from the opponent, ahead"] == pytest.approx(-GUARD_TIP_M)
-    assert named["how far the tip is from guard"] == pytest.approx(0.0)
+    assert named["opponent's relative velocity, ahead"] == pytest.approx(0.3)
+    assert named["tip relative to the opponent, ahead"] == pytest.approx(-GUARD_TIP_M)
+    assert named["tip's distance from guard"] == pytest.approx(0.0)
     seen[[4, 6]] = 2.0 - GUARD_TIP_M + 0.3, GUARD_HEIGHT_M - 0.4
-    assert features(seen)[NAMES.index("how far the tip is from guard")] == pytest.approx(0.5)
+    assert features(seen)[FEATURE_NAMES.index("tip's distance from guard")] == pytest.approx(0.5)
 
 
 def test_features_of_many_are_those_of_each():
     seen = np.random.default_rng(4).normal(size=(5, 3, 20))
     for index in np.ndindex(5, 3):
         np.testing.assert_array_equal(features(seen)[index], features(seen[index]))
+
+
+@pytest.mark.parametrize("path", BUNDLED, ids=lambda path: path.stem)
+def test_its_card_is_of_this_very_file(path):
+    policy = load_policy(path)
+    card = json.loads(path.with_suffix(".json").read_text())
+    assert card["about"] == policy.about
+    text = path.with_suffix(".md").read_text()
+    for row in card["rows"]:
+        assert f"{row['policy']['successes'] / row['policy']['trials']:.3f}" in text
+    assert path.stat().st_size < 200_000
+
+
+@pytest.mark.parametrize("path", BUNDLED, ids=lambda path: path.stem)
+def test_it_wins_as_often_as_its_card_says(path):
+    policy = load_policy(path)
+    card = json.loads(path.with_suffix(".json").read_text())
+    said = next(
+        row["policy"] for row in card["rows"] if (row["physics"], row["difficulty"]) == ("planar", "normal")
+    )
+    played = evaluate(
+        lambda *_: Policy(policy.network, policy.about), Setup(paper_model()), EPISODES
+    ).episodes
+    successes = sum(episode.success for episode in played)
+    share = said["successes"] / said["trials"]
+    # Four standard deviations of the number of successes, other episodes being others.
+    spread = 4.0 * np.sqrt(len(EPISODES) * share * (1.0 - share))
+    assert abs(successes - share * len(EPISODES)) <= max(spread, 3.0)

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -15,12 +15,11 @@ from mecanum_env.model import paper_model
 from training.controllers.policy import load_policy
 from training.train.__main__ import main
 from training.train.agent import make_agent
-from training.train.checkpoint import State, begin_with, newest_checkpoint, read_learner, read_run
-from training.train.environments import bare_env, level_models, seeds_at, training_env
+from training.train.checkpoint import State, load_weights, newest_checkpoint, read_learner, read_run
+from training.train.environments import bare_env, episode_seeds, level_models, training_env
 from training.train.export import network_of
-from training.train.run import resume, train
-from training.train.settings import Ppo, Sac, Settings, command_line, settings_from_json, settings_json
-from training.train.watch import DEVELOPMENT_SEEDS
+from training.train.run import DEVELOPMENT_SEEDS, resume, train
+from training.train.settings import Ppo, Sac, Settings, command_line, settings_from_json
 
 WATCH = range(100_000, 100_002)
 SMALL = {
@@ -47,7 +46,7 @@ def trained(request, tmp_path_factory):
     """Return settings and folder of an uninterrupted run."""
     folder = tmp_path_factory.mktemp(request.param) / "run"
     settings = SMALL[request.param]
-    train(settings, folder, watch_seeds=WATCH, quiet=True)
+    train(settings, folder, development_seeds=WATCH, quiet=True)
     return settings, folder
 
 
@@ -58,9 +57,9 @@ def learner(folder, settings):
 def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
     settings, folder = trained
     other = tmp_path / "run"
-    first = train(settings, other, stop_after=100, watch_seeds=WATCH, quiet=True)
+    first = train(settings, other, stop_after=100, development_seeds=WATCH, quiet=True)
     assert 100 <= first.steps_done < settings.steps
-    last = resume(other, watch_seeds=WATCH, quiet=True)
+    last = resume(other, development_seeds=WATCH, quiet=True)
     assert last.steps_done == settings.steps
     (agent, normaliser), (again, normaliser_again) = learner(folder, settings), learner(other, settings)
     weights, weights_again = agent.policy.state_dict(), again.policy.state_dict()
@@ -73,7 +72,7 @@ def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
 
 def test_another_seed_ends_with_other_weights(trained, tmp_path):
     settings, folder = trained
-    train(replace(settings, seed=1), tmp_path / "run", watch_seeds=WATCH, quiet=True)
+    train(replace(settings, seed=1), tmp_path / "run", development_seeds=WATCH, quiet=True)
     one, other = load_policy(folder / "policy.npz"), load_policy(tmp_path / "run" / "policy.npz")
     assert not np.array_equal(one.network.weights[-1], other.network.weights[-1])
 
@@ -119,12 +118,12 @@ def test_a_half_written_checkpoint_is_not_taken(trained, tmp_path):
 
 def test_what_is_over_or_begun_is_refused(trained, tmp_path):
     settings, folder = trained
-    with pytest.raises(InputError, match="trained for 384 steps already; give more with --steps"):
+    with pytest.raises(InputError, match="already trained for 384 steps; give more with --steps"):
         resume(folder, quiet=True)
-    with pytest.raises(InputError, match="trained for 384 steps already"):
+    with pytest.raises(InputError, match="already trained for 384 steps"):
         resume(folder, steps=100, quiet=True)
     assert read_run(folder)[0] == settings
-    with pytest.raises(InputError, match=r"holds a training run; go on with --resume"):
+    with pytest.raises(InputError, match=r"holds a training run; continue it with --resume"):
         train(settings, folder, quiet=True)
     with pytest.raises(InputError, match=r"run.json: No such file"):
         resume(tmp_path, quiet=True)
@@ -147,7 +146,7 @@ def test_bad_settings_are_refused(capsys):
     with pytest.raises(InputError, match="stack = 0, must be at least 1"):
         Settings(stack=0)
     with pytest.raises(InputError, match=r'no .stak. \(did you mean "stack"'):
-        settings_from_json(settings_json(Settings()) | {"stak": 1})
+        settings_from_json(asdict(Settings()) | {"stak": 1})
     assert run(main, []) == 2
     assert "--out FOLDER or --resume FOLDER" in capsys.readouterr().err
     assert run(main, ["--resume", "x", "--seed", "3"]) == 2
@@ -161,7 +160,7 @@ def test_bad_settings_are_refused(capsys):
         (("--ppo.last-learning-rate", "inf"), "ppo.last_learning_rate = inf, must be a finite number"),
         (("--ppo.batch-size", "0"), "ppo.batch_size = 0, must be at least 2"),
         (("--ppo.rollout-steps", "0"), "ppo.rollout_steps = 0, must be at least 1"),
-        (("--ppo.rollout-steps", "1", "--envs", "1"), "must be at least 2 steps together"),
+        (("--ppo.rollout-steps", "1", "--envs", "1"), "a rollout must have at least 2 steps"),
         (("--ppo.layers", "8", "-3"), "ppo.layers = -3, must be at least 1"),
         (("--ppo.epochs", "-1"), "ppo.epochs = -1, must be at least 1"),
         (("--ppo.gamma", "2"), "ppo.gamma = 2.0, must be a number from 0 to 1"),
@@ -189,21 +188,21 @@ def test_levels_are_robots_side_by_side():
     assert len({json.dumps(model.effects, sort_keys=True, default=dict) for model in models.values()}) == len(
         models
     )
-    groups = env.unwrapped.groups
-    assert [group.num_envs for group in groups] == [2, 2, 2, 2, 1]
-    env.unwrapped._seeds = seeds_at(settings, 0)
+    natives = env.unwrapped.envs
+    assert [native.num_envs for native in natives] == [2, 2, 2, 2, 1]
+    env.unwrapped._seeds = episode_seeds(settings, 0)
     assert env.reset().shape == (9, 42)
     env.step(np.ones((9, 3), np.float32))
-    one = [group.env.arena.robots.model_of(0) for group in groups]
+    one = [native.arena.robots.model_of(0) for native in natives]
     assert one == list(models.values())
 
 
 def test_training_never_meets_an_episode_of_an_evaluation():
-    seeds = seeds_at(Settings(envs=256), 0)
+    seeds = episode_seeds(Settings(envs=256), 0)
     assert len(set(seeds)) == 256
     assert min(seeds) > max(DEVELOPMENT_SEEDS)
-    assert set(seeds).isdisjoint(seeds_at(Settings(envs=256), 250_000))
-    assert set(seeds).isdisjoint(seeds_at(Settings(envs=256, seed=1), 0))
+    assert set(seeds).isdisjoint(episode_seeds(Settings(envs=256), 250_000))
+    assert set(seeds).isdisjoint(episode_seeds(Settings(envs=256, seed=1), 0))
 
 
 def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
@@ -221,11 +220,11 @@ def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
     assert begun == [(settings, tmp_path)]
 
 
-def test_a_run_can_begin_with_the_weights_of_another(trained, tmp_path):
+def test_a_run_can_load_weights_the_weights_of_another(trained, tmp_path):
     settings, folder = trained
     normaliser = training_env(settings)
     agent = make_agent(replace(settings, seed=5), normaliser)
-    begin_with(folder, agent, normaliser)
+    load_weights(folder, agent, normaliser)
     own, other = network_of(agent, normaliser, settings), load_policy(folder).network
     seen = np.random.default_rng(0).normal(size=(20, len(own.mean)))
     np.testing.assert_array_equal(own.mean, other.mean)
@@ -241,7 +240,7 @@ def test_a_run_can_begin_with_the_weights_of_another(trained, tmp_path):
 def test_a_run_names_the_runs_that_it_began_with(trained, tmp_path):
     settings, folder = trained
     second = tmp_path / "second"
-    train(replace(settings, start=str(folder), steps=64), second, watch_seeds=WATCH, quiet=True)
+    train(replace(settings, start=str(folder), steps=64), second, development_seeds=WATCH, quiet=True)
     first, own = load_policy(second).about["commands"]
     assert first == command_line(settings, str(folder))
     assert own == command_line(replace(settings, start=str(folder), steps=64), str(second))
@@ -251,12 +250,12 @@ def test_the_spread_is_renewed_at_its_checkpoint_and_not_before(tmp_path):
     torch = pytest.importorskip("torch")
     usual = SMALL["ppo"]
     never = replace(usual, ppo=replace(usual.ppo, renewed_at=1.0))
-    train(usual, tmp_path / "usual", watch_seeds=WATCH, quiet=True)
-    train(never, tmp_path / "never", watch_seeds=WATCH, quiet=True)
+    train(usual, tmp_path / "usual", development_seeds=WATCH, quiet=True)
+    train(never, tmp_path / "never", development_seeds=WATCH, quiet=True)
     for name, same in (("000000128", True), ("000000256", True), ("000000384", False)):
         one, other = (load_policy(tmp_path / run / "checkpoints" / name) for run in ("usual", "never"))
         assert np.array_equal(one.network.weights[-1], other.network.weights[-1]) == same
     agent, _ = learner(tmp_path / "usual", usual)
-    agent.policy.spread_anew(-1.5)
+    agent.policy.reset_std(-1.5)
     distribution = agent.policy.get_distribution(torch.zeros(5, len(one.network.mean)))
     np.testing.assert_allclose(distribution.distribution.stddev.detach().numpy(), np.exp(-1.5), rtol=1e-6)

@@ -1,1 +1,1 @@
-"""Undoing named effects around any controller: what drives do to commands, sensors to observations."""
+"""Compensation of named effects around any controller: of drives on commands, of sensors on observations."""

@@ -7,41 +7,33 @@ import numpy.typing as npt
 
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.model import Model
-from mecanum_env.tankendo import Sensors
 from training.controllers.compensation.drive_inverse import DriveInverse
-from training.controllers.compensation.sense_inverse import SenseInverse
+from training.controllers.compensation.sense_inverse import SensorInverse
 from training.controllers.interface import Command, Controller
 
 
 class Compensated:
     """Lets a controller that knows only the nominal robot drive one whose effects are known.
 
-    The gap workflow names effects in the model; their inverse is put around the controller. It sees
-    observations without the known sensor errors and without the latency of commands (`SenseInverse`), and
-    what it commands is changed so that the robot moves as the nominal one would (`DriveInverse`). Neutral
-    effects change nothing, bit for bit.
+    The effects are those that the gap workflow names in the model. The controller sees observations without
+    the known sensor errors and without the latency of commands (`SensorInverse`), and its commands are
+    changed so that the robot moves as the nominal one would (`DriveInverse`). Neutral effects change nothing,
+    bit for bit.
 
     Args:
-        controller: what is wrapped; make it for the model without effects.
+        controller: the wrapped controller, made for the model without effects.
         model: wheel, robot and effects.
-        delay_s: how late the sensors are by nature [s].
-        foresees: the controller itself predicts over the model's `command_latency`, which is left to it.
+        predicts_latency: the controller itself compensates the model's `command_latency`.
     """
 
-    def __init__(
-        self,
-        controller: Controller,
-        model: Model,
-        delay_s: float = Sensors.delay_s,
-        foresees: bool = False,
-    ) -> None:
+    def __init__(self, controller: Controller, model: Model, predicts_latency: bool = False) -> None:
         self._controller = controller
         self._drive = DriveInverse(model)
-        self._senses = SenseInverse(model, delay_s, foresees)
+        self._senses = SensorInverse(model, predicts_latency)
         self._period_s = model.wheel.command_period_s
         self._late_s = drive_parameters(model).delay_s
         self.left_alone = tuple(e.name for e, _ in active_effects(model) if e.undone_by is None)
-        """Names of the model's effects that nothing is done about."""
+        """Names of the model's effects that are not compensated."""
         self._steps = 0
 
     def reset(self) -> None:

@@ -1,13 +1,13 @@
-"""Which command makes a robot with known effects move as the nominal one would: the drives, inverted.
+"""The inverse of the drives' effects: the command that makes the robot move as the nominal one would.
 
 Forward, in the steady state: command -> limits of V and VC -> wheels -> dead band, gains, saturation
 (`mecanum_env.law.drive.received_command`) -> friction under a servo without integral action, which leaves
 
     w = (|r| - coulomb / servo) / (1 + viscous / servo) sign(r), or 0 where that is negative
 
--> body, with the wheels and the track that the robot has. The inverse scales the wanted motion until every
-wheel can follow, which keeps its direction, and solves for the command by fixed-point iteration. What a dead
-band cannot give at once is made up for by the following commands (error diffusion).
+-> body, with the wheel radius and track width that the robot has. The inverse scales the wanted motion until
+every wheel can follow, which keeps its direction, and solves for the command by fixed-point iteration. Motion
+that a dead band suppresses is added to the following commands (error diffusion).
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, added_load, drive_parameters
+from mecanum_env.effects.apply import active_effects, added_load
 from mecanum_env.kinematics import (
-    WHEELS,
     body_to_wheels,
     clip_wheels,
     command_to_wheels,
@@ -30,20 +29,21 @@ from mecanum_env.kinematics import (
     wheels_to_command,
     wheels_to_twist,
 )
-from mecanum_env.law.drive import received_command
 from mecanum_env.model import Model, Robot
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from training.controllers.interface import Command
+from training.controllers.prediction.motion_model import received_wheels, wheel_drives
 
 _ITERATIONS: Final = 20
-_CLOSE_RPM: Final = 0.02  # commands are whole numbers
+_TOLERANCE_RPM: Final = 0.02
+"""Of the iteration [rpm]; commands are whole numbers."""
 _HUGE_RPM: Final = 1e6
 
 
 @dataclass(frozen=True)
 class _Friction:
-    """What the wheels lose [rpm], with a servo that has no integral action."""
+    """Speed that wheel friction costs under a servo without integral action."""
 
     constant_rpm: float
     relative: float
@@ -54,12 +54,12 @@ class _Friction:
 
     def driven(self, speed_rpm: FloatArray) -> FloatArray:
         size = np.abs(speed_rpm) * (1.0 + self.relative) + self.constant_rpm
-        # A wheel that stands, but for rounding, needs nothing.
+        # A wheel at rest, up to rounding, needs no command.
         return np.where(np.abs(speed_rpm) < 1e-9, 0.0, np.copysign(size, speed_rpm))
 
 
 class DriveInverse:
-    """The inverse of one robot's drives.
+    """Changes commands so that a robot with effects moves as the nominal one would.
 
     Args:
         model: wheel, robot and effects; those that commands undo count.
@@ -68,10 +68,9 @@ class DriveInverse:
     def __init__(self, model: Model) -> None:
         effects = [pair for pair in active_effects(model) if pair[0].undone_by == "command"]
         self.is_needed = bool(effects)
-        """Whether any effect is there to invert; without one commands are left alone."""
+        """Whether the model has an effect to invert; otherwise commands stay as they are."""
         self._limit_rpm = model.wheel.saturation_rpm
-        # V, theta and VC are rounded, not the wheels' shares of them.
-        self._drives = [replace(drive_parameters(model, w), command_quantum_rpm=0.0) for w in WHEELS]
+        self._drives = wheel_drives(model)
         self._smooth = [replace(drive, deadband_rpm=0.0) for drive in self._drives]
         changed = model
         for effect, values in effects:
@@ -88,15 +87,15 @@ class DriveInverse:
         self.reset()
 
     def reset(self) -> None:
-        """Forget what is still owed."""
+        """Forget the motion that is still owed."""
         self._owed = np.zeros(3)
 
     def command(self, wanted: Command, seconds: float) -> Command:
-        """Return the command that gives what the nominal robot would make of the wanted one.
+        """Return the command that moves this robot as the wanted one moves the nominal robot.
 
         Args:
             wanted: V [rpm], theta [deg], VC [rpm] for the nominal robot.
-            seconds: since the start, when it acts: a battery sags.
+            seconds: time since the start at which it acts, which counts for a sagging battery.
         """
         if not self.is_needed:
             return wanted
@@ -108,29 +107,18 @@ class DriveInverse:
         return self._diffused(body, seconds)
 
     def delivered(self, command: Command, seconds: float) -> FloatArray:
-        """Return the body motion (ahead, left, turn) [rpm], shape (3,), that a command leads to.
-
-        Args:
-            command: V [rpm], theta [deg], VC [rpm].
-            seconds: since the start.
-        """
+        """Return the body motion (ahead, left, turn) [rpm], shape (3,), that a command leads to at a time."""
         v = min(max(command[0], -self._v_rpm), self._v_rpm)
         vc = min(max(command[2], -self._vc_rpm), self._vc_rpm)
         wheels = command_to_wheels(v, command[1], vc)
-        received = [
-            received_command(drive, one, seconds) for drive, one in zip(self._drives, wheels, strict=True)
-        ]
-        return wheels_to_body(self._friction.speed(np.array(received)))
+        return wheels_to_body(self._friction.speed(received_wheels(self._drives, wheels, seconds)))
 
     def _smooth_wheels(self, wheels: FloatArray, seconds: float) -> FloatArray:
-        """Return the wheel speeds that commands lead to, but for thresholds and rounding."""
-        received = [
-            received_command(drive, one, seconds) for drive, one in zip(self._smooth, wheels, strict=True)
-        ]
-        return self._friction.speed(np.array(received))
+        """Return the wheel speeds that wheel commands lead to, without dead bands and rounding."""
+        return self._friction.speed(received_wheels(self._smooth, wheels, seconds))
 
     def _within_reach(self, body: FloatArray, seconds: float) -> FloatArray:
-        """Return the body motion, scaled until every wheel can follow."""
+        """Return the body motion [rpm], scaled until every wheel can follow."""
         wheels = body_to_wheels(body)
         most = np.abs(self._smooth_wheels(np.copysign(_HUGE_RPM, wheels), seconds))
         size = np.abs(wheels)
@@ -142,22 +130,22 @@ class DriveInverse:
         driven = self._friction.driven(body_to_wheels(body))
         command = wheels_to_body(driven / self._gains(driven, seconds))
         for _ in range(_ITERATIONS):
-            # One body command serves four wheels, maybe unlike ones; gains within (0, 2) let this contract.
+            # One body command drives four wheels of different gains; for gains within (0, 2) this contracts.
             off = body - wheels_to_body(self._smooth_wheels(body_to_wheels(command), seconds))
-            if np.max(np.abs(off)) < _CLOSE_RPM:
+            if np.max(np.abs(off)) < _TOLERANCE_RPM:
                 break
             command = command + off
         return command
 
     def _diffused(self, body: FloatArray, seconds: float) -> Command:
-        """Return the command that comes nearest to a body motion and what was owed before."""
+        """Return the command that comes nearest to a body motion [rpm] plus the motion owed so far."""
         if not np.any(body):
             self._owed = np.zeros(3)
             return 0, 0, 0
         wanted = body + self._owed
         plain = self._solve(wanted, seconds)
         wheels = np.abs(body_to_wheels(plain))
-        # One more, not to fall below by rounding.
+        # 1 rpm more, so that rounding does not fall below the threshold.
         least = np.array([drive.deadband_rpm for drive in self._drives]) + 1.0
         scales = [1.0] + [float(t / w) for t, w in zip(least, wheels, strict=True) if 0.5 < w < t]
         choices: list[Command] = [(0, 0, 0), *(self._rounded(plain * scale) for scale in scales)]
@@ -168,7 +156,7 @@ class DriveInverse:
         return choices[best]
 
     def _gains(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
-        """Return the gain of each wheel's drive, by the direction in which it is driven, shape (4,)."""
+        """Return the gain of each wheel's drive in the direction in which it is driven, shape (4,)."""
         forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives])
         reverse = np.array([d.reverse_ratio for d in self._drives])
         gains: FloatArray = np.where(driven_rpm < 0.0, forward * reverse, forward)

@@ -1,12 +1,12 @@
-"""What the robot's own sensors would show without their known errors, and without a known command latency.
+"""The inverse of the sensors' effects: observations without their known errors and without command latency.
 
-- `sensor_bias` is taken off, `sensor_scale` divided out, `mount_yaw` turned back.
-- `sensor_latency` and `sensor_lowpass` are known filters: what they took away from the motion that the
-  commands led to is added back, so noise is not amplified as an inverse filter would.
-- `command_latency`: the observation is brought forward by it, so the controller sees a robot that obeys at
-  once: its own part by the commands under way, the opponent's by its velocity.
+- `sensor_bias` is subtracted, `sensor_scale` divided out, `mount_yaw` turned back.
+- `sensor_latency` and `sensor_lowpass` are known filters: what they removed from the motion that the commands
+  led to is added back. Unlike an inverse filter this does not amplify noise.
+- `command_latency`: the observation is brought forward by it, so that the controller sees a robot that obeys
+  at once: its own motion by the commands under way, the opponent's by its velocity.
 
-The numbers are those of `mecanum_env.tankendo.observation`, by index.
+Observations are those of `mecanum_env.tankendo.observation`; their numbers are addressed by index.
 """
 
 from __future__ import annotations
@@ -27,33 +27,32 @@ from training.controllers.interface import Command
 from training.controllers.prediction.observed_motion import OwnMotion, seen_from
 
 _CHANNELS: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
-_KEPT: Final = 40  # observations; several times the longest delay or filter
+_KEPT: Final = 40
+"""Number of remembered observations; several times the longest delay or filter."""
 _OWN, _HELD, _PLACE, _HEADING = slice(10, 13), slice(13, 16), slice(16, 18), slice(18, 20)
 _SEEN_PLACES, _SEEN_VELOCITIES = ((0, 1), (4, 5)), ((2, 3), (7, 8))
+"""Of the opponent and of its tip."""
 
 
-class SenseInverse:
+class SensorInverse:
     """Corrects the observations of one robot.
 
     Args:
         model: wheel, robot and effects; those that `undone_by` assigns to observations, and latency.
-        delay_s: how late the sensors are by nature [s].
-        foresees: leave `command_latency` to the controller.
+        predicts_latency: leave `command_latency` to the controller.
     """
 
-    def __init__(self, model: Model, delay_s: float = Sensors.delay_s, foresees: bool = False) -> None:
+    def __init__(self, model: Model, predicts_latency: bool = False) -> None:
         effects = [pair for pair in active_effects(model) if pair[0].undone_by == "observation"]
         self._late_s = drive_parameters(model).delay_s
-        self._seen_s = delay_s
-        # Against the order of the chain; a filter's inverse would need the past, see `_unfilter`.
+        # Against the order of the chain; the inverse of a filter would need the past, see `_unfilter`.
         self._restorers = [(e.restore_channels, v) for e, v in reversed(effects) if e.restore_channels]
         filters = {e.name: v for e, v in effects if e.restore_channels is None}
         self._filters = replace(model, effects=filters) if filters else None
-        self.corrects = bool(effects)
-        """Whether any sensor has an error to take out."""
-        self._brings_forward = self._late_s > 0.0 and not foresees
-        self.is_needed = self.corrects or self._brings_forward
-        # What the controller asks for is what a compensated robot does.
+        self._corrects = bool(effects)
+        self._brings_forward = self._late_s > 0.0 and not predicts_latency
+        self._is_needed = self._corrects or self._brings_forward
+        # A compensated robot does what the controller asks for.
         self._own = OwnMotion(replace(model, effects={}))
         self._step_s = model.wheel.command_period_s
         self.reset()
@@ -66,9 +65,9 @@ class SenseInverse:
         self._past: list[FloatArray] = [np.zeros(6), np.zeros(6)]
 
     def send(self, command: Command) -> None:
-        """Take note of the command that the controller gave: what the compensated robot does."""
+        """Take note of the controller's command, which the compensated robot follows."""
         self._last = command
-        if self.is_needed:
+        if self._is_needed:
             self._own.send(command)
 
     def corrected(
@@ -78,12 +77,12 @@ class SenseInverse:
 
         Args:
             observation: shape (20 or more,).
-            hides_command: show the command that the controller gave, not the one that was sent for it.
+            hides_command: show the controller's last command instead of the one that was sent for it.
         """
-        if not self.is_needed and not hides_command:
+        if not self._is_needed and not hides_command:
             return observation
         shown = np.array(observation, float)
-        if self.corrects:
+        if self._corrects:
             self._correct(shown)
         if self._brings_forward:
             self._bring_forward(shown)
@@ -107,7 +106,7 @@ class SenseInverse:
             self._unfilter(shown)
 
     def _unfilter(self, shown: FloatArray) -> None:
-        """Add what the filters took away from the motion as the commands led to it."""
+        """Add what the filters removed from the motion that the commands led to."""
         assert self._filters is not None
         twist, pose = self._odometry()
         self._past = [*self._past[1 - _KEPT :], np.array([*twist, *pose])]
@@ -119,14 +118,14 @@ class SenseInverse:
         shown[_OWN] += lost[:3]
         heading = math.atan2(shown[19], shown[18]) + lost[5]
         shown[_HEADING] = math.cos(heading), math.sin(heading)
-        # Odometry began with some heading of its own.
+        # Odometry starts with heading 0, the robot with any.
         turn = heading - pose[2]
         cos, sin = math.cos(turn), math.sin(turn)
         shown[_PLACE] += (cos * lost[3] - sin * lost[4], sin * lost[3] + cos * lost[4])
 
     def _odometry(self) -> tuple[FloatArray, FloatArray]:
-        """Return twist and pose, as the commands led to them, when the observation was made."""
-        ago_s = self._seen_s + self._late_s
+        """Return twist and pose that the commands led to at the time that the observation shows."""
+        ago_s = Sensors.delay_s + self._late_s
         step = self._own.moved(ago_s + self._step_s, ago_s)
         cos, sin = math.cos(self._pose[2]), math.sin(self._pose[2])
         self._pose = self._pose + np.array(
@@ -135,7 +134,7 @@ class SenseInverse:
         return self._own.twist(ago_s), self._pose
 
     def _bring_forward(self, shown: FloatArray) -> None:
-        late, seen = self._late_s, self._seen_s
+        late, seen = self._late_s, Sensors.delay_s
         moved = self._own.moved(late + seen, seen)
         for (x, y), (vx, vy) in zip(_SEEN_PLACES, _SEEN_VELOCITIES, strict=True):
             shown[x], shown[y] = seen_from(moved, shown[x] + late * shown[vx], shown[y] + late * shown[vy])

@@ -1,1 +1,1 @@
-"""What controllers expect: where the robot will be, and when, where and how near to it a strike will land."""
+"""Predictions: the robot's own motion, the present behind late observations, the opponent's strike."""

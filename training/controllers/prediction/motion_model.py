@@ -1,71 +1,72 @@
-"""The robot's own motion as the model predicts it: wheel commands in, body velocities out, many at a time.
+"""A model of the robot's own motion: wheel commands in, body velocities out, for many robots at a time.
 
-Each wheel's setpoint follows the identified law; the drives hold it with their servo, as far as their torque
-goes. With s the setpoints, v the body's twist, w = J v its wheel speeds and M its inertia, each law tick h is
+Each wheel's setpoint follows the identified law; a servo of limited torque makes the wheel follow it. With
+the setpoints s, the body's twist v, its wheel speeds w = J v and its inertia M, each law tick h is
 
-    e = J^+ s(k+1) - v(k)                       what the twist lacks
-    torque = clip(T g e / h, +-limit)           T = J (J'J)^-1 M spreads a force over the wheels
+    e = J^+ s(k+1) - v(k)                       the missing twist
+    torque = clip(T g e / h, +-limit)           T = J (J'J)^-1 M distributes a force over the wheels
     v(k+1) = v(k) + h M^-1 J' torque
 
-with g = h b / (M + h b), b = servo J'J: the share of e that a servo of finite stiffness makes up in a tick.
-The model's effects on drives, servo, friction of the wheels, dimensions and mass count: friction f asks the
-drive for g f more and is taken off the torque. Limits of V and VC, backlash, slip, forces of the turning
-frame and what pushes from outside are left out.
+where g = h b / (M + h b), b = servo J'J, is the share of e that a servo of finite stiffness removes in a
+tick. Wheel friction f raises the torque that the drive is asked for by g f and is subtracted from the result.
+The model's effects on drives, servo, wheel friction, dimensions and mass are included. Not modelled: limits
+of V and VC, backlash, slip, Coriolis forces and external forces.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from mecanum_env.effects.apply import active_effects, added_load, drive_parameters
-from mecanum_env.kinematics import WHEELS, command_to_wheels, twist_to_wheels, wheels_to_twist
+from mecanum_env.kinematics import WHEELS, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
-from mecanum_env.law.drive import EPS, received_command
+from mecanum_env.law.drive import EPS, DriveParameters, received_command
 from mecanum_env.mjcf.plants import wheel_armature
 from mecanum_env.model import Model, Robot
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-_MEMORY = 5  # w(k), w(k-1), w(k-2), r(k-1), r(k-2)
+MEMORY = 5
+"""Numbers in the memory of a wheel law: w(k), w(k-1), w(k-2), r(k-1), r(k-2)."""
+_SLOW_RAD_S = 0.3
+"""Below this wheel speed Coulomb friction falls linearly to 0, so that it does not chatter [rad/s]."""
 
 
 @dataclass(frozen=True)
 class MotionState:
-    """Where n robots are between two commands."""
+    """The state of n robots between two commands."""
 
     law: FloatArray
-    """Of each wheel w(k), w(k-1), w(k-2), r(k-1), r(k-2) [rpm], shape (4, 5, n)."""
+    """Memory of each wheel's law: w(k), w(k-1), w(k-2), r(k-1), r(k-2) [rpm], shape (4, 5, n)."""
     twist: FloatArray
     """Body twist: ahead, left [m/s], turn [rad/s], shape (3, n)."""
 
     def repeated(self, n: int) -> MotionState:
-        """Return the state of one robot n times."""
+        """Return the state of one robot for n robots."""
         return MotionState(np.repeat(self.law, n, axis=2), np.repeat(self.twist, n, axis=1))
 
 
 class MotionModel:
-    """Predicts twists on the identified law; holds no state.
+    """Predicts twists from wheel commands; the state is passed in and returned.
 
     Args:
-        model: its wheel laws, robot and effects; a `command_latency` is not put in here.
+        model: wheel laws, robot and effects; its `command_latency` is ignored.
     """
 
     def __init__(self, model: Model) -> None:
         self.model = model
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
-        # V, theta and VC are rounded, not the wheels' shares of them.
-        self._drives = [replace(drive_parameters(model, w), command_quantum_rpm=0.0) for w in WHEELS]
-        robot, friction = _as_it_is(model)
+        self.drives = wheel_drives(model)
+        robot, self._friction = _with_effects(model)
         most = math.ceil(self.period_s / self.tick_s + EPS) + 1
         laws = [model.law_of(wheel) for wheel in WHEELS]
-        pairs = [_responses(law, most) for law in laws]
-        self._speeds = np.array([speeds for speeds, _ in pairs])  # (4, most, 6)
-        self._states = np.array([states for _, states in pairs])  # (4, most, 5, 6)
+        self._responses = np.array([_law_powers(law, most) for law in laws])  # (4, most, 6, 6)
         jacobian = twist_to_wheels(np.eye(3), robot).T * RAD_S_PER_RPM  # (4, 3) rad/s per unit of twist
-        gram = np.sum(jacobian * jacobian, axis=0)  # its columns are orthogonal
+        gram = np.sum(jacobian * jacobian, axis=0)  # J'J is diagonal
         translation, rotation = wheel_armature(robot)
         inertia = np.array(
             [robot.mass_kg + translation, robot.mass_kg + translation, robot.yaw_inertia_kg_m2 + rotation]
@@ -75,45 +76,31 @@ class MotionModel:
         self._to_torque = jacobian / gram * (inertia * share / self.tick_s)
         self._to_twist = (jacobian / inertia * self.tick_s).T
         self._to_speeds = jacobian
-        self._friction, self._share = friction, float(np.mean(share))
+        self._friction_share = float(np.mean(share))
         self._torque_limit = robot.torque_limit_n_m
         self._rpm_to_twist = wheels_to_twist(np.eye(4), robot).T  # (3, 4)
 
     def rest(self) -> MotionState:
-        """Return the state of one robot that stands."""
-        return MotionState(np.zeros((len(WHEELS), _MEMORY, 1)), np.zeros((3, 1)))
+        """Return the state of one robot at rest."""
+        return MotionState(np.zeros((len(WHEELS), MEMORY, 1)), np.zeros((3, 1)))
 
     def ticks(self, command: int) -> int:
-        """Return the number of law ticks during a command, counted from 0 since the start."""
+        """Return the number of law ticks during a command; commands are counted from 0."""
         return self._first_tick(command + 1) - self._first_tick(command)
 
     def _first_tick(self, command: int) -> int:
         return math.ceil(command * self.period_s / self.tick_s - EPS)
 
-    def wheels(self, command: tuple[float, float, float]) -> FloatArray:
-        """Return the wheel speeds that a command (V, theta, VC) asks for, shape (4,) [rpm]."""
-        return command_to_wheels(*command)
-
-    def received(self, wheels_rpm: FloatArray, seconds: float) -> FloatArray:
-        """Return what the drives make of wheel commands, shape (4, n) [rpm].
-
-        Args:
-            wheels_rpm: shape (4, n).
-            seconds: since the start; a battery sags.
-        """
-        pairs = zip(self._drives, wheels_rpm, strict=True)
-        return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
-
     def play(self, state: MotionState, wheels_rpm: FloatArray, ticks: int) -> tuple[FloatArray, MotionState]:
-        """Hold wheel commands for some ticks; return the twist after each, (ticks, 3, n), and the next state.
+        """Return the twist after each tick of a held command, shape (ticks, 3, n), and the state at the end.
 
         Args:
             state: of n robots.
-            wheels_rpm: as `received`, shape (4, n).
-            ticks: of the law, at most one more than a command period has.
+            wheels_rpm: wheel commands as `received_wheels` returns them, shape (4, n).
+            ticks: number of law ticks, at most one more than a command period has.
         """
         before = np.concatenate([state.law, wheels_rpm[:, None, :]], axis=1)  # (4, 6, n)
-        setpoints = np.matmul(self._speeds[:, :ticks], before)  # (4, ticks, n)
+        setpoints = np.matmul(self._responses[:, :ticks, 0], before)  # (4, ticks, n)
         wanted = np.tensordot(self._rpm_to_twist, setpoints, axes=1)  # (3, ticks, n)
         twist = state.twist
         twists = np.empty((ticks, *twist.shape))
@@ -122,17 +109,25 @@ class MotionModel:
             torque = self._to_torque @ (wanted[:, k] - twist)
             if self._friction is not None:
                 lost = self._friction.torque(self._to_speeds @ twist)
-                torque += self._share * lost
+                torque += self._friction_share * lost
             np.minimum(torque, most, out=torque)
             np.maximum(torque, -most, out=torque)
             if self._friction is not None:
                 torque -= lost
             twist = twist + self._to_twist @ torque
             twists[k] = twist
-        return twists, MotionState(np.matmul(self._states[:, ticks - 1], before), twist)
+        return twists, MotionState(np.matmul(self._responses[:, ticks - 1, :MEMORY], before), twist)
 
 
-_SLOW_RAD_S = 0.3  # friction of a wheel slower than this grows with its speed, or it would chatter
+def wheel_drives(model: Model) -> list[DriveParameters]:
+    """Return the drives of the four wheels; commands are rounded as V, theta and VC, not wheel by wheel."""
+    return [replace(drive_parameters(model, wheel), command_quantum_rpm=0.0) for wheel in WHEELS]
+
+
+def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, seconds: float) -> FloatArray:
+    """Return wheel commands, shape (4, ...), after the drives' effects at a time since the start."""
+    pairs = zip(drives, wheels_rpm, strict=True)
+    return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
 
 
 @dataclass(frozen=True)
@@ -145,8 +140,8 @@ class _Friction:
         return self.coulomb_n_m * sign + self.damping_n_m_s_rad * speeds_rad_s
 
 
-def _as_it_is(model: Model) -> tuple[Robot, _Friction | None]:
-    """Return the robot with the effects that change its numbers, and the friction of its wheels."""
+def _with_effects(model: Model) -> tuple[Robot, _Friction | None]:
+    """Return the robot with the effects that change its parameters, and the friction of its wheels."""
     changed, load = model, added_load(model)
     for effect, values in active_effects(model):
         if effect.change_model is not None:
@@ -156,18 +151,13 @@ def _as_it_is(model: Model) -> tuple[Robot, _Friction | None]:
     return robot, _Friction(coulomb, damping) if coulomb > 0.0 or damping > 0.0 else None
 
 
-def _responses(law: WheelLaw, ticks: int) -> tuple[FloatArray, FloatArray]:
-    """Return what a law makes of (its memory, a held command): speeds and memories after 1, 2, ... ticks.
-
-    Linear maps, shapes (ticks, 6) and (ticks, 5, 6).
-    """
-    one = np.zeros((_MEMORY + 1, _MEMORY + 1))
+def _law_powers(law: WheelLaw, ticks: int) -> FloatArray:
+    """Return the linear maps of (memory, held command) over 1, 2, ... ticks of a law, shape (ticks, 6, 6)."""
+    one = np.zeros((MEMORY + 1, MEMORY + 1))
     one[0] = [law.A, law.B, law.C, law.E, law.F, law.D]
     one[1, 0] = one[2, 1] = 1.0
     one[3, 5] = one[4, 3] = one[5, 5] = 1.0
-    power, powers = np.eye(_MEMORY + 1), []
-    for _ in range(ticks):
-        power = one @ power
-        powers.append(power)
-    table = np.array(powers)
-    return table[:, 0], table[:, :_MEMORY]
+    powers = [one]
+    while len(powers) < ticks:
+        powers.append(one @ powers[-1])
+    return np.array(powers)

@@ -1,4 +1,4 @@
-"""The estimate of the strike's phase, against what the simulator knows."""
+"""The estimate of the strike against the simulator, and the success of evading with it."""
 
 from dataclasses import dataclass
 
@@ -10,8 +10,7 @@ from mecanum_env.tankendo.constants import DIFFICULTIES, TECHNIQUES
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers import Proportional
-from training.controllers.prediction.hit_margin import Seen, miss_margin
-from training.controllers.prediction.strike_phase import StrikeEstimate, StrikePhase
+from training.controllers.prediction.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
 
 FIRST_SEED, EPISODES, STEPS = 100_000, 24, 60
 
@@ -72,9 +71,8 @@ def test_knows_technique_and_time_well_before_the_hit(moments):
     strikes = [one for one in moments if not one.idle and not one.feint and 0.1 < one.land_in_s <= 0.2]
     assert len(strikes) >= 15
     assert all(one.estimate is not None for one in strikes)
-    right = [
-        np.argmax(one.estimate.technique_probabilities(len(TECHNIQUES))) == one.technique for one in strikes
-    ]
+    likeliest = [np.argmax(np.bincount(one.estimate.technique, one.estimate.weight)) for one in strikes]
+    right = [found == one.technique for found, one in zip(likeliest, strikes, strict=True)]
     errors = [one.estimate.land_s - one.land_in_s for one in strikes]
     assert np.mean(right) >= 0.95
     assert np.sqrt(np.mean(np.square(errors))) <= 0.03
@@ -121,6 +119,29 @@ def test_margin_is_negative_exactly_where_the_simulator_hits():
     landed = seen.copy()
     landed[:2] += 0.3 * seen[3:5] + 0.12 * rng.standard_normal((2, n))
     hits = fighter.hits(rows, landed, fighter.aim_at(rows, seen))
-    margin = miss_margin(Opponent(), technique, sword.origin, Seen(*seen[:5]), Seen(*landed[:5]))
+    margin = miss_margin(
+        Opponent(), technique, sword.origin, RobotStates(*seen[:5]), RobotStates(*landed[:5])
+    )
     assert 0.2 < np.mean(hits) < 0.8
     np.testing.assert_array_equal(margin <= 0.0, hits)
+
+
+@pytest.fixture(scope="module")
+def shares(successes):
+    """Return the share of successes by controller and level."""
+    numbers = {"sidestep": 40, "mpc": 20}
+    return {
+        name: [successes(name, n, difficulty=level) for level in DIFFICULTIES] for name, n in numbers.items()
+    }
+
+
+@pytest.mark.parametrize("name", ["sidestep", "mpc"])
+def test_harder_is_harder(shares, name):
+    easy, normal, hard = shares[name]
+    assert easy >= normal - 0.05
+    assert normal >= hard
+
+
+def test_planning_beats_the_script(shares):
+    assert shares["mpc"][1] >= 0.85
+    assert shares["mpc"][2] >= shares["sidestep"][2] + 0.15

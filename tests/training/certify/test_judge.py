@@ -1,4 +1,4 @@
-"""Figures of hand-made episodes, and what they make of the thresholds."""
+"""Metrics of hand-made episodes and their comparison with the thresholds."""
 
 from dataclasses import replace
 
@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from training.certify.certificate import Thresholds
-from training.certify.judge import checks, require_valid, timing_check
-from training.certify.plants import plants
-from training.certify.run import plant_figures, timing_of, track_figures
+from training.certify.judge import checks, timing_check
+from training.certify.plants import robot_variants
+from training.certify.run import timing_of, tracking_result, variant_result
+from training.certify.thresholds import Thresholds, require_valid
 from training.certify.warning import warning_curve
 from training.evaluate import Evaluation, share
 
 
 @pytest.fixture
 def nominal_plant(paper):
-    return plants(paper)[0]
+    return robot_variants(paper)[0]
 
 
 def test_success_is_counted_by_technique_and_failures_by_reason(nominal_plant, episode):
@@ -26,7 +26,7 @@ def test_success_is_counted_by_technique_and_failures_by_reason(nominal_plant, e
         episode(2, False, technique="men", reason="clash"),
         episode(3, False, technique="men"),
     ]
-    found = plant_figures(nominal_plant, played, None)
+    found = variant_result(nominal_plant, played, None)
     assert found.success == share(1, 4)
     assert found.by_technique == {"do": share(1, 2), "men": share(0, 2)}
     assert found.failures == {"hit": 2, "clash": 1}
@@ -36,17 +36,17 @@ def test_success_is_counted_by_technique_and_failures_by_reason(nominal_plant, e
 def test_the_change_is_paired_by_seed(nominal_plant, episode):
     """Equal losses one by one: the interval of the difference is narrow, those of the shares are not."""
     nominal = [episode(seed, seed % 2 == 0) for seed in range(40)]
-    same = plant_figures(nominal_plant, nominal, nominal)
+    same = variant_result(nominal_plant, nominal, nominal)
     assert (same.change.value, same.change.low, same.change.high) == (0.0, 0.0, 0.0)
     worse = [replace(one, success=one.success and one.seed >= 10) for one in nominal]
-    assert plant_figures(nominal_plant, worse, nominal).change.value == pytest.approx(-5 / 40)
+    assert variant_result(nominal_plant, worse, nominal).change.value == pytest.approx(-5 / 40)
 
 
 def test_means_leave_out_what_never_was(nominal_plant, episode):
     played = [episode(0, settling_s=1.0), episode(1, settling_s=None), episode(2, settling_s=2.0)]
-    found = plant_figures(nominal_plant, played, None)
+    found = variant_result(nominal_plant, played, None)
     assert (found.settling_s.value, found.settling_s.count) == (1.5, 2)
-    assert plant_figures(nominal_plant, played[1:2], None).settling_s is None
+    assert variant_result(nominal_plant, played[1:2], None).settling_s is None
 
 
 def test_times_are_percentiles_of_all_commands():
@@ -57,16 +57,16 @@ def test_times_are_percentiles_of_all_commands():
 
 
 def judged(nominal_plant, episode, **thresholds):
-    good = plant_figures(nominal_plant, [episode(seed) for seed in range(100)], None)
-    bad = plant_figures(nominal_plant, [episode(seed, seed < 70) for seed in range(100)], None)
-    track = track_figures([episode(0)])
+    good = variant_result(nominal_plant, [episode(seed) for seed in range(100)], None)
+    bad = variant_result(nominal_plant, [episode(seed, seed < 70) for seed in range(100)], None)
+    track = tracking_result([episode(0)])
     rng = np.random.default_rng(0)
     warning = rng.uniform(0.2, 0.9, 300)
     curve = warning_curve(warning, warning > 0.4, resamples=20)
     return {one.name: one for one in checks(good, bad, curve, track, Thresholds(**thresholds))}
 
 
-def test_the_worse_end_of_the_interval_is_held_against_the_threshold(nominal_plant, episode):
+def test_the_worse_end_of_the_interval_is_compared_with_the_threshold(nominal_plant, episode):
     found = judged(nominal_plant, episode, success=0.95, worst_success=0.65)
     assert found["nominal success"].value == pytest.approx(share(100, 100).low)
     assert found["nominal success"].passed
@@ -76,9 +76,9 @@ def test_the_worse_end_of_the_interval_is_held_against_the_threshold(nominal_pla
     assert found["warning for 90% success"].passed
 
 
-def test_a_figure_that_is_not_defined_does_not_pass(nominal_plant, episode):
-    plant = plant_figures(nominal_plant, [episode(0, False, settling_s=None)], None)
-    track = track_figures([episode(0, distance_error_m=None)])
+def test_a_metric_that_is_not_defined_does_not_pass(nominal_plant, episode):
+    plant = variant_result(nominal_plant, [episode(0, False, settling_s=None)], None)
+    track = tracking_result([episode(0, distance_error_m=None)])
     curve = warning_curve([0.3, 0.6], [0, 0], resamples=5)
     found = {one.name: one for one in checks(plant, plant, curve, track, Thresholds())}
     for name in ("warning for 90% success", "tracking error", "settling"):

@@ -58,8 +58,8 @@ class TankendoVecEnv(VecEnv):  # type: ignore[misc]
     `terminal_observation` and `TimeLimit.truncated`.
 
     Args:
-        envs: native vector environments with the same spaces and `autoreset_mode="SameStep"`, whose rows follow
-            each other.
+        envs: native vector environments with the same spaces and `autoreset_mode="SameStep"`; their rows
+            follow each other.
 
     Raises:
         InputError: an environment with another `autoreset_mode`.

@@ -169,12 +169,9 @@ def write_parameters(
 ) -> None:
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
-    The inertia is kept: it belongs to the body, which is not rewritten.
-
-    Args:
-        mjmodel: the compiled model, written in place.
-        actuator_id: a wheel drive, one of `wheel_actuators`.
-        model: this, `wheel_name`, `quantum_rpm` and `torque_limit_n_m` as for `set_wheel_parameters`.
+    `mjmodel` is the compiled model, written in place, and `actuator_id` one of `wheel_actuators`; the other
+    arguments are those of `set_wheel_parameters`. The inertia is kept: it belongs to the body, which is not
+    rewritten.
 
     Raises:
         InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not

@@ -170,8 +170,8 @@ def write_parameters(
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
     `mjmodel` is the compiled model, written in place, and `actuator_id` one of `wheel_actuators`; the other
-    arguments (`wheel_name` ..) are those of `set_wheel_parameters`. The inertia is kept: it belongs to the body, which is not
-    rewritten.
+    arguments (`wheel_name` ..) are those of `set_wheel_parameters`. The inertia is kept, since it belongs to
+    the body.
 
     Raises:
         InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not

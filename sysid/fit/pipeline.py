@@ -113,7 +113,8 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         saturation_rpm=options.saturation_rpm,
     )
     notes = list(path.notes)
-    columns = {column for run in dataset.runs for column in wheel_columns(run).values()}
+    # In the order of the log: that of a set, and so the last digits of the result, would vary between runs.
+    columns = dict.fromkeys(column for run in dataset.runs for column in wheel_columns(run).values())
     repeats = noise_from_repeats(dataset.runs) or {}
     known = all(column in repeats for column in columns)
     sigma = {c: max(repeats[c].std, _LEAST_SIGMA) if c in repeats else 1.0 for c in columns}

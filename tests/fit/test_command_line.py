@@ -68,6 +68,9 @@ def test_each_wheel_gets_its_law_on_request(
     arguments = [str(tmp_path / "logs"), "--per-wheel", "--starts", "1", "--out", str(tmp_path / "out")]
     assert run(fit, arguments) == 0
     assert set(read_model(tmp_path / "out" / "model.json").wheels) == {"fl", "fr", "rl", "rr"}
+    # Channels keep the order of the log, so that sums over them have the same digits in every process.
+    noise = json.loads((tmp_path / "out" / "fit.json").read_text())["noise"]["sigma_rpm"]
+    assert list(noise) == [f"speed_{wheel}_rpm" for wheel in ("fl", "fr", "rl", "rr")]
 
 
 @pytest.mark.parametrize(

@@ -49,11 +49,6 @@ class TopicChoice:
     joints: Mapping[str, str]
     """Joint name by wheel (`fl` ... `rr`, or `joint` on the bench), where the user gave one."""
 
-    @property
-    def is_bench(self) -> bool:
-        """Whether these topics make a bench log."""
-        return any(role in self.topics for role in BENCH_ROLES)
-
 
 def parse_map(items: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
     """Return topics by role and joints by wheel from items such as ``command=/cmd_vel`` or ``fl=front_left``.

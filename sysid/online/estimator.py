@@ -86,7 +86,7 @@ class NoiseTracker:
         return self.recent_rpm2 / self.usual_rpm2
 
     def update(self, innovation_rpm: float, recent_samples: float, usual_samples: float) -> None:
-        """Add one innovation (measured minus predicted) to the averages over both spans [samples]."""
+        """Add one innovation to the averages over `recent_samples` and `usual_samples`."""
         size = abs(innovation_rpm)
         typical = sorted((size, self.last, self.before_last))[1]
         self.last, self.before_last = size, self.last
@@ -155,11 +155,6 @@ class OnlineEstimator:
         self._largest_gradient = math.sqrt(_LARGEST_CONDITION * self._prior[0, 0] / options.memory_samples)
         self._noise = NoiseTracker.start(options.noise_rpm, options.quantum_rpm)
         self.restart()
-
-    @property
-    def options(self) -> OnlineOptions:
-        """Settings of the estimator."""
-        return self._options
 
     @property
     def law(self) -> WheelLaw:

@@ -6,9 +6,17 @@ from collections.abc import Mapping, Sequence
 from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
-from sysid.fit.estimators.exhaustive import exhaustive
-from sysid.fit.estimators.gradient import gradient, kkt, pole_discrimination
-from sysid.fit.estimators.interface import CommandSource, Estimate, Method, Options, StartResult, WheelRun
+from sysid.fit.estimators.exhaustive import SearchGrid, exhaustive
+from sysid.fit.estimators.gradient import gradient, kkt, pole_discrimination, random_starts
+from sysid.fit.estimators.interface import (
+    SUCCESS_RATIO,
+    CommandSource,
+    Estimate,
+    Method,
+    Options,
+    StartResult,
+    WheelRun,
+)
 from sysid.fit.estimators.linear import one_step
 from sysid.fit.estimators.output_error import output_error
 
@@ -27,13 +35,17 @@ DEFAULT_METHOD: Final = "output-error"
 __all__ = [
     "DEFAULT_METHOD",
     "METHODS",
+    "SUCCESS_RATIO",
     "CommandSource",
     "Estimate",
     "Method",
     "Options",
+    "SearchGrid",
     "StartResult",
     "WheelRun",
     "estimate",
+    "exhaustive",
+    "random_starts",
 ]
 
 

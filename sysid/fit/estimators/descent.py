@@ -98,13 +98,13 @@ def descend(
     x = _admitted(np.array(starts, float), constraint, unit_gain)
     count = len(x)
     h, gradient = cost(x)
-    rows = 0 if constraint is None else constraint.values(x[:1, :3]).shape[1]
-    multipliers = np.zeros((count, rows))
+    conditions = 0 if constraint is None else constraint.values(x[:1, :3]).shape[1]
+    multipliers = np.zeros((count, conditions))
     norm = np.max(np.abs(_tangent(gradient, unit_gain)), axis=1)
     step = np.full(count, rate) if rule == "fixed" else np.minimum(rate, 0.1 / np.maximum(norm, 1e-300))
     converged = np.zeros(count, bool)
-    used = np.zeros(count, np.intp)
-    before = h.copy()
+    done = np.zeros(count, np.intp)
+    checked = h.copy()
     active = np.flatnonzero(np.isfinite(h))
     for i in range(1, iterations + 1):
         if len(active) == 0:
@@ -112,40 +112,40 @@ def descend(
         at, alpha, old = x[active], step[active][:, None], h[active]
         slope = _tangent(gradient[active] + _pressure(at, multipliers[active], constraint), unit_gain)
         trial = at - alpha * slope
-        beyond = ~(np.max(np.abs(trial), axis=1) <= _LARGEST)
-        trial[beyond] = at[beyond]
+        too_large = ~(np.max(np.abs(trial), axis=1) <= _LARGEST)
+        trial[too_large] = at[too_large]
         if constraint is not None:
             g = constraint.values(trial[:, :3])
             g = -g if constraint.printed_signs else g
             multipliers[active] = np.maximum(0.0, multipliers[active] + alpha * g)
-        wanted, trial = trial, _admitted(trial, constraint, unit_gain)
+        unprojected, trial = trial, _admitted(trial, constraint, unit_gain)
         new, new_gradient = cost(trial)
         moved = trial - at
-        square = np.sum(moved * moved, axis=1)
+        moved_squared = np.sum(moved * moved, axis=1)
         if rule == "fixed":
-            accepted = ~beyond
+            accepted = ~too_large
         else:
-            accepted = ~beyond & (new <= old - _ARMIJO * square / alpha[:, 0])
+            accepted = ~too_large & (new <= old - _ARMIJO * moved_squared / alpha[:, 0])
             change = _tangent(new_gradient - gradient[active], unit_gain)
             step[active] = _next_step(alpha[:, 0], moved, change, accepted, odd=bool(i % 2))
             multipliers[active[~accepted]] = 0.0
         taken = active[accepted]
         x[taken], h[taken], gradient[taken] = trial[accepted], new[accepted], new_gradient[accepted]
-        used[active] = i
-        lost = ~np.isfinite(h[active])
+        done[active] = i
+        diverged = ~np.isfinite(h[active])
         if rule == "fixed":
-            lost |= beyond
-            h[active[beyond]] = np.inf
-        pulled = np.any(trial[:, :3] != wanted[:, :3], axis=1)
+            diverged |= too_large
+            h[active[too_large]] = np.inf
+        pulled = np.any(trial[:, :3] != unprojected[:, :3], axis=1)
         length = np.max(np.where(pulled[:, None], np.abs(moved) / alpha, np.abs(slope)), axis=1)
-        still = ~beyond & (length * rate <= GRADIENT_TOLERANCE)
+        stopped = ~too_large & (length * rate <= GRADIENT_TOLERANCE)
         if i % CHANGE_WINDOW == 0:
             with np.errstate(invalid="ignore"):
-                still |= np.abs(before[active] - h[active]) <= CHANGE_TOLERANCE * h[active]
-            before[active] = h[active]
-        converged[active] = still & ~lost
-        active = active[~(lost | still)]
-    return Descent(x, h, multipliers, converged, used)
+                stopped |= np.abs(checked[active] - h[active]) <= CHANGE_TOLERANCE * h[active]
+            checked[active] = h[active]
+        converged[active] = stopped & ~diverged
+        active = active[~(diverged | stopped)]
+    return Descent(x, h, multipliers, converged, done)
 
 
 def _admitted(x: FloatArray, constraint: Constraint | None, unit_gain: bool) -> FloatArray:

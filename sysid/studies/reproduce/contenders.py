@@ -7,10 +7,15 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from mecanum_env.errors import InputError
-from sysid.fit.estimators import Estimate, Options, estimate
-from sysid.fit.estimators.exhaustive import SearchGrid, exhaustive
-from sysid.fit.estimators.gradient import random_starts
-from sysid.fit.estimators.interface import WheelRun
+from sysid.fit.estimators import (
+    Estimate,
+    Options,
+    SearchGrid,
+    WheelRun,
+    estimate,
+    exhaustive,
+    random_starts,
+)
 
 
 @dataclass(frozen=True)

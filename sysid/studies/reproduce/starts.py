@@ -15,8 +15,7 @@ import numpy.typing as npt
 from mecanum_env.law.stability import stability_margins
 from mecanum_env.statistics import wilson_interval
 from mecanum_env.units import FloatArray
-from sysid.fit.estimators import Estimate, Options, estimate
-from sysid.fit.estimators.interface import SUCCESS_RATIO
+from sysid.fit.estimators import SUCCESS_RATIO, Estimate, Options, estimate
 from sysid.progress import Progress, peak_memory_mib, silent
 from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS, ExperimentEffort, identify_from
 from sysid.studies.reproduce.data import DataSets

@@ -16,13 +16,13 @@ from tqdm import tqdm
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from training.controllers.policy import Policy, load_policy
-from training.evaluate import ControllerFactory, Setup, controller_factory, evaluate, mean
+from training.evaluate import ControllerFactory, Setup, controller_factory, evaluate_controller, mean
 from training.train import run as training
 from training.train.checkpoint import has_checkpoint, newest_checkpoint, read_run, read_state
 from training.train.environments import model_of
 from training.train.export import commit, versions
 from training.train.run import DEVELOPMENT_SEEDS
-from training.train.settings import Algorithm, Settings
+from training.train.settings import Algorithm, TrainingSettings
 
 BUDGET_S = 600.0
 """Wall-clock time in which training should exceed the scripted retreat [s]."""
@@ -30,7 +30,7 @@ TARGET = 0.85
 """Required success after all steps."""
 
 
-def trained(settings: Settings, folder: Path) -> list[dict[str, Any]]:
+def trained(settings: TrainingSettings, folder: Path) -> list[dict[str, Any]]:
     """Train or resume until the run is over; return its learning curve."""
     if not (folder / "run.json").exists():
         state = training.train(settings, folder)
@@ -44,17 +44,17 @@ def trained(settings: Settings, folder: Path) -> list[dict[str, Any]]:
     return [asdict(point) for point in state.curve]
 
 
-def success(settings: Settings, factory: ControllerFactory, seeds: range) -> float:
+def success(settings: TrainingSettings, factory: ControllerFactory, seeds: range) -> float:
     """Return the share of successes in the episodes with these seeds."""
     setup = Setup(model_of(settings), settings.plant, settings.task, settings.difficulty)
-    return float(sum(one.success for one in evaluate(factory, setup, seeds).episodes) / len(seeds))
+    return float(sum(one.success for one in evaluate_controller(factory, setup, seeds).episodes) / len(seeds))
 
 
 def main(
     out: Path = Path("out/bench/train.json"),
     algo: Algorithm = "ppo",
     seeds: tuple[int, ...] = (0, 1, 2),
-    steps: int = Settings.steps,
+    steps: int = TrainingSettings.steps,
     checkpoint_every: int = 100_000,
     episodes: int = 500,
 ) -> None:
@@ -68,7 +68,7 @@ def main(
         checkpoint_every: steps between two points of the learning curve.
         episodes: number of episodes of the final evaluation, with the seeds 0, 1, ...
     """
-    settings = Settings(algo=algo, steps=steps, checkpoint_every=checkpoint_every)
+    settings = TrainingSettings(algo=algo, steps=steps, checkpoint_every=checkpoint_every)
     baseline = controller_factory("retreat", model_of(settings))
     watched = success(settings, baseline, DEVELOPMENT_SEEDS)
     retreat = success(settings, baseline, range(episodes))

@@ -224,11 +224,13 @@ def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Cert
     """
     from training.certify.certificate import write_certificate
     from training.certify.report import write_certificate_page
-    from training.certify.run import Options, certify, episodes_of
+    from training.certify.run import CertifyOptions, certify_controller, episodes_of
 
-    options = Options(episodes=scale.episodes, plants=("nominal",), physics=scale.fights, jobs=scale.jobs)
+    options = CertifyOptions(
+        episodes=scale.episodes, plants=("nominal",), physics=scale.fights, jobs=scale.jobs
+    )
     with bar(episodes_of(options, model)) as progress:
-        certificate = certify(controller, model, options, progress)
+        certificate = certify_controller(controller, model, options, progress)
     write_certificate(certificate, folder / "certificate.json")
     write_certificate_page(certificate, folder / "certificate.html")
     return certificate

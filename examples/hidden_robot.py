@@ -20,7 +20,7 @@ from mecanum_env.simulator import BodyCommands, RobotPlant, compile_plant, drive
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
 from sysid.logs.writer import write_dataset
-from training.evaluate import Evaluation, Job, Setup, controller_factory, evaluate
+from training.evaluate import Evaluation, Job, Setup, controller_factory, evaluate_controller
 
 _BUILT: Final = paper_model()
 _HIDDEN: Final = _BUILT.with_effect("command_latency", delay_s=0.1).with_effect(
@@ -47,7 +47,7 @@ class Fights(Job):
         known = self.setup.model
         setup = replace(self.setup, model=_HIDDEN, known=known)
         seeds = range(FIRST_SEED, FIRST_SEED + self.episodes)
-        return evaluate(controller_factory(self.controller, known), setup, seeds)
+        return evaluate_controller(controller_factory(self.controller, known), setup, seeds)
 
 
 def fights(controller: str, known: Model, episodes: int, plant: RobotPlant) -> Fights:

@@ -30,6 +30,9 @@ def module_name(path: Path) -> str:
 
 
 TREES = {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
+# The stub of a package lists what it imports on demand (`lazy_loader`).
+for stub in sorted(path.with_suffix(".pyi") for path in FILES if path.with_suffix(".pyi").exists()):
+    TREES[module_name(stub)].body += ast.parse(stub.read_text(encoding="utf-8")).body
 IS_PACKAGE = {module_name(path) for path in FILES if path.name == "__init__.py"}
 
 

@@ -138,8 +138,8 @@ LOGS = str(Path(__file__).parents[1] / "examples" / "logs")
         ("sysid.studies.paper_gap", "main", "sysid.studies.paper_gap.study.paper_gap", []),
         ("sysid.studies.reproduce", "main", "sysid.studies.reproduce.experiment.reproduce", ["--quick"]),
         ("sysid.online", "main", "sysid.online.replay.replay", [LOGS]),
-        ("training.certify", "main", "training.certify.run.certify", ["still"]),
-        ("training.compare", "main", "training.compare.comparison.compare", ["still"]),
+        ("training.certify", "main", "training.certify.run.certify_controller", ["still"]),
+        ("training.compare", "main", "training.compare.comparison.compare_controllers", ["still"]),
     ],
 )
 def test_results_that_could_not_be_written_are_refused_before_the_work(

@@ -103,6 +103,6 @@ def test_the_interval_of_a_difference_is_newcombes(scripts):
 
 
 def _on_the_fit(controller, seeds):
-    from training.evaluate import Setup, controller_factory, evaluate
+    from training.evaluate import Setup, controller_factory, evaluate_controller
 
-    return evaluate(controller_factory(controller, paper_model()), Setup(paper_model()), seeds)
+    return evaluate_controller(controller_factory(controller, paper_model()), Setup(paper_model()), seeds)

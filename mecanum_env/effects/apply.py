@@ -6,8 +6,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
-
-import mujoco
+from typing import TYPE_CHECKING
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.definition import Channels, Effect, Load, PlantKind
@@ -15,6 +14,9 @@ from mecanum_env.errors import EffectRefusedError, InputError
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:

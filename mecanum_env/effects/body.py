@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
-
-import mujoco
+from typing import TYPE_CHECKING, Final
 
 from mecanum_env.effects.definition import Effect, Load, Parameter, PlantKind, Values
 from mecanum_env.model import Model
+
+if TYPE_CHECKING:
+    import mujoco
 
 PAYLOAD_DENSITY_KG_M3: Final = 1000.0
 """Density of the solid cube that stands for a payload; its yaw inertia is small beside the robot's."""

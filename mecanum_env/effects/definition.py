@@ -9,13 +9,14 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal
-
-import mujoco
+from typing import TYPE_CHECKING, Final, Literal
 
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+
+if TYPE_CHECKING:
+    import mujoco
 
 PlantKind = Literal["bench", "rollers", "planar"]
 """Simulated system: one free wheel; the robot on its rollers; the robot that slides without slip."""
@@ -100,7 +101,7 @@ class Load:
 
 ChangeModel = Callable[[Model, Values], Model]
 """Return the model with other numbers in its sections."""
-ChangeSpec = Callable[[mujoco.MjSpec, Values, Model, PlantKind], None]
+ChangeSpec = Callable[["mujoco.MjSpec", Values, Model, PlantKind], None]
 """Change the finished MuJoCo spec of a plant in place; the `Model` is the one it was generated from."""
 ChangeDrive = Callable[[DriveParameters, Values, str | None], DriveParameters]
 """Return the changed drive of a wheel (fl .. rr, or None for the common one)."""

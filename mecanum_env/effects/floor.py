@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
-
-import mujoco
+from typing import TYPE_CHECKING, Final
 
 from mecanum_env.effects.definition import Effect, Parameter, PlantKind, Values
 from mecanum_env.model import Model
+
+if TYPE_CHECKING:
+    import mujoco
 
 
 def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:

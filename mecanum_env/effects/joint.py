@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
-import mujoco
 import numpy as np
 
 from mecanum_env.effects.definition import Effect, Load, Parameter, PlantKind, Values
@@ -14,6 +13,9 @@ from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
 from mecanum_env.units import RAD_S_PER_RPM
+
+if TYPE_CHECKING:
+    import mujoco
 
 _WHEELS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
 _CURRENT: Final = "the motor's current at several steady speeds and at break-away"

@@ -2,23 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from mecanum_env.lazy import lazy_exports
-
-if TYPE_CHECKING:
-    from mecanum_env.mjcf.physics import SIMULATION_TIMESTEP_S, TRAINING_TIMESTEP_S, Drive, fitting_timestep
-    from mecanum_env.mjcf.plants import bench_spec, planar_spec, robot_spec, write_models
-else:
-    __getattr__, __dir__ = lazy_exports(__name__, __file__)
-
-__all__ = [
-    "SIMULATION_TIMESTEP_S",
-    "TRAINING_TIMESTEP_S",
-    "Drive",
-    "bench_spec",
-    "fitting_timestep",
-    "planar_spec",
-    "robot_spec",
-    "write_models",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
-import mecanum_env
 from mecanum_env.errors import BackendError
+from mecanum_env.version import __version__
 
 PLUGIN_NAME: Final = "mecanum.wheel"
 
@@ -59,7 +59,7 @@ def installed_folders() -> list[str]:
     return [
         str(found.locate_file("mecanum_env/plugin"))
         for found in distributions(name="mecanum-tankendo")
-        if found.version == mecanum_env.__version__
+        if found.version == __version__
     ]
 
 

@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 
 from mecanum_env.effects.apply import check_effects
-from mecanum_env.effects.definition import RobotPlant
+from mecanum_env.effects.definition import RobotPlant as RobotPlant
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
 from mecanum_env.mjcf import planar_spec, robot_spec

@@ -19,33 +19,14 @@ Arrays have the episode on their last axis, except where Gymnasium or MuJoCo wan
 """
 
 import contextlib
-from typing import TYPE_CHECKING
+
+import lazy_loader
 
 from mecanum_env.errors import BackendError
-from mecanum_env.lazy import lazy_exports
 from mecanum_env.rendering.backend import use_backend
 
 # MuJoCo chooses its graphics library when it is imported; without one, only drawing fails.
 with contextlib.suppress(BackendError):
     use_backend()
 
-if TYPE_CHECKING:
-    from mecanum_env.tankendo.actions import ACTION_MODES, action_to_command, command_to_action
-    from mecanum_env.tankendo.constants import DIFFICULTIES, Opponent, Rules, Sensors, Technique, opponent_for
-    from mecanum_env.tankendo.observation import Observed, read_observation
-else:
-    __getattr__, __dir__ = lazy_exports(__name__, __file__)
-
-__all__ = [
-    "ACTION_MODES",
-    "DIFFICULTIES",
-    "Observed",
-    "Opponent",
-    "Rules",
-    "Sensors",
-    "Technique",
-    "action_to_command",
-    "command_to_action",
-    "opponent_for",
-    "read_observation",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -5,15 +5,6 @@ result < wording, checks < search < design < report < workflow < __main__. `sear
 missing, `design` finds the next experiment, `report` puts out the results.
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from mecanum_env.lazy import lazy_exports
-
-if TYPE_CHECKING:
-    from sysid.gap.report.output import gap_json, gap_table, write_study
-    from sysid.gap.result import GapOptions, GapReport
-    from sysid.gap.workflow import analyse
-else:
-    __getattr__, __dir__ = lazy_exports(__name__, __file__)
-
-__all__ = ["GapOptions", "GapReport", "analyse", "gap_json", "gap_table", "write_study"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -4,25 +4,6 @@
 replays a log through it.
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from mecanum_env.lazy import lazy_exports
-
-if TYPE_CHECKING:
-    from sysid.online.estimator import OnlineEstimate, OnlineEstimator, first_order_law
-    from sysid.online.history import History, LawMetrics, law_metrics, mean_lag_s, track
-    from sysid.online.projection import OnlineOptions
-else:
-    __getattr__, __dir__ = lazy_exports(__name__, __file__)
-
-__all__ = [
-    "History",
-    "LawMetrics",
-    "OnlineEstimate",
-    "OnlineEstimator",
-    "OnlineOptions",
-    "first_order_law",
-    "law_metrics",
-    "mean_lag_s",
-    "track",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

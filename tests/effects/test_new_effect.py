@@ -12,7 +12,7 @@ from mecanum_env.model import EFFECT_PARAMETERS, model_from_dict, model_to_dict,
 from mecanum_env.simulator import replay_bench
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
-from training.certify.plants import plants
+from training.certify.plants import robot_variants
 
 from ..gap.conftest import bench_logs  # noqa: F401  (a fixture)
 from .conftest import BENCH_COMMAND, BENCH_TIME
@@ -93,7 +93,7 @@ def test_the_gap_search_names_it(bench_logs):  # noqa: F811  (the fixture)
 
 @pytest.mark.usefixtures("known")
 def test_a_certificate_plays_it():
-    plant = next(one for one in plants(paper_model()) if one.name == "with-sensor_curvature")
+    plant = next(one for one in robot_variants(paper_model()) if one.name == "with-sensor_curvature")
     assert plant.model.effects["sensor_curvature"] == {"per_krpm": 0.5}
 
 

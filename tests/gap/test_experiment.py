@@ -201,7 +201,7 @@ def test_a_study_without_slip_designs_on_the_planar_plant(paper: Model):
     trial = Trial(paper, rows, robot_conditions("planar", speed_fl_rpm=0.5), coarse=True)
     predicted = trial.predict(paper)
     assert predicted is not None
-    planar = predict(paper, trial.run, Start(), plant="planar")
+    planar = predict(paper, trial.run, Start(), study=Study(plant="planar"))
     assert np.array_equal(predicted["speed_fl_rpm"], planar["speed_fl_rpm"])
 
 
@@ -235,7 +235,7 @@ def planar_run(model: Model) -> Run:
     time = np.arange(0.0, 1.0, 0.02)
     command = BodyCommand(np.full(time.size, 60.0), np.zeros(time.size), np.zeros(time.size))
     empty = Run("a.csv", "a", "fit", time, command, {"speed_fl_rpm": np.zeros(time.size)})
-    return replace(empty, channels=predict(model, empty, Start(), plant="planar"))
+    return replace(empty, channels=predict(model, empty, Start(), study=Study(plant="planar")))
 
 
 def logs_of(model: Model, plans: dict[str, tuple[str, np.ndarray]], seed: int) -> tuple[Run, ...]:

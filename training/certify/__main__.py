@@ -58,11 +58,11 @@ def main(
     from training.certify.certificate import write_certificate
     from training.certify.plants import GROUPS
     from training.certify.report import certificate_table, write_certificate_page
-    from training.certify.run import Options, certify, episodes_of, require_usable
+    from training.certify.run import CertifyOptions, certify_controller, episodes_of, require_usable
 
     if not plants:
         raise InputError(f"--plants: none is given; name plants or groups ({', '.join(GROUPS)}), or {_ALL}")
-    options = Options(
+    options = CertifyOptions(
         episodes=episodes,
         plants=() if _ALL in plants else plants,
         physics=physics,
@@ -80,7 +80,7 @@ def main(
             bar.set_description(name)
             bar.update(count)
 
-        certificate = certify(controller, robot, options, progress)
+        certificate = certify_controller(controller, robot, options, progress)
     write_certificate(certificate, result)
     written = [result]
     hint = f"; for certificate.html: {install_command('report')}"

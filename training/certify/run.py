@@ -33,7 +33,7 @@ _WARNING, _TRACK = "warning", "tracking"
 
 
 @dataclass(frozen=True)
-class Options:
+class CertifyOptions:
     """How a certificate is made."""
 
     episodes: int = 200
@@ -47,8 +47,8 @@ class Options:
     thresholds: Thresholds = Thresholds()  # noqa: RUF009  (frozen)
 
 
-def certify(
-    controller: str, model: Model, options: Options | None = None, progress: Progress | None = None
+def certify_controller(
+    controller: str, model: Model, options: CertifyOptions | None = None, progress: Progress | None = None
 ) -> Certificate:
     """Play a controller on every plant and compare its metrics with the thresholds.
 
@@ -57,13 +57,13 @@ def certify(
     Args:
         controller: its name or path; see `training.controllers.named.make_controller`.
         model: the identified robot.
-        options: plants, episodes and thresholds; `Options()` if None.
+        options: plants, episodes and thresholds; `CertifyOptions()` if None.
         progress: called with the name of what was played and the number of episodes.
 
     Raises:
         InputError: there is no such controller, plant or difficulty, or a number is invalid.
     """
-    options = Options() if options is None else options
+    options = CertifyOptions() if options is None else options
     require_usable(options)
     chosen = select_variants(robot_variants(model, options.physics), options.plants)
     played = play_jobs(_jobs(controller, model, chosen, options), options.jobs, progress)
@@ -89,13 +89,13 @@ def certify(
     )
 
 
-def episodes_of(options: Options, model: Model) -> int:
+def episodes_of(options: CertifyOptions, model: Model) -> int:
     """Return the number of episodes that a certificate of a model takes with these options."""
     count = len(select_variants(robot_variants(model, options.physics), options.plants))
     return (count + WARNING_FACTOR) * options.episodes + _track_episodes(options)
 
 
-def require_usable(options: Options) -> None:
+def require_usable(options: CertifyOptions) -> None:
     """Refuse options that cannot be played.
 
     Raises:
@@ -107,7 +107,9 @@ def require_usable(options: Options) -> None:
     require_valid(options.thresholds)
 
 
-def _jobs(controller: str, model: Model, chosen: Sequence[RobotVariant], options: Options) -> dict[str, Job]:
+def _jobs(
+    controller: str, model: Model, chosen: Sequence[RobotVariant], options: CertifyOptions
+) -> dict[str, Job]:
     episodes = options.episodes
     nominal = Setup(model, chosen[0].physics, difficulty=options.difficulty, known=model)
     opponent = replace(opponent_for(options.difficulty), warning_s=RANGE_S)
@@ -123,7 +125,7 @@ def _jobs(controller: str, model: Model, chosen: Sequence[RobotVariant], options
     return {name: Job(name, controller, setup, count) for name, (setup, count) in planned.items()}
 
 
-def _track_episodes(options: Options) -> int:
+def _track_episodes(options: CertifyOptions) -> int:
     return max(1, options.episodes // TRACK_SHARE)
 
 
@@ -195,7 +197,7 @@ def _mean_of_all(values: Sequence[float]) -> Mean:
     return found
 
 
-def _notes(model: Model, chosen: Sequence[RobotVariant], options: Options) -> tuple[str, ...]:
+def _notes(model: Model, chosen: Sequence[RobotVariant], options: CertifyOptions) -> tuple[str, ...]:
     notes = []
     if not knows_uncertainty(model):
         notes.append(
@@ -211,7 +213,7 @@ def _notes(model: Model, chosen: Sequence[RobotVariant], options: Options) -> tu
     return tuple(notes)
 
 
-def _provenance(model: Model, options: Options) -> dict[str, str | int]:
+def _provenance(model: Model, options: CertifyOptions) -> dict[str, str | int]:
     written = json.dumps(model_to_dict(model), sort_keys=True).encode()
     return {
         "version": mecanum_env.__version__,

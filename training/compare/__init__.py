@@ -3,13 +3,6 @@
 comparison  what is played, the results of each controller, and both as text and Markdown
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from mecanum_env.lazy import lazy_exports
-
-if TYPE_CHECKING:
-    from training.compare.comparison import Comparison, Row, compare
-else:
-    __getattr__, __dir__ = lazy_exports(__name__, __file__)
-
-__all__ = ["Comparison", "Row", "compare"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

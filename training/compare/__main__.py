@@ -41,7 +41,7 @@ def main(
 
     from mecanum_env.files import require_writable, write_json, write_text
     from mecanum_env.model import paper_model, read_model
-    from training.compare.comparison import compare, comparison_markdown, comparison_table
+    from training.compare.comparison import compare_controllers, comparison_markdown, comparison_table
     from training.controllers.named import CONTROLLERS
 
     for path, suffix in ((out, ".json"), (markdown, ".md")):
@@ -56,7 +56,7 @@ def main(
             bar.set_description(name)
             bar.update(count)
 
-        found = compare(
+        found = compare_controllers(
             controllers or tuple(CONTROLLERS),
             robot,
             episodes=episodes,

@@ -27,7 +27,15 @@ from training.certify.run import (
     warning_curve_of,
 )
 from training.certify.warning import RANGE_S, WarningCurve
-from training.evaluate import Evaluation, Job, Setup, Share, controller_factory, evaluate, play_jobs
+from training.evaluate import (
+    Evaluation,
+    Job,
+    Setup,
+    Share,
+    controller_factory,
+    evaluate_controller,
+    play_jobs,
+)
 from training.evaluate.play import Progress, require_jobs
 
 ROLLERS: Final = "rollers"
@@ -60,7 +68,7 @@ class Comparison:
     provenance: Mapping[str, str | int]
 
 
-def compare(
+def compare_controllers(
     controllers: Sequence[str],
     model: Model,
     *,
@@ -90,7 +98,7 @@ def compare(
     require_jobs(jobs)
     for name in controllers:
         # Otherwise a misspelt last name would be found out after an hour.
-        evaluate(controller_factory(name, model), Setup(model), [0])
+        evaluate_controller(controller_factory(name, model), Setup(model), [0])
     setups, settings = _settings(model, rollers)
     counts = {_WARNING: WARNING_FACTOR * episodes, _TRACK: max(1, episodes // TRACK_SHARE)}
     planned = {

@@ -4,38 +4,6 @@ play     episodes side by side, one seed each; several evaluations in parallel p
 metrics  the metrics of one episode; shares and means over episodes with confidence intervals
 """
 
-from typing import TYPE_CHECKING
+import lazy_loader
 
-from mecanum_env.lazy import lazy_exports
-
-if TYPE_CHECKING:
-    from training.evaluate.metrics import Episode, Mean, Reason, Recording, Share, mean, share, summarise
-    from training.evaluate.play import (
-        ControllerFactory,
-        Evaluation,
-        Job,
-        Setup,
-        controller_factory,
-        evaluate,
-        play_jobs,
-    )
-else:
-    __getattr__, __dir__ = lazy_exports(__name__, __file__)
-
-__all__ = [
-    "ControllerFactory",
-    "Episode",
-    "Evaluation",
-    "Job",
-    "Mean",
-    "Reason",
-    "Recording",
-    "Setup",
-    "Share",
-    "controller_factory",
-    "evaluate",
-    "mean",
-    "play_jobs",
-    "share",
-    "summarise",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -72,7 +72,7 @@ def controller_factory(name: str, known: Model) -> ControllerFactory:
     return lambda arena, row, seed: make_controller(name, known, arena=arena, row=row, seed=seed)
 
 
-def evaluate(
+def evaluate_controller(
     factory: ControllerFactory,
     setup: Setup,
     seeds: Iterable[int],
@@ -249,7 +249,9 @@ class Job:
     def play(self) -> Evaluation:
         """Play the episodes."""
         known = self.setup.model if self.setup.known is None else self.setup.known
-        return evaluate(controller_factory(self.controller, known), self.setup, range(self.episodes))
+        return evaluate_controller(
+            controller_factory(self.controller, known), self.setup, range(self.episodes)
+        )
 
 
 def play_jobs(

@@ -11,25 +11,25 @@ from mecanum_env.cli import run
 from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError, install_command
 from mecanum_env.tankendo.actions import ActionMode
-from training.train.settings import Algorithm, Ppo, Sac, Settings, TrainingRobots
+from training.train.settings import Algorithm, Ppo, Sac, TrainingRobots, TrainingSettings
 
 
 def main(
     out: Path | None = None,
     resume: Path | None = None,
-    algo: Algorithm = Settings.algo,
-    env: str = Settings.env,
+    algo: Algorithm = TrainingSettings.algo,
+    env: str = TrainingSettings.env,
     steps: int | None = None,
-    seed: int = Settings.seed,
-    plant: RobotPlant = Settings.plant,
+    seed: int = TrainingSettings.seed,
+    plant: RobotPlant = TrainingSettings.plant,
     model: Path | None = None,
-    difficulty: str = Settings.difficulty,
-    randomize: TrainingRobots = Settings.randomize,
+    difficulty: str = TrainingSettings.difficulty,
+    randomize: TrainingRobots = TrainingSettings.randomize,
     start: Path | None = None,
-    envs: int = Settings.envs,
-    action_mode: ActionMode = Settings.action_mode,
-    stack: int = Settings.stack,
-    checkpoint_every: int = Settings.checkpoint_every,
+    envs: int = TrainingSettings.envs,
+    action_mode: ActionMode = TrainingSettings.action_mode,
+    stack: int = TrainingSettings.stack,
+    checkpoint_every: int = TrainingSettings.checkpoint_every,
     reward_weights: dict[str, float] | None = None,
     ppo: Ppo = Ppo(),  # noqa: B008
     sac: Sac = Sac(),  # noqa: B008
@@ -62,7 +62,7 @@ def main(
         raise InputError(f"training needs Stable-Baselines3: {install_command('train')}")
     from training.train import run as training
 
-    given = Settings(
+    given = TrainingSettings(
         algo=algo,
         env=env,
         seed=seed,
@@ -81,7 +81,7 @@ def main(
     if reward_weights is not None:
         given = replace(given, reward_weights=reward_weights)
     if resume is not None:
-        if out is not None or given != Settings():
+        if out is not None or given != TrainingSettings():
             raise InputError("--resume FOLDER: the run's own settings count; give only --steps beside it")
         state, folder = training.resume(resume, steps=steps), resume
     elif out is None:
@@ -89,7 +89,7 @@ def main(
     else:
         if steps is not None:
             given = replace(given, steps=steps)
-        state, folder = training.train(given, out), out
+        state, folder = training.train_policy(given, out), out
     print("   steps  success  minutes  of the processor")
     for point in state.curve:
         minutes = f"{point.wall_s / 60:7.1f}  {point.processor_s / 60:7.1f}"

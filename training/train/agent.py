@@ -13,7 +13,7 @@ from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import VecEnv
 
-from training.train.settings import Settings
+from training.train.settings import TrainingSettings
 
 _LOG_STD_RANGE: Final = (-4.0, 0.5)
 _CLASSES: Final = {"ppo": PPO, "sac": SAC}
@@ -47,7 +47,7 @@ class StateDependentStdPolicy(ActorCriticPolicy):  # type: ignore[misc]
         return self.action_dist.proba_distribution(self.action_net(latent_pi), log_std)
 
 
-def make_agent(settings: Settings, env: VecEnv) -> BaseAlgorithm:
+def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
     """Return a learner in `env` with new weights, drawn from the settings' seed."""
     # On networks this small more threads only wait for each other.
     torch.set_num_threads(1)
@@ -90,7 +90,7 @@ def make_agent(settings: Settings, env: VecEnv) -> BaseAlgorithm:
     )
 
 
-def read_agent(settings: Settings, env: VecEnv, path: Path) -> BaseAlgorithm:
+def read_agent(settings: TrainingSettings, env: VecEnv, path: Path) -> BaseAlgorithm:
     """Return the learner in a checkpoint's `agent.zip`, with `env` to learn in."""
     torch.set_num_threads(1)
     # The stored schedule is code of the version that wrote it; it is replaced.
@@ -99,7 +99,7 @@ def read_agent(settings: Settings, env: VecEnv, path: Path) -> BaseAlgorithm:
     return _CLASSES[settings.algo].load(path, env=env, device="cpu", custom_objects=fresh)
 
 
-def _learning_rate(settings: Settings) -> Callable[[float], float]:
+def _learning_rate(settings: TrainingSettings) -> Callable[[float], float]:
     """Return the learning rate as a function of the remaining share of the steps: it falls linearly."""
     own = settings.ppo if settings.algo == "ppo" else settings.sac
     first, last = own.learning_rate, own.last_learning_rate

@@ -21,7 +21,7 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import DIFFICULTIES
 from mecanum_env.tankendo.arena import TaskName
 from training.controllers.policy import Policy, load_policy
-from training.evaluate import ControllerFactory, Setup, Share, controller_factory, evaluate, share
+from training.evaluate import ControllerFactory, Setup, Share, controller_factory, evaluate_controller, share
 from training.train.environments import level_models
 
 _BASELINE: Final = "retreat"
@@ -75,7 +75,7 @@ def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, 
 
 
 def _success(factory: ControllerFactory, setup: Setup, episodes: int) -> Share:
-    played = evaluate(factory, setup, range(episodes)).episodes
+    played = evaluate_controller(factory, setup, range(episodes)).episodes
     return share(sum(episode.success for episode in played), episodes)
 
 

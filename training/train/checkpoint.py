@@ -29,7 +29,7 @@ from training.controllers.policy import save_policy
 from training.train.agent import StateDependentStdPolicy, read_agent
 from training.train.environments import model_of
 from training.train.export import about, network_of
-from training.train.settings import Settings, settings_from_json
+from training.train.settings import TrainingSettings, settings_from_json
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,7 @@ class State:
 class Run:
     """A training run."""
 
-    settings: Settings
+    settings: TrainingSettings
     folder: Path
     commands: Sequence[str]
     """Commands that train the policy: those of the runs that it started from, then its own."""
@@ -98,12 +98,12 @@ def write_checkpoint(run: Run) -> None:
     write_json(folder / "curve.json", [asdict(point) for point in state.curve])
 
 
-def write_run(folder: Path, settings: Settings, facts: dict[str, Any]) -> None:
+def write_run(folder: Path, settings: TrainingSettings, facts: dict[str, Any]) -> None:
     """Write `run.json` with the settings of a run and other facts: versions, commit and commands."""
     write_json(folder / "run.json", {"settings": asdict(settings), **facts})
 
 
-def read_run(folder: Path) -> tuple[Settings, dict[str, Any]]:
+def read_run(folder: Path) -> tuple[TrainingSettings, dict[str, Any]]:
     """Return a run's settings and the remaining entries of `run.json` in its folder.
 
     Raises:
@@ -127,7 +127,7 @@ def read_run(folder: Path) -> tuple[Settings, dict[str, Any]]:
     return settings, stored
 
 
-def commands_before(settings: Settings) -> list[str]:
+def commands_before(settings: TrainingSettings) -> list[str]:
     """Return the commands of the runs that a run with these settings starts from, oldest first.
 
     Raises:
@@ -171,7 +171,9 @@ def read_state(checkpoint: Path) -> State:
         raise InputError(f"{path}: not the state of a checkpoint ({error!r})") from error
 
 
-def read_learner(checkpoint: Path, settings: Settings, env: VecEnv) -> tuple[BaseAlgorithm, VecNormalize]:
+def read_learner(
+    checkpoint: Path, settings: TrainingSettings, env: VecEnv
+) -> tuple[BaseAlgorithm, VecNormalize]:
     """Return learner and normaliser of a checkpoint, with `env` to learn in.
 
     Stable-Baselines3's files are pickled: open only your own.

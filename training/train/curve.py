@@ -14,11 +14,11 @@ from matplotlib.figure import Figure
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path
-from training.evaluate import Setup, controller_factory, evaluate
+from training.evaluate import Setup, controller_factory, evaluate_controller
 from training.train.checkpoint import Point, read_run
 from training.train.environments import model_of
 from training.train.run import DEVELOPMENT_SEEDS
-from training.train.settings import Settings
+from training.train.settings import TrainingSettings
 
 
 def read_curve(folder: Path) -> list[Point]:
@@ -66,11 +66,11 @@ def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[s
     return figure
 
 
-def retreat_success(settings: Settings) -> float:
+def retreat_success(settings: TrainingSettings) -> float:
     """Return the success of the scripted retreat on the development seeds, with the settings of a run."""
     model = model_of(settings)
     setup = Setup(model, settings.plant, settings.task, settings.difficulty)
-    episodes = evaluate(controller_factory("retreat", model), setup, DEVELOPMENT_SEEDS).episodes
+    episodes = evaluate_controller(controller_factory("retreat", model), setup, DEVELOPMENT_SEEDS).episodes
     return sum(episode.success for episode in episodes) / len(episodes)
 
 

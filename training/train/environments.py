@@ -21,7 +21,7 @@ from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.certify.plants import EXTRA_LATENCY_S, robot_level
 from training.controllers.policy import EXTRA_FEATURES, features, stack_features
-from training.train.settings import Settings
+from training.train.settings import TrainingSettings
 
 HALF_LATENCY_S: Final = EXTRA_LATENCY_S / 2
 """Extra latency of the robot "a little late" [s]: half of that in a certificate."""
@@ -184,7 +184,7 @@ class StackedVecEnv(VecEnvWrapper):  # type: ignore[misc]
         return memory, reward, done, infos
 
 
-def model_of(settings: Settings) -> Model:
+def model_of(settings: TrainingSettings) -> Model:
     """Return the model that is trained on or varied.
 
     Raises:
@@ -193,7 +193,7 @@ def model_of(settings: Settings) -> Model:
     return paper_model() if settings.model is None else read_model(settings.model)
 
 
-def bare_env(settings: Settings) -> VecEnv:
+def bare_env(settings: TrainingSettings) -> VecEnv:
     """Return the environments with the policy's memory, but without monitor and normaliser."""
     arguments: dict[str, Any] = {
         "task": settings.task,
@@ -218,12 +218,12 @@ def bare_env(settings: Settings) -> VecEnv:
     return StackedVecEnv(TankendoVecEnv(*natives), settings.stack)
 
 
-def training_env(settings: Settings) -> VecNormalize:
+def training_env(settings: TrainingSettings) -> VecNormalize:
     """Return the environments with monitor and normaliser."""
     return VecNormalize(VecMonitor(bare_env(settings)), gamma=settings.gamma, clip_obs=CLIP)
 
 
-def episode_seeds(settings: Settings, steps_done: int) -> list[int]:
+def episode_seeds(settings: TrainingSettings, steps_done: int) -> list[int]:
     """Return the seed of each environment for the part of the training that begins after `steps_done`."""
     drawn = np.random.SeedSequence((settings.seed, steps_done)).generate_state(settings.envs)
     return [_FIRST_SEED + int(number) for number in drawn]

@@ -15,17 +15,16 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecNormalize
 
-import training
 from mecanum_env.model import Model, model_to_dict
 from mecanum_env.units import FloatArray
 from training.controllers.policy import Network
-from training.train.settings import Settings
+from training.train.settings import TrainingSettings
 
 _PACKAGES: Final = ("mecanum-tankendo", "mujoco", "gymnasium", "stable-baselines3", "torch", "numpy")
 _ACTIVATION_NAMES: Final = {torch.nn.Tanh: "tanh", torch.nn.ReLU: "relu"}
 
 
-def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Settings) -> Network:
+def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: TrainingSettings) -> Network:
     """Return the deterministic policy of an agent, PPO or SAC, with the normaliser of its observations."""
     if settings.algo == "ppo":
         layers = [*agent.policy.mlp_extractor.policy_net, agent.policy.action_net]
@@ -50,7 +49,9 @@ def _numbers(tensor: torch.Tensor) -> FloatArray:
     return np.array(tensor.detach().cpu().numpy(), float)
 
 
-def about(settings: Settings, model: Model, steps_done: int, commands: Sequence[str]) -> dict[str, Any]:
+def about(
+    settings: TrainingSettings, model: Model, steps_done: int, commands: Sequence[str]
+) -> dict[str, Any]:
     """Return the description in a policy file: of a policy trained by these commands, with `steps_done`."""
     whole = model_to_dict(model)
     return {
@@ -81,7 +82,7 @@ def versions() -> dict[str, str]:
 
 def commit() -> str | None:
     """Return the commit of the running checkout, with "+" if files differ from it; None outside of one."""
-    root = Path(training.__file__).parent.parent
+    root = Path(__file__).parents[2]
     head = _git(root, "rev-parse", "HEAD") if (root / ".git").exists() else None
     if head is None:
         return None

@@ -26,7 +26,7 @@ from tqdm import tqdm
 from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
 from training.controllers.policy import Network, Policy
-from training.evaluate import Setup, evaluate
+from training.evaluate import Setup, evaluate_controller
 from training.train.agent import make_agent
 from training.train.checkpoint import (
     Point,
@@ -44,14 +44,14 @@ from training.train.checkpoint import (
 )
 from training.train.environments import bare_env, episode_seeds, level_models, model_of, training_env
 from training.train.export import commit, network_of, versions
-from training.train.settings import Settings, command_line
+from training.train.settings import TrainingSettings, command_line
 
 DEVELOPMENT_SEEDS: Final = range(100_000, 100_200)
 """Seeds of the episodes that a run scores its policy on. Choices are made on these; final results are not."""
 
 
-def train(
-    settings: Settings,
+def train_policy(
+    settings: TrainingSettings,
     folder: Path,
     *,
     stop_after: int | None = None,
@@ -116,7 +116,9 @@ def resume(
     return _learn(Run(settings, folder, facts["commands"], *learner, state), development_seeds, None, quiet)
 
 
-def development_score(network: Network, settings: Settings, seeds: Sequence[int]) -> tuple[float, float]:
+def development_score(
+    network: Network, settings: TrainingSettings, seeds: Sequence[int]
+) -> tuple[float, float]:
     """Return the share of successes on the robots that are trained on: over all, and on the worst one.
 
     The seeds are distributed over the robots.
@@ -135,12 +137,12 @@ def development_score(network: Network, settings: Settings, seeds: Sequence[int]
                 settings.difficulty,
                 randomize="posterior" if settings.randomize == "posterior" else "none",
             )
-            episodes = evaluate(lambda *_: Policy(network, {}), setup, own, rows=len(own)).episodes
+            episodes = evaluate_controller(lambda *_: Policy(network, {}), setup, own, rows=len(own)).episodes
             played.append([episode.success for episode in episodes])
     return float(np.mean(np.concatenate(played))), min(float(np.mean(successes)) for successes in played)
 
 
-def _new_learner(settings: Settings) -> tuple[BaseAlgorithm, VecNormalize]:
+def _new_learner(settings: TrainingSettings) -> tuple[BaseAlgorithm, VecNormalize]:
     """Return learner and normaliser before the first step."""
     normaliser = training_env(settings)
     agent = make_agent(settings, normaliser)
@@ -217,7 +219,7 @@ def _learn(run: Run, seeds: Sequence[int], stop_after: int | None, quiet: bool) 
     return run.state
 
 
-def _begin_anew(agent: BaseAlgorithm, settings: Settings) -> None:
+def _begin_anew(agent: BaseAlgorithm, settings: TrainingSettings) -> None:
     """Begin new episodes and seed every generator from the settings and the steps done."""
     done = agent.num_timesteps
     every, ppo = settings.checkpoint_every, settings.ppo

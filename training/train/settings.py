@@ -100,7 +100,7 @@ class Sac:
 
 
 @dataclass(frozen=True)
-class Settings:
+class TrainingSettings:
     """A training run. Runs with the same settings and versions end with the same weights, bit for bit."""
 
     algo: Algorithm = "ppo"
@@ -174,14 +174,14 @@ def _require_within(section: str, given: Ppo | Sac, ranges: Mapping[str, _Range]
                     raise InputError(f"{section}.{name} = {one}, must be {right}")
 
 
-def settings_from_json(stored: Mapping[str, Any]) -> Settings:
+def settings_from_json(stored: Mapping[str, Any]) -> TrainingSettings:
     """Return settings from a JSON object, `asdict(settings)` as `stored` in a folder.
 
     Raises:
         InputError: a name is unknown or a value is missing or wrong.
     """
     values = dict(stored)
-    known = {one.name for one in fields(Settings)}
+    known = {one.name for one in fields(TrainingSettings)}
     unknown = sorted(set(values) - known)
     if unknown:
         raise InputError(f"settings: no {unknown[0]!r}{did_you_mean(unknown[0], known)}")
@@ -190,15 +190,15 @@ def settings_from_json(stored: Mapping[str, Any]) -> Settings:
             own = dict(values[name])
             own["layers"] = tuple(own["layers"])
             values[name] = kind(**own)
-        return Settings(**values)
+        return TrainingSettings(**values)
     except (KeyError, TypeError) as error:
         raise InputError(f"settings: not those of a training run, {error} is missing or wrong") from error
 
 
-def command_line(settings: Settings, folder: str) -> str:
+def command_line(settings: TrainingSettings, folder: str) -> str:
     """Return the command that trains with these settings into a new folder."""
     words = ["python", "-m", "training.train", "--out", folder]
-    usual = asdict(Settings())
+    usual = asdict(TrainingSettings())
     for name, value in asdict(settings).items():
         if name in ("ppo", "sac"):
             for key, own in value.items():

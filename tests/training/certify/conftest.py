@@ -7,10 +7,10 @@ import pytest
 
 from mecanum_env.model import paper_model
 from training.certify.certificate import Certificate
-from training.certify.run import Options, certify
+from training.certify.run import CertifyOptions, certify_controller
 from training.evaluate import Episode
 
-SMALL = Options(episodes=4, plants=("latency", "with-backlash"), jobs=1)
+SMALL = CertifyOptions(episodes=4, plants=("latency", "with-backlash"), jobs=1)
 
 
 @pytest.fixture(scope="session")
@@ -40,4 +40,4 @@ def episode() -> Callable[..., Episode]:
 @pytest.fixture(scope="session")
 def small() -> Certificate:
     """Return a certificate of the retreat, of four episodes on three plants."""
-    return certify("retreat", paper_model(), SMALL)
+    return certify_controller("retreat", paper_model(), SMALL)

@@ -13,8 +13,8 @@ from mecanum_env.model import paper_model
 from training.certify.__main__ import main
 from training.certify.certificate import certificate_to_dict, read_certificate, write_certificate
 from training.certify.report import certificate_table, write_certificate_page
-from training.certify.run import Options, certify, episodes_of
-from training.evaluate import Setup, controller_factory, evaluate
+from training.certify.run import CertifyOptions, certify_controller, episodes_of
+from training.evaluate import Setup, controller_factory, evaluate_controller
 
 MACHINE = ("timing", "timing_check", "passed")
 QUICK = ("--episodes", "3", "--plants", "latency", "--jobs", "1")
@@ -32,16 +32,18 @@ def reproducible(certificate) -> bytes:
 
 
 def test_the_same_certificate_bit_for_bit_whatever_the_number_of_jobs(small):
-    again = certify("retreat", paper_model(), Options(4, ("latency", "with-backlash"), jobs=2))
+    again = certify_controller(
+        "retreat", paper_model(), CertifyOptions(4, ("latency", "with-backlash"), jobs=2)
+    )
     assert again == small
     assert reproducible(again) == reproducible(small)
 
 
 def test_the_results_are_those_of_the_episodes(small, paper):
-    played = evaluate(controller_factory("retreat", paper), Setup(paper), range(4)).episodes
+    played = evaluate_controller(controller_factory("retreat", paper), Setup(paper), range(4)).episodes
     assert small.nominal.success.successes == sum(one.success for one in played)
     late = paper.with_effect("command_latency", delay_s=0.1)
-    played = evaluate(controller_factory("retreat", paper), Setup(late), range(4)).episodes
+    played = evaluate_controller(controller_factory("retreat", paper), Setup(late), range(4)).episodes
     assert small.plants[1].name == "latency+0.1s"
     assert small.plants[1].success.successes == sum(one.success for one in played)
     assert small.warning.episodes == 8
@@ -55,7 +57,7 @@ def test_the_worst_plant_is_the_one_with_the_least_success(small):
 def test_robots_drawn_from_the_posterior(paper):
     known = {"effects": {"speed_gain": {"gain": {"low": 0.8, "high": 1.0}}}}
     model = replace(paper.with_effect("speed_gain", gain=0.9), uncertainty=known)
-    found = certify("still", model, Options(2, ("posterior",), jobs=1))
+    found = certify_controller("still", model, CertifyOptions(2, ("posterior",), jobs=1))
     assert [one.name for one in found.plants] == ["nominal", "posterior"]
     assert not any("holds no uncertainty" in note for note in found.notes)
 
@@ -95,8 +97,8 @@ def test_the_table_shows_plants_and_checks(small):
 
 def test_the_bar_knows_how_many_episodes_there_are(paper):
     seen = []
-    options = Options(4, ("latency",), jobs=1)
-    certify("still", paper, options, lambda _, count: seen.append(count))
+    options = CertifyOptions(4, ("latency",), jobs=1)
+    certify_controller("still", paper, options, lambda _, count: seen.append(count))
     assert sum(seen) == episodes_of(options, paper)
 
 

@@ -9,7 +9,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import sampler_for
-from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, figures
+from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, drive_metrics
 from training.certify.plants import GROUPS, realistic_sizes, robot_level, robot_variants, select_variants
 
 
@@ -26,7 +26,7 @@ def identified(paper: Model) -> Model:
 
 
 def test_the_robot_level_plant_has_the_paper_s_six_figures(paper):
-    off = np.abs(figures(robot_level(paper)).six - PAPER) / TOLERANCE
+    off = np.abs(drive_metrics(robot_level(paper)).six - PAPER) / TOLERANCE
     assert off.max() < 1.0
 
 

@@ -7,10 +7,10 @@ import pytest
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from training.certify.plants import robot_level
-from training.compare import compare
+from training.compare import compare_controllers
 from training.compare.__main__ import main
 from training.compare.comparison import cells, comparison_markdown, comparison_table, label
-from training.evaluate import Setup, controller_factory, evaluate
+from training.evaluate import Setup, controller_factory, evaluate_controller
 
 NAMES = ("still", "retreat")
 
@@ -19,11 +19,13 @@ NAMES = ("still", "retreat")
 def found():
     from mecanum_env.model import paper_model
 
-    return compare(NAMES, paper_model(), episodes=4, rollers=False, jobs=1)
+    return compare_controllers(NAMES, paper_model(), episodes=4, rollers=False, jobs=1)
 
 
 def successes(name, setup, paper):
-    return sum(one.success for one in evaluate(controller_factory(name, paper), setup, range(4)).episodes)
+    return sum(
+        one.success for one in evaluate_controller(controller_factory(name, paper), setup, range(4)).episodes
+    )
 
 
 def test_the_results_are_those_of_the_episodes(found, paper):
@@ -41,7 +43,7 @@ def test_the_results_are_those_of_the_episodes(found, paper):
 
 
 def test_rollers_are_a_setting_of_their_own(paper):
-    one = compare(["still"], paper, episodes=1, rollers=True, jobs=1)
+    one = compare_controllers(["still"], paper, episodes=1, rollers=True, jobs=1)
     assert list(one.rows[0].success)[3] == "rollers"
 
 
@@ -66,7 +68,7 @@ def test_a_policy_is_shown_by_the_name_of_its_file():
 )
 def test_a_list_that_makes_no_table_is_refused(paper, names, message):
     with pytest.raises(InputError, match=message):
-        compare(names, paper, episodes=1)
+        compare_controllers(names, paper, episodes=1)
 
 
 def test_the_program_writes_results_and_page(tmp_path, capsys):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
-from training.evaluate import Setup, controller_factory, evaluate
+from training.evaluate import Setup, controller_factory, evaluate_controller
 
 FIRST_SEED = 100_000  # development seeds: those of certificates begin at 0
 
@@ -18,7 +18,7 @@ def play() -> Callable[..., tuple]:
     def episodes(name: str, n: int, model: Model | None = None, *, known: Model | None = None, **setup):
         robot = paper_model() if model is None else model
         factory = controller_factory(name, robot if known is None else known)
-        return evaluate(factory, Setup(robot, **setup), range(FIRST_SEED, FIRST_SEED + n)).episodes
+        return evaluate_controller(factory, Setup(robot, **setup), range(FIRST_SEED, FIRST_SEED + n)).episodes
 
     return episodes
 

@@ -8,7 +8,7 @@ from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.tankendo.env import TankendoEnv
 from training.controllers.scripted import Still
-from training.evaluate import Setup, controller_factory, evaluate
+from training.evaluate import Setup, controller_factory, evaluate_controller
 from training.record.__main__ import main
 from training.record.rollout import rollout_frames
 
@@ -25,7 +25,7 @@ def video(tmp_path_factory):
 
 def test_the_video_is_the_episode_that_is_evaluated(video, paper, read_video):
     frames, fps = read_video(video)
-    episode = evaluate(controller_factory("still", paper), Setup(paper), [0]).episodes[0]
+    episode = evaluate_controller(controller_factory("still", paper), Setup(paper), [0]).episodes[0]
     assert frames.shape == (1 + round(10 * episode.duration_s) + 10, 240, 320, 3)
     assert fps == 10
 

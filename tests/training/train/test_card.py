@@ -10,11 +10,11 @@ pytest.importorskip("stable_baselines3")
 from mecanum_env.cli import run
 from mecanum_env.model import paper_model
 from training.controllers.policy import Policy, load_policy
-from training.evaluate import Setup, evaluate
+from training.evaluate import Setup, evaluate_controller
 from training.train import card, curve
 from training.train.checkpoint import Point
-from training.train.run import train
-from training.train.settings import Ppo, Settings
+from training.train.run import train_policy
+from training.train.settings import Ppo, TrainingSettings
 
 
 @pytest.fixture(scope="module")
@@ -22,8 +22,8 @@ def folder(tmp_path_factory):
     """Return a folder with a policy that is hardly trained."""
     folder = tmp_path_factory.mktemp("card") / "run"
     ppo = Ppo(rollout_steps=8, batch_size=32, epochs=1, layers=(8,))
-    settings = Settings(steps=64, envs=4, stack=2, ppo=ppo, reward_weights={"hit": 2.0})
-    train(settings, folder, development_seeds=range(100_000, 100_002), quiet=True)
+    settings = TrainingSettings(steps=64, envs=4, stack=2, ppo=ppo, reward_weights={"hit": 2.0})
+    train_policy(settings, folder, development_seeds=range(100_000, 100_002), quiet=True)
     return folder
 
 
@@ -37,7 +37,7 @@ def test_a_card_says_what_was_measured(folder, tmp_path, capsys):
     assert [row["difficulty"] for row in planar] == ["easy", "normal", "hard"]
     policy = load_policy(folder)
     setup = Setup(paper_model(), difficulty="easy")
-    played = evaluate(lambda *_: Policy(policy.network, policy.about), setup, range(6)).episodes
+    played = evaluate_controller(lambda *_: Policy(policy.network, policy.about), setup, range(6)).episodes
     assert planar[0]["policy"]["successes"] == sum(episode.success for episode in played)
     assert f"| nominal | planar | easy | {planar[0]['policy']['successes'] / 6:.3f} (" in text
     assert "PPO, seed 0, 64 steps" in text

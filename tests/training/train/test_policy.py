@@ -25,7 +25,7 @@ from training.controllers.policy import (
     save_policy,
     stack_features,
 )
-from training.evaluate import Setup, evaluate
+from training.evaluate import Setup, evaluate_controller
 
 BUNDLED = sorted(bundled().parent.glob("*.npz"))
 EPISODES = range(100_000, 100_080)
@@ -191,7 +191,7 @@ def test_it_wins_as_often_as_its_card_says(path):
     said = next(
         row["policy"] for row in card["rows"] if (row["physics"], row["difficulty"]) == ("planar", "normal")
     )
-    played = evaluate(
+    played = evaluate_controller(
         lambda *_: Policy(policy.network, policy.about), Setup(paper_model()), EPISODES
     ).episodes
     successes = sum(episode.success for episode in played)

@@ -18,19 +18,19 @@ from training.train.agent import make_agent
 from training.train.checkpoint import State, load_weights, newest_checkpoint, read_learner, read_run
 from training.train.environments import bare_env, episode_seeds, level_models, training_env
 from training.train.export import network_of
-from training.train.run import DEVELOPMENT_SEEDS, resume, train
-from training.train.settings import Ppo, Sac, Settings, command_line, settings_from_json
+from training.train.run import DEVELOPMENT_SEEDS, resume, train_policy
+from training.train.settings import Ppo, Sac, TrainingSettings, command_line, settings_from_json
 
 WATCH = range(100_000, 100_002)
 SMALL = {
-    "ppo": Settings(
+    "ppo": TrainingSettings(
         steps=384,
         envs=4,
         stack=2,
         checkpoint_every=128,
         ppo=Ppo(rollout_steps=16, batch_size=32, epochs=2, layers=(8,)),
     ),
-    "sac": Settings(
+    "sac": TrainingSettings(
         algo="sac",
         steps=384,
         envs=4,
@@ -46,7 +46,7 @@ def trained(request, tmp_path_factory):
     """Return settings and folder of an uninterrupted run."""
     folder = tmp_path_factory.mktemp(request.param) / "run"
     settings = SMALL[request.param]
-    train(settings, folder, development_seeds=WATCH, quiet=True)
+    train_policy(settings, folder, development_seeds=WATCH, quiet=True)
     return settings, folder
 
 
@@ -57,7 +57,7 @@ def learner(folder, settings):
 def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
     settings, folder = trained
     other = tmp_path / "run"
-    first = train(settings, other, stop_after=100, development_seeds=WATCH, quiet=True)
+    first = train_policy(settings, other, stop_after=100, development_seeds=WATCH, quiet=True)
     assert 100 <= first.steps_done < settings.steps
     last = resume(other, development_seeds=WATCH, quiet=True)
     assert last.steps_done == settings.steps
@@ -72,7 +72,7 @@ def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
 
 def test_another_seed_ends_with_other_weights(trained, tmp_path):
     settings, folder = trained
-    train(replace(settings, seed=1), tmp_path / "run", development_seeds=WATCH, quiet=True)
+    train_policy(replace(settings, seed=1), tmp_path / "run", development_seeds=WATCH, quiet=True)
     one, other = load_policy(folder / "policy.npz"), load_policy(tmp_path / "run" / "policy.npz")
     assert not np.array_equal(one.network.weights[-1], other.network.weights[-1])
 
@@ -124,7 +124,7 @@ def test_what_is_over_or_begun_is_refused(trained, tmp_path):
         resume(folder, steps=100, quiet=True)
     assert read_run(folder)[0] == settings
     with pytest.raises(InputError, match=r"holds a training run; continue it with --resume"):
-        train(settings, folder, quiet=True)
+        train_policy(settings, folder, quiet=True)
     with pytest.raises(InputError, match=r"run.json: No such file"):
         resume(tmp_path, quiet=True)
 
@@ -142,11 +142,11 @@ def test_a_folder_of_another_program_is_refused_in_our_words(text, tmp_path):
 
 def test_bad_settings_are_refused(capsys):
     with pytest.raises(InputError, match=r'env = .*did you mean "MecanumTankendoDuel-v0"'):
-        Settings(env="MecanumTankendoDual-v0")
+        TrainingSettings(env="MecanumTankendoDual-v0")
     with pytest.raises(InputError, match="stack = 0, must be at least 1"):
-        Settings(stack=0)
+        TrainingSettings(stack=0)
     with pytest.raises(InputError, match=r'no .stak. \(did you mean "stack"'):
-        settings_from_json(asdict(Settings()) | {"stak": 1})
+        settings_from_json(asdict(TrainingSettings()) | {"stak": 1})
     assert run(main, []) == 2
     assert "--out FOLDER or --resume FOLDER" in capsys.readouterr().err
     assert run(main, ["--resume", "x", "--seed", "3"]) == 2
@@ -182,7 +182,7 @@ def test_a_number_that_cannot_be_trained_with_begins_no_run(arguments, message, 
 
 
 def test_levels_are_robots_side_by_side():
-    settings = Settings(randomize="levels", envs=9, stack=2)
+    settings = TrainingSettings(randomize="levels", envs=9, stack=2)
     env = training_env(settings)
     models = level_models(paper_model())
     assert len({json.dumps(model.effects, sort_keys=True, default=dict) for model in models.values()}) == len(
@@ -198,11 +198,11 @@ def test_levels_are_robots_side_by_side():
 
 
 def test_training_never_meets_an_episode_of_an_evaluation():
-    seeds = episode_seeds(Settings(envs=256), 0)
+    seeds = episode_seeds(TrainingSettings(envs=256), 0)
     assert len(set(seeds)) == 256
     assert min(seeds) > max(DEVELOPMENT_SEEDS)
-    assert set(seeds).isdisjoint(episode_seeds(Settings(envs=256), 250_000))
-    assert set(seeds).isdisjoint(episode_seeds(Settings(envs=256, seed=1), 0))
+    assert set(seeds).isdisjoint(episode_seeds(TrainingSettings(envs=256), 250_000))
+    assert set(seeds).isdisjoint(episode_seeds(TrainingSettings(envs=256, seed=1), 0))
 
 
 def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
@@ -230,17 +230,17 @@ def test_a_run_can_load_weights_the_weights_of_another(trained, tmp_path):
     np.testing.assert_array_equal(own.mean, other.mean)
     np.testing.assert_allclose(own.actions(seen), other.actions(seen), atol=1e-12)
     with pytest.raises(InputError, match="no checkpoint yet"):
-        train(replace(settings, start=str(tmp_path)), tmp_path / "run", quiet=True)
+        train_policy(replace(settings, start=str(tmp_path)), tmp_path / "run", quiet=True)
     wider = replace(settings, stack=3, start=str(folder))
     with pytest.raises(InputError, match="not a run with this algorithm, network, stack and task"):
-        train(wider, tmp_path / "run", quiet=True)
+        train_policy(wider, tmp_path / "run", quiet=True)
     assert not (tmp_path / "run").exists()
 
 
 def test_a_run_names_the_runs_that_it_began_with(trained, tmp_path):
     settings, folder = trained
     second = tmp_path / "second"
-    train(replace(settings, start=str(folder), steps=64), second, development_seeds=WATCH, quiet=True)
+    train_policy(replace(settings, start=str(folder), steps=64), second, development_seeds=WATCH, quiet=True)
     first, own = load_policy(second).about["commands"]
     assert first == command_line(settings, str(folder))
     assert own == command_line(replace(settings, start=str(folder), steps=64), str(second))
@@ -250,8 +250,8 @@ def test_the_spread_is_renewed_at_its_checkpoint_and_not_before(tmp_path):
     torch = pytest.importorskip("torch")
     usual = SMALL["ppo"]
     never = replace(usual, ppo=replace(usual.ppo, renewed_at=1.0))
-    train(usual, tmp_path / "usual", development_seeds=WATCH, quiet=True)
-    train(never, tmp_path / "never", development_seeds=WATCH, quiet=True)
+    train_policy(usual, tmp_path / "usual", development_seeds=WATCH, quiet=True)
+    train_policy(never, tmp_path / "never", development_seeds=WATCH, quiet=True)
     for name, same in (("000000128", True), ("000000256", True), ("000000384", False)):
         one, other = (load_policy(tmp_path / run / "checkpoints" / name) for run in ("usual", "never"))
         assert np.array_equal(one.network.weights[-1], other.network.weights[-1]) == same

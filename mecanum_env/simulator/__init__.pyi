@@ -1,0 +1,22 @@
+from .bench import compile_bench, replay_bench
+from .commands import SCRIPTS, BodyCommands, Commands, WheelCommands, read_commands, scripted
+from .robot import RobotPlant, RobotSession, compile_plant, drive
+from .trajectory import SimulationDivergedError, Trajectory, step_through
+
+__all__ = [
+    "SCRIPTS",
+    "BodyCommands",
+    "Commands",
+    "RobotPlant",
+    "RobotSession",
+    "SimulationDivergedError",
+    "Trajectory",
+    "WheelCommands",
+    "compile_bench",
+    "compile_plant",
+    "drive",
+    "read_commands",
+    "replay_bench",
+    "scripted",
+    "step_through",
+]

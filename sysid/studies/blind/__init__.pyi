@@ -1,0 +1,6 @@
+from .cases import BlindTests, Case
+
+__all__ = [
+    "BlindTests",
+    "Case",
+]

@@ -1,0 +1,28 @@
+from .metrics import Episode, Mean, Reason, Recording, Share, mean, share, summarise
+from .play import (
+    ControllerFactory,
+    Evaluation,
+    Job,
+    Setup,
+    controller_factory,
+    evaluate_controller,
+    play_jobs,
+)
+
+__all__ = [
+    "ControllerFactory",
+    "Episode",
+    "Evaluation",
+    "Job",
+    "Mean",
+    "Reason",
+    "Recording",
+    "Setup",
+    "Share",
+    "controller_factory",
+    "evaluate_controller",
+    "mean",
+    "play_jobs",
+    "share",
+    "summarise",
+]

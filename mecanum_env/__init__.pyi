@@ -1,48 +1,50 @@
-from .effects.catalogue import CATALOGUE
+from .effects.catalogue import CATALOGUE, register
+from .effects.definition import Effect, Parameter
 from .errors import InputError, MecanumError
+from .files import asset_path
 from .law import WheelLaw
-from .mjcf import write_models
-from .model import Model, Robot, Wheel, paper_model, read_model, read_robot, write_model
-from .simulator import (
-    BodyCommands,
-    RobotSession,
-    SimulationDivergedError,
-    Trajectory,
-    WheelCommands,
-    drive,
-    read_commands,
-    replay_bench,
-)
-from .tankendo import action_to_command, command_to_action, read_observation
+from .law.metrics import law_step_metrics
+from .model import Model, Robot, Wheel, paper_model, read_model, write_model
+from .rendering.backend import use_backend
+from .rendering.video import render_frames, write_video
+from .rendering.view import View
+from .simulator import BodyCommands, RobotSession, Trajectory, WheelCommands, drive, replay_bench, scripted
+from .tankendo import Opponent, Rules, command_to_action
 from .tankendo.env import TankendoEnv
 from .tankendo.vector import TankendoVectorEnv
 
 __all__ = [
     "CATALOGUE",
     "BodyCommands",
+    "Effect",
     "InputError",
     "MecanumError",
     "Model",
+    "Opponent",
+    "Parameter",
     "Robot",
     "RobotSession",
-    "SimulationDivergedError",
+    "Rules",
     "TankendoEnv",
     "TankendoVectorEnv",
     "Trajectory",
+    "View",
     "Wheel",
     "WheelCommands",
     "WheelLaw",
-    "action_to_command",
+    "asset_path",
     "command_to_action",
     "drive",
+    "law_step_metrics",
     "paper_model",
-    "read_commands",
     "read_model",
-    "read_observation",
-    "read_robot",
+    "register",
+    "render_frames",
     "replay_bench",
+    "scripted",
+    "use_backend",
     "write_model",
-    "write_models",
+    "write_video",
 ]
 
 __version__: str

@@ -1,29 +1,19 @@
-from .fit import Fit, FitOptions, fit_dataset, fitted_model
-from .fit.estimators import Estimate, WheelRun, estimate
-from .gap import GapOptions, GapReport, analyse
-from .logs import BenchCommand, BodyCommand, Dataset, Run, WheelCommand, read_dataset
+from .fit import FitOptions, fit_dataset, fitted_model
+from .fit.estimators import estimate
+from .logs import Dataset, Run, read_dataset
 from .logs.writer import write_dataset
-from .online import OnlineEstimator, OnlineOptions, track
+from .online import OnlineEstimator, OnlineOptions, first_order_law
 
 __all__ = [
-    "BenchCommand",
-    "BodyCommand",
     "Dataset",
-    "Estimate",
-    "Fit",
     "FitOptions",
-    "GapOptions",
-    "GapReport",
     "OnlineEstimator",
     "OnlineOptions",
     "Run",
-    "WheelCommand",
-    "WheelRun",
-    "analyse",
     "estimate",
+    "first_order_law",
     "fit_dataset",
     "fitted_model",
     "read_dataset",
-    "track",
     "write_dataset",
 ]

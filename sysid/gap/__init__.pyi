@@ -1,4 +1,4 @@
-from .report.output import gap_json, gap_table, write_study
+from .report.output import gap_table, write_study
 from .result import GapOptions, GapReport
 from .workflow import analyse
 
@@ -6,7 +6,6 @@ __all__ = [
     "GapOptions",
     "GapReport",
     "analyse",
-    "gap_json",
     "gap_table",
     "write_study",
 ]

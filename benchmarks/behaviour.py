@@ -32,8 +32,6 @@ MEASURED: Final = re.compile(
     r"seconds|_ms$|peak_memory|version|_us$|commit|python|sha256|timing|processor_s|wall_s|costs|comparisons"
 )
 """Keys whose values depend on the machine, the clock or the checkout."""
-CHAOTIC: Final = ("robot_fit", "fit_husky_body", "gap_husky_body")
-"""Results that differ from run to run of the same code: a fit on rollers amplifies rounding errors."""
 USAGE: Final = "usage: python benchmarks/behaviour.py record FOLDER [NAME ...] | compare BEFORE AFTER"
 
 
@@ -192,8 +190,6 @@ def compare(before: Path, after: Path) -> int:
     """
     different = reworded = equal = 0
     for old in sorted(before.rglob("*.json")):
-        if old.relative_to(before).parts[0] in CHAOTIC:
-            continue
         new = after / old.relative_to(before)
         if not new.exists():
             print(f"{new}: is missing")

@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Final
 
-from mecanum_env.effects import body, command, drive, floor, joint, sensor
+from mecanum_env.effects import body, command, drive, sensor
 from mecanum_env.effects.definition import PLANTS, Effect, Parameter, PlantKind
 from mecanum_env.errors import InputError
 from mecanum_env.markdown import markdown_table
-from mecanum_env.model.effect_schema import EFFECT_PARAMETERS, add_to_schema, remove_from_schema
+from mecanum_env.model.model import EFFECT_PARAMETERS, add_to_schema, remove_from_schema
 
 _EFFECTS: Final[dict[str, Effect]] = {}
 
@@ -60,12 +60,12 @@ def _fill(effects: Mapping[str, Effect]) -> None:
     defined = {name: tuple(p.name for p in effect.parameters) for name, effect in effects.items()}
     if defined != EFFECT_PARAMETERS:
         differing = sorted(set(defined.items()) ^ set(EFFECT_PARAMETERS.items()))
-        raise ValueError(f"mecanum_env.model.effect_schema and the definitions differ: {differing}")
+        raise ValueError(f"mecanum_env.model.model and the definitions differ: {differing}")
     _EFFECTS.clear()
     _EFFECTS.update({name: effects[name] for name in EFFECT_PARAMETERS})
 
 
-_fill({e.name: e for station in (command, drive, joint, floor, body, sensor) for e in station.EFFECTS})
+_fill({e.name: e for station in (command, drive, body, sensor) for e in station.EFFECTS})
 
 
 def catalogue_table() -> str:

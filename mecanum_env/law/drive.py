@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -101,28 +101,6 @@ class DriveParameters:
             raise InputError(
                 f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"
             )
-
-
-@dataclass(frozen=True)
-class DriveState:
-    """Memory of a drive between substeps; arrays share their leading axes (...), one entry for each wheel."""
-
-    substeps: int = 0
-    ticks: int = 0
-    latches: int = 0
-    law: LawState = field(default_factory=LawState)
-    """`law.w0` = w(k+1) and `law.w1` = w(k) are the ends of the current line [rpm]."""
-    commands: FloatArray = field(default_factory=lambda: np.zeros(RING))
-    """The last latched commands [rpm], shape (..., RING), the newest last."""
-    ramp: npt.ArrayLike = 0.0
-    """Value of the acceleration-limited command at the end of the current tick [rpm], shape (...)."""
-
-    @staticmethod
-    def steady(speed_rpm: npt.ArrayLike) -> DriveState:
-        """Return the state of a drive that has settled at a constant command [rpm]."""
-        speed = np.asarray(speed_rpm, float)
-        commands = np.repeat(speed[..., None], RING, axis=-1)
-        return DriveState(law=LawState.steady(speed), commands=commands, ramp=speed)
 
 
 def received_command(
@@ -244,37 +222,6 @@ def _held(
         done, j = until, np.where(arrives, j + 1.0, j)
 
 
-def step_drive(
-    parameters: DriveParameters, state: DriveState, command_rpm: npt.ArrayLike, timestep: float
-) -> tuple[FloatArray, DriveState]:
-    """Advance one substep: return the setpoint at its end [rpm], shape (...), and the next state.
-
-    Args:
-        parameters: parameters of the drive.
-        state: state at the start of the substep.
-        command_rpm: present command [rpm], shape (...).
-        timestep: timestep of the physics [s], the same at every call.
-    """
-    tau, period = parameters.law.sample_period_s, parameters.command_period_s
-    now = state.substeps * timestep
-    shape = np.broadcast_shapes(np.shape(command_rpm), state.commands.shape[:-1])
-    commands = np.broadcast_to(state.commands, (*shape, RING))
-    latches, ticks, law, ramp = state.latches, state.ticks, state.law, state.ramp
-    while now >= latches * period - EPS * period:
-        received = received_command(parameters, command_rpm, latches * period + parameters.delay_s)
-        newest = np.broadcast_to(received, shape)
-        commands = np.concatenate([commands[..., 1:], newest[..., None]], axis=-1)
-        latches += 1
-    while now >= ticks * tau - EPS * tau:
-        r, ramp = ramped_inputs(parameters, [ticks], commands, latches, latches - RING, ramp)
-        _, law = parameters.law.tick(law, r[..., 0])
-        ticks += 1
-    w0, w1 = np.asarray(law.w0, float), np.asarray(law.w1, float)
-    share = ((state.substeps + 1) * timestep - (ticks - 1) * tau) / tau
-    setpoint = w1 + (w0 - w1) * min(max(share, 0.0), 1.0)
-    return setpoint, DriveState(state.substeps + 1, ticks, latches, law, commands, ramp)
-
-
 def simulate_drive(
     parameters: DriveParameters,
     command_rpm: npt.ArrayLike,
@@ -282,8 +229,6 @@ def simulate_drive(
     initial_rpm: npt.ArrayLike = 0.0,
 ) -> FloatArray:
     """Return the setpoints at the end of each substep [rpm], shape (..., n).
-
-    The result of repeated `step_drive`, with a Python loop over law ticks only.
 
     Args:
         parameters: parameters of the drive.

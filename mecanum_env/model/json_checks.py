@@ -13,8 +13,7 @@ from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
-from mecanum_env.model.model import Robot
+from mecanum_env.model.model import EFFECT_PARAMETERS, Robot
 
 _MODEL_ERRORS: Final = ("settled", "transient", "correlation_s")
 _SIZE: Final = len(COEFFICIENTS)

@@ -94,13 +94,7 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
 
 
 class Senses:
-    """The sensors of n robots.
-
-    Args:
-        sensors: delay and noise.
-        step_s: time between two observations [s].
-        extra: how many numbers the task appends.
-    """
+    """The sensors of n robots, read every `step_s` [s]; the task appends `extra` numbers."""
 
     def __init__(self, sensors: Sensors, step_s: float, extra: int) -> None:
         self._delay_s, self._step_s = sensors.delay_s, step_s
@@ -110,12 +104,7 @@ class Senses:
         self._affected: dict[int, tuple[Model, list[FloatArray]]] = {}
 
     def restart(self, row: int, model: Model) -> None:
-        """Begin an episode in one row.
-
-        Args:
-            row: which row.
-            model: the robot's model, whose sensor effects act in this episode.
-        """
+        """Begin an episode in one row, in which the sensor effects of the robot's model act."""
         self._affected.pop(row, None)
         if any(effect.change_channels is not None for effect, _ in active_effects(model)):
             self._affected[row] = (model, [])

@@ -80,7 +80,8 @@ class WheelLaw:
         values = np.asarray(coefficients, float)
         if values.shape != (6,):
             raise InputError(f"wheel law: coefficients of shape {values.shape}, must be the six numbers A-F")
-        return WheelLaw(*map(float, values), float(sample_period_s))
+        a, b, c, d, e, f = (float(x) for x in values)
+        return WheelLaw(a, b, c, d, e, f, float(sample_period_s))
 
     @property
     def dc_gain(self) -> float:

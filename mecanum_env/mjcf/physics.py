@@ -38,9 +38,7 @@ at the step rate while the limit acts; the plugin's wheel does not.
 def fitting_timestep(model: Model, at_most_s: float | None = None) -> float:
     """Return the largest step up to `at_most_s` [s] of which the law's sample period is a whole multiple.
 
-    Args:
-        model: its wheel law has the sample period.
-        at_most_s: upper bound; by default `SIMULATION_TIMESTEP_S`.
+    The upper bound is `SIMULATION_TIMESTEP_S` by default.
 
     Raises:
         InputError: `at_most_s` is not a number above 0.

@@ -19,7 +19,7 @@ RowArray = npt.NDArray[np.intp]
 
 
 class Scenes:
-    """The latest scenes of n episodes, one every `step_s`, up to the age `oldest_s` [s]; interpolated linearly."""
+    """The scenes of n episodes, one every `step_s`, up to the age `oldest_s` [s]; interpolated linearly."""
 
     def __init__(self, n: int, step_s: float, oldest_s: float) -> None:
         self._step_s = step_s

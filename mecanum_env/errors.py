@@ -37,11 +37,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def require_at_least(least: int, **values: int) -> None:
-    """Refuse numbers that are too small.
-
-    Args:
-        least: the smallest allowed value.
-        **values: the numbers, by the names that the user knows.
+    """Refuse values, by the names that the user knows, that are too small.
 
     Raises:
         InputError: a number is below `least`.

@@ -12,16 +12,15 @@ from mecanum_env.model import Model
 if TYPE_CHECKING:
     import mujoco
 
-PAYLOAD_DENSITY_KG_M3: Final = 1000.0
-"""Density of the solid cube that stands for a payload; its yaw inertia is small beside the robot's."""
 _WEIGHT: Final = "the load under each wheel, on a scale"
 _ANY: Final = (-math.inf, math.inf)
 _FACTOR: Final = (0.1, 10.0)
 
 
 def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
+    # A solid cube of 1000 kg/m^3, whose yaw inertia is small beside the robot's.
     mass = values["mass_kg"]
-    side = (mass / PAYLOAD_DENSITY_KG_M3) ** (1 / 3)
+    side = (mass / 1000.0) ** (1 / 3)
     # The base's origin is at axle height.
     cube = spec.body("base").add_body(
         name="payload", pos=[0.0, 0.0, values["height_m"] - model.robot.wheel_radius_m]

@@ -25,9 +25,7 @@ def register(effect: Effect, *, after: str | None = None) -> None:
     Model files may hold it from then on, and simulator, gap search, certificates and `catalogue_table` know
     it. Call it where the effect is defined, at the top level of a module that worker processes import too.
 
-    Args:
-        effect: its definition.
-        after: name of the effect behind which it acts; None puts it at the end of the chain.
+    `after` names the effect behind which it acts; None puts it at the end of the chain.
 
     Raises:
         InputError: the name is taken, `after` is not known, or it has no parameters of different names.
@@ -41,12 +39,7 @@ def register(effect: Effect, *, after: str | None = None) -> None:
 
 @contextmanager
 def registered(effect: Effect, *, after: str | None = None) -> Iterator[None]:
-    """Know an effect of one's own within a block only, for tests.
-
-    Args:
-        effect: its definition.
-        after: as for `register`.
-    """
+    """Know an effect of one's own within a block only, for tests; `after` is as for `register`."""
     register(effect, after=after)
     try:
         yield

@@ -191,12 +191,9 @@ def _require(name: str, value: float, low: float, *, strict: bool = False, finit
 
 
 def add_to_schema(name: str, parameters: tuple[str, ...], after: str | None = None) -> None:
-    """Let model files hold one more effect; use `mecanum_env.effects.register`, which calls this.
+    """Let model files hold one more effect, with these parameters; use `mecanum_env.effects.register`.
 
-    Args:
-        name: new name of the effect.
-        parameters: names of its parameters.
-        after: known effect behind which it acts; None puts it at the end of the chain.
+    It acts behind the effect `after`; None puts it at the end of the chain.
 
     Raises:
         InputError: the name is taken, or `after` is not known.

@@ -17,11 +17,8 @@ from mecanum_env.errors import BackendError
 
 _PACKAGES: Final = {"osmesa": ("OSMesa", "libosmesa6"), "egl": ("EGL", "libegl1")}
 """Offline backend -> name of its library, Debian package."""
-_WINDOWED: Final = ("glfw", "glx", "cgl", "wgl")
 _ANY: Final = ("", "enable", "enabled", "on", "true", "1")
 """Values of MUJOCO_GL that leave the choice to MuJoCo."""
-_OFF: Final = ("disable", "disabled", "off", "false", "0")
-"""Values of MUJOCO_GL that switch drawing off."""
 
 
 def choose_backend() -> str:
@@ -32,14 +29,14 @@ def choose_backend() -> str:
             is installed; the message names the Debian package.
     """
     asked = _asked()
-    if asked in _OFF:
+    if asked in ("disable", "disabled", "off", "false", "0"):
         raise BackendError(f"MUJOCO_GL={asked} switches drawing off; unset it, or set it to osmesa")
     if asked in _PACKAGES and not library_loads(asked):
         raise BackendError(
             f"MUJOCO_GL={asked}, but lib{_PACKAGES[asked][0]} is not installed: "
             f"apt-get install {_PACKAGES[asked][1]}, or unset MUJOCO_GL"
         )
-    if asked not in (*_PACKAGES, *_WINDOWED, *_ANY):
+    if asked not in (*_PACKAGES, "glfw", "glx", "cgl", "wgl", *_ANY):
         raise BackendError(f"MUJOCO_GL={asked}, must be {', '.join(_PACKAGES)}, glfw, or unset")
     if asked not in _ANY:
         return asked

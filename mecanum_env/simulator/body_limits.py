@@ -51,7 +51,7 @@ class BodyLimits:
         self._wheels = np.zeros(len(WHEELS))
 
     def step(self, wheels_rpm: FloatArray) -> FloatArray:
-        """Return the drives' commands [rpm] in the next physics step for rounded ones sent now, shape (4,)."""
+        """Return the drives' commands [rpm] in the next physics step for rounded ones sent now, (4,) each."""
         now = self._substeps * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
         while now >= self._latches * period - EPS * period:

@@ -107,8 +107,7 @@ def add_drive(
         drive: "plugin" or "servo".
         wheel_quantum: round the wheel's command to the model's quantum.
         law_wheel: fl, fr, rl or rr for that wheel's own law; None for the common one.
-        site_gear: gear (6,) on the site "base" instead of a joint. The actuator's speed is gear times the
-            site's velocity, and its torque acts on the body as the matching force and moment.
+        site_gear: gear (6,) on the site "base" instead of a joint; see `planar_spec`.
         torque_limit_n_m: torque limit instead of the robot's.
 
     Raises:

@@ -130,14 +130,9 @@ def set_wheel_parameters(
     The transmission is kept and a `forcerange` removed. Written XML carries no bias of a plugin actuator, so
     a spec that is to be written needs `biastype` and `biasprm` in its default class, too.
 
-    Args:
-        spec: the actuator's spec.
-        actuator: with a unique name.
-        model: wheel, servo, torque limit, and the effects that act in the drive.
-        wheel_name: fl, fr, rl or rr for that wheel's own law and effects.
-        quantum_rpm: as for `dynprm`.
-        torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
-        inertia_kg_m2: moment of inertia of the free wheel.
+    `wheel_name` is fl, fr, rl or rr for that wheel's own law and effects, `quantum_rpm` as for `dynprm`,
+    `torque_limit_n_m` as for `userdata` (the bench has NO_TORQUE_LIMIT), and `inertia_kg_m2` the free
+    wheel's.
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)

@@ -40,7 +40,7 @@ def choose_backend() -> str:
         raise BackendError(f"MUJOCO_GL={asked}, must be {', '.join(_PACKAGES)}, glfw, or unset")
     if asked not in _ANY:
         return asked
-    if not sys.platform.startswith("linux") or _has_display():
+    if has_display():
         return "glfw"
     for backend in _PACKAGES:
         if library_loads(backend):
@@ -61,7 +61,7 @@ def use_backend() -> str:
         loaded = _asked()
         if loaded in _PACKAGES:
             return loaded
-        if sys.platform.startswith("linux") and not _has_display():
+        if not has_display():
             raise BackendError(
                 "mujoco was imported before its graphics library was chosen, and there is no display; "
                 "set MUJOCO_GL=osmesa, or call mecanum_env.rendering.backend.use_backend() first"
@@ -91,5 +91,7 @@ def _asked() -> str:
     return os.environ.get("MUJOCO_GL", "").strip().lower()
 
 
-def _has_display() -> bool:
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+def has_display() -> bool:
+    """Return whether a window can be opened: always except on Linux without DISPLAY and WAYLAND_DISPLAY."""
+    is_set = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return bool(is_set) or not sys.platform.startswith("linux")

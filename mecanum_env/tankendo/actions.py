@@ -11,7 +11,7 @@ from typing import Final, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import round_command
 from mecanum_env.units import FloatArray
 
@@ -25,10 +25,7 @@ FULL_VC_RPM = 100.0
 
 def check_mode(mode: str) -> None:
     """Raise `InputError` unless `mode` is an action mode."""
-    if mode not in ACTION_MODES:
-        raise InputError(
-            f"action_mode = {mode!r}{did_you_mean(mode, ACTION_MODES)}, must be {', '.join(ACTION_MODES)}"
-        )
+    require_one_of("action_mode", mode, ACTION_MODES)
 
 
 def checked_action(action: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:

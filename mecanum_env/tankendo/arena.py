@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
@@ -39,10 +39,7 @@ class TaskSetting:
     action_mode: ActionMode
 
     def __post_init__(self) -> None:
-        if self.task not in tuple(_JUDGES):
-            raise InputError(
-                f"task = {self.task!r}{did_you_mean(self.task, _JUDGES)}, must be {', '.join(_JUDGES)}"
-            )
+        require_one_of("task", self.task, _JUDGES)
         check_mode(self.action_mode)
 
     @property

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import numpy as np
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, did_you_mean, require_one_of
 from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
 
@@ -197,9 +197,7 @@ def opponent_for(difficulty: str) -> Opponent:
     Raises:
         InputError: there is no such difficulty.
     """
-    if difficulty not in tuple(_OPPONENTS):
-        suggestion = did_you_mean(difficulty, _OPPONENTS)
-        raise InputError(f"difficulty = {difficulty!r}{suggestion}, must be {', '.join(_OPPONENTS)}")
+    require_one_of("difficulty", difficulty, _OPPONENTS)
     return _OPPONENTS[difficulty]
 
 

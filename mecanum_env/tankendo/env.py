@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
 from typing import TYPE_CHECKING, Any, Unpack
 
 import gymnasium
@@ -11,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import BackendError, InputError
+from mecanum_env.rendering.backend import has_display
 from mecanum_env.rendering.view import Frame
 from mecanum_env.tankendo.actions import checked_action
 from mecanum_env.tankendo.build import Arguments, build, row_info
@@ -165,7 +164,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         self.observation_space: gymnasium.Space[Any] = self._episodes.observation_space()
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f'render_mode = {render_mode!r}, must be "rgb_array", "human" or None')
-        if not _has_display():
+        if not has_display():
             # Gymnasium's checker tries every mode that an environment lists.
             self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
         self.render_mode = render_mode
@@ -223,7 +222,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             return None
         if self.render_mode == "human":
             if self._window is None:
-                if not _has_display():
+                if not has_display():
                     raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')
                 self._window = Window(self.arena, self._episodes.plant)
             self._window.show()
@@ -238,8 +237,3 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             if shown is not None:
                 shown.close()
         self._painter = self._window = None
-
-
-def _has_display() -> bool:
-    is_set = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    return bool(is_set) or not sys.platform.startswith("linux")

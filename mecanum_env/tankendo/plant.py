@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
@@ -44,9 +44,7 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
     Raises:
         InputError: no such plant, or a model that it cannot simulate.
     """
-    if plant not in DEFAULT_TIMESTEP_S:
-        known = ", ".join(DEFAULT_TIMESTEP_S)
-        raise InputError(f"plant = {plant!r}{did_you_mean(plant, DEFAULT_TIMESTEP_S)}, must be {known}")
+    require_one_of("plant", plant, DEFAULT_TIMESTEP_S)
     at_most = DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
     mj_model = compile_plant(model, plant, at_most, visuals=False)
     mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR

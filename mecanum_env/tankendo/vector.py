@@ -12,7 +12,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.tankendo.actions import checked_action
 from mecanum_env.tankendo.build import Arguments, build, row_info
 from mecanum_env.tankendo.chance import DRAWN, Start
@@ -54,7 +54,9 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
                 f"render_mode = {render_mode!r}: robots in one batch are not drawn; use gymnasium.make, or "
                 'make_vec with vectorization_mode="sync"'
             )
-        self._autoreset_mode = _mode(autoreset_mode)
+        if not isinstance(autoreset_mode, AutoresetMode):
+            require_one_of("autoreset_mode", autoreset_mode, [mode.value for mode in AutoresetMode])
+        self._autoreset_mode = AutoresetMode(autoreset_mode)
         self._episodes = build(num_envs, threads, **arguments)
         self.metadata = {"autoreset_mode": self._autoreset_mode}
         self.num_envs = num_envs
@@ -153,16 +155,6 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
     def _restart(self, rows: BoolArray, start: Start) -> None:
         for row in np.flatnonzero(rows).tolist():
             self._episodes.restart(row, self._rngs[row], start)
-
-
-def _mode(value: AutoresetMode | str) -> AutoresetMode:
-    names = [mode.value for mode in AutoresetMode]
-    try:
-        return AutoresetMode(value)
-    except ValueError as error:
-        raise InputError(
-            f"autoreset_mode = {value!r}{did_you_mean(str(value), names)}, must be {', '.join(names)}"
-        ) from error
 
 
 def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:

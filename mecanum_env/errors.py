@@ -36,12 +36,21 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
     return f' (did you mean "{near[0]}"?)' if near else ""
 
 
-def require_at_least(least: int, **values: int) -> None:
-    """Refuse numbers that are too small.
+def require_one_of(name: str, value: object, known: Iterable[str]) -> None:
+    """Refuse a value, of the argument `name`, that is not one of the known ones.
 
-    Args:
-        least: the smallest allowed value.
-        **values: the numbers, by the names that the user knows.
+    Raises:
+        InputError: it is none of them; the message lists them.
+    """
+    choices = tuple(known)
+    if value not in choices:
+        raise InputError(
+            f"{name} = {value!r}{did_you_mean(str(value), choices)}, must be {', '.join(choices)}"
+        )
+
+
+def require_at_least(least: int, **values: int) -> None:
+    """Refuse values, by the names that the user knows, that are too small.
 
     Raises:
         InputError: a number is below `least`.

@@ -51,9 +51,6 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
 def require_writable(*targets: str | os.PathLike[str]) -> None:
     """Refuse targets that could not be written, before long work begins; nothing is created.
 
-    Args:
-        targets: files to be written; their folders need not exist yet.
-
     Raises:
         InputError: a folder cannot be created or written, or a target is a folder.
     """

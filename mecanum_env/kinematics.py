@@ -64,8 +64,7 @@ def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: np
 
 def body_to_wheels(body_rpm: npt.ArrayLike) -> FloatArray:
     """Return wheel speeds [rpm], (..., 4), of body commands (forward, left, turn) [rpm], shape (..., 3)."""
-    wheels: FloatArray = np.asarray(body_rpm, float) @ _MIXING.T
-    return wheels
+    return np.asarray(np.asarray(body_rpm, float) @ _MIXING.T)
 
 
 def wheels_to_body(wheels_rpm: npt.ArrayLike) -> FloatArray:
@@ -75,8 +74,7 @@ def wheels_to_body(wheels_rpm: npt.ArrayLike) -> FloatArray:
     dropped, as by the pseudo-inverse.
     """
     # The columns of the mixing matrix are orthogonal.
-    body: FloatArray = np.asarray(wheels_rpm, float) @ _MIXING / 4.0
-    return body
+    return np.asarray(np.asarray(wheels_rpm, float) @ _MIXING / 4.0)
 
 
 def wheels_to_command(wheels_rpm: npt.ArrayLike) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -101,8 +99,7 @@ def twist_to_wheels(twist: npt.ArrayLike, geometry: Geometry) -> FloatArray:
 def wheels_to_twist(wheels_rpm: npt.ArrayLike, geometry: Geometry) -> FloatArray:
     """Return body twists (vx, vy [m/s], wz [rad/s]), shape (..., 3), of wheel speeds [rpm], (..., 4)."""
     surface_m_s = np.asarray(wheels_rpm, float) * (geometry.wheel_radius_m * RAD_S_PER_RPM)
-    twist: FloatArray = surface_m_s @ _MIXING / 4.0 / np.array([1.0, 1.0, yaw_arm_m(geometry)])
-    return twist
+    return np.asarray(surface_m_s @ _MIXING / 4.0 / np.array([1.0, 1.0, yaw_arm_m(geometry)]))
 
 
 def command_to_twist(
@@ -135,8 +132,7 @@ def round_command(
 
 def clip_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:
     """Clip each wheel by itself to +-limit [rpm], as the hardware does; the direction may change."""
-    clipped: FloatArray = np.clip(np.asarray(wheels_rpm, float), -limit_rpm, limit_rpm)
-    return clipped
+    return np.asarray(np.clip(np.asarray(wheels_rpm, float), -limit_rpm, limit_rpm))
 
 
 def scale_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:

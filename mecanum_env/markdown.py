@@ -6,11 +6,6 @@ from collections.abc import Sequence
 
 
 def markdown_table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """Return a Markdown table without a trailing newline; vertical bars in cells are escaped.
-
-    Args:
-        head: column titles.
-        rows: cells of each row, as many as there are columns.
-    """
+    """Return a Markdown table of a head and rows, without a last newline; bars in cells are escaped."""
     lines = [head, ["---"] * len(head), *rows]
     return "\n".join("| " + " | ".join(cell.replace("|", "\\|") for cell in line) + " |" for line in lines)

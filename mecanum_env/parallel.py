@@ -10,12 +10,9 @@ from contextlib import contextmanager
 
 @contextmanager
 def process_pool(jobs: int) -> Iterator[ProcessPoolExecutor]:
-    """Yield a pool of worker processes; leaving the block cancels work that has not started.
+    """Yield a pool of `jobs` worker processes; leaving the block cancels work that has not started.
 
     Workers are spawned, not forked: a fork would break the threads of MuJoCo and its graphics libraries.
-
-    Args:
-        jobs: number of processes.
     """
     pool = ProcessPoolExecutor(jobs, mp_context=multiprocessing.get_context("spawn"))
     try:

@@ -14,8 +14,6 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import Final
 
-_ENTRY: Final = "mecanum_env.tankendo.env:TankendoEnv"
-_VECTOR_ENTRY: Final = "mecanum_env.tankendo.vector:TankendoVectorEnv"
 ENVIRONMENTS: Final = {
     "MecanumTankendo-v0": "dodge",
     "MecanumTankendoDodge-v0": "dodge",
@@ -29,9 +27,10 @@ def register_environments() -> None:
     """Register every environment; Gymnasium must be loaded."""
     from gymnasium.envs.registration import register, registry
 
+    one, many = "mecanum_env.tankendo.env:TankendoEnv", "mecanum_env.tankendo.vector:TankendoVectorEnv"
     for name, task in ENVIRONMENTS.items():
         if name not in registry:
-            register(name, entry_point=_ENTRY, vector_entry_point=_VECTOR_ENTRY, kwargs={"task": task})
+            register(name, entry_point=one, vector_entry_point=many, kwargs={"task": task})
 
 
 def register_when_gymnasium_is_there() -> None:

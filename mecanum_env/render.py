@@ -16,9 +16,6 @@ from mecanum_env.rendering.view import Quality, View
 if TYPE_CHECKING:
     from mecanum_env.simulator import Commands
 
-_AFTER_LAST_COMMAND_S = 1.0
-"""How long [s] to drive after the last command of a file."""
-
 
 def render(
     model: Annotated[str, tyro.conf.Positional] = "paper",
@@ -97,7 +94,7 @@ def _commands(name: str) -> tuple[Commands, float]:
     if name in SCRIPTS or ("." not in name and "/" not in name):
         return scripted(name)
     sent = read_commands(name)
-    return sent, float(sent.time_s[-1]) + _AFTER_LAST_COMMAND_S
+    return sent, float(sent.time_s[-1]) + 1.0
 
 
 if __name__ == "__main__":

@@ -10,25 +10,18 @@ from mecanum_env.units import FloatArray
 
 
 def rms(values: FloatArray) -> float:
-    """Return the root mean square of the finite entries of an array; NaN if there are none.
-
-    Args:
-        values: any shape, any unit.
-    """
+    """Return the root mean square of the finite values of an array of any shape; NaN if there are none."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else math.nan
 
 
 def wilson_interval(successes: int, trials: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return the lower and upper end of Wilson's interval of a share; (NaN, NaN) for no trials.
+    """Return the ends of Wilson's interval of the share of successes in trials; (NaN, NaN) for no trials.
 
     E. B. Wilson, "Probable inference, the law of succession, and statistical inference", J. Am. Stat. Assoc.
     22:209, 1927. Unlike the share plus or minus two standard errors it holds near 0 and 1.
 
-    Args:
-        successes: number of successful trials, 0 to `trials`.
-        trials: number of trials.
-        confidence: probability that such an interval contains the true share.
+    `confidence` is the probability that such an interval contains the true share.
     """
     if trials == 0:
         return math.nan, math.nan

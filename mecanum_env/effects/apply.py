@@ -29,10 +29,6 @@ def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
 def check_effects(model: Model, plant: PlantKind) -> None:
     """Refuse a model with an effect that a plant cannot simulate, or with an impossible value.
 
-    Args:
-        model: model whose effects are checked.
-        plant: simulated system that is to show them.
-
     Raises:
         EffectRefusedError: an effect that is not simulated at all, or not on this plant.
         InputError: a parameter out of range.
@@ -59,13 +55,9 @@ def check_effects(model: Model, plant: PlantKind) -> None:
 
 
 def changed_model(model: Model, plant: PlantKind) -> Model:
-    """Return the model with those effects written into its sections that only change numbers there.
+    """Return the model for a plant with the effects that only change numbers written into its sections.
 
     These effects are no longer listed in the result.
-
-    Args:
-        model: the model as read from its file.
-        plant: simulated system on which the effects are to act.
 
     Raises:
         EffectRefusedError: as `check_effects`, or an effect that acts before the wheels' commands.
@@ -89,10 +81,7 @@ def changed_model(model: Model, plant: PlantKind) -> Model:
 def change_spec(spec: mujoco.MjSpec, model: Model, plant: PlantKind) -> None:
     """Write the effects that MuJoCo itself can express into the finished spec of a plant.
 
-    Args:
-        spec: spec to change in place.
-        model: model that the spec was made from, as returned by `changed_model`.
-        plant: the system that the spec describes.
+    The spec was made from this model, which `changed_model` returned.
     """
     for effect, values in active_effects(model):
         if effect.change_spec is not None and effect.acts_in(plant):
@@ -100,11 +89,7 @@ def change_spec(spec: mujoco.MjSpec, model: Model, plant: PlantKind) -> None:
 
 
 def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParameters:
-    """Return the drive of one wheel with the effects that act in it.
-
-    Args:
-        model: model with the wheel and its effects.
-        wheel_name: fl, fr, rl or rr; None for the common drive.
+    """Return the drive of the wheel fl, fr, rl or rr, or the common one, with the effects that act in it.
 
     Raises:
         InputError: an effect needs something that a drive cannot do; the message names the effect.
@@ -135,12 +120,9 @@ def without_sensors(model: Model) -> Model:
 
 
 def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
-    """Return the channels of a motion as the model's sensors show them.
+    """Return the channels of a motion as the model's sensors show them, given the true ones.
 
-    Args:
-        model: model with the effects of its sensors.
-        time_s: uniform clock [s], shape (n,).
-        channels: column of a log -> true values on that clock, shape (n,).
+    The channels are columns of a log by name, shape (n,), on the uniform clock `time_s` (n,) [s].
     """
     shown = dict(channels)
     for effect, values in active_effects(model):

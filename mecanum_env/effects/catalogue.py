@@ -7,11 +7,11 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Final
 
-from mecanum_env.effects import body, command, drive, floor, joint, sensor
+from mecanum_env.effects import body, command, drive, sensor
 from mecanum_env.effects.definition import PLANTS, Effect, Parameter, PlantKind
 from mecanum_env.errors import InputError
 from mecanum_env.markdown import markdown_table
-from mecanum_env.model.effect_schema import EFFECT_PARAMETERS, add_to_schema, remove_from_schema
+from mecanum_env.model.model import EFFECT_PARAMETERS, add_to_schema, remove_from_schema
 
 _EFFECTS: Final[dict[str, Effect]] = {}
 
@@ -25,9 +25,7 @@ def register(effect: Effect, *, after: str | None = None) -> None:
     Model files may hold it from then on, and simulator, gap search, certificates and `catalogue_table` know
     it. Call it where the effect is defined, at the top level of a module that worker processes import too.
 
-    Args:
-        effect: its definition.
-        after: name of the effect behind which it acts; None puts it at the end of the chain.
+    `after` names the effect behind which it acts; None puts it at the end of the chain.
 
     Raises:
         InputError: the name is taken, `after` is not known, or it has no parameters of different names.
@@ -41,12 +39,7 @@ def register(effect: Effect, *, after: str | None = None) -> None:
 
 @contextmanager
 def registered(effect: Effect, *, after: str | None = None) -> Iterator[None]:
-    """Know an effect of one's own within a block only, for tests.
-
-    Args:
-        effect: its definition.
-        after: as for `register`.
-    """
+    """Know an effect of one's own within a block only, for tests; `after` is as for `register`."""
     register(effect, after=after)
     try:
         yield
@@ -60,12 +53,12 @@ def _fill(effects: Mapping[str, Effect]) -> None:
     defined = {name: tuple(p.name for p in effect.parameters) for name, effect in effects.items()}
     if defined != EFFECT_PARAMETERS:
         differing = sorted(set(defined.items()) ^ set(EFFECT_PARAMETERS.items()))
-        raise ValueError(f"mecanum_env.model.effect_schema and the definitions differ: {differing}")
+        raise ValueError(f"mecanum_env.model.model and the definitions differ: {differing}")
     _EFFECTS.clear()
     _EFFECTS.update({name: effects[name] for name in EFFECT_PARAMETERS})
 
 
-_fill({e.name: e for station in (command, drive, joint, floor, body, sensor) for e in station.EFFECTS})
+_fill({e.name: e for station in (command, drive, body, sensor) for e in station.EFFECTS})
 
 
 def catalogue_table() -> str:

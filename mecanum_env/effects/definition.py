@@ -29,8 +29,6 @@ VC; each wheel's setpoint; what loads the drive; motor to wheel; robot and floor
 Remedy = Literal["command", "observation", "prediction"]
 """How a controller can undo an effect: by other commands, by corrected observations, by predicting ahead."""
 
-_SPEED_UNITS: Final = ("rpm", "rpm/s")
-"""Units of parameters whose search range is proportional to the robot's speed."""
 Values = Mapping[str, float]
 """Parameter name -> value."""
 Channels = Mapping[str, FloatArray]
@@ -76,7 +74,7 @@ class Parameter:
 
         Only speeds and accelerations are scaled; `valid` stays.
         """
-        if factor == 1.0 or self.unit not in _SPEED_UNITS:
+        if factor == 1.0 or self.unit not in ("rpm", "rpm/s"):
             return self
         low, high = self.bounds
         scan = None if self.scan is None else tuple(factor * value for value in self.scan)

@@ -9,7 +9,7 @@ with w the wheel speed and r the commanded speed [rpm], every `sample_period_s` 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Final
 
 import numpy as np
@@ -93,8 +93,7 @@ class WheelLaw:
     def poles(self) -> npt.NDArray[np.complex128]:
         """The three roots of z^3 - A z^2 - B z - C, shape (3,), largest magnitude first."""
         roots = np.roots([1.0, -self.A, -self.B, -self.C]).astype(np.complex128)
-        order: npt.NDArray[np.intp] = np.argsort(-np.abs(roots), kind="stable")
-        return roots[order]
+        return roots[np.argsort(-np.abs(roots), kind="stable")]
 
     @property
     def margins(self) -> FloatArray:
@@ -122,8 +121,7 @@ class WheelLaw:
 
     def normalised(self) -> WheelLaw:
         """Return the law with E changed so that A+B+C+D+E+F = 1: unit DC gain, as its derivation implies."""
-        e = 1.0 - (self.A + self.B + self.C + self.D + self.F)
-        return WheelLaw(self.A, self.B, self.C, self.D, e, self.F, self.sample_period_s)
+        return replace(self, E=1.0 - (self.A + self.B + self.C + self.D + self.F))
 
     def tick(self, state: LawState, command_rpm: npt.ArrayLike) -> tuple[FloatArray, LawState]:
         """Advance one tick: return w(k+1) [rpm] and the next state for r(k) = `command_rpm`.

@@ -31,7 +31,6 @@ from mecanum_env.units import FloatArray
 _WHOLE: Final = 1e-9  # periods such as 1/120 and 1/60 are not exact doubles
 _ON_THE_AXIS: Final = 1e-9
 _LARGEST_REFLECTION: Final = 1.0 - 1e-9
-_LONGEST_FIT_TICKS: Final = 2_000
 
 
 def convert_law(law: WheelLaw, sample_period_s: float, *, approximate: bool = False) -> WheelLaw:
@@ -41,11 +40,8 @@ def convert_law(law: WheelLaw, sample_period_s: float, *, approximate: bool = Fa
     law and back is exact if no pole turns by more than half a revolution per tick of the slower one
     (aliasing).
 
-    Args:
-        law: a stable law.
-        sample_period_s: new period [s], above 0.
-        approximate: if no exact law exists, return the stable law of the same DC gain whose step response is
-            nearest in least squares to that of `law` (linear between its ticks), instead of raising.
+    If no exact law exists and `approximate` is True, return the stable law of the same DC gain whose step
+    response is nearest in least squares to that of `law` (linear between its ticks).
 
     Raises:
         UnstableLawError: `law` is unstable.
@@ -112,7 +108,7 @@ def _nearest_law(law: WheelLaw, sample_period_s: float) -> WheelLaw:
     """
     slowest = max(abs(law.poles[0]), 1e-3)
     horizon_s = law.sample_period_s * (10 + math.log(1e-6) / math.log(slowest))
-    ticks = min(max(math.ceil(horizon_s / sample_period_s), 10), _LONGEST_FIT_TICKS)
+    ticks = min(max(math.ceil(horizon_s / sample_period_s), 10), 2_000)
     source = step_response(law, math.ceil(ticks * sample_period_s / law.sample_period_s) + 1)
     target = np.interp(
         np.arange(ticks + 1) * sample_period_s, np.arange(len(source)) * law.sample_period_s, source

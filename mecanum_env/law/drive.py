@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -36,11 +36,9 @@ RING: Final = 32
 
 
 def longest_delay_s(command_period_s: float, timestep_s: float = 0.0) -> float:
-    """Return the longest delay of a command [s] that a drive can represent.
+    """Return the longest delay of a command [s] that a drive can represent, given the robot's command period.
 
-    Args:
-        command_period_s: command period of the robot [s].
-        timestep_s: timestep of the physics that runs the plugin [s]; 0 without one.
+    `timestep_s` is that of the physics that runs the plugin [s]; 0 without one.
     """
     return (RING - 3) * command_period_s - timestep_s
 
@@ -103,37 +101,12 @@ class DriveParameters:
             )
 
 
-@dataclass(frozen=True)
-class DriveState:
-    """Memory of a drive between substeps; arrays share their leading axes (...), one entry for each wheel."""
-
-    substeps: int = 0
-    ticks: int = 0
-    latches: int = 0
-    law: LawState = field(default_factory=LawState)
-    """`law.w0` = w(k+1) and `law.w1` = w(k) are the ends of the current line [rpm]."""
-    commands: FloatArray = field(default_factory=lambda: np.zeros(RING))
-    """The last latched commands [rpm], shape (..., RING), the newest last."""
-    ramp: npt.ArrayLike = 0.0
-    """Value of the acceleration-limited command at the end of the current tick [rpm], shape (...)."""
-
-    @staticmethod
-    def steady(speed_rpm: npt.ArrayLike) -> DriveState:
-        """Return the state of a drive that has settled at a constant command [rpm]."""
-        speed = np.asarray(speed_rpm, float)
-        commands = np.repeat(speed[..., None], RING, axis=-1)
-        return DriveState(law=LawState.steady(speed), commands=commands, ramp=speed)
-
-
 def received_command(
     parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
 ) -> FloatArray:
     """Return latched commands after rounding, dead band, gain and saturation [rpm]; NaN counts as 0.
 
-    Args:
-        parameters: parameters of the drive.
-        command_rpm: latched commands [rpm].
-        seconds: time since the start at which each takes effect [s], of a shape that broadcasts.
+    `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
     """
     command = np.asarray(command_rpm, float)
     command = np.where(np.abs(command) <= ABSURD_RPM, command, 0.0)
@@ -154,8 +127,7 @@ def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) ->
         on_knee = np.clip(beyond, 0.0, 2.0 * knee)  # further out the square may overflow
         bent = np.copysign(limit_rpm - knee + beyond - on_knee * on_knee / (4.0 * knee), command)
         command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
-    limited: FloatArray = np.minimum(np.maximum(command, -limit_rpm), limit_rpm)
-    return limited
+    return np.asarray(np.minimum(np.maximum(command, -limit_rpm), limit_rpm))
 
 
 def law_inputs(
@@ -193,13 +165,8 @@ def ramped_inputs(
     The ramp follows the delayed command at the acceleration limit; r(k) is its mean over the tick. Without a
     limit the ramp is the command itself, and r(k) that of `law_inputs`.
 
-    Args:
-        parameters: parameters of the drive.
-        ticks: consecutive numbers k of the ticks, shape (K,).
-        latched_rpm: commands in order of latching, shape (..., J).
-        latches: number of commands that are latched by each tick, shape (K,) or one number.
-        start: number j of the first of `latched_rpm`; earlier commands equal it.
-        ramp_rpm: value of the ramp at the first tick [rpm], shape (...).
+    The ticks are consecutive; `latched_rpm`, `latches` and `start` are as for `law_inputs`. `ramp_rpm` is the
+    value of the ramp at the first tick [rpm], shape (...).
     """
     limit = parameters.acceleration_rpm_s * parameters.law.sample_period_s  # change in one tick
     held = list(_held(parameters, ticks, latched_rpm, latches, start))
@@ -244,52 +211,16 @@ def _held(
         done, j = until, np.where(arrives, j + 1.0, j)
 
 
-def step_drive(
-    parameters: DriveParameters, state: DriveState, command_rpm: npt.ArrayLike, timestep: float
-) -> tuple[FloatArray, DriveState]:
-    """Advance one substep: return the setpoint at its end [rpm], shape (...), and the next state.
-
-    Args:
-        parameters: parameters of the drive.
-        state: state at the start of the substep.
-        command_rpm: present command [rpm], shape (...).
-        timestep: timestep of the physics [s], the same at every call.
-    """
-    tau, period = parameters.law.sample_period_s, parameters.command_period_s
-    now = state.substeps * timestep
-    shape = np.broadcast_shapes(np.shape(command_rpm), state.commands.shape[:-1])
-    commands = np.broadcast_to(state.commands, (*shape, RING))
-    latches, ticks, law, ramp = state.latches, state.ticks, state.law, state.ramp
-    while now >= latches * period - EPS * period:
-        received = received_command(parameters, command_rpm, latches * period + parameters.delay_s)
-        newest = np.broadcast_to(received, shape)
-        commands = np.concatenate([commands[..., 1:], newest[..., None]], axis=-1)
-        latches += 1
-    while now >= ticks * tau - EPS * tau:
-        r, ramp = ramped_inputs(parameters, [ticks], commands, latches, latches - RING, ramp)
-        _, law = parameters.law.tick(law, r[..., 0])
-        ticks += 1
-    w0, w1 = np.asarray(law.w0, float), np.asarray(law.w1, float)
-    share = ((state.substeps + 1) * timestep - (ticks - 1) * tau) / tau
-    setpoint = w1 + (w0 - w1) * min(max(share, 0.0), 1.0)
-    return setpoint, DriveState(state.substeps + 1, ticks, latches, law, commands, ramp)
-
-
 def simulate_drive(
     parameters: DriveParameters,
     command_rpm: npt.ArrayLike,
     timestep: float,
     initial_rpm: npt.ArrayLike = 0.0,
 ) -> FloatArray:
-    """Return the setpoints at the end of each substep [rpm], shape (..., n).
+    """Return the setpoints at the end of each substep of a `timestep` [s], in rpm, shape (..., n).
 
-    The result of repeated `step_drive`, with a Python loop over law ticks only.
-
-    Args:
-        parameters: parameters of the drive.
-        command_rpm: command at each substep [rpm], shape (..., n); leading axes are wheels or runs.
-        timestep: timestep of the physics [s].
-        initial_rpm: steady speed before the start [rpm], shape (...).
+    The commands at each substep [rpm] have the shape (..., n), and the steady speeds before the start [rpm]
+    the shape (...); leading axes are wheels or runs.
     """
     tau, period = parameters.law.sample_period_s, parameters.command_period_s
     command = np.asarray(command_rpm, float)
@@ -306,8 +237,7 @@ def simulate_drive(
     w = parameters.law.simulate(r, LawState.steady(initial))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
-    setpoints: FloatArray = w[..., k] + (w[..., k + 1] - w[..., k]) * share
-    return setpoints
+    return np.asarray(w[..., k] + (w[..., k + 1] - w[..., k]) * share)
 
 
 def latched_commands(
@@ -319,13 +249,9 @@ def latched_commands(
 ) -> FloatArray:
     """Return the law's inputs r(k) [rpm], shape (n_ticks,), for a logged command.
 
-    Args:
-        parameters: parameters of the drive.
-        time_s: increasing times of the commands [s], shape (N,); the run starts at the first.
-        command_rpm: commands [rpm], shape (N,), each held until the next one. NaN is a missing sample: the
-            previous command holds on, or `initial_rpm` before the first one.
-        n_ticks: number of law ticks.
-        initial_rpm: steady command before the run [rpm].
+    The run of `n_ticks` law ticks starts at the first of the increasing times [s], shape (N,). Each command
+    [rpm], shape (N,), is held until the next one. NaN is a missing sample: the previous command holds on, or,
+    before the first one, the steady command before the run, `initial_rpm`.
 
     Raises:
         InputError: an empty log, or arrays of different shapes.

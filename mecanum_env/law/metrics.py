@@ -20,13 +20,8 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.units import FloatArray
 
-_SETTLING_BAND: Final = 0.02
-"""Half-width of the settling band, relative to the change."""
 _NOISE_SIGMAS: Final = 5.0
 """1,000 samples of white noise leave this band with a probability of 1/1,700; a band of 4 with 1/16."""
-_LONGEST_TICKS: Final = 1_000_000
-_TRANSIENT_LEFT: Final = 1e-12
-"""Share of the transient at which a simulated response counts as steady."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +73,7 @@ def step_metrics(
     steady = float(np.mean(steady_part))
     noise = _noise_of(steady_part) if noise_rpm is None else noise_rpm
     change = steady - start_rpm
-    band = max(_SETTLING_BAND * abs(change), _NOISE_SIGMAS * noise)
+    band = max(0.02 * abs(change), _NOISE_SIGMAS * noise)
     error = (steady - command_rpm) / command_rpm if command_rpm != 0.0 else math.nan
     if abs(change) <= _NOISE_SIGMAS * noise or change == 0.0:  # it never moved
         return StepMetrics(math.nan, math.nan, math.nan, error, steady, band)
@@ -126,17 +121,16 @@ def step_response(law: WheelLaw, ticks: int) -> FloatArray:
 
     Equal to `WheelLaw.simulate` up to rounding, but in compiled code for long horizons.
     """
-    response: FloatArray = lfilter(
-        [0.0, law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C], np.ones(ticks + 1)
-    )
-    return response
+    zeros, poles = [0.0, law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C]
+    return np.asarray(lfilter(zeros, poles, np.ones(ticks + 1)))
 
 
 def _ticks_until_steady(law: WheelLaw) -> int:
+    """Return the ticks until 1e-12 of a transient is left, at most a million."""
     slowest = abs(law.require_stable().poles[0])
-    decay = math.log(_TRANSIENT_LEFT) / math.log(slowest) if slowest > 0.0 else 0.0
+    decay = math.log(1e-12) / math.log(slowest) if slowest > 0.0 else 0.0
     # Ten more ticks for the zeros; the factor is for a triple pole, which decays later than a single one.
-    return min(10 + math.ceil(1.5 * decay), _LONGEST_TICKS)
+    return min(10 + math.ceil(1.5 * decay), 1_000_000)
 
 
 def _usable(

@@ -30,12 +30,9 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Final
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
-
-_UNIT_GAIN_TOLERANCE: Final = 1e-9
 
 
 @dataclass(frozen=True)
@@ -62,12 +59,8 @@ class Motor:
     """N, motor turns per wheel turn, above 0."""
 
     def __post_init__(self) -> None:
-        _require_positive(
-            resistance=self.resistance,
-            torque_constant=self.torque_constant,
-            inertia=self.inertia,
-            gear=self.gear,
-        )
+        positive = ("resistance", "torque_constant", "inertia", "gear")
+        _require_positive(**{name: getattr(self, name) for name in positive})
         _require_not_negative(inductance=self.inductance, back_emf=self.back_emf, damping=self.damping)
 
 
@@ -138,19 +131,17 @@ def law_from_drive(motor: Motor, pid: Pid, sample_period_s: float) -> WheelLaw:
 
 
 def lumped_from_law(law: WheelLaw, steady_volts_s_rad: float = 1.0) -> LumpedDrive:
-    """Return the lumped drive of a law, scaled so that a0 = `steady_volts_s_rad`.
+    """Return the lumped drive of a law of unit DC gain, scaled so that a0 = `steady_volts_s_rad`.
 
-    Args:
-        law: a law of unit DC gain (`WheelLaw.normalised`).
-        steady_volts_s_rad: motor voltage over wheel speed at steady speed [V s/rad], as a multimeter gives
-            it; 1 leaves all six numbers relative to it.
+    That is the motor voltage over wheel speed at steady speed [V s/rad], as a multimeter gives it; 1 leaves
+    all six numbers relative to it.
 
     Raises:
         InputError: the six coefficients do not sum to 1; a0 is not positive, so that no passive motor under
             PID has this law; or `steady_volts_s_rad` is not a finite number above 0.
     """
     total = float(sum(law.coefficients))
-    if abs(total - 1.0) > _UNIT_GAIN_TOLERANCE:
+    if abs(total - 1.0) > 1e-9:
         raise InputError(
             f"A+B+C+D+E+F = {total:.9g}, must be 1 for a motor under PID; use law.normalised() first"
         )
@@ -164,11 +155,7 @@ def lumped_from_law(law: WheelLaw, steady_volts_s_rad: float = 1.0) -> LumpedDri
             f"a0 = {a0:.6g} in units of P, must be above 0; no passive motor under PID has this law"
         )
     scale = steady_volts_s_rad / a0
-    pid = Pid(
-        Kp=scale * (-law.E - 2.0 * law.F),
-        Ki=scale * (law.D + law.E + law.F) / t,
-        Kd=scale * law.F * t,
-    )
+    pid = Pid(scale * (-law.E - 2.0 * law.F), scale * (law.D + law.E + law.F) / t, scale * law.F * t)
     return LumpedDrive(steady_volts_s_rad, scale * a1, scale * a2, pid)
 
 
@@ -187,13 +174,8 @@ def drive_from_law(
     R J^2 - (Kt a1/N) J + Kt a2 b/N = 0. Its two roots exchange the electrical and the mechanical time
     constant, L/R and J/b; the larger J is taken, since the electrical side is the faster one.
 
-    Args:
-        law: a law of unit DC gain.
-        resistance: R [ohm].
-        torque_constant: Kt [N m/A].
-        back_emf: Ke [V s/rad].
-        steady_volts_s_rad: motor voltage over *wheel* speed at steady speed without load [V s/rad].
-        gear: N, motor turns per wheel turn.
+    The law has unit DC gain. `resistance`, `torque_constant`, `back_emf` and `gear` are those of `Motor`;
+    `steady_volts_s_rad` is the motor voltage over *wheel* speed at steady speed without load [V s/rad].
 
     Raises:
         InputError: as `lumped_from_law`, or no real, passive motor with these constants has this law.
@@ -218,8 +200,7 @@ def drive_from_law(
         )
     inertia = (a1 + math.sqrt(discriminant)) / (2.0 * resistance)
     inductance = max(a2, 0.0) / inertia
-    motor = Motor(resistance, inductance, torque_constant, back_emf, inertia, damping, gear)
-    return motor, drive.pid
+    return Motor(resistance, inductance, torque_constant, back_emf, inertia, damping, gear), drive.pid
 
 
 def _require_positive(**constants: float) -> None:

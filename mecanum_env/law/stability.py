@@ -64,13 +64,8 @@ def stable_abc(t: npt.ArrayLike) -> FloatArray:
 def stable_abc_jacobian(t: npt.ArrayLike) -> FloatArray:
     """Return d(A, B, C)/dt, shape (3, 3), at coordinates t, shape (3,)."""
     k1, k2, k3 = k = np.tanh(np.asarray(t, float))
-    by_reflection = -np.array(
-        [
-            [1.0 + k2, k1 + k3, k2],
-            [k3 * (1.0 + k2), 1.0 + k3 * k1, k1 * (1.0 + k2)],
-            [0.0, 0.0, 1.0],
-        ]
-    )
+    rows = [[1.0 + k2, k1 + k3, k2], [k3 * (1.0 + k2), 1.0 + k3 * k1, k1 * (1.0 + k2)], [0.0, 0.0, 1.0]]
+    by_reflection = -np.array(rows)
     return np.asarray(_COORDINATE_SCALES[:, None] * by_reflection * (1.0 - k * k))
 
 

@@ -33,8 +33,6 @@ from mecanum_env.units import FloatArray
 
 ROLLER_SIDE = {"fl": -1.0, "fr": 1.0, "rl": 1.0, "rr": -1.0}
 """s in the axis (1, s, 0) / sqrt 2 of the roller on the floor; seen from above, the four axes form an X."""
-GAP = 0.01
-"""Gap between neighbouring rollers, relative to their distance."""
 PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
 """Initial angle of each wheel's first roller, relative to the angle between rollers.
 
@@ -62,8 +60,7 @@ class WheelGeometry:
     def reach(self, phi: FloatArray) -> FloatArray:
         """Return how far [m] the roller at `phi` [rad] from the lowest point reaches below the axle."""
         b2, c2 = self.roller_radius**2, self.roller_half_length**2
-        below: FloatArray = self.roller_circle * np.cos(phi) + np.sqrt(b2 + (c2 - b2) * np.sin(phi) ** 2 / 2)
-        return below
+        return np.asarray(self.roller_circle * np.cos(phi) + np.sqrt(b2 + (c2 - b2) * np.sin(phi) ** 2 / 2))
 
     @property
     def half_width(self) -> float:
@@ -83,7 +80,7 @@ def wheel_geometry(radius: float, rollers: int) -> WheelGeometry:
         turn = 1 + math.cos(p) ** 2
         half_distance = r * math.sin(p) / math.sqrt(turn)
         t = math.sqrt(2) * r * math.sin(p) * math.cos(p) / turn
-        return (1 - GAP) * half_distance - (radius - r) * math.sqrt(1 - (t / roller_half_length(r)) ** 2)
+        return (1 - 0.01) * half_distance - (radius - r) * math.sqrt(1 - (t / roller_half_length(r)) ** 2)
 
     r = float(brentq(clearance, 0.4 * radius, 0.999 * radius, xtol=1e-15 * radius))
     return WheelGeometry(radius, rollers, r, radius - r, roller_half_length(r))
@@ -131,9 +128,7 @@ def wheels_on_body(robot: Robot, per_wheel: float) -> tuple[float, float]:
     and about 4 J k^2 / R^2 in yaw, k being half_wheelbase + half_track. The planar plant's joints lie along
     the world's axes, so both directions get the mean (they differ by 3.3 % for ten rollers).
 
-    Args:
-        robot: dimensions of wheels and robot.
-        per_wheel: inertia [kg m^2] or damping [N m s/rad] of one wheel.
+    `per_wheel` is the inertia [kg m^2] or damping [N m s/rad] of one wheel.
     """
     rows = no_slip_rows(robot)
     forward, sideways, yaw = per_wheel * np.diag(rows.T @ rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
@@ -17,15 +18,12 @@ ROLLERS_SHARE = 0.02
 ROCKER_SHARE = 0.025
 """Mass of the front rocker over that of the robot."""
 
-Vector = tuple[float, float, float]
 
-
-@dataclass(frozen=True)
-class Inertia:
+class Inertia(NamedTuple):
     """Mass [kg] and principal moments [kg m^2] about the centre of mass, axes along the body's frame."""
 
     mass: float
-    moments: Vector
+    moments: tuple[float, float, float]
 
 
 @dataclass(frozen=True)
@@ -59,9 +57,8 @@ def robot_masses(robot: Robot) -> Masses:
     roller = _ellipsoid(
         ROLLERS_SHARE * total / geometry.rollers, geometry.roller_radius, geometry.roller_half_length
     )
-    rocker = _box(
-        ROCKER_SHARE * total, 0.3 * robot.wheel_radius_m, robot.half_track_m, 0.3 * robot.wheel_radius_m
-    )
+    thickness = 0.3 * robot.wheel_radius_m
+    rocker = _box(ROCKER_SHARE * total, thickness, robot.half_track_m, thickness)
     masses = Masses(hub, roller, rocker, Inertia(0.0, (0.0, 0.0, 0.0)))
     others = rocker.moments[2] + rocker.mass * robot.half_wheelbase_m**2
     for wheel in WHEELS:

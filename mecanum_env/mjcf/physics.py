@@ -38,9 +38,7 @@ at the step rate while the limit acts; the plugin's wheel does not.
 def fitting_timestep(model: Model, at_most_s: float | None = None) -> float:
     """Return the largest step up to `at_most_s` [s] of which the law's sample period is a whole multiple.
 
-    Args:
-        model: its wheel law has the sample period.
-        at_most_s: upper bound; by default `SIMULATION_TIMESTEP_S`.
+    The upper bound is `SIMULATION_TIMESTEP_S` by default.
 
     Raises:
         InputError: `at_most_s` is not a number above 0.
@@ -109,8 +107,7 @@ def add_drive(
         drive: "plugin" or "servo".
         wheel_quantum: round the wheel's command to the model's quantum.
         law_wheel: fl, fr, rl or rr for that wheel's own law; None for the common one.
-        site_gear: gear (6,) on the site "base" instead of a joint. The actuator's speed is gear times the
-            site's velocity, and its torque acts on the body as the matching force and moment.
+        site_gear: gear (6,) on the site "base" instead of a joint; see `planar_spec`.
         torque_limit_n_m: torque limit instead of the robot's.
 
     Raises:

@@ -29,12 +29,9 @@ from mecanum_env.mjcf.physics import (
     wheel_inertia,
 )
 from mecanum_env.mjcf.scene import add_appearance, add_bench_view, add_scene, add_views
-from mecanum_env.mjcf.wheel import add_still_wheels, add_wheel, dress_bench, set_inertia
+from mecanum_env.mjcf.wheel import add_still_wheel, add_wheel, dress_bench, set_inertia
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT
-
-ROCKER_LIMIT_RAD: Final = 0.2
-"""How far the front axle tilts to either side [rad]."""
 
 
 def robot_spec(
@@ -86,7 +83,7 @@ def robot_spec(
         type=mujoco.mjtJoint.mjJNT_HINGE,
         axis=[1, 0, 0],
         limited=mujoco.mjtLimited.mjLIMITED_TRUE,
-        range=[-ROCKER_LIMIT_RAD, ROCKER_LIMIT_RAD],
+        range=[-0.2, 0.2],
     )
     for wheel in WHEELS:
         x, y = wheel_position(robot, wheel)
@@ -144,7 +141,8 @@ def planar_spec(
         geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
         dress_robot(base, base, robot, geometry)
         add_views(spec, base, robot)
-        add_still_wheels(base, robot, geometry)
+        for wheel in WHEELS:
+            add_still_wheel(base, wheel, geometry, (*wheel_position(robot, wheel), 0.0))
     return spec
 
 

@@ -6,14 +6,12 @@ import mujoco
 import numpy as np
 
 from mecanum_env.mjcf import shapes
-from mecanum_env.mjcf.shapes import add_materials
 from mecanum_env.model import Robot
 
 FIELD_M = 9.0
 """Side of the square field [m]."""
 LINE_M = 0.05
 """Width of the lines on the mat [m]."""
-_LINE_HEIGHT_M = 0.001
 
 
 def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
@@ -35,19 +33,12 @@ def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
     ground = shapes.add_visual(world, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05), (0, 0, -0.01))
     ground.castshadow = 0
     edge = half - LINE_M / 2
-    lines = [
-        (half, LINE_M / 2, 0.0, edge),
-        (half, LINE_M / 2, 0.0, -edge),
-        (LINE_M / 2, half, edge, 0.0),
-        (LINE_M / 2, half, -edge, 0.0),
-        # The centre, and the two starting lines on either side of it.
-        (0.15, LINE_M / 2, 0.0, 0.0),
-        (LINE_M / 2, 0.15, 0.0, 0.0),
-        (LINE_M / 2, 0.4, 1.4, 0.0),
-        (LINE_M / 2, 0.4, -1.4, 0.0),
-    ]
-    for half_x, half_y, x, y in lines:
-        shapes.box(world, "line", (half_x, half_y, _LINE_HEIGHT_M / 2), (x, y, _LINE_HEIGHT_M / 2))
+    wide, up = LINE_M / 2, 0.001 / 2  # half the width and height of a line
+    edges = ((half, wide, 0, edge), (half, wide, 0, -edge), (wide, half, edge, 0), (wide, half, -edge, 0))
+    centre = ((0.15, wide, 0.0, 0.0), (wide, 0.15, 0.0, 0.0))
+    starts = ((wide, 0.4, 1.4, 0.0), (wide, 0.4, -1.4, 0.0))
+    for half_x, half_y, x, y in (*edges, *centre, *starts):
+        shapes.box(world, "line", (half_x, half_y, up), (x, y, up))
 
 
 def add_appearance(spec: mujoco.MjSpec) -> None:
@@ -73,7 +64,7 @@ def add_appearance(spec: mujoco.MjSpec) -> None:
         width=256,
         height=1536,
     )
-    add_materials(spec)
+    shapes.add_materials(spec)
 
 
 def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
@@ -103,13 +94,8 @@ def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
         ("close", (0.75 * s, -0.85 * s, 0.30 * s), (0.05 * s, -0.05 * s, 0.05 * s), 38.0),
         ("side", (0.0, -2.4 * s, 0.45 * s), (0.05 * s, 0.0, 0.22 * s), 30.0),
     ):
-        base.add_camera(
-            name=name,
-            mode=mujoco.mjtCamLight.mjCAMLIGHT_TRACK,
-            pos=position,
-            quat=look_at(position, target),
-            fovy=fovy,
-        )
+        follows = mujoco.mjtCamLight.mjCAMLIGHT_TRACK
+        base.add_camera(name=name, mode=follows, pos=position, quat=look_at(position, target), fovy=fovy)
     for name, position, target, fovy in (
         ("overview", (-1.5, -8.6, 6.2), (0.0, -0.35, 0.0), 46.0),
         ("top", (0.0, -0.001, 12.0), (0.0, 0.0, 0.0), 46.0),

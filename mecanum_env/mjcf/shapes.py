@@ -13,8 +13,7 @@ import mujoco
 
 VISUAL_GROUP = 2
 """MuJoCo's geom group of what is only seen."""
-_LIE_ALONG_Y = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
-"""Quaternion that turns the z axis of a cylinder to y."""
+_ONLY_SEEN = {"contype": 0, "conaffinity": 0, "group": VISUAL_GROUP}
 _MATERIALS: dict[str, tuple[tuple[float, float, float], float, float, float, float]] = {
     "mat": ((1.0, 1.0, 1.0), 0.2, 0.2, 0.06, 0.0),
     "ground": ((0.50, 0.54, 0.60), 0.0, 0.0, 0.0, 0.0),
@@ -45,15 +44,9 @@ def add_materials(spec: mujoco.MjSpec) -> None:
         width=256,
         height=256,
     )
-    for name, (rgb, specular, shininess, reflectance, emission) in _MATERIALS.items():
-        spec.add_material(
-            name=name,
-            rgba=[*rgb, 1.0],
-            specular=specular,
-            shininess=shininess,
-            reflectance=reflectance,
-            emission=emission,
-        )
+    for name, (rgb, *numbers) in _MATERIALS.items():
+        shine = dict(zip(("specular", "shininess", "reflectance", "emission"), numbers, strict=True))
+        spec.add_material(name=name, rgba=[*rgb, 1.0], **shine)
     mat = spec.material("mat")
     mat.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = "squares"
     mat.texuniform = True
@@ -69,16 +62,9 @@ def add_visual(
     quaternion: Sequence[float] = (1.0, 0.0, 0.0, 0.0),
 ) -> mujoco.MjsGeom:
     """Add a geom of a kind and material, with its size (half-lengths), position and quaternion."""
-    return body.add_geom(
-        type=kind,
-        material=material,
-        size=[*size, *[0.0] * (3 - len(size))],
-        pos=list(position),
-        quat=list(quaternion),
-        contype=0,
-        conaffinity=0,
-        group=VISUAL_GROUP,
-    )
+    size = [*size, *[0.0] * (3 - len(size))]
+    place = {"size": size, "pos": list(position), "quat": list(quaternion)}
+    return body.add_geom(type=kind, material=material, **place, **_ONLY_SEEN)
 
 
 def box(body: mujoco.MjsBody, material: str, size: Sequence[float], position: Sequence[float]) -> None:
@@ -107,7 +93,8 @@ def disc_y(
     body: mujoco.MjsBody, material: str, radius: float, half_width: float, position: Sequence[float]
 ) -> None:
     """Add a cylinder along y, as wheels lie, of a material, radius and half-width at a position."""
-    add_visual(body, mujoco.mjtGeom.mjGEOM_CYLINDER, material, [radius, half_width], position, _LIE_ALONG_Y)
+    z_to_y = (math.sqrt(0.5), math.sqrt(0.5), 0.0, 0.0)
+    add_visual(body, mujoco.mjtGeom.mjGEOM_CYLINDER, material, [radius, half_width], position, z_to_y)
 
 
 def rod(
@@ -121,12 +108,5 @@ def rod(
 ) -> None:
     """Add a rod of a material and radius from start to end; its ends are rounded or flat."""
     kind = mujoco.mjtGeom.mjGEOM_CAPSULE if rounded else mujoco.mjtGeom.mjGEOM_CYLINDER
-    body.add_geom(
-        type=kind,
-        material=material,
-        size=[radius, 0.0, 0.0],
-        fromto=[*start, *end],
-        contype=0,
-        conaffinity=0,
-        group=VISUAL_GROUP,
-    )
+    place = {"size": [radius, 0.0, 0.0], "fromto": [*start, *end]}
+    body.add_geom(type=kind, material=material, **place, **_ONLY_SEEN)

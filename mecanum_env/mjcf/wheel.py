@@ -6,14 +6,10 @@ import math
 
 import mujoco
 
-from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf import shapes
-from mecanum_env.mjcf.geometry import ROLLER_SIDE, WheelGeometry, roller_angle, roller_pose, wheel_position
+from mecanum_env.mjcf.geometry import ROLLER_SIDE, WheelGeometry, roller_angle, roller_pose
 from mecanum_env.mjcf.masses import Inertia, Masses
-from mecanum_env.model import Robot
 
-ROLLER_DAMPING = 1e-5
-"""Damping of a roller's bearing [N m s/rad]: just enough for a roller in the air to come to rest."""
 ROLLER_GROUP = 1
 """MuJoCo's geom group of the rollers, which touch the floor."""
 BOLTS = 5
@@ -50,9 +46,8 @@ def add_wheel(
         place, quaternion = roller_pose(geometry, ROLLER_SIDE[wheel], roller_angle(geometry, wheel, i))
         roller = hub.add_body(name=roller_name, pos=place, quat=quaternion)
         set_inertia(roller, masses.roller)
-        roller.add_joint(
-            name=roller_name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], damping=ROLLER_DAMPING
-        )
+        # The damping is just enough for a roller in the air to come to rest.
+        roller.add_joint(name=roller_name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 0, 1], damping=1e-5)
         geom = roller.add_geom(
             name=roller_name,
             type=mujoco.mjtGeom.mjGEOM_ELLIPSOID,
@@ -70,17 +65,9 @@ def add_wheel(
 def set_inertia(
     body: mujoco.MjsBody, inertia: Inertia, position: tuple[float, float, float] = (0.0, 0.0, 0.0)
 ) -> None:
-    """Set a body's mass and moments explicitly, so that its geoms add none.
-
-    Args:
-        body: written in place.
-        inertia: mass and moments, axes along the body's frame.
-        position: centre of mass in the body's frame [m].
-    """
+    """Set a body's mass, moments and, at a position [m], its centre of mass, so that its geoms add none."""
     body.explicitinertial = True
-    body.mass = inertia.mass
-    body.ipos = position
-    body.inertia = inertia.moments
+    body.mass, body.ipos, body.inertia = inertia.mass, position, inertia.moments
 
 
 def add_hub(
@@ -96,11 +83,8 @@ def add_hub(
         shapes.disc_y(body, "dark_metal", 0.30 * geometry.radius, 0.06 * geometry.radius, (x, face, z))
         for i in range(BOLTS):
             angle = 2 * math.pi * i / BOLTS
-            place = (
-                x + 0.55 * geometry.radius * math.sin(angle),
-                face,
-                z + 0.55 * geometry.radius * math.cos(angle),
-            )
+            out = 0.55 * geometry.radius
+            place = (x + out * math.sin(angle), face, z + out * math.cos(angle))
             material = "accent" if i == 0 else "dark_metal"
             shapes.disc_y(body, material, 0.075 * geometry.radius, 0.05 * geometry.radius, place)
 
@@ -121,13 +105,6 @@ def add_still_wheel(
         place = [p + q for p, q in zip(position, centre, strict=True)]
         kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID
         shapes.add_visual(body, kind, roller_material(i), [b, b, c], place, quaternion)
-
-
-def add_still_wheels(base: mujoco.MjsBody, robot: Robot, geometry: WheelGeometry) -> None:
-    """Add the look of four wheels as rigid parts of the base, for the planar plant."""
-    for wheel in WHEELS:
-        x, y = wheel_position(robot, wheel)
-        add_still_wheel(base, wheel, geometry, (x, y, 0.0))
 
 
 def dress_bench(world: mujoco.MjsBody, wheel: mujoco.MjsBody, geometry: WheelGeometry) -> None:

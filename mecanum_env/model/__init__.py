@@ -1,6 +1,5 @@
 """`model.json`: the contract between fit, simulator, environment and gap workflow."""
 
-from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
 from mecanum_env.model.file import (
     FORMAT,
     model_from_dict,
@@ -11,7 +10,7 @@ from mecanum_env.model.file import (
     robot_from_dict,
     write_model,
 )
-from mecanum_env.model.model import Model, Robot, Wheel
+from mecanum_env.model.model import EFFECT_PARAMETERS, Model, Robot, Wheel
 
 __all__ = [
     "EFFECT_PARAMETERS",

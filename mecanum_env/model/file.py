@@ -16,9 +16,8 @@ from typing import Any, Final
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import asset_path, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
-from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
 from mecanum_env.model.json_checks import mapping, numbers, uncertainty_from_dict
-from mecanum_env.model.model import Model, Robot, Wheel
+from mecanum_env.model.model import EFFECT_PARAMETERS, Model, Robot, Wheel
 
 FORMAT: Final = "mecanum-model/1"
 _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")

@@ -13,10 +13,8 @@ from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.model.effect_schema import EFFECT_PARAMETERS
-from mecanum_env.model.model import Robot
+from mecanum_env.model.model import EFFECT_PARAMETERS, Robot
 
-_MODEL_ERRORS: Final = ("settled", "transient", "correlation_s")
 _SIZE: Final = len(COEFFICIENTS)
 
 
@@ -46,13 +44,9 @@ def number(where: str, value: Any) -> float:
 
 
 def numbers(where: str, value: Any, known: Collection[str], null: Collection[str] = ()) -> dict[str, float]:
-    """Return the numbers of a JSON object by name.
+    """Return the numbers of the JSON object `value` by name; `where` is its place in the file.
 
-    Args:
-        where: place of the object in the file.
-        value: the object.
-        known: names that it may have.
-        null: names whose value may be null, which stands for infinity (JSON has none).
+    It may have the names `known`; those in `null` may be null, which stands for infinity (JSON has none).
 
     Raises:
         InputError: `value` is no object, has a name that is not known, or a value that is no number.
@@ -86,7 +80,7 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
         channels = mapping(f"{where}.channels", mapping(where, section["model_error"]).get("channels"))
         for name, errors in channels.items():
             place = f"{where}.channels.{name}"
-            for key in _MODEL_ERRORS:
+            for key in ("settled", "transient", "correlation_s"):
                 _not_negative(f"{place}.{key}", mapping(place, errors).get(key))
     return section
 

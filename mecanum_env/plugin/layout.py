@@ -82,9 +82,7 @@ STATE_SIZE: Final = len(STATE) + RING
 def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[float]:
     """Return the ten numbers of an actuator's dynprm.
 
-    Args:
-        drive: the wheel's law and command path.
-        quantum_rpm: rounding of commands instead of the drive's own; 0 if commands are rounded elsewhere.
+    The quantum [rpm] replaces the drive's own; 0 if commands are rounded elsewhere.
     """
     return [
         *(float(x) for x in drive.law.coefficients),
@@ -98,10 +96,7 @@ def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[flo
 def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | None = None) -> list[float]:
     """Return the numbers of an actuator's user field, USER_SIZE of them.
 
-    Args:
-        robot: servo and torque limit.
-        drive: the wheel's command path, backlash and friction.
-        torque_limit_n_m: limit instead of the robot's; infinite or NO_TORQUE_LIMIT for none.
+    The torque limit replaces the robot's; infinite or NO_TORQUE_LIMIT for none.
 
     Raises:
         InputError: the limit is not above 0.
@@ -135,14 +130,9 @@ def set_wheel_parameters(
     The transmission is kept and a `forcerange` removed. Written XML carries no bias of a plugin actuator, so
     a spec that is to be written needs `biastype` and `biasprm` in its default class, too.
 
-    Args:
-        spec: the actuator's spec.
-        actuator: with a unique name.
-        model: wheel, servo, torque limit, and the effects that act in the drive.
-        wheel_name: fl, fr, rl or rr for that wheel's own law and effects.
-        quantum_rpm: as for `dynprm`.
-        torque_limit_n_m: as for `userdata`; the bench has NO_TORQUE_LIMIT.
-        inertia_kg_m2: moment of inertia of the free wheel.
+    `wheel_name` is fl, fr, rl or rr for that wheel's own law and effects, `quantum_rpm` as for `dynprm`,
+    `torque_limit_n_m` as for `userdata` (the bench has NO_TORQUE_LIMIT), and `inertia_kg_m2` the free
+    wheel's.
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
@@ -169,15 +159,9 @@ def write_parameters(
 ) -> None:
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
-    The inertia is kept: it belongs to the body, which is not rewritten.
-
-    Args:
-        mjmodel: the compiled model, written in place.
-        actuator_id: a wheel drive, one of `wheel_actuators`.
-        model: as for `set_wheel_parameters`.
-        wheel_name: as for `set_wheel_parameters`.
-        quantum_rpm: as for `set_wheel_parameters`.
-        torque_limit_n_m: as for `set_wheel_parameters`.
+    The inertia is kept: it belongs to the body, which is not rewritten. `actuator_id` is one of
+    `wheel_actuators`; `model`, `wheel_name`, `quantum_rpm` and `torque_limit_n_m` are as for
+    `set_wheel_parameters`.
 
     Raises:
         InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not
@@ -250,10 +234,7 @@ def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.Arr
     The clocks start anew, so the next substep latches a command and ticks the law, and the servo's integral
     is 0. Joint speeds are not touched; set `data.qvel` to match.
 
-    Args:
-        mjmodel: the compiled model.
-        data: its data, written in place.
-        speeds_rpm: one speed [rpm] for all wheel drives, or one for each in the order of the actuators.
+    Speeds are one number [rpm] for all wheel drives, or one for each in the order of the actuators.
 
     Raises:
         InputError: the number of speeds does not fit, or a speed is not finite.

@@ -17,11 +17,8 @@ from mecanum_env.errors import BackendError
 
 _PACKAGES: Final = {"osmesa": ("OSMesa", "libosmesa6"), "egl": ("EGL", "libegl1")}
 """Offline backend -> name of its library, Debian package."""
-_WINDOWED: Final = ("glfw", "glx", "cgl", "wgl")
 _ANY: Final = ("", "enable", "enabled", "on", "true", "1")
 """Values of MUJOCO_GL that leave the choice to MuJoCo."""
-_OFF: Final = ("disable", "disabled", "off", "false", "0")
-"""Values of MUJOCO_GL that switch drawing off."""
 
 
 def choose_backend() -> str:
@@ -32,18 +29,18 @@ def choose_backend() -> str:
             is installed; the message names the Debian package.
     """
     asked = _asked()
-    if asked in _OFF:
+    if asked in ("disable", "disabled", "off", "false", "0"):
         raise BackendError(f"MUJOCO_GL={asked} switches drawing off; unset it, or set it to osmesa")
     if asked in _PACKAGES and not library_loads(asked):
         raise BackendError(
             f"MUJOCO_GL={asked}, but lib{_PACKAGES[asked][0]} is not installed: "
             f"apt-get install {_PACKAGES[asked][1]}, or unset MUJOCO_GL"
         )
-    if asked not in (*_PACKAGES, *_WINDOWED, *_ANY):
+    if asked not in (*_PACKAGES, "glfw", "glx", "cgl", "wgl", *_ANY):
         raise BackendError(f"MUJOCO_GL={asked}, must be {', '.join(_PACKAGES)}, glfw, or unset")
     if asked not in _ANY:
         return asked
-    if not sys.platform.startswith("linux") or _has_display():
+    if has_display():
         return "glfw"
     for backend in _PACKAGES:
         if library_loads(backend):
@@ -64,7 +61,7 @@ def use_backend() -> str:
         loaded = _asked()
         if loaded in _PACKAGES:
             return loaded
-        if sys.platform.startswith("linux") and not _has_display():
+        if not has_display():
             raise BackendError(
                 "mujoco was imported before its graphics library was chosen, and there is no display; "
                 "set MUJOCO_GL=osmesa, or call mecanum_env.rendering.backend.use_backend() first"
@@ -94,5 +91,7 @@ def _asked() -> str:
     return os.environ.get("MUJOCO_GL", "").strip().lower()
 
 
-def _has_display() -> bool:
-    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+def has_display() -> bool:
+    """Return whether a window can be opened: always except on Linux without DISPLAY and WAYLAND_DISPLAY."""
+    is_set = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    return bool(is_set) or not sys.platform.startswith("linux")

@@ -42,12 +42,9 @@ _WIDEST_CAPTION = "command  V  -000 rpm   theta  -000 deg   VC  -000 rpm"
 def render_frames(
     trajectory: Trajectory, view: View | None = None, rows: Iterable[int] | None = None
 ) -> Iterator[Frame]:
-    """Yield pictures (height, width, 3) of a drive.
+    """Yield pictures (height, width, 3) of a drive, seen as `View()` by default.
 
-    Args:
-        trajectory: the drive.
-        view: camera, size and quality; `View()` when None.
-        rows: physics steps to draw, as from `frame_rows`; `FPS` frames per second when None.
+    `rows` are the physics steps to draw, as from `frame_rows`; `FPS` frames per second when None.
 
     Raises:
         InputError: the model has no such camera.
@@ -73,11 +70,7 @@ def render_frames(
 
 
 def frame_rows(time_s: npt.NDArray[np.float64], fps: float = FPS) -> npt.NDArray[np.intp]:
-    """Return the rows of `time_s` [s] nearest to the frame times 0, 1/fps, 2/fps ... within the drive.
-
-    Args:
-        time_s: increasing times, shape (n,), n >= 2.
-        fps: frames per second of simulated time.
+    """Return the rows of increasing times (n,) [s] nearest to the frame times 0, 1/fps ... within the drive.
 
     Raises:
         InputError: `fps` is not a number above 0.
@@ -91,17 +84,14 @@ def frame_rows(time_s: npt.NDArray[np.float64], fps: float = FPS) -> npt.NDArray
 def nearest_rows(time_s: npt.NDArray[np.float64], wanted_s: npt.ArrayLike) -> npt.NDArray[np.intp]:
     """Return the rows of the increasing times `time_s`, shape (n,), nearest to `wanted_s`, shape (...)."""
     midpoints = (time_s[1:] + time_s[:-1]) / 2
-    rows: npt.NDArray[np.intp] = np.searchsorted(midpoints, wanted_s)
-    return rows
+    return np.asarray(np.searchsorted(midpoints, wanted_s))
 
 
 def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: float = FPS) -> int:
     """Encode frames as H.264 in an mp4 file, whole or not at all, and return how many there were.
 
-    Args:
-        path: name of the file, which ends in .mp4.
-        frames: pictures (height, width, 3), all of the same size with even height and width.
-        fps: frames per second of the video.
+    The path ends in .mp4; all frames have one size (height, width, 3), both even, and are shown `fps` a
+    second.
 
     Raises:
         InputError: the name does not end in .mp4, there is no frame, or its size is odd.

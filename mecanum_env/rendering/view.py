@@ -23,10 +23,6 @@ sample per pixel; full: as the model asks."""
 LARGEST_PX: Final = 8192
 """Longest side of a picture [pixels]; every OpenGL driver draws this size."""
 
-_CAPTION_BACKGROUND: Final = 0.4
-"""Brightness of the picture behind a caption, relative to the rest."""
-_WHITE: Final = (255, 255, 255)
-
 
 @dataclass(frozen=True)
 class View:
@@ -60,12 +56,8 @@ class View:
 def draw_caption(frame: Frame, lines: Sequence[str], widest: str) -> None:
     """Draw lines of text in a dark box in the upper left corner of a picture, in place.
 
-    Only the box is touched, which is cheap enough for every frame of a video.
-
-    Args:
-        frame: picture, shape (height, width, 3), writable.
-        lines: text from top to bottom; what does not fit is cut off.
-        widest: text as wide as the box, the same for all frames of a video so that the box does not move.
+    Only the box is touched, which is cheap enough for every frame of a video; lines that do not fit are cut
+    off. `widest` is a text as wide as the box, the same for all frames of a video so that it does not move.
     """
     from PIL import Image, ImageDraw
 
@@ -74,10 +66,10 @@ def draw_caption(frame: Frame, lines: Sequence[str], widest: str) -> None:
     height = pitch * len(lines) + margin
     width = _text_width(size, widest) + 3 * margin
     box = frame[margin : margin + height, margin : margin + width]
-    picture = Image.fromarray((box * _CAPTION_BACKGROUND).astype(np.uint8))
+    picture = Image.fromarray((box * 0.4).astype(np.uint8))
     pen = ImageDraw.Draw(picture)
     for i, line in enumerate(lines):
-        pen.text((margin, margin // 2 + i * pitch), line, font=font, fill=_WHITE)
+        pen.text((margin, margin // 2 + i * pitch), line, font=font, fill=(255, 255, 255))
     box[:] = np.asarray(picture)
 
 

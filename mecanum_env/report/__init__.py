@@ -12,9 +12,6 @@ from typing import Any
 
 from mecanum_env.files import write_text
 
-Trace = Mapping[str, Any]
-"""A Plotly trace as its JSON object."""
-
 
 def report_available() -> bool:
     """Return whether the libraries of the `report` extra are installed."""
@@ -22,7 +19,7 @@ def report_available() -> bool:
 
 
 def figure(
-    traces: Sequence[Trace],
+    traces: Sequence[Mapping[str, Any]],
     *,
     title: str = "",
     x: str = "",
@@ -30,15 +27,9 @@ def figure(
     height: int = 320,
     layout: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Return a Plotly figure as a JSON object.
+    """Return a Plotly figure of traces (curves, markers ...) as a JSON object.
 
-    Args:
-        traces: curves, markers and the like.
-        title: title of the figure.
-        x: title of the horizontal axis.
-        y: title of the vertical axis.
-        height: height of the figure [pixels].
-        layout: further layout entries, which override these.
+    `x` and `y` are the titles of the axes, the height is in pixels, and entries of `layout` override these.
     """
     base: dict[str, Any] = {
         "title": {"text": title, "font": {"size": 14}, "x": 0.01, "xanchor": "left"},
@@ -47,8 +38,8 @@ def figure(
         "height": height,
         "margin": {"l": 60, "r": 20, "t": 60 if title else 30, "b": 45},
         "legend": {"orientation": "h", "y": 1.0, "yanchor": "bottom", "x": 1.0, "xanchor": "right"},
+        **(layout or {}),
     }
-    base.update(layout or {})
     return {"data": [dict(trace) for trace in traces], "layout": base}
 
 

@@ -17,9 +17,6 @@ from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.trajectory import step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-_ROUNDING_S = 1e-9
-"""Rounding error [s] of stamps that were converted from another unit or clock."""
-
 
 def replay_bench(
     model: Model,
@@ -46,8 +43,7 @@ def replay_bench(
         wheel: fl, fr, rl or rr to replay that wheel's own law; by default the common one.
         mj_model: `compile_bench` of the same model and wheel, to save compiling.
 
-    Returns:
-        Simulated wheel speed [rpm] as measured, linear between physics steps, shape (m,).
+    The speed, shape (m,), is as measured, and linear between physics steps.
 
     Raises:
         InputError: arrays of different lengths, stamps that do not increase, times or an initial speed that
@@ -111,10 +107,8 @@ def law_of_bench(
 def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | None = None) -> mujoco.MjModel:
     """Compile the one-wheel model, without what is only seen.
 
-    Args:
-        model: the wheel to simulate.
-        wheel: fl, fr, rl or rr for that wheel's own law; by default the common one.
-        timestep_s: upper bound of the physics step [s]; 1/480 s when None.
+    The law is that of the wheel fl, fr, rl or rr, by default the common one. `timestep_s` is the upper bound
+    of the physics step [s], 1/480 s when None.
     """
     return bench_spec(model, timestep_s, wheel=wheel, visuals=False).compile()
 
@@ -143,7 +137,8 @@ def _check_log(
     if np.any(np.diff(time_s) <= 0.0):
         at = int(np.argmax(np.diff(time_s) <= 0.0)) + 1
         raise InputError(f"stamp {at + 1} is {time_s[at]:g} s, must be later than {time_s[at - 1]:g} s")
-    if float(np.min(samples_s)) < float(time_s[0]) - _ROUNDING_S:
+    # Stamps that were converted from another unit or clock have rounding errors.
+    if float(np.min(samples_s)) < float(time_s[0]) - 1e-9:
         raise InputError(
             f"a sample at {np.min(samples_s):g} s, must not be before the first stamp, {time_s[0]:g} s"
         )

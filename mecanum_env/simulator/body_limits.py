@@ -37,10 +37,6 @@ class BodyLimits:
 
     The part of the wheel commands that no body motion follows (wheels working against each other) passes
     unchanged.
-
-    Args:
-        model: the robot's command period, latency and limits.
-        timestep_s: physics step.
     """
 
     def __init__(self, model: Model, timestep_s: float) -> None:
@@ -55,11 +51,7 @@ class BodyLimits:
         self._wheels = np.zeros(len(WHEELS))
 
     def step(self, wheels_rpm: FloatArray) -> FloatArray:
-        """Return the drives' commands [rpm] in the next physics step, shape (4,).
-
-        Args:
-            wheels_rpm: rounded wheel commands sent to the robot now, shape (4,).
-        """
+        """Return the drives' commands [rpm] in the next physics step for rounded ones sent now, (4,) each."""
         now = self._substeps * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
         while now >= self._latches * period - EPS * period:
@@ -73,12 +65,9 @@ class BodyLimits:
         return self._wheels
 
     def path(self, wheels_rpm: FloatArray) -> FloatArray:
-        """Return the drives' commands [rpm] in all physics steps from the start, shape (n, 4).
+        """Return the drives' commands [rpm] in all physics steps for rounded ones sent, (n, 4) each.
 
-        The result equals that of n calls of `step`.
-
-        Args:
-            wheels_rpm: rounded wheel commands sent to the robot, shape (n, 4).
+        The result equals that of n calls of `step` from the start.
         """
         now = np.arange(len(wheels_rpm), dtype=float) * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s

@@ -21,9 +21,6 @@ from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.tables import SUFFIXES, Table, has_table_suffix, read_table
 from mecanum_env.units import FloatArray
 
-_TIME_TOLERANCE_S: Final = 1e-9
-"""A stamp this close to a sampling time [s] counts as having arrived."""
-
 
 @dataclass(frozen=True)
 class BodyCommands:
@@ -94,20 +91,14 @@ Commands = BodyCommands | WheelCommands
 
 
 def hold(stamp_s: FloatArray, value: FloatArray, time_s: npt.ArrayLike, before: float = 0.0) -> FloatArray:
-    """Zero-order hold of values (n,) or (n, m) that appear at increasing stamps (n,) [s].
+    """Return the value held at each time of shape (...) [s], shape (...) or (..., m).
 
-    Args:
-        stamp_s: when each value appears.
-        value: what is held from then on; n may be 0.
-        time_s: where to read it, shape (...).
-        before: the value before the first stamp.
-
-    Returns:
-        The value held at each time, shape (...) or (..., m).
+    The values (n,) or (n, m) appear at increasing stamps (n,) [s] and are held until the next; n may be 0,
+    and the value `before` the first stamp is given.
     """
-    index = np.searchsorted(stamp_s, np.asarray(time_s, float) + _TIME_TOLERANCE_S, side="right")
-    known: FloatArray = np.concatenate([np.full((1, *value.shape[1:]), before), value])
-    return known[index]
+    # A stamp within 1 ns of a sampling time counts as having arrived.
+    index = np.searchsorted(stamp_s, np.asarray(time_s, float) + 1e-9, side="right")
+    return np.concatenate([np.full((1, *value.shape[1:]), before), value])[index]
 
 
 def _check_times(time_s: FloatArray, columns: Sequence[FloatArray]) -> None:
@@ -142,15 +133,9 @@ SCRIPTS: Final[dict[str, tuple[tuple[float, float, float, float], ...]]] = {
 }
 """Name of a drive -> its commands in order: duration [s], V [rpm], theta [deg], VC [rpm]."""
 
-_FINAL_STOP_S: Final = 0.8
-"""Time [s] for the robot to stop at the end of a scripted drive."""
-
 
 def scripted(name: str) -> tuple[BodyCommands, float]:
-    """Return the commands of a named drive and its duration [s], a final stop included.
-
-    Args:
-        name: a key of `SCRIPTS`.
+    """Return the commands of a drive named in `SCRIPTS` and its duration [s], 0.8 s for a stop included.
 
     Raises:
         InputError: there is no such drive.
@@ -164,13 +149,11 @@ def scripted(name: str) -> tuple[BodyCommands, float]:
         rows.append((round(now, 9), v, theta, vc))
         now += duration
     rows.append((round(now, 9), 0.0, 0.0, 0.0))
-    return BodyCommands.from_rows(rows), now + _FINAL_STOP_S
+    return BodyCommands.from_rows(rows), now + 0.8
 
 
-_TIME: Final = "time_s"
 _BODY_COLUMNS: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
 _WHEEL_COLUMNS: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
-_MEASURED_COLUMNS: Final = (*CHANNELS, "battery_v")
 
 
 def read_commands(path: str | os.PathLike[str]) -> Commands:
@@ -198,9 +181,9 @@ def read_commands(path: str | os.PathLike[str]) -> Commands:
 
 
 def _command_columns(table: Table) -> tuple[str, ...]:
-    known = (_TIME, *_BODY_COLUMNS, *_WHEEL_COLUMNS)
+    known = ("time_s", *_BODY_COLUMNS, *_WHEEL_COLUMNS)
     for name in table.names:
-        if name not in (*known, *_MEASURED_COLUMNS):
+        if name not in (*known, *CHANNELS, "battery_v"):
             raise InputError(
                 f"{table.header}: unknown column {name!r}{did_you_mean(name, known)}; "
                 f"known: {', '.join(known)}"
@@ -211,7 +194,7 @@ def _command_columns(table: Table) -> tuple[str, ...]:
             f"{table.header}: {'both command sets' if sets else 'no command column'}; must have "
             f"{', '.join(_BODY_COLUMNS)} or {', '.join(_WHEEL_COLUMNS)}"
         )
-    missing = [name for name in (_TIME, *sets[0]) if name not in table.names]
+    missing = [name for name in ("time_s", *sets[0]) if name not in table.names]
     if missing:
         raise InputError(
             f"{table.header}: column {', '.join(missing)} is missing; the file has {', '.join(table.names)}"
@@ -221,7 +204,7 @@ def _command_columns(table: Table) -> tuple[str, ...]:
 
 def _stamps(table: Table) -> FloatArray:
     """Return the stamps [s] since the first one."""
-    time = table.column(_TIME)
+    time = table.column("time_s")
     missing = np.flatnonzero(np.isnan(time))
     if missing.size:
         raise InputError(f"{table.where(int(missing[0]))}: time_s is missing; every row needs a stamp [s]")
@@ -232,8 +215,7 @@ def _stamps(table: Table) -> FloatArray:
             f"{table.where(row)}: time_s = {time[row]:g} after {time[row - 1]:g}, must be larger than the "
             "stamp before"
         )
-    since_first: FloatArray = time - time[0]
-    return since_first
+    return np.asarray(time - time[0])
 
 
 def _fill_forward(values: FloatArray) -> FloatArray:

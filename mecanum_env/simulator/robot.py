@@ -20,9 +20,6 @@ from mecanum_env.simulator.commands import Commands
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory, step_through
 from mecanum_env.units import FloatArray
 
-_SETTLING_S = 0.5
-"""Time [s] in which the rollers sink into the floor by some micrometres and come to rest."""
-
 
 def compile_plant(
     model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None, *, visuals: bool = True
@@ -31,13 +28,9 @@ def compile_plant(
 
     V, theta and VC are rounded before the kinematics, so the wheel actuators do not round again. The effects
     that limit the robot's command as a whole are left to `BodyLimits`, since a wheel's drive cannot apply
-    them.
-
-    Args:
-        model: wheel, robot and effects.
-        plant: "rollers" for 45-degree rollers on a floor; "planar", much faster, for wheels that never slip.
-        timestep_s: upper bound of the physics step [s]; 1/480 s when None.
-        visuals: include what is only seen.
+    them. The plant "rollers" has 45-degree rollers on a floor; the wheels of "planar", which is much faster,
+    never slip. The physics step has the upper bound `timestep_s`, 1/480 s when None; `visuals` includes what
+    is only seen.
 
     Raises:
         InputError: an effect that the plant cannot simulate, or an impossible inertia.
@@ -88,11 +81,9 @@ def drive(
 
 
 def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoco.MjData:
-    """Return data in which the robot stands still on the floor, its drives at rest, at time 0.
+    """Return data in which the robot, or another model, stands still on the floor, drives at rest, at time 0.
 
-    Args:
-        mj_model: the compiled robot, or any other model.
-        turned_rad: angles of the four wheels [rad]; 0 by default. The planar plant's wheels have none.
+    The four wheels are turned by angles [rad], 0 by default; the planar plant's wheels have none.
     """
     data = mujoco.MjData(mj_model)
     for wheel, angle in zip(WHEELS, turned_rad, strict=False):
@@ -103,7 +94,8 @@ def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoc
         level.opt.gravity[:] = 0.0, 0.0, -np.linalg.norm(mj_model.opt.gravity)
         data.qpos[:] = at_rest(level, turned_rad).qpos
     elif mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
-        mujoco.mj_step(mj_model, data, math.ceil(_SETTLING_S / mj_model.opt.timestep))
+        # In half a second the rollers sink into the floor by some micrometres and come to rest.
+        mujoco.mj_step(mj_model, data, math.ceil(0.5 / mj_model.opt.timestep))
         standing = data.qpos.copy()
         mujoco.mj_resetData(mj_model, data)  # time, velocities and the drives' clocks back to 0
         data.qpos[:] = standing
@@ -149,10 +141,8 @@ class RobotSession:
     def advance(self, v_rpm: float, theta_deg: float, vc_rpm: float) -> None:
         """Send one command and simulate one command period (0.1 s for the paper's robot).
 
-        Args:
-            v_rpm: wheel speed V [rpm].
-            theta_deg: direction of travel theta [deg], 0 forward, 90 left.
-            vc_rpm: turning speed VC [rpm], counter-clockwise positive.
+        The command is wheel speed V [rpm], direction of travel theta [deg] (0 forward, 90 left) and turning
+        speed VC [rpm] (counter-clockwise positive).
         """
         quantum = self._model.wheel.command_quantum_rpm
         wheels = command_to_wheels(*round_command(v_rpm, theta_deg, vc_rpm, quantum))

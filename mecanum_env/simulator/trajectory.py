@@ -23,8 +23,6 @@ CHANNELS: Final = (
 """Columns of a robot log that a simulation predicts."""
 
 _FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
-_CHUNK_STEPS = 4800
-"""Steps whose full states are held at once; only qpos and qvel are kept."""
 
 
 class SimulationDivergedError(MecanumError, RuntimeError):
@@ -66,17 +64,12 @@ class Trajectory:
 
 
 def step_through(
-    mj_model: mujoco.MjModel, data: mujoco.MjData, ctrl: FloatArray, chunk_steps: int = _CHUNK_STEPS
+    mj_model: mujoco.MjModel, data: mujoco.MjData, ctrl: FloatArray, chunk_steps: int = 4800
 ) -> tuple[FloatArray, FloatArray]:
-    """Step `data` through controls (n, nu) and return qpos (n+1, nq) and qvel (n+1, nv), the start included.
+    """Step `data` through `ctrl` (n, nu) and return qpos (n+1, nq) and qvel (n+1, nv), the start included.
 
     `data` ends in the last state, plugin state and solver warm start included, so it can be stepped on.
-
-    Args:
-        mj_model: the compiled model.
-        data: its data at the start; written in place.
-        ctrl: the controls of each step.
-        chunk_steps: steps per rollout; it changes the memory needed, not the result.
+    `chunk_steps`, the steps whose full states are held at once, changes the memory needed, not the result.
 
     Raises:
         SimulationDivergedError: the state stopped being finite or plausible, or MuJoCo ran out of memory.
@@ -129,15 +122,10 @@ def read_trajectory(
     command: FloatArray,
     model: Model | None = None,
 ) -> Trajectory:
-    """Return the drive that MuJoCo's states describe: wheel speeds, body twist and pose.
+    """Return the drive that MuJoCo's states qpos (n, nq) and qvel (n, nv) at times (n,) describe.
 
-    Args:
-        mj_model: the robot on rollers or the planar plant, told apart by the base's joints.
-        time_s: shape (n,).
-        qpos: shape (n, nq).
-        qvel: shape (n, nv).
-        command: commands as sent, shape (n, 3) or (n, 4).
-        model: the model whose sensor effects `Trajectory.channels_at` applies.
+    The robot on rollers and the planar plant are told apart by the base's joints. The command is as sent,
+    shape (n, 3) or (n, 4); `Trajectory.channels_at` applies the sensor effects of `model`.
     """
     if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
         # A free joint's linear velocity is in the world frame, its angular velocity in the body frame.

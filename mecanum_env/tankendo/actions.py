@@ -11,7 +11,7 @@ from typing import Final, Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import round_command
 from mecanum_env.units import FloatArray
 
@@ -25,18 +25,11 @@ FULL_VC_RPM = 100.0
 
 def check_mode(mode: str) -> None:
     """Raise `InputError` unless `mode` is an action mode."""
-    if mode not in ACTION_MODES:
-        raise InputError(
-            f"action_mode = {mode!r}{did_you_mean(mode, ACTION_MODES)}, must be {', '.join(ACTION_MODES)}"
-        )
+    require_one_of("action_mode", mode, ACTION_MODES)
 
 
 def checked_action(action: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
-    """Return an action, or the actions of many robots, as an array.
-
-    Args:
-        action: the action as given.
-        shape: the shape that it must have.
+    """Return an action, or the actions of many robots, as an array of the shape that it must have.
 
     Raises:
         InputError: another shape, or a value that is not a finite number.
@@ -97,12 +90,8 @@ def command_to_action(command: npt.ArrayLike, mode: ActionMode = "command") -> n
             first, second = 2.0 * share - 1.0, theta / 180.0
         else:
             first, second = share * np.cos(np.deg2rad(theta)), share * np.sin(np.deg2rad(theta))
-    action: npt.NDArray[np.float32] = np.clip(np.stack([first, second, turn], axis=-1), -1.0, 1.0).astype(
-        np.float32
-    )
-    return action
+    return np.asarray(np.clip(np.stack([first, second, turn], axis=-1), -1.0, 1.0), np.float32)
 
 
 def _within_180(theta: FloatArray) -> FloatArray:
-    within: FloatArray = np.where(np.abs(theta) <= 180.0, theta, (theta + 180.0) % 360.0 - 180.0)
-    return within
+    return np.where(np.abs(theta) <= 180.0, theta, (theta + 180.0) % 360.0 - 180.0)

@@ -12,7 +12,7 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
@@ -39,10 +39,7 @@ class TaskSetting:
     action_mode: ActionMode
 
     def __post_init__(self) -> None:
-        if self.task not in tuple(_JUDGES):
-            raise InputError(
-                f"task = {self.task!r}{did_you_mean(self.task, _JUDGES)}, must be {', '.join(_JUDGES)}"
-            )
+        require_one_of("task", self.task, _JUDGES)
         check_mode(self.action_mode)
 
     @property
@@ -64,13 +61,7 @@ class Step:
 
 
 class Arena:
-    """n episodes side by side.
-
-    Args:
-        setting: what is the same in every episode.
-        compiled: the robot's model, ready to simulate.
-        n: number of episodes.
-        threads: number of threads that step the physics.
+    """n episodes side by side, whose physics is stepped by a number of threads.
 
     Raises:
         InputError: a time limit shorter than one step.
@@ -109,13 +100,9 @@ class Arena:
     def restart(
         self, row: int, rng: np.random.Generator, compiled: Compiled | None = None, start: Start = DRAWN
     ) -> None:
-        """Begin a new episode in one row.
+        """Begin a new episode in one row, with its own robot or, if `compiled` is None, the common one.
 
-        Args:
-            row: which row.
-            rng: the generator of that environment, the only source of randomness.
-            compiled: the robot of this episode; the common one when None.
-            start: what is fixed instead of drawn.
+        The environment's generator `rng` is the only source of randomness.
         """
         self.chance.draw(row, rng, start)
         x, y, yaw = self.chance.start_pose[:, row]
@@ -131,11 +118,7 @@ class Arena:
         self.hit[row] = self.succeeded[row] = self.ended[row] = False
 
     def step(self, actions: npt.NDArray[np.floating]) -> Step:
-        """Send one command to each robot and simulate one command period.
-
-        Args:
-            actions: shape (n, 3), see `mecanum_env.tankendo.actions`.
-        """
+        """Send one command to each robot by its action, shape (n, 3), and simulate one command period."""
         start_s = self.time_s()
         fighter, judge = self.fighter, self.judge
         commands = action_to_command(actions, self.setting.action_mode, self._quantum_rpm)

@@ -7,7 +7,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from numbers import Real
-from typing import Any
+from typing import Any, TypedDict
 
 import gymnasium
 import numpy as np
@@ -45,24 +45,16 @@ class Episodes:
     timestep_s: float | None
 
     def restart(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
-        """Begin an episode in one row.
-
-        Args:
-            row: which row.
-            rng: the generator of that environment.
-            start: what is fixed instead of drawn.
-        """
+        """Begin an episode in one row, with the generator `rng` of that environment."""
         robot: Compiled | None = None
         if self.sampler is not None:
             robot = compile_model(self.sampler.draw(rng), self.plant, self.timestep_s)
         self.arena.restart(row, rng, robot, start)
 
     def step(self, actions: FloatArray, ignored: BoolArray | None = None) -> Step:
-        """Simulate one command period in all rows.
+        """Send actions, shape (n, 3), and simulate one command period in all rows.
 
-        Args:
-            actions: shape (n, 3).
-            ignored: rows whose result the caller throws away, since their episode is over, shape (n,).
+        The caller throws away the results of the rows `ignored`, shape (n,), whose episodes are over.
 
         Raises:
             gymnasium.error.ResetNeeded: a row in which no episode has begun, or it is over.
@@ -76,11 +68,7 @@ class Episodes:
         return arena.step(actions)
 
     def start_of(self, options: Mapping[str, Any] | None, *others: str) -> Start:
-        """Return what the options of a reset fix.
-
-        Args:
-            options: see `TankendoEnv`; None: nothing.
-            *others: names of options that the caller reads itself.
+        """Return what the options of a reset fix; `others` are names of options that the caller reads itself.
 
         Raises:
             InputError: another option, or a value that does not fit; the message says what would.
@@ -147,40 +135,44 @@ class Episodes:
         return gymnasium.spaces.Box(-limits, limits, dtype=np.float32)
 
 
+class Arguments(TypedDict, total=False):
+    """Arguments of `TankendoEnv`, for type checkers; `build` has their defaults."""
+
+    task: TaskName
+    model: ModelLike | None
+    plant: RobotPlant
+    difficulty: str
+    action_mode: ActionMode
+    observation_delay: float | None
+    opponent: Opponent | None
+    randomize: Randomize
+    reward_weights: Mapping[str, float] | RewardWeights | None
+    rules: Rules | None
+    sensors: Sensors | None
+    timestep_s: float | None
+
+
 def build(
     n: int,
-    *,
-    task: TaskName,
-    model: ModelLike | None,
-    plant: RobotPlant,
-    difficulty: str,
-    action_mode: ActionMode,
-    observation_delay: float | None,
-    opponent: Opponent | None,
-    randomize: Randomize,
-    reward_weights: Mapping[str, float] | RewardWeights | None,
-    rules: Rules | None,
-    sensors: Sensors | None,
-    timestep_s: float | None,
     threads: int = 1,
+    *,
+    task: TaskName = "dodge",
+    model: ModelLike | None = None,
+    plant: RobotPlant = "planar",
+    difficulty: str = "normal",
+    action_mode: ActionMode = "cartesian",
+    observation_delay: float | None = None,
+    opponent: Opponent | None = None,
+    randomize: Randomize = "none",
+    reward_weights: Mapping[str, float] | RewardWeights | None = None,
+    rules: Rules | None = None,
+    sensors: Sensors | None = None,
+    timestep_s: float | None = None,
 ) -> Episodes:
-    """Build n episodes side by side from the arguments of `TankendoEnv`.
+    """Build n episodes side by side, whose physics is stepped by a number of threads.
 
-    Args:
-        n: number of episodes.
-        task: "dodge", "track" or "duel".
-        model: a model file's path, a model, or None for the packaged one.
-        plant: "rollers" or "planar".
-        difficulty: difficulty of the opponent, if `opponent` is None.
-        action_mode: see `mecanum_env.tankendo.actions`.
-        observation_delay: delay in place of the sensors' own [s].
-        opponent: opponent in place of the difficulty's.
-        randomize: see `mecanum_env.tankendo.randomize`.
-        reward_weights: all weights, or some by name.
-        rules: rules in place of the default ones.
-        sensors: sensors in place of the default ones.
-        timestep_s: upper bound of the physics step [s].
-        threads: number of threads that step the physics.
+    `task`, `model`, `plant`, `difficulty`, `action_mode`, `observation_delay`, `opponent`, `randomize`,
+    `reward_weights`, `rules`, `sensors` and `timestep_s` are documented in `TankendoEnv`.
 
     Raises:
         InputError: an argument that cannot be used; the message says what could.
@@ -207,22 +199,15 @@ def build(
         weights=reward_weights,
         action_mode=action_mode,
     )
-    model = _model(model)
+    if not isinstance(model, Model | str | os.PathLike | None):
+        raise InputError(f"model = {model!r}, must be a model file's path or a mecanum_env.model.Model")
+    if not isinstance(model, Model):
+        model = paper_model() if model is None else read_model(model)
     sampler = sampler_for(randomize, model)
     compiled = compile_model(model, plant, timestep_s)
     if sampler is not None:
         compiled = _typical(sampler, plant, timestep_s)
     return Episodes(Arena(setting, compiled, n, threads), sampler, plant, timestep_s)
-
-
-def _model(model: ModelLike | None) -> Model:
-    if model is None:
-        return paper_model()
-    if isinstance(model, Model):
-        return model
-    if not isinstance(model, str | os.PathLike):
-        raise InputError(f"model = {model!r}, must be a model file's path or a mecanum_env.model.Model")
-    return read_model(model)
 
 
 def _typical(sampler: Sampler, plant: RobotPlant, timestep_s: float | None) -> Compiled:

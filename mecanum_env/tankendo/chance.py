@@ -41,12 +41,7 @@ DRAWN: Final = Start()
 class Chance:
     """The draws of n episodes; the last axis of each array is the episode.
 
-    Args:
-        n: number of episodes.
-        steps: length of the longest episode in steps.
-        channels: how many numbers of an observation are noisy.
-        opponent: ranges of its behaviour.
-        rules: ranges of the starting poses.
+    The longest episode has `steps` steps; `channels` numbers of an observation are noisy.
     """
 
     def __init__(self, n: int, steps: int, channels: int, opponent: Opponent, rules: Rules) -> None:
@@ -77,12 +72,9 @@ class Chance:
         """Standard normal noise of each observation."""
 
     def draw(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
-        """Draw a new episode.
+        """Draw a new episode in a row with the generator `rng` of that environment.
 
-        Args:
-            row: which episode.
-            rng: the generator of that environment.
-            start: what is fixed; it takes nothing from the generator and leaves nothing in it.
+        What `start` fixes is drawn nevertheless, so that the generator ends in the same state.
         """
         uniform, normal = rng.random(_UNIFORM), rng.standard_normal(2 * EXCHANGES)
         rules, opponent = self._rules, self._opponent

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
 import numpy as np
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, did_you_mean, require_one_of
 from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
 
@@ -33,14 +33,9 @@ GUARD_TIP_M = 0.85
 def require_number(
     name: str, value: Any, low: float = -math.inf, high: float = math.inf, *, strict: bool = False
 ) -> None:
-    """Raise `InputError` unless a value is a finite number from `low` to `high`.
+    """Raise `InputError` unless a value of any type is a finite number from `low` to `high`.
 
-    Args:
-        name: name of the value in the message.
-        value: the value, of any type.
-        low: lower bound.
-        high: upper bound.
-        strict: whether `low` itself is refused.
+    With `strict` the lower bound itself is refused; `name` is that of the value in the message.
     """
     is_allowed = isinstance(value, Real) and math.isfinite(value) and low <= float(value) <= high
     if is_allowed and not (strict and value == low):
@@ -62,11 +57,8 @@ def require_numbers(
 ) -> None:
     """Raise `InputError` unless all numbers and ranges (low, high) of a dataclass are finite and at least 0.
 
-    Args:
-        constants: the dataclass; fields of other types are not checked.
-        positive: names of fields that must be above 0.
-        signed: names of fields that may be negative.
-        shares: names of fields that must be at most 1.
+    Fields of other types are not checked. Of the constants named, those in `positive` must be above 0, those
+    in `signed` may be negative, and those in `shares` must be at most 1.
     """
     for field in fields(constants):
         name, value = f"{type(constants).__name__}.{field.name}", getattr(constants, field.name)
@@ -205,9 +197,7 @@ def opponent_for(difficulty: str) -> Opponent:
     Raises:
         InputError: there is no such difficulty.
     """
-    if difficulty not in tuple(_OPPONENTS):
-        suggestion = did_you_mean(difficulty, _OPPONENTS)
-        raise InputError(f"difficulty = {difficulty!r}{suggestion}, must be {', '.join(_OPPONENTS)}")
+    require_one_of("difficulty", difficulty, _OPPONENTS)
     return _OPPONENTS[difficulty]
 
 
@@ -265,12 +255,7 @@ class Rules:
         require_numbers(self, positive=positive, shares=("track_share",))
 
     def at_maai(self, distance_m: FloatArray, bearing_rad: FloatArray) -> BoolArray:
-        """Return whether the robot is at maai and faces the opponent, in the shape of the arguments.
-
-        Args:
-            distance_m: distance of the centres.
-            bearing_rad: bearing of the opponent from the robot's forward axis.
-        """
+        """Return whether the robot is at maai and faces the opponent, in the shape of the arguments."""
         is_near: BoolArray = np.abs(distance_m - self.maai_m) <= self.band_m
         return is_near & (np.abs(bearing_rad) <= self.facing_rad)
 

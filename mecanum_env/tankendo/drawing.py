@@ -41,12 +41,7 @@ _KINDS = {"ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID, "rod": mujoco.mjtGeom.mj
 
 
 def drawn_model(arena: Arena, plant: RobotPlant) -> mujoco.MjModel:
-    """Compile the robot of an arena with all that is seen; its positions are those of the arena's.
-
-    Args:
-        arena: the first row's robot.
-        plant: that the arena simulates.
-    """
+    """Compile the robot in an arena's first row, on the arena's plant, with all that is seen."""
     return compile_plant(arena.robots.model_of(0), plant)
 
 
@@ -64,12 +59,9 @@ class Shape:
 
 
 def opponent_shapes(arena: Arena, row: int = 0, ago_s: float = 0.0) -> list[Shape]:
-    """Return the shapes of the opponent, its sword, its strike, and the ring at maai around it.
+    """Return the shapes of the opponent in a row, its sword, its strike, and the ring at maai around it.
 
-    Args:
-        arena: the arena.
-        row: which episode of it.
-        ago_s: time before now, at most one step, for pictures between two steps [s].
+    `ago_s` is the time before now [s], at most one step, for pictures between two steps.
     """
     scenes, sword, rules = arena.scenes.ago(ago_s), arena.fighter.sword, arena.setting.rules
     scene, now = scenes[:, row], float(arena.time_s()[row]) - ago_s
@@ -107,8 +99,7 @@ def _body(pose: FloatArray, tip: FloatArray, steel: Colour) -> list[Shape]:
 
     def blade(share: float) -> FloatArray:
         """Return the point at a share of the sword's length, from pommel to tip."""
-        point: FloatArray = tip - SWORD_M * (1.0 - share) * along
-        return point
+        return np.asarray(tip - SWORD_M * (1.0 - share) * along)
 
     blobs = (
         (_DARK, at(0.0, 0.0, 0.07), (0.19, 0.22, 0.08)),
@@ -165,24 +156,12 @@ def score_lines(arena: Arena, row: int = 0) -> list[str]:
         f"opponent {action}",
         f"command  V {v:.0f} rpm   theta {theta:.0f} deg   VC {vc:.0f} rpm",
     ]
-    if arena.succeeded[row]:
-        lines.append("SUCCESS")
-    elif arena.hit[row]:
-        lines.append("HIT")
-    elif arena.ended[row]:
-        lines.append("over")
-    return lines
+    ends = (("SUCCESS", arena.succeeded[row]), ("HIT", arena.hit[row]), ("over", arena.ended[row]))
+    return lines + [end for end, is_so in ends if is_so][:1]
 
 
 class Painter:
-    """Renders the first episode of an arena offscreen.
-
-    Args:
-        arena: the arena.
-        plant: the plant that it simulates.
-        width: width of the picture [px].
-        height: height of the picture [px].
-    """
+    """Renders the first episode of an arena on its plant offscreen, in a width and height in pixels."""
 
     def __init__(self, arena: Arena, plant: RobotPlant, width: int = 640, height: int = 480) -> None:
         use_backend()
@@ -198,11 +177,9 @@ class Painter:
         self._free = weakref.finalize(self, self._renderer.close)
 
     def frame(self, ago_s: float = 0.0, qpos: FloatArray | None = None) -> Frame:
-        """Return a picture of now, or of a moment between the last two steps, shape (height, width, 3).
+        """Return a picture, shape (height, width, 3), of `ago_s` before now [s], at most one step.
 
-        Args:
-            ago_s: time before now, at most one step [s].
-            qpos: MuJoCo's generalised positions of the robot at that moment; the present ones when None.
+        `qpos` are the robot's generalised positions in MuJoCo then; the present ones when None.
         """
         _place(self._model, self._data, self._arena.robots.qpos(0) if qpos is None else qpos)
         _aim(self._camera, self._arena.scenes.ago(ago_s)[:, 0])
@@ -218,12 +195,7 @@ class Painter:
 
 
 class Window:
-    """Shows the first episode of an arena in a window, in real time; it needs a display.
-
-    Args:
-        arena: the arena.
-        plant: the plant that it simulates.
-    """
+    """Shows the first episode of an arena on its plant in a window, in real time; it needs a display."""
 
     def __init__(self, arena: Arena, plant: RobotPlant) -> None:
         from mujoco import viewer

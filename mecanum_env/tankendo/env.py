@@ -2,23 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Unpack
 
 import gymnasium
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import BackendError, InputError
+from mecanum_env.rendering.backend import has_display
 from mecanum_env.rendering.view import Frame
-from mecanum_env.simulator import RobotPlant
-from mecanum_env.tankendo.actions import ActionMode, checked_action
-from mecanum_env.tankendo.arena import TaskName
-from mecanum_env.tankendo.build import ModelLike, build, row_info
-from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
-from mecanum_env.tankendo.randomize import Randomize
+from mecanum_env.tankendo.actions import checked_action
+from mecanum_env.tankendo.build import Arguments, build, row_info
 
 if TYPE_CHECKING:
     from mecanum_env.tankendo.drawing import Painter, Window
@@ -140,6 +134,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     | Parameter | Default | Description |
     |---|---|---|
+    | `task` | `"dodge"` | set by the id: `"dodge"`, `"track"` or `"duel"` |
     | `model` | packaged | path of a model file, or a `mecanum_env.model.Model` |
     | `plant` | `"planar"` | `"rollers"`: rollers on a floor; `"planar"`: no slip, much faster |
     | `difficulty` | `"normal"` | `"easy"`, `"normal"` or `"hard"` |
@@ -162,43 +157,14 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
 
     metadata = {"render_modes": ["human", "rgb_array"], "render_fps": 10}  # noqa: RUF012
 
-    def __init__(
-        self,
-        task: TaskName = "dodge",
-        model: ModelLike | None = None,
-        plant: RobotPlant = "planar",
-        difficulty: str = "normal",
-        action_mode: ActionMode = "cartesian",
-        observation_delay: float | None = None,
-        opponent: Opponent | None = None,
-        randomize: Randomize = "none",
-        reward_weights: Mapping[str, float] | RewardWeights | None = None,
-        rules: Rules | None = None,
-        sensors: Sensors | None = None,
-        timestep_s: float | None = None,
-        render_mode: str | None = None,
-    ) -> None:
-        self._episodes = build(
-            1,
-            task=task,
-            model=model,
-            plant=plant,
-            difficulty=difficulty,
-            action_mode=action_mode,
-            observation_delay=observation_delay,
-            opponent=opponent,
-            randomize=randomize,
-            reward_weights=reward_weights,
-            rules=rules,
-            sensors=sensors,
-            timestep_s=timestep_s,
-        )
+    def __init__(self, *, render_mode: str | None = None, **arguments: Unpack[Arguments]) -> None:
+        self._episodes = build(1, **arguments)
         self.arena = self._episodes.arena
         self.action_space: gymnasium.Space[Any] = self._episodes.action_space()
         self.observation_space: gymnasium.Space[Any] = self._episodes.observation_space()
         if render_mode is not None and render_mode not in self.metadata["render_modes"]:
             raise InputError(f'render_mode = {render_mode!r}, must be "rgb_array", "human" or None')
-        if not _has_display():
+        if not has_display():
             # Gymnasium's checker tries every mode that an environment lists.
             self.metadata = {**self.metadata, "render_modes": ["rgb_array"]}
         self.render_mode = render_mode
@@ -214,9 +180,8 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     ) -> tuple[Observation, dict[str, Any]]:
         """Begin an episode; return the first observation and info.
 
-        Args:
-            seed: seed of this and all following episodes; None: the generator goes on.
-            options: what is fixed instead of drawn in this episode, see the class.
+        The seed is that of this and all following episodes; None: the generator goes on. The options fix what
+        is drawn otherwise in this episode, see the class.
 
         Raises:
             InputError: options that do not fit; nothing has changed.
@@ -232,10 +197,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         return self.arena.observe()[0], row_info(self.arena.state_info(), 0)
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
-        """Send one command; return observation, reward, terminated, truncated, info.
-
-        Args:
-            action: shape (3,), see the class.
+        """Send an action, shape (3,); return observation, reward, terminated, truncated, info.
 
         Raises:
             InputError: an action of another shape, or not finite; nothing has moved.
@@ -244,13 +206,8 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         step = self._episodes.step(checked_action(action, (3,))[None])
         if self.render_mode == "human":
             self.render()
-        return (
-            step.observation[0],
-            float(step.reward[0]),
-            bool(step.terminated[0]),
-            bool(step.truncated[0]),
-            row_info(step.info, 0),
-        )
+        ends = bool(step.terminated[0]), bool(step.truncated[0])
+        return step.observation[0], float(step.reward[0]), *ends, row_info(step.info, 0)
 
     def render(self) -> Frame | None:
         """Return a picture, shape (480, 640, 3), in the mode "rgb_array"; draw into the window in "human".
@@ -265,7 +222,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             return None
         if self.render_mode == "human":
             if self._window is None:
-                if not _has_display():
+                if not has_display():
                     raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')
                 self._window = Window(self.arena, self._episodes.plant)
             self._window.show()
@@ -280,8 +237,3 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             if shown is not None:
                 shown.close()
         self._painter = self._window = None
-
-
-def _has_display() -> bool:
-    is_set = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
-    return bool(is_set) or not sys.platform.startswith("linux")

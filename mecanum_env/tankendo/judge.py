@@ -1,16 +1,6 @@
 """What counts: hits, the two rules, rewards and the end of an episode, for each task.
 
-Reward terms of a step, in all tasks (weights: `RewardWeights`):
-
-| term | value |
-|---|---|
-| `distance` | -weight * min(abs(distance - maai) / band, 3) |
-| `facing` | -weight * min(abs(bearing) / facing angle, 3) |
-| `effort` | -weight * length of the change of (V cos theta, V sin theta, VC), each over its full value |
-| `waiting` | -weight before the strike has come; in the duel always, in tracking never |
-| `hit` | -weight when a strike hits the robot |
-| `success` | +weight when the episode is a success; in the duel, for each point of the robot |
-| `out` | -weight when the robot leaves the field or clashes with the opponent |
+`TankendoEnv` has the formulae of the reward terms, `RewardWeights` their weights.
 """
 
 from __future__ import annotations
@@ -58,23 +48,11 @@ class Verdict:
     @property
     def reward(self) -> FloatArray:
         """The sum of the terms, shape (n,)."""
-        total = np.zeros(self.outcome.hit.shape)
-        for name in TERMS:
-            total += self.terms[name]
-        return total
+        return np.asarray(sum((self.terms[name] for name in TERMS), start=np.zeros(self.outcome.hit.shape)))
 
 
 class Judge:
-    """The judge of n episodes; subclasses are the tasks.
-
-    Args:
-        n: number of episodes.
-        rules: the task's rules.
-        weights: weights of the reward terms.
-        fighter: the opponents.
-        scenes: poses and velocities, now and before.
-        chance: what was drawn at the start of each episode.
-    """
+    """The judge of n episodes; subclasses are the tasks."""
 
     extra_observations: int = 0
     """How many numbers the task appends to an observation."""
@@ -110,12 +88,7 @@ class Judge:
         return {}
 
     def judge(self, end_s: FloatArray, effort: FloatArray) -> Verdict:
-        """Judge a step.
-
-        Args:
-            end_s: when the step ended, shape (n,).
-            effort: length of the command's change, shape (n,).
-        """
+        """Judge the step until `end_s` (n,), given the length of the command's change, `effort` (n,)."""
         rules, weights, scene = self.rules, self.weights, self.scenes.now
         distance, bearing = self.scenes.separation()
         half = rules.field_m / 2
@@ -159,13 +132,11 @@ class Dodge(Judge):
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the strike has not come yet, shape (n,), whatever the times (n,)."""
-        waits: BoolArray = np.isinf(self.check_s)
-        return waits
+        return np.asarray(np.isinf(self.check_s))
 
     def stands(self) -> BoolArray:
         """Return where the strike is over and the opponent waits for the robot, shape (n,)."""
-        over: BoolArray = np.isfinite(self.check_s)
-        return over
+        return np.asarray(np.isfinite(self.check_s))
 
     def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
         waiting, (hit, success) = np.isinf(self.check_s), np.zeros((2, self.n), bool)
@@ -199,11 +170,8 @@ class Track(Judge):
         frequency, phase = self.chance.waves[:, :, 0], self.chance.waves[:, :, 1]
         wave = np.sin(frequency * time_s + phase)
         size = self.fighter.constants.wander_m_s * np.sqrt(2.0 / WAVES)
-        total: FloatArray = wave[:, 0]
-        for i in range(1, WAVES):
-            total = total + wave[:, i]
-        velocity: FloatArray = size * total - _HOME_PER_S * self.scenes.now[6:8]
-        return velocity
+        total = sum((wave[:, i] for i in range(1, WAVES)), start=wave[:, 0])
+        return np.asarray(size * total - _HOME_PER_S * self.scenes.now[6:8])
 
     def report(self) -> dict[str, Any]:
         """Return the share of the counted time at maai and facing, shape (n,)."""

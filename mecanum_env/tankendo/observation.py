@@ -34,50 +34,42 @@ _OWN = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
 _WINDOW = 40  # steps that a sensor effect sees: several times its longest delay or time constant
 
 
+Numbers = npt.NDArray[np.floating]
+
+
 @dataclass(frozen=True)
 class Observed:
     """An observation by name; each field is a number, or an array (n,) of a batch."""
 
-    opponent_x: npt.NDArray[np.floating]
-    """Position of the opponent ahead of the robot [m]."""
-    opponent_y: npt.NDArray[np.floating]
-    """Position of the opponent to the left of the robot [m]."""
-    opponent_vx: npt.NDArray[np.floating]
-    """Velocity of the opponent over the floor, along the robot's x axis [m/s]."""
-    opponent_vy: npt.NDArray[np.floating]
-    """Velocity of the opponent over the floor, along the robot's y axis [m/s]."""
-    tip_x: npt.NDArray[np.floating]
-    """Position of the tip ahead of the robot [m]."""
-    tip_y: npt.NDArray[np.floating]
-    """Position of the tip to the left of the robot [m]."""
-    tip_height: npt.NDArray[np.floating]
+    opponent_x: Numbers
+    opponent_y: Numbers
+    """Position of the opponent ahead of the robot and to its left [m]."""
+    opponent_vx: Numbers
+    opponent_vy: Numbers
+    """Velocity of the opponent over the floor, along the robot's axes [m/s]."""
+    tip_x: Numbers
+    tip_y: Numbers
+    """Position of the tip ahead of the robot and to its left [m]."""
+    tip_height: Numbers
     """Height of the tip over the floor [m]."""
-    tip_vx: npt.NDArray[np.floating]
-    """Velocity of the tip along the robot's x axis [m/s]."""
-    tip_vy: npt.NDArray[np.floating]
-    """Velocity of the tip along the robot's y axis [m/s]."""
-    tip_rising: npt.NDArray[np.floating]
-    """Vertical velocity of the tip [m/s]."""
-    vx: npt.NDArray[np.floating]
-    """The robot's own forward velocity [m/s]."""
-    vy: npt.NDArray[np.floating]
-    """Its own velocity to the left [m/s]."""
-    yaw_rate: npt.NDArray[np.floating]
-    """Its own yaw rate [rad/s]."""
-    forward_share: npt.NDArray[np.floating]
-    """V cos theta / 135 of the command now held."""
-    left_share: npt.NDArray[np.floating]
-    """V sin theta / 135 of the command now held."""
-    turn_share: npt.NDArray[np.floating]
-    """VC / 100 of the command now held."""
-    x: npt.NDArray[np.floating]
-    """The robot's own x in the field, from its centre [m]."""
-    y: npt.NDArray[np.floating]
-    """Its own y in the field, from its centre [m]."""
-    heading_cos: npt.NDArray[np.floating]
-    """Cosine of its own heading in the field."""
-    heading_sin: npt.NDArray[np.floating]
-    """Sine of its own heading in the field."""
+    tip_vx: Numbers
+    tip_vy: Numbers
+    tip_rising: Numbers
+    """Velocity of the tip, along the robot's axes and upwards [m/s]."""
+    vx: Numbers
+    vy: Numbers
+    yaw_rate: Numbers
+    """The robot's own velocity forward and to the left [m/s], and its yaw rate [rad/s]."""
+    forward_share: Numbers
+    left_share: Numbers
+    turn_share: Numbers
+    """V cos theta / 135, V sin theta / 135 and VC / 100 of the command now held."""
+    x: Numbers
+    y: Numbers
+    """The robot's own position in the field, from its centre [m]."""
+    heading_cos: Numbers
+    heading_sin: Numbers
+    """Cosine and sine of its own heading in the field."""
 
 
 def read_observation(observation: npt.NDArray[np.floating]) -> Observed:
@@ -94,13 +86,7 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
 
 
 class Senses:
-    """The sensors of n robots.
-
-    Args:
-        sensors: delay and noise.
-        step_s: time between two observations [s].
-        extra: how many numbers the task appends.
-    """
+    """The sensors of n robots, read every `step_s` [s]; the task appends `extra` numbers."""
 
     def __init__(self, sensors: Sensors, step_s: float, extra: int) -> None:
         self._delay_s, self._step_s = sensors.delay_s, step_s
@@ -110,12 +96,7 @@ class Senses:
         self._affected: dict[int, tuple[Model, list[FloatArray]]] = {}
 
     def restart(self, row: int, model: Model) -> None:
-        """Begin an episode in one row.
-
-        Args:
-            row: which row.
-            model: the robot's model, whose sensor effects act in this episode.
-        """
+        """Begin an episode in one row, in which the sensor effects of the robot's model act."""
         self._affected.pop(row, None)
         if any(effect.change_channels is not None for effect, _ in active_effects(model)):
             self._affected[row] = (model, [])

@@ -14,20 +14,10 @@ from mecanum_env.units import FloatArray
 
 _APPROACH_PER_S = 2.5  # walking speed over the error of its distance
 _MIN_LUNGE_M = 0.9  # shortest distance from where it stood to where its tip ends
-_NO_ROWS = np.zeros(0, np.intp)
 
 
 class Fighter:
-    """The opponents of n episodes.
-
-    Args:
-        n: number of episodes.
-        opponent: constants of their behaviour.
-        rules: striking distance, and what an opening is.
-        chance: what was drawn for each episode.
-        scenes: poses and velocities, now and before.
-        step_s: time between two steps [s].
-    """
+    """The opponents of n episodes, which decide every `step_s` [s]."""
 
     def __init__(
         self, n: int, opponent: Opponent, rules: Rules, chance: Chance, scenes: Scenes, step_s: float
@@ -63,13 +53,11 @@ class Fighter:
 
     def technique(self) -> RowArray:
         """Return the index of the technique of the exchange that each episode is in, shape (n,)."""
-        drawn: RowArray = self._chance.technique[self.exchange % EXCHANGES, self._all]
-        return drawn
+        return np.asarray(self._chance.technique[self.exchange % EXCHANGES, self._all])
 
     def has_struck(self, time_s: FloatArray) -> BoolArray:
         """Return where a strike has hit or missed at times (n,), shape (n,)."""
-        struck: BoolArray = ~self.sword.is_feint & (time_s >= self.sword.land_s)
-        return struck
+        return np.asarray(~self.sword.is_feint & (time_s >= self.sword.land_s))
 
     def sees_opening(self) -> BoolArray:
         """Return where the robot, as seen late, is at maai, facing and slow, shape (n,)."""
@@ -82,9 +70,7 @@ class Fighter:
     def decide(self, time_s: FloatArray, may_strike: BoolArray) -> None:
         """Start a feint or strike where the robot has offered an opening for long enough.
 
-        Args:
-            time_s: now, shape (n,).
-            may_strike: where the task allows a strike, shape (n,).
+        The time is now, and `may_strike` says where the task allows a strike, shape (n,) each.
         """
         ready = may_strike & self.sword.idle(time_s)
         self.open_s = np.where(ready & self.sees_opening(), self.open_s + self._step_s, 0.0)
@@ -113,12 +99,10 @@ class Fighter:
         self.pending[rows], self.aimed[rows] = ~feint, False
 
     def walk(self, time_s: FloatArray, stands: BoolArray, wanted: FloatArray | None = None) -> FloatArray:
-        """Return position [m], heading [rad] and velocity [m/s] one step later, shape (5, n).
+        """Return position [m], heading [rad] and velocity [m/s] one step after `time_s` (n,), shape (5, n).
 
-        Args:
-            time_s: now, shape (n,).
-            stands: who does not walk, shape (n,).
-            wanted: velocity that it aims for instead of keeping maai, shape (2, n) [m/s].
+        Who `stands`, shape (n,), does not walk; the others keep maai, or aim for the velocities `wanted`,
+        shape (2, n) [m/s].
         """
         constants, step = self.constants, self._step_s
         seen, now = self._scenes.ago(constants.sight_delay_s), self._scenes.now
@@ -145,9 +129,7 @@ class Fighter:
             stepped = self.sword.origin + forward * np.stack([np.cos(now[8]), np.sin(now[8])])
             position = np.where(strikes, stepped, position)
             velocity = np.where(strikes, (stepped - now[6:8]) / step, velocity)
-        after = np.empty((5, len(time_s)))
-        after[:2], after[2], after[3:] = position, heading, velocity
-        return after
+        return np.concatenate([position, heading[None], velocity])
 
     def aim(self, end_s: FloatArray) -> None:
         """Fix the aim of the swords that started forward in the step that ended at `end_s`, shape (n,)."""
@@ -163,18 +145,16 @@ class Fighter:
         """Return the rows (m,) whose strike ended in the step until `end_s` (n,), and which hit, (m,)."""
         lands = self.pending & (self.sword.land_s <= end_s)
         if not lands.any():
-            return _NO_ROWS, np.zeros(0, bool)
+            return np.zeros(0, np.intp), np.zeros(0, bool)
         rows, sword = np.flatnonzero(lands), self.sword
         hit = self.hits(rows, self._scenes.ago_of(rows, end_s[rows] - sword.land_s[rows]), sword.end[:, rows])
         self.pending[rows] = self.feinted[rows] = False
         return rows, hit
 
     def aim_at(self, rows: RowArray, seen: FloatArray) -> FloatArray:
-        """Return where tips will end: x, y [m], shape (2, m).
+        """Return where the tips in some rows (m,) will end: x, y [m], shape (2, m).
 
-        Args:
-            rows: the episodes, shape (m,).
-            seen: scenes, one `sight_delay_s` before the swords start forward, shape (6 or more, m).
+        `seen` are the scenes, shape (6 or more, m), one `sight_delay_s` before the swords start forward.
         """
         constants, sword, table = self.constants, self.sword, self._table
         exchange = self.exchange[rows] % EXCHANGES
@@ -190,12 +170,10 @@ class Fighter:
         return np.array([origin[0] + share * dx, origin[1] + share * dy])
 
     def hits(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> BoolArray:
-        """Return whether strikes hit, shape (m,).
+        """Return whether the strikes in some rows (m,) hit, shape (m,).
 
-        Args:
-            rows: the episodes, shape (m,).
-            robot: scenes when the strikes end, shape (6 or more, m).
-            end: where the tips end, shape (2, m) [m].
+        `robot` are the scenes when the strikes end, shape (6 or more, m), `end` is where the tips end, shape
+        (2, m) [m].
         """
         table, technique = self._table, self.technique()[rows]
         offset = table["target_m"][technique]
@@ -224,5 +202,4 @@ def strike_hits(
     length = np.sqrt(along[0] * along[0] + along[1] * along[1])
     behind = (target[0] * along[0] + target[1] * along[1]) / length
     across = (target[1] * along[0] - target[0] * along[1]) / length
-    hits: BoolArray = (np.abs(across) <= width_m / 2) & (behind <= depth_m) & (behind >= -blade_m)
-    return hits
+    return np.asarray((np.abs(across) <= width_m / 2) & (behind <= depth_m) & (behind >= -blade_m))

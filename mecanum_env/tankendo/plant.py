@@ -10,7 +10,7 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
@@ -38,17 +38,13 @@ class Compiled:
 def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = None) -> Compiled:
     """Compile a robot without what is only seen, and without sensors, which are read off the state.
 
-    Args:
-        model: wheel, robot and effects.
-        plant: "rollers" or "planar".
-        timestep_s: upper bound of the physics step [s]; `DEFAULT_TIMESTEP_S` when None.
+    `plant` is "rollers" or "planar", `timestep_s` the upper bound of the physics step [s], by default that in
+    `DEFAULT_TIMESTEP_S`.
 
     Raises:
         InputError: no such plant, or a model that it cannot simulate.
     """
-    if plant not in DEFAULT_TIMESTEP_S:
-        known = ", ".join(DEFAULT_TIMESTEP_S)
-        raise InputError(f"plant = {plant!r}{did_you_mean(plant, DEFAULT_TIMESTEP_S)}, must be {known}")
+    require_one_of("plant", plant, DEFAULT_TIMESTEP_S)
     at_most = DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
     mj_model = compile_plant(model, plant, at_most, visuals=False)
     mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
@@ -60,10 +56,8 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
 class RobotBatch:
     """A batch of n robots that are stepped together, each with a model of its own.
 
-    Args:
-        common: the model of all robots until `restart` replaces one.
-        n: number of robots.
-        threads: number of threads that step them; 0: as many as there are processors.
+    All have the `common` model until `restart` replaces one. `threads` is the number of threads that step
+    them; 0: as many as there are processors.
     """
 
     def __init__(self, common: Compiled, n: int, threads: int = 1) -> None:
@@ -94,12 +88,9 @@ class RobotBatch:
         self._batch.state[:] = rows
 
     def restart(self, row: int, pose: Sequence[float], compiled: Compiled | None = None) -> None:
-        """Put one robot at rest at a pose.
+        """Put the robot of a row at rest at a pose x [m], y [m], yaw [rad].
 
-        Args:
-            row: which robot.
-            pose: x [m], y [m], yaw [rad].
-            compiled: its model from now on; the common one when None.
+        From now on it has the model `compiled`, or the common one when None.
 
         Raises:
             InputError: the model has other bodies or joints than the common one.
@@ -117,22 +108,31 @@ class RobotBatch:
             self._of = of
         self._batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         self._batch.state[row] = new.rest
-        self._place(row, pose)
+        x, y, yaw = pose
+        qpos = self._qpos[row]
+        if self._is_free:
+            qpos[:2] = x, y
+            turned, about_z = np.empty(4), np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+            mujoco.mju_mulQuat(turned, about_z, qpos[3:7].copy())
+            qpos[3:7] = turned
+        else:
+            qpos[:3] = x, y, yaw
         limited = limits_body(new.model)
         self._limits[row] = BodyLimits(new.model, self._timestep_s) if limited else None
 
     def step(self, commands: FloatArray) -> None:
-        """Simulate one command period.
-
-        Args:
-            commands: V [rpm], theta [deg], VC [rpm], rounded, shape (n, 3).
+        """Simulate one command period with rounded commands V [rpm], theta [deg], VC [rpm], shape (n, 3).
 
         Raises:
             SimulationDivergedError: a state is no longer finite or plausible.
         """
         wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
         if any(limits is not None for limits in self._limits):
-            self._batch.rollout(self._substeps, self._limited(wheels), record=())
+            control = np.repeat(wheels[:, None], self._substeps, axis=1)
+            for row, limits in enumerate(self._limits):
+                if limits is not None:
+                    control[row] = [limits.step(wheels[row]) for _ in range(self._substeps)]
+            self._batch.rollout(self._substeps, control, record=())
         else:
             self._ctrl[:] = wheels
             self._batch.step(nstep=self._substeps)
@@ -161,22 +161,3 @@ class RobotBatch:
     def model_of(self, row: int) -> Model:
         """Return the model of the robot in a row."""
         return self._of[row].model
-
-    def _limited(self, wheels: FloatArray) -> FloatArray:
-        control = np.repeat(wheels[:, None], self._substeps, axis=1)
-        for row, limits in enumerate(self._limits):
-            if limits is not None:
-                control[row] = [limits.step(wheels[row]) for _ in range(self._substeps)]
-        return control
-
-    def _place(self, row: int, pose: Sequence[float]) -> None:
-        x, y, yaw = pose
-        qpos = self._qpos[row]
-        if not self._is_free:
-            qpos[:3] = x, y, yaw
-            return
-        qpos[:2] = x, y
-        turned = np.empty(4)
-        about_z = np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-        mujoco.mju_mulQuat(turned, about_z, qpos[3:7].copy())
-        qpos[3:7] = turned

@@ -28,8 +28,6 @@ from mecanum_env.units import FloatArray
 Range = tuple[float, float]
 Randomize = Literal["none", "posterior"] | Mapping[str, Range]
 _TRIES = 1000
-_WHEEL = ("saturation_rpm",)
-_WHOLE = ("rollers_per_wheel",)
 
 
 @dataclass(frozen=True)
@@ -86,11 +84,7 @@ class Sampler:
 
 
 def sampler_for(randomize: Randomize, model: Model) -> Sampler | None:
-    """Return the sampler that draws the robot of each episode; None for "none".
-
-    Args:
-        randomize: "none", "posterior" or ranges by name; see the module.
-        model: the model that is varied.
+    """Return the sampler that draws the robot of each episode; None for `randomize` = "none".
 
     Raises:
         InputError: no such choice or parameter, an invalid range, or a model without uncertainty.
@@ -121,8 +115,7 @@ def sampler_for(randomize: Randomize, model: Model) -> Sampler | None:
 def _factor(covariance: FloatArray) -> FloatArray:
     """Return L with L L^T the covariance, whose rank is only 5 if the fit keeps the law's gain at one."""
     values, vectors = np.linalg.eigh(covariance)
-    factor: FloatArray = vectors * np.sqrt(np.maximum(values, 0.0))
-    return factor
+    return np.asarray(vectors * np.sqrt(np.maximum(values, 0.0)))
 
 
 def _moved(law: WheelLaw, change: FloatArray) -> WheelLaw:
@@ -149,10 +142,9 @@ def _range(name: str, ends: Any) -> Range:
 
 
 def _check_name(name: str) -> None:
-    robot = [f"robot.{one.name}" for one in fields(Robot) if one.name not in _WHOLE]
-    wheel = [f"wheel.{one}" for one in _WHEEL]
+    robot = [f"robot.{one.name}" for one in fields(Robot) if one.name != "rollers_per_wheel"]
     effects = [f"effects.{effect}.{one}" for effect, known in EFFECT_PARAMETERS.items() for one in known]
-    known = [*wheel, *robot, *effects]
+    known = ["wheel.saturation_rpm", *robot, *effects]
     if name not in known:
         raise InputError(
             f"randomize: no number {name!r}{did_you_mean(name, known)}; known are wheel.saturation_rpm, "
@@ -162,9 +154,7 @@ def _check_name(name: str) -> None:
 
 def _with_number(model: Model, name: str, value: float) -> Model:
     section, *rest = name.split(".")
-    if section == "robot":
-        return replace(model, robot=replace(model.robot, **{rest[0]: value}))  # type: ignore[arg-type]
-    if section == "wheel":
-        return replace(model, wheel=replace(model.wheel, **{rest[0]: value}))  # type: ignore[arg-type]
+    if section in ("robot", "wheel"):
+        return replace(model, **{section: replace(getattr(model, section), **{rest[0]: value})})
     effect, parameter = rest
     return model.with_effect(effect, **{**model.effects.get(effect, {}), parameter: value})

@@ -19,13 +19,7 @@ RowArray = npt.NDArray[np.intp]
 
 
 class Scenes:
-    """The latest scenes of n episodes, one for each step; interpolated linearly.
-
-    Args:
-        n: number of episodes.
-        step_s: time between two scenes [s].
-        oldest_s: greatest age of a scene that can be asked for [s].
-    """
+    """The scenes of n episodes, one every `step_s`, up to the age `oldest_s` [s]; interpolated linearly."""
 
     def __init__(self, n: int, step_s: float, oldest_s: float) -> None:
         self._step_s = step_s
@@ -35,16 +29,10 @@ class Scenes:
     @property
     def now(self) -> FloatArray:
         """The newest scene, shape (11, n), as a view."""
-        now: FloatArray = self._past[0]
-        return now
+        return np.asarray(self._past[0])
 
     def restart(self, row: int, scene: Sequence[float]) -> None:
-        """Begin an episode whose players have always been at rest.
-
-        Args:
-            row: which episode.
-            scene: its 11 numbers.
-        """
+        """Begin an episode in a row; the players have always been at rest in the given scene (11 numbers)."""
         self._past[:, :, row] = scene
         self._separation = None
 
@@ -64,15 +52,12 @@ class Scenes:
         """Return the scene `delay_s` before now, in all episodes, shape (11, n)."""
         whole, share = divmod(delay_s / self._step_s, 1.0)
         newer, older = self._past[int(whole)], self._past[int(whole) + 1]
-        scene: FloatArray = newer + share * (older - newer)
-        return scene
+        return np.asarray(newer + share * (older - newer))
 
     def ago_of(self, rows: RowArray, delays_s: FloatArray) -> FloatArray:
-        """Return scenes of some episodes, each with a delay of its own, shape (11, m).
+        """Return scenes of some rows (m,), each with its own delay before now (m,) [s], shape (11, m).
 
-        Args:
-            rows: indices of the episodes, shape (m,).
-            delays_s: time before now, shape (m,) [s]; limited to what is kept.
+        Delays are limited to what is kept.
         """
         age = np.clip(delays_s / self._step_s, 0.0, len(self._past) - 2.0)
         whole = np.floor(age).astype(np.intp)
@@ -82,15 +67,13 @@ class Scenes:
 
 def wrapped(angle_rad: FloatArray) -> FloatArray:
     """Return angles within [-pi, pi)."""
-    within: FloatArray = (angle_rad + np.pi) % (2.0 * np.pi) - np.pi
-    return within
+    return np.asarray((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
 
 
 def separation(scene: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distance [m] and bearing [rad] of the opponent from the robot, shape (n,) each.
+    """Return distance [m] and bearing [rad] of the opponent from the robot, (n,), in a scene (11, n).
 
-    Args:
-        scene: shape (11, n); the bearing is 0 straight ahead and positive to the left.
+    The bearing is 0 straight ahead and positive to the left.
     """
     dx, dy = scene[6] - scene[0], scene[7] - scene[1]
     return np.sqrt(dx * dx + dy * dy), wrapped(np.arctan2(dy, dx) - scene[2])

@@ -46,21 +46,12 @@ class StrikeShares(NamedTuple):
         return forward + self.back * (guard_m - forward)
 
     def height(self, raised_m: FloatArray, end_m: FloatArray) -> FloatArray:
-        """Return the height of the tip over the floor [m].
-
-        Args:
-            raised_m: its height when the sword is fully drawn back.
-            end_m: its height at the hit.
-        """
+        """Return the height of the tip over the floor [m], given that fully drawn back and at the end."""
         drawn = GUARD_HEIGHT_M + self.rise * (raised_m - GUARD_HEIGHT_M)
         return self.place(drawn, end_m, GUARD_HEIGHT_M)
 
     def ahead(self, raised_m: FloatArray) -> FloatArray:
-        """Return how far ahead of the opponent's centre the tip is before the strike goes forward [m].
-
-        Args:
-            raised_m: the distance when the sword is fully drawn back.
-        """
+        """Return the tip's distance ahead of its owner [m] before the strike, given that fully drawn back."""
         return GUARD_TIP_M + self.rise * (raised_m - GUARD_TIP_M)
 
 
@@ -88,22 +79,14 @@ class StrikeTimes:
         )
 
     def step_share(self, time_s: FloatArray | float) -> FloatArray:
-        """Return the share of its step that the opponent's body is forward; 0 in a feint.
-
-        Args:
-            time_s: times of shape (..., n), or one time.
-        """
+        """Return the share of its step that the body is forward at times (..., n); 0 in a feint."""
         forward = _smooth(_share(time_s, self.raise_s, self.land_s))
         back = _smooth(_share(time_s, self.land_s, self.free_s))
         return np.where(self.is_feint, 0.0, forward - back)
 
 
 class Sword(StrikeTimes):
-    """The motion of n swords.
-
-    Args:
-        n: number of episodes.
-    """
+    """The motion of the swords of n episodes."""
 
     def __init__(self, n: int) -> None:
         raise_s, cut_s, land_s, free_s = (np.full(n, _LONG_AGO_S) for _ in range(4))
@@ -123,19 +106,14 @@ class Sword(StrikeTimes):
 
     def idle(self, time_s: FloatArray) -> BoolArray:
         """Return whether each sword is on guard at times (n,), shape (n,)."""
-        idle: BoolArray = time_s >= self.free_s
-        return idle
+        return np.asarray(time_s >= self.free_s)
 
     def tip(
         self, time_s: FloatArray, x_m: FloatArray, y_m: FloatArray, heading_rad: FloatArray
     ) -> FloatArray:
-        """Return the tip's position x, y, z [m], shape (3, ..., n).
+        """Return the tip's position x, y, z [m], shape (3, ..., n), at times of shape (..., n).
 
-        Args:
-            time_s: times, shape (..., n).
-            x_m: x of the opponent's centre at these times, shape (..., n).
-            y_m: y of the opponent's centre at these times, shape (..., n).
-            heading_rad: the opponent's heading, shape (n,).
+        `x_m` and `y_m` are the opponent's centre at these times; its heading has the shape (n,).
         """
         tip = np.empty((3, *x_m.shape))
         cos, sin = np.cos(heading_rad), np.sin(heading_rad)
@@ -152,12 +130,7 @@ class Sword(StrikeTimes):
         return tip
 
     def tip_and_velocity(self, time_s: FloatArray, scene: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the tip's position [m] and velocity [m/s], shape (3, n) each.
-
-        Args:
-            time_s: times, shape (n,).
-            scene: the scenes at these times, shape (11, n).
-        """
+        """Return the tip's position [m] and velocity [m/s], (3, n) each, at times (n,) with scene (11, n)."""
         x, y = scene[6] - _EARLIER_S * scene[9], scene[7] - _EARLIER_S * scene[10]
         tip = self.tip(time_s - _EARLIER_S, x, y, scene[8])
         return tip[:, 0], (tip[:, 0] - tip[:, 1]) / TIP_VELOCITY_S

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -12,14 +12,10 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.simulator import RobotPlant
-from mecanum_env.tankendo.actions import ActionMode, checked_action
-from mecanum_env.tankendo.arena import TaskName
-from mecanum_env.tankendo.build import ModelLike, build, row_info
+from mecanum_env.errors import InputError, require_one_of
+from mecanum_env.tankendo.actions import checked_action
+from mecanum_env.tankendo.build import Arguments, build, row_info
 from mecanum_env.tankendo.chance import DRAWN, Start
-from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
-from mecanum_env.tankendo.randomize import Randomize
 from mecanum_env.tankendo.scene import BoolArray
 
 Array = npt.NDArray[Any]
@@ -38,33 +34,18 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
       last observation and info of the old one are in `info["final_obs"]` and `info["final_info"]`.
     - "Disabled": by `reset(options={"reset_mask": mask})` alone, the mask an array (num_envs,) of bool.
 
-    Args:
-        num_envs: number of environments.
-        autoreset_mode: a `gymnasium.vector.AutoresetMode` or its value, see above.
-        render_mode: None; robots in one batch are not drawn.
-        threads: number of threads that step the physics; 0: as many as there are processors.
-
-    All other arguments are those of `TankendoEnv`.
+    `render_mode` must be None, since robots in one batch are not drawn. `threads` is the number of threads
+    that step the physics; 0: as many as there are processors. All other arguments are those of `TankendoEnv`.
     """
 
     def __init__(
         self,
         num_envs: int = 1,
-        task: TaskName = "dodge",
-        model: ModelLike | None = None,
-        plant: RobotPlant = "planar",
-        difficulty: str = "normal",
-        action_mode: ActionMode = "cartesian",
-        observation_delay: float | None = None,
-        opponent: Opponent | None = None,
-        randomize: Randomize = "none",
-        reward_weights: Mapping[str, float] | RewardWeights | None = None,
-        rules: Rules | None = None,
-        sensors: Sensors | None = None,
-        timestep_s: float | None = None,
+        *,
+        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int = 1,
-        autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
+        **arguments: Unpack[Arguments],
     ) -> None:
         if num_envs < 1:
             raise InputError(f"num_envs = {num_envs}, must be at least 1")
@@ -73,23 +54,10 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
                 f"render_mode = {render_mode!r}: robots in one batch are not drawn; use gymnasium.make, or "
                 'make_vec with vectorization_mode="sync"'
             )
-        self._autoreset_mode = _mode(autoreset_mode)
-        self._episodes = build(
-            num_envs,
-            task=task,
-            model=model,
-            plant=plant,
-            difficulty=difficulty,
-            action_mode=action_mode,
-            observation_delay=observation_delay,
-            opponent=opponent,
-            randomize=randomize,
-            reward_weights=reward_weights,
-            rules=rules,
-            sensors=sensors,
-            timestep_s=timestep_s,
-            threads=threads,
-        )
+        if not isinstance(autoreset_mode, AutoresetMode):
+            require_one_of("autoreset_mode", autoreset_mode, [mode.value for mode in AutoresetMode])
+        self._autoreset_mode = AutoresetMode(autoreset_mode)
+        self._episodes = build(num_envs, threads, **arguments)
         self.metadata = {"autoreset_mode": self._autoreset_mode}
         self.num_envs = num_envs
         self.arena = self._episodes.arena
@@ -119,9 +87,8 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         start = self._episodes.start_of(options, "reset_mask")
         mask = self._mask((options or {}).get("reset_mask", np.ones(self.num_envs, bool)))
         for row in np.flatnonzero(mask).tolist():
-            own = seeds[row]
-            if own is not None:
-                self._rngs[row], _ = gymnasium.utils.seeding.np_random(own)
+            if seeds[row] is not None:
+                self._rngs[row], _ = gymnasium.utils.seeding.np_random(seeds[row])
         self._restart(mask, start)
         return self.arena.observe(), _with_masks(self.arena.state_info(), mask)
 
@@ -153,8 +120,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
     def step(self, actions: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Send a command to each robot; return observations, rewards, terminated, truncated, info.
 
-        Args:
-            actions: shape (num_envs, 3), see `TankendoEnv`.
+        `actions` have the shape (num_envs, 3), see `TankendoEnv`.
 
         Raises:
             InputError: actions of another shape, or not finite; nothing has moved.
@@ -189,16 +155,6 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
     def _restart(self, rows: BoolArray, start: Start) -> None:
         for row in np.flatnonzero(rows).tolist():
             self._episodes.restart(row, self._rngs[row], start)
-
-
-def _mode(value: AutoresetMode | str) -> AutoresetMode:
-    names = [mode.value for mode in AutoresetMode]
-    try:
-        return AutoresetMode(value)
-    except ValueError as error:
-        raise InputError(
-            f"autoreset_mode = {value!r}{did_you_mean(str(value), names)}, must be {', '.join(names)}"
-        ) from error
 
 
 def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:

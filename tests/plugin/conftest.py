@@ -8,7 +8,8 @@ import mujoco
 import numpy as np
 import pytest
 
-from mecanum_env.law import WheelLaw
+from mecanum_env.law import LawState, WheelLaw
+from mecanum_env.law.drive import EPS, RING, ramped_inputs, received_command
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import set_wheel_parameters
 
@@ -82,3 +83,44 @@ def free_model(paper: Model) -> Callable[..., Model]:
 def in_tmp_path(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Work in a temporary folder: MuJoCo writes its warnings to a file in the working folder."""
     monkeypatch.chdir(tmp_path)
+
+
+class SteppedDrive:
+    """The drives of wheels of one kind, one substep after the other, as the plugin steps them.
+
+    It starts at rest, or settled at constant commands `steady_rpm`, shape (...).
+    """
+
+    def __init__(self, parameters, timestep, steady_rpm=0.0):
+        self.parameters, self.timestep = parameters, timestep
+        speed = np.asarray(steady_rpm, float)
+        self.substeps = self.ticks = self.latches = 0
+        self.law, self.ramp = LawState.steady(speed), speed
+        # The last latched commands [rpm], shape (..., RING), the newest last.
+        self.commands = np.repeat(speed[..., None], RING, axis=-1)
+
+    def step(self, command_rpm):
+        """Advance one substep with these commands, shape (...); return the setpoint [rpm] at its end."""
+        parameters, now = self.parameters, self.substeps * self.timestep
+        tau, period = parameters.law.sample_period_s, parameters.command_period_s
+        while now >= self.latches * period - EPS * period:
+            received = received_command(parameters, command_rpm, self.latches * period + parameters.delay_s)
+            self.commands = np.concatenate([self.commands[..., 1:], received[..., None]], axis=-1)
+            self.latches += 1
+        while now >= self.ticks * tau - EPS * tau:
+            first = self.latches - RING
+            r, self.ramp = ramped_inputs(
+                parameters, [self.ticks], self.commands, self.latches, first, self.ramp
+            )
+            _, self.law = parameters.law.tick(self.law, r[..., 0])
+            self.ticks += 1
+        self.substeps += 1
+        w0, w1 = np.asarray(self.law.w0, float), np.asarray(self.law.w1, float)
+        share = (self.substeps * self.timestep - (self.ticks - 1) * tau) / tau
+        return w1 + (w0 - w1) * min(max(share, 0.0), 1.0)
+
+
+@pytest.fixture(scope="session")
+def stepped_drive() -> type[SteppedDrive]:
+    """Return the class of drives that are stepped one substep after the other."""
+    return SteppedDrive

@@ -12,11 +12,9 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.drive import (
     RING,
     DriveParameters,
-    DriveState,
     latched_commands,
     received_command,
     simulate_drive,
-    step_drive,
 )
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import DELAY, STATE_SIZE, drive_state, set_steady
@@ -91,19 +89,17 @@ def test_a_delay_keeps_the_sum_of_the_command(seed, delay_s):
     timestep=st.sampled_from([1 / 480, 0.003, 0.02]),
     initial=st.sampled_from([0.0, 33.0]),
 )
-def test_whole_runs_equal_single_steps(seed, delay_s, timestep, initial):
+def test_whole_runs_equal_single_steps(stepped_drive, seed, delay_s, timestep, initial):
     parameters = replace(PAPER, delay_s=delay_s)
     given_rpm = np.random.default_rng(seed).uniform(-150.0, 150.0, (3, 120))
-    state, setpoints = DriveState.steady(np.full(3, initial)), []
-    for command in given_rpm.T:
-        setpoint, state = step_drive(parameters, state, command, timestep)
-        setpoints.append(setpoint)
+    drive = stepped_drive(parameters, timestep, np.full(3, initial))
+    setpoints = [drive.step(command) for command in given_rpm.T]
     whole = simulate_drive(parameters, given_rpm, timestep, initial)
     np.testing.assert_array_equal(np.array(setpoints).T, whole)
 
 
 @given(seed=seeds, delay_s=delays)
-def test_a_log_gives_the_law_what_the_drive_gives_it(seed, delay_s):
+def test_a_log_gives_the_law_what_the_drive_gives_it(stepped_drive, seed, delay_s):
     """The log's commands come at any time; the drive sees the one that holds at each substep."""
     parameters = replace(PAPER, delay_s=delay_s)
     rng = np.random.default_rng(seed)
@@ -111,11 +107,11 @@ def test_a_log_gives_the_law_what_the_drive_gives_it(seed, delay_s):
     command = rng.uniform(-150.0, 150.0, 13)
     n = 480
     held = command[np.searchsorted(time, np.arange(n) / 480 + 1e-10, side="right") - 1]
-    state, inputs = DriveState(), []
+    drive, inputs = stepped_drive(parameters, 1 / 480), []
     for k in range(n):
-        _, state = step_drive(parameters, state, held[k], 1 / 480)
+        drive.step(held[k])
         if k % 4 == 0:
-            inputs.append(float(state.law.r1))
+            inputs.append(float(drive.law.r1))
     np.testing.assert_array_equal(latched_commands(parameters, time, command, n // 4), inputs)
 
 

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.effects.apply import drive_parameters
-from mecanum_env.law.drive import DriveState, simulate_drive, step_drive
+from mecanum_env.law.drive import simulate_drive
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import COMMANDS, RING, STATE, drive_state, state_slice
 from mecanum_env.units import RAD_S_PER_RPM
@@ -52,6 +52,7 @@ def run(mjmodel, commands):
 def test_state_equals_the_reference_bit_for_bit(
     compile_wheels,
     stable_law,
+    stepped_drive,
     seed,
     sample_period_s,
     command_period_s,
@@ -68,30 +69,30 @@ def test_state_equals_the_reference_bit_for_bit(
     model = Model(wheel, Robot(), {"command_latency": {"delay_s": delay_s}, **shaping})
     mjmodel = compile_wheels(model, timestep=timestep)
     parameters = drive_parameters(model)
-    data, state = mujoco.MjData(mjmodel), DriveState()
+    data, drive = mujoco.MjData(mjmodel), stepped_drive(parameters, timestep)
     where = state_slice(mjmodel, 0)
     commands, setpoints = rng.uniform(-160.0, 160.0, 150), []
     for command in commands:
         data.ctrl[0] = command
         mujoco.mj_step(mjmodel, data)
-        setpoint, state = step_drive(parameters, state, command, timestep)
+        setpoint = drive.step(command)
         kept = dict(zip(STATE, data.plugin_state[where], strict=False))
         assert (kept["substeps"], kept["ticks"], kept["latches"]) == (
-            state.substeps,
-            state.ticks,
-            state.latches,
+            drive.substeps,
+            drive.ticks,
+            drive.latches,
         )
-        law = state.law
+        law = drive.law
         assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp")] == [
-            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, state.ramp)
+            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, drive.ramp)
         ]
         assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
         setpoints.append(float(setpoint))
     whole = simulate_drive(parameters, commands, timestep)
     np.testing.assert_allclose(whole, setpoints, rtol=0.0, atol=1e-9)
-    newest = np.arange(state.latches - min(state.latches, RING), state.latches)
+    newest = np.arange(drive.latches - min(drive.latches, RING), drive.latches)
     ring = data.plugin_state[where][COMMANDS]
-    np.testing.assert_array_equal(ring[newest % RING], state.commands[-newest.size :])
+    np.testing.assert_array_equal(ring[newest % RING], drive.commands[-newest.size :])
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.037])

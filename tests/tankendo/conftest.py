@@ -10,15 +10,6 @@ from mecanum_env.tankendo import command_to_action
 from mecanum_env.tankendo.build import Episodes, build
 from mecanum_env.tankendo.env import TankendoEnv
 
-NOT_GIVEN = ("model", "observation_delay", "opponent", "reward_weights", "rules", "sensors", "timestep_s")
-USUAL = {
-    "task": "dodge",
-    "plant": "planar",
-    "difficulty": "normal",
-    "action_mode": "command",
-    "randomize": "none",
-}
-
 
 @pytest.fixture
 def make() -> Iterator[Callable[..., TankendoEnv]]:
@@ -36,7 +27,7 @@ def make() -> Iterator[Callable[..., TankendoEnv]]:
 
 def side_by_side(n: int, **arguments: Any) -> Episodes:
     """Return n episodes side by side, seeded 0 .. n-1 and begun."""
-    built = build(n, **{**dict.fromkeys(NOT_GIVEN), **USUAL, **arguments})
+    built = build(n, **{"action_mode": "command", **arguments})
     for row in range(n):
         built.restart(row, np.random.default_rng(row))
     return built

@@ -21,11 +21,7 @@ _LEAST_SAMPLES: Final = 7
 
 
 def require_valid(options: GapOptions, level: Level) -> None:
-    """Refuse options that make no sense for the logs.
-
-    Args:
-        options: options of the study.
-        level: level of the logs.
+    """Refuse options that make no sense for logs of a level.
 
     Raises:
         InputError: another level than that of the logs, a count below 1, no time to decide on, or an effect
@@ -60,21 +56,13 @@ def require_valid(options: GapOptions, level: Level) -> None:
 
 
 def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]:
-    """Return the effects that act on logs of a level, in the order of the chain.
-
-    Args:
-        level: level of the logs.
-        plant: how a robot is simulated.
-    """
+    """Return the effects that act on logs of a level, simulated by a plant, in the order of the chain."""
     used: PlantKind = "bench" if level == "bench" else plant
     return tuple(name for name, effect in CATALOGUE.items() if effect.acts_in(used))
 
 
 def require_movement(dataset: Dataset) -> None:
     """Refuse logs in which nothing moves.
-
-    Args:
-        dataset: bench or robot logs.
 
     Raises:
         InputError: fewer samples than a fit takes, or no measured channel that ever changes.

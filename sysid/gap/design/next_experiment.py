@@ -54,12 +54,8 @@ def design_next_experiment(
 ) -> Design:
     """Return the experiment that separates tied candidates, or else shows what the logs could not.
 
-    Args:
-        problem: the model, the logs and the study's settings.
-        decision: the decision of the search.
-        improved: the model with the effects found.
-        untestable: effects that the logs could not show.
-        threshold: reduction of the sum of squares that counts as seen.
+    `improved` is the model with the effects found, `untestable` the effects that the logs could not show, and
+    `threshold` the fall of the cost that counts as seen.
     """
     conditions = conditions_of(problem, decision.inflation)
     limits = limits_of(problem.base, problem.observations)
@@ -78,12 +74,7 @@ def design_for_untestable(
 ) -> Design:
     """Return the experiment on which as many of the effects as possible would show, if they were there.
 
-    Args:
-        model: the model with the effects found.
-        effects: names of the effects that the logs could not show.
-        conditions: how the experiment will be recorded.
-        limits: commands that the robot can execute.
-        threshold: reduction of the sum of squares that counts as seen.
+    An effect shows if it lowers the cost by more than a `threshold`.
     """
     study, level = conditions.study, conditions.level
     plant: PlantKind = "bench" if level == "bench" else study.plant
@@ -120,13 +111,9 @@ def visibility(
 ) -> FloatArray | None:
     """Return z (p,) of each effect, which shows with probability Phi(z); None if the model is unpredictable.
 
-    An effect whose prediction depends on details does not show.
-
-    Args:
-        trial: the sequence under the conditions of the experiment.
-        rivals: the model with each of the effects.
-        threshold: reduction of the sum of squares that counts as seen.
-        thorough: whether differences that uncertain parameters could hide are taken off.
+    `rivals` are the model with each of the effects, which show if they lower the cost by a `threshold`. If
+    `thorough`, differences that uncertain parameters could hide are taken off, and an effect whose prediction
+    depends on details does not show.
     """
     without = trial.whitened(trial.base)
     if without is None or not trial.predictable(trial.base, without):
@@ -194,9 +181,7 @@ def _plausible(base: Model, fitted: Fitted[Any], inflation: float) -> tuple[Mode
 def conditions_of(problem: ResidualProblem, inflation: float) -> ExperimentConditions:
     """Return conditions like those of the logs so far, simulated with the settings of the study.
 
-    Args:
-        problem: the model, the logs and the study's settings.
-        inflation: residual variance of the best fit relative to the expected one.
+    `inflation` is the residual variance of the best fit relative to the expected one.
     """
     observations, whitener = problem.observations, problem.whitener
     runs = [run for situation in observations.situations for run in situation.runs]
@@ -229,12 +214,7 @@ def _kind(run: Run) -> CommandKind:
 
 
 def limits_of(model: Model, observations: Observations) -> Limits:
-    """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs.
-
-    Args:
-        model: its command quantum, period, ceiling and geometry count.
-        observations: the runs whose commands count if the model has no ceiling.
-    """
+    """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs."""
     limit = model.wheel.saturation_rpm
     runs = [situation.runs[0] for situation in observations.situations]
     if not math.isfinite(limit):

@@ -66,13 +66,7 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
 
 
 def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str, FloatArray]]:
-    """Return what a model predicts for each run: channel -> values at its rows, shape (n,).
-
-    Args:
-        model: wheel, robot and effects.
-        runs: bench or robot logs.
-        study: settings of the simulations.
-    """
+    """Return what a model predicts for each run: channel -> values at its rows, shape (n,)."""
     found = [predict(model, run, study=study) for run in runs]
     correction = correction_of(model)
     if correction is None:
@@ -83,14 +77,7 @@ def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str,
 def compare(
     split: Split, runs: Sequence[Run], before: Sequence[Channels], after: Sequence[Channels]
 ) -> Comparison:
-    """Return runs beside their simulations.
-
-    Args:
-        split: split of the runs.
-        runs: bench or robot logs.
-        before: predictions of the model as given, one mapping per run.
-        after: predictions of the improved model, one mapping per run.
-    """
+    """Return runs of a split beside their simulations before and after, one mapping per run."""
     repeats: dict[str, int] = {}
     samples: list[Samples] = []
     for run, b, a in zip(runs, before, after, strict=True):
@@ -104,11 +91,8 @@ def differences(dataset: Dataset, comparison: Comparison) -> tuple[Difference, d
     """Return the gap over all channels, and that of each channel that has samples.
 
     With several channels the gap is in standard deviations of their noise; a channel without repeats is
-    scaled by its error after instead.
-
-    Args:
-        dataset: repeats of all its runs, test runs included, give the noise floor; no decision uses it.
-        comparison: the runs whose errors are reported.
+    scaled by its error after instead. The noise floor is from repeats of all runs of the dataset, test runs
+    included; no decision uses it.
     """
     repeats = noise_from_repeats(dataset.runs) or {}
     channels = {}
@@ -161,12 +145,7 @@ def overlays(comparison: Comparison) -> tuple[Overlay, ...]:
 
 
 def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEffect, ...]:
-    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
-
-    Args:
-        problem: the model and the runs that decided.
-        decision: the decision of the search.
-    """
+    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one."""
     if decision.chosen is None:
         return ()
     fitted = decision.chosen.fitted
@@ -188,11 +167,7 @@ def evidence(
 ) -> tuple[Evidence, ...]:
     """Return the sets of effects that matter, best score first.
 
-    Args:
-        dataset: its test runs are simulated here, after the decision.
-        problem: the model and the runs that decided.
-        decision: the decision of the search.
-        floor: what is known of the noise.
+    The test runs of the dataset are simulated here, after the decision.
     """
     base = next(judged for judged in decision.judged if not judged.names)
     shown = [judged for judged in decision.judged if judged.names][:_MOST_SETS]

@@ -38,33 +38,17 @@ class Floor:
 
 
 def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
-    """Return the columns of the rollers' scatter at the place of a set, (N, k), each one standard deviation.
-
-    Args:
-        problem: the model and the runs that decide.
-        fitted: the set.
-    """
+    """Return the columns of the rollers' scatter at the place of a set, (N, k), each one sigma."""
     return problem.roller_scatter(fitted.candidate.model(problem.base, fitted.place))
 
 
 def expected(problem: ResidualProblem, *fitted: Fitted[Any]) -> float:
-    """Return the cost that a right model has, with the largest roller scatter of some fitted sets.
-
-    Args:
-        problem: the model and the runs that decide.
-        fitted: one set or more.
-    """
+    """Return the cost that a right model has, with the largest roller scatter of some fitted sets."""
     return problem.size + max(float(np.sum(roller_scatter(problem, one) ** 2)) for one in fitted)
 
 
 def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float:
-    """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell.
-
-    Args:
-        problem: the model and the runs that decide.
-        fitted: the set.
-        floor: what is known of the noise.
-    """
+    """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell."""
     if not floor.trusted:
         return 1.0
     ratio = fitted.cost * (problem.size / expected(problem, fitted)) / problem.size
@@ -72,13 +56,7 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:
-    """Return whether a set leaves no more than a right model would.
-
-    Args:
-        problem: the model and the runs that decide.
-        fitted: the set.
-        floor: what is known of the noise.
-    """
+    """Return whether a set leaves no more than a right model would."""
     return floor.trusted and fitted.cost <= expected(problem, fitted) * floor.largest_ratio(problem.size)
 
 
@@ -87,12 +65,7 @@ def enough(
 ) -> bool:
     """Return whether a set leaves what a right model would, or little beside what the set explains.
 
-    Args:
-        problem: the model and the runs that decide.
-        base: the empty set.
-        fitted: the set.
-        floor: what is known of the noise.
-        right: cost of a right model, if it is known; else it is measured at the place of the set.
+    `right` is the cost of a right model, by default measured at the place of the set.
     """
     if not floor.trusted:
         return True

@@ -50,13 +50,9 @@ class ChanceGains:
 def chance_gains(
     fitted: Fitted[Any], library: Sequence[Response], rng: np.random.Generator, scatter: FloatArray
 ) -> ChanceGains:
-    """Simulate the best gain of a set by one more effect, if the set is the truth.
+    """Simulate the best gain of a fitted set by one more effect of a library, if the set is the truth.
 
-    Args:
-        fitted: the set.
-        library: responses of the effects that were considered.
-        rng: of the draws.
-        scatter: columns of the rollers' scatter at the set, (N, k).
+    `scatter` holds the columns of the rollers' scatter at the set, (N, k).
     """
     draws = THRESHOLDS.draws
     orthogonal = np.linalg.qr(fitted.jacobian)[0]
@@ -95,11 +91,8 @@ def _root(covariance: FloatArray) -> FloatArray:
 def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[str, dict[str, float]]:
     """Return effect -> parameter -> smallest value that would be seen with 90 % probability.
 
-    A parameter of which no value would be seen is left out.
-
-    Args:
-        library: responses of the effects on these logs.
-        threshold: fall of the cost that counts as seen.
+    Seen is what lowers the cost by a `threshold`; a parameter of which no value would be seen is left out.
+    `library` holds the responses of the effects on these logs.
     """
     needed = float((np.sqrt(threshold) + norm.ppf(THRESHOLDS.power)) ** 2)
     found: dict[str, dict[str, float]] = {}
@@ -121,13 +114,9 @@ def untestable(
     detectable: Mapping[str, Mapping[str, float]],
     level: Level,
 ) -> tuple[Untestable, ...]:
-    """Return the effects that these logs could not show, with the reason.
+    """Return which of the considered effects logs of a level could not show, with the reason.
 
-    Args:
-        considered: names of the effects that were tried.
-        library: their responses.
-        detectable: as `smallest_detectable` gives it.
-        level: of the logs.
+    `library` holds their responses, `detectable` is from `smallest_detectable`.
     """
     found = []
     for name, effect in CATALOGUE.items():

@@ -32,12 +32,7 @@ class StudyData:
 
 
 def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData:
-    """Choose the runs that decide and measure their noise.
-
-    Args:
-        dataset: bench or robot logs.
-        model: its file may state its own error.
-        options: of the study.
+    """Choose the runs that decide and measure their noise; the model's file may state its own error.
 
     Raises:
         InputError: no run has a measured sample.

@@ -53,13 +53,9 @@ class Decision:
 
 
 def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Decision:
-    """Search and decide; again, if it turns out that the logs' wheels started at other angles.
+    """Search for sets of at most `max_effects` and decide; again, if the wheels started at other angles.
 
-    Args:
-        search: over the effects to consider; what it fits stays in it.
-        floor: what is known of the noise.
-        max_effects: size of the largest set.
-        rng: of the simulated thresholds and the bootstrap.
+    What is fitted stays in the search; `rng` is that of the simulated thresholds and the bootstrap.
     """
     problem, notes = search.problem, []
     facts = collect(search, floor, max_effects, rng)
@@ -85,14 +81,7 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
 
 
 def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
-    """Search, and return all facts that the rules need.
-
-    Args:
-        search: over the effects to consider; what it fits stays in it.
-        floor: what is known of the noise.
-        max_effects: size of the largest set.
-        rng: of the simulated thresholds and the bootstrap.
-    """
+    """Search for sets of at most `max_effects`, and return all facts that the rules need."""
     problem, base = search.problem, search.base
     facts = explore(search, floor, max_effects, rng)
     chosen, inflation = facts.chosen, facts.inflation
@@ -118,13 +107,9 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
 
 
 def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
-    """Fit sets of effects as far as the logs support them; return the facts up to the best such set.
+    """Fit sets of effects, up to a size of `max_effects`, as far as the logs support them.
 
-    Args:
-        search: over the effects to consider; what it fits stays in it.
-        floor: what is known of the noise.
-        max_effects: size of the largest set.
-        rng: of the simulated thresholds.
+    Returns the facts up to the best such set.
     """
     problem, base = search.problem, search.base
     by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base))

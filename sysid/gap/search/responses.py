@@ -71,10 +71,7 @@ class Response:
 def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
     """Return the responses of effects, in the order of the catalogue; without what cannot be simulated.
 
-    Args:
-        problem: the model and the logs.
-        effects: names in the catalogue.
-        at: the model to which each effect is added; the base model if None.
+    Each effect is added to the model `at`, by default the base model of the problem.
     """
     found = []
     start = problem.base if at is None else at
@@ -158,13 +155,9 @@ class Growth:
 def growths(
     base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: float = 1.0
 ) -> list[Growth]:
-    """Return a set's growths by one effect each, the most promising first.
+    """Return the growths of a fitted set by one effect each of a library of responses, best first.
 
-    Args:
-        base: model whose values are neutral.
-        parent: the fitted set.
-        library: responses of the effects to consider.
-        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
+    `scale` is the factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)

@@ -148,12 +148,7 @@ RULES: Final[tuple[Rule, ...]] = (
 
 
 def apply_rules(facts: Facts, thresholds: Thresholds) -> Outcome:
-    """Return the first objection; without any the set is named, or ambiguous if others are tied with it.
-
-    Args:
-        facts: of the study.
-        thresholds: numbers of the decision.
-    """
+    """Return the first objection; without any the set is named, or ambiguous if others are tied with it."""
     for rule in RULES:
         outcome = rule(facts, thresholds)
         if outcome is not None:

@@ -25,11 +25,8 @@ def tied(
 ) -> tuple[ScoredSet, ...]:
     """Return the chosen set and those as good, without those that predict the same with more parameters.
 
-    Args:
-        search: what was fitted.
-        chosen: the set with the best score.
-        same_size: sets of its size, itself among them.
-        inflation: residual variance of the best fit relative to the expected one.
+    `same_size` are the sets of its size, itself among them; `inflation` is the residual variance of the best
+    fit relative to the expected one.
     """
     near = [j for j in same_size if j is chosen or _as_good(search, chosen, j, inflation)]
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))

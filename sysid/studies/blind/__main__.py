@@ -96,12 +96,7 @@ def main(
 
 
 def spread(cases: Sequence[Case], count: int | None) -> list[Case]:
-    """Return a number of cases, evenly spread over a list; all when None.
-
-    Args:
-        cases: the list.
-        count: largest number of cases.
-    """
+    """Return a `count` of cases, evenly spread over a list; all when None."""
     if count is None or count >= len(cases):
         return list(cases)
     return [cases[i * len(cases) // count] for i in range(count)]

@@ -126,13 +126,9 @@ HEAD = f"{'case':<52} {'before':>9} {'truth':>9} {'closure':>8}"
 
 
 def check_case(tests: BlindTests, case: Case, seed: int, model: Model) -> Check:
-    """Replay the logs of a case without and with its true effects.
+    """Replay the logs of a case without and with its true effects, on the nominal model.
 
-    Args:
-        tests: the generators, which write the logs.
-        case: the case to replay.
-        seed: seed of the list of cases.
-        model: the nominal model.
+    `tests` are the generators that write the logs, `seed` is that of the list of cases.
     """
     with TemporaryDirectory() as folder:
         tests.write_case(case.name, seed, Path(folder))

@@ -132,13 +132,7 @@ def summary_text(outcomes: Sequence[Outcome]) -> str:
 
 
 def summary_markdown(outcomes: Sequence[Outcome], command: str, date: str) -> str:
-    """Return the confusion table and the metrics as a page of the documentation.
-
-    Args:
-        outcomes: the outcomes of all cases.
-        command: the command line that ran them.
-        date: the day of the run.
-    """
+    """Return the confusion table and the metrics of a command of a date as a page of the documentation."""
     parts = [
         "# Results of the blind tests",
         f"Written by `{command}` on {date} with version {version('mecanum-tankendo')}; do not edit.",

@@ -25,12 +25,9 @@ from sysid.studies.blind.outcome import Outcome, from_json, outcome_of, to_json
 
 
 def nominal_model(tests: BlindTests, plant: str, folder: Path) -> Model:
-    """Return the model of a nominal plant; it is fitted if `folder` does not hold it yet.
+    """Return the model of a nominal plant; it is fitted if the plant's folder does not hold it yet.
 
-    Args:
-        tests: the generators, which write its logs.
-        plant: name of the nominal plant.
-        folder: folder of this plant; receives logs, robot.json and model.json.
+    The folder receives logs, which `tests` generate, robot.json and model.json.
     """
     path = folder / "model.json"
     if not path.is_file():
@@ -44,14 +41,10 @@ def nominal_model(tests: BlindTests, plant: str, folder: Path) -> Model:
 
 
 def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list[Outcome]:
-    """Run cases and return their outcomes in the order of the cases, whatever the number of workers.
+    """Run cases of a seed and return their outcomes in the order of the cases, whatever the number of `jobs`.
 
-    Args:
-        cases: the cases to run.
-        seed: seed of the list of cases.
-        folder: receives `nominal/PLANT/` and `cases/SEED/NAME.json`; results found there are not computed
-        again.
-        jobs: number of worker processes.
+    The folder receives `nominal/PLANT/` and `cases/SEED/NAME.json`; results found there are not computed
+    again.
     """
     todo = [case for case in cases if not saved(case, seed, folder).is_file()]
     plants = list(dict.fromkeys(case.plant for case in todo))
@@ -67,13 +60,7 @@ def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list
 
 
 def saved(case: Case, seed: int, folder: Path) -> Path:
-    """Return the file that holds the outcome of a case.
-
-    Args:
-        case: the case.
-        seed: seed of the list of cases.
-        folder: as for `run_cases`.
-    """
+    """Return the file in the folder of a run that holds the outcome of a case of a seed."""
     return folder / "cases" / f"{seed}" / f"{case.name}.json"
 
 
@@ -83,14 +70,9 @@ def make_model(plant: str, folder: Path) -> None:
 
 
 def run_case(case: Case, seed: int, folder: Path) -> str:
-    """Write the logs of a case, analyse them, save the outcome and return the name of the case.
+    """Write the logs of a case of a seed, analyse them, save the outcome and return the name of the case.
 
     An error of the workflow is an outcome, too: one case must not stop the others.
-
-    Args:
-        case: the case to run.
-        seed: seed of the list of cases.
-        folder: as for `run_cases`.
     """
     from sysid.gap.result import GapOptions
     from sysid.gap.workflow import analyse

@@ -43,11 +43,7 @@ class Reach:
 
 
 def reaches(base: Model) -> list[Reach]:
-    """Return the range of each effect of the catalogue on the six numbers.
-
-    Args:
-        base: the paper's model.
-    """
+    """Return the range of each effect of the catalogue on the six numbers of the base model."""
     fitters = {plant: Fitter(base, plant, hold_s=HOLD_S) for plant in PLANTS}
     found = []
     for name, effect in CATALOGUE.items():
@@ -73,12 +69,9 @@ def movers(found: Sequence[Reach]) -> tuple[str, ...]:
 
 
 def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
-    """Return all fitted sets by their names: all single effects, then additions to the best sets.
+    """Return all fitted sets of at `most` so many effects: all single ones, then additions to the best sets.
 
-    Args:
-        fitter: the fitter of the paper's model.
-        names: effects to consider.
-        most: largest number of effects in a set.
+    The keys and the effects to consider are names of effects.
     """
     fitted: dict[tuple[str, ...], SetFit] = {(): fitter.empty()}
     for size in range(1, most + 1):
@@ -90,22 +83,12 @@ def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[st
 
 
 def best(fitted: Mapping[tuple[str, ...], SetFit], size: int) -> list[SetFit]:
-    """Return the sets of a size, best first.
-
-    Args:
-        fitted: sets by their names.
-        size: number of effects.
-    """
+    """Return the fitted sets of a size, best first."""
     return sorted((f for f in fitted.values() if len(f.names) == size), key=lambda f: (f.misfit, f.names))
 
 
 def needless(found: SetFit, fitted: Iterable[SetFit]) -> bool:
-    """Return whether a smaller set inside a set also reproduces the numbers.
-
-    Args:
-        found: the set.
-        fitted: all sets.
-    """
+    """Return whether a smaller one of all fitted sets, inside the found one, also reproduces the numbers."""
     return any(set(f.names) < set(found.names) and f.worst <= 1.0 for f in fitted)
 
 
@@ -150,12 +133,9 @@ class Turn:
 
 
 def suspects(base: Model) -> list[Suspect]:
-    """Fit the paper's suspects to its six numbers.
+    """Fit the paper's suspects, added to a base model, to its six numbers.
 
     Sensor latency is in none of the larger sets because it changes none of the numbers.
-
-    Args:
-        base: the paper's model.
     """
     plain, ceiling = Fitter(base), Fitter(base, neutral=_CEILING)
     integral = Fitter(with_integral(base))
@@ -174,11 +154,7 @@ def suspects(base: Model) -> list[Suspect]:
 
 
 def suspects_turning(base: Model) -> Turn:
-    """Fit all suspects to the paper's numbers of straight drives, and predict turns at all speeds.
-
-    Args:
-        base: the paper's model.
-    """
+    """Fit all suspects, added to a base model, to the straight drives, and predict turns at all speeds."""
     counted = np.ones(PAPER.size)
     counted[TURN] = 0.0
     fitter = Fitter(base, counted=counted)

@@ -61,8 +61,7 @@ class PaperGap:
 def paper_gap(progress: Progress = silent) -> PaperGap:
     """Search for sets of effects that reproduce the six numbers.
 
-    Args:
-        progress: called with a message before each long step.
+    `progress` is called with a message before each long step.
     """
     base = paper_model()
     progress("what each effect can do")

@@ -88,14 +88,7 @@ QUICK: Final = ExperimentEffort(
 def identify(
     runs: list[WheelRun], contender: Contender, effort: ExperimentEffort, seed: int, starts: int
 ) -> Estimate:
-    """Run one method from the first `starts` of the random starts that all methods share.
-
-    Args:
-        runs: the data.
-        contender: the method.
-        effort: iterations and ranges of the search.
-        seed: seed of the starts.
-        starts: number of starts.
+    """Run one method on runs from the first `starts` of the random starts of a seed, which all methods share.
 
     Raises:
         InputError: no start ended with a finite error.
@@ -113,14 +106,9 @@ def identify(
 def identify_from(
     runs: list[WheelRun], contender: Contender, effort: ExperimentEffort, seed: int, index: int
 ) -> Estimate | None:
-    """Run one method from one of the shared starts; return None if its error does not stay finite.
+    """Run one method on the runs from the shared start `index` of a seed; None if its error becomes infinite.
 
-    Args:
-        runs: the data.
-        contender: the method; the improved kkt chooses its own start.
-        effort: iterations and ranges of the search.
-        seed: seed of the starts.
-        index: number of the start.
+    The improved kkt chooses its own start.
     """
     if not contender.has_starts or contender.name == "kkt-improved":
         return identify(runs, contender, effort, seed, 1)

@@ -83,10 +83,7 @@ def reproduce(
 ) -> Reproduction:
     """Run the experiment; equal seeds give equal results, except for times and memory.
 
-    Args:
-        seed: seed of the recordings and the starts.
-        effort: how much work to do; None: the full experiment.
-        progress: called with each of `STAGES`.
+    `effort` is the full one by default; `progress` is called with each of `STAGES`.
     """
     effort = effort or ExperimentEffort()
     progress(STAGES[0])

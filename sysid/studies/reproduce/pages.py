@@ -91,12 +91,7 @@ def chapters(found: Reproduction) -> list[Chapter]:
 
 
 def reproduction_markdown(found: Reproduction, pictures: str) -> str:
-    """Return all results as Markdown.
-
-    Args:
-        found: the results.
-        pictures: folder of the PNG files, relative to the Markdown file.
-    """
+    """Return all results as Markdown; `pictures` is the folder of the PNG files, relative to it."""
     parts = [
         "# Results of `python -m sysid.studies.reproduce`",
         f"Written by the command itself (seed {found.seed}, {found.effort.starts} starts); do not edit. "
@@ -122,12 +117,7 @@ _STYLE: Final[dict[str, dict[str, Any]]] = {
 
 
 def write_reproduction_page(found: Reproduction, path: Path) -> bool:
-    """Write the page; return False without writing if the `report` extra is not installed.
-
-    Args:
-        found: the results.
-        path: file to write.
-    """
+    """Write the page; return False without writing if the `report` extra is not installed."""
     if not report_available():
         return False
     figures: dict[str, dict[str, Any]] = {}
@@ -181,12 +171,7 @@ _WIDE_INCHES = (8.0, 4.2)
 
 
 def write_reproduction_plots(found: Reproduction, folder: Path) -> list[Path]:
-    """Write every chart as PNG into a folder and return the paths.
-
-    Args:
-        found: the results.
-        folder: created if it is missing.
-    """
+    """Write every chart as PNG into a folder, created if it is missing, and return the paths."""
     return [_write(chart, folder / f"{chart.name}.png") for chart in charts(found)]
 
 

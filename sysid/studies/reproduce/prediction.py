@@ -45,12 +45,9 @@ class SetErrors:
 
 
 def predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -> FloatArray:
-    """Return the law's speed at every tick of a run that starts at rest, shape (K+1,).
+    """Return the speed of a law, stable or not, at every tick of a run that starts at rest, shape (K+1,).
 
-    Args:
-        law: any law, stable or not.
-        run: the run with the commands.
-        ceiling_rpm: limit on the command [rpm].
+    Commands are limited to the ceiling.
     """
     with np.errstate(all="ignore"):
         after = lfilter([law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C], run.command(0.0, ceiling_rpm))
@@ -58,13 +55,7 @@ def predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -
 
 
 def rms_error(law: WheelLaw, runs: Sequence[WheelRun], ceiling_rpm: float = math.inf) -> float:
-    """Return the rms [rpm] of measured minus predicted over all samples of all runs.
-
-    Args:
-        law: any law, stable or not.
-        runs: runs that start at rest.
-        ceiling_rpm: limit on the command [rpm].
-    """
+    """Return the rms [rpm] of measured minus predicted by a law, over all samples of the runs."""
     errors = []
     for run in runs:
         ticks = predict_ticks(law, run, ceiling_rpm)
@@ -203,13 +194,7 @@ def target_steps(data: DataSets) -> TargetSteps:
 
 
 def response(recording: Recording, laws: Mapping[str, WheelLaw], ceiling_rpm: float = math.inf) -> Response:
-    """Return a recording beside the free-running prediction of every law.
-
-    Args:
-        recording: a recording of the target system.
-        laws: method -> law.
-        ceiling_rpm: limit on the command [rpm].
-    """
+    """Return a recording beside the free-running prediction of every law, commands limited to a ceiling."""
     run, log = recording.run, recording.record
     command = run.command()
     return Response(

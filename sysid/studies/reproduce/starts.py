@@ -69,13 +69,10 @@ def best_rms(estimates: list[Estimate]) -> float:
 
 
 def start_rates(name: str, found: Estimate, best_rms_rpm: float, largest_rpm: float) -> StartRates:
-    """Count the outcomes of all starts of a method.
+    """Count the outcomes of all starts of the method of a name.
 
-    Args:
-        name: name of the contender.
-        found: its estimate.
-        best_rms_rpm: the rms that success is measured against.
-        largest_rpm: largest command of the data; a larger rms counts as diverged.
+    Success is measured against `best_rms_rpm`; an rms above the largest command, `largest_rpm`, counts as
+    diverged.
     """
     starts = found.starts
     rms = np.array([start.rms_rpm for start in starts])
@@ -130,11 +127,7 @@ def measure_costs(
 ) -> dict[str, Cost]:
     """Time every method on the same recordings, one after the other in this process.
 
-    Args:
-        data: the recordings.
-        effort: repeats, iterations and ranges.
-        seed: seed of the starts; repeat k of every method takes the kth start.
-        progress: called with the name of each method.
+    Repeat k of every method takes the kth start of the seed; `progress` is called with each method's name.
     """
     costs = {}
     for name in COMPARED:

@@ -52,9 +52,9 @@ def gap(
     from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable
     from mecanum_env.model import read_model
-    from sysid.gap.checks import require_valid
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
+    from sysid.gap.search.data import require_valid
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
     from sysid.progress import stage_bar

@@ -12,8 +12,7 @@ import pytest
 import sysid
 from mecanum_env.errors import InputError
 from sysid.studies.blind.cases import Case, blind_tests, check_case
-from sysid.studies.blind.outcome import Outcome, from_json, to_json
-from sysid.studies.blind.score import metrics
+from sysid.studies.blind.outcome import Outcome, from_json, metrics, to_json
 from sysid.studies.blind.work import nominal_model, run_case, saved
 
 TESTS = blind_tests()

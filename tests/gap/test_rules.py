@@ -12,7 +12,7 @@ import pytest
 from mecanum_env.model import Model
 from sysid.compare.model_error import ChannelError, ModelError, with_model_error
 from sysid.gap.result import GapOptions, Verdict
-from sysid.gap.search.adequacy import Floor
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.search.thresholds import THRESHOLDS

@@ -24,7 +24,7 @@ from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
 from sysid.compare.study import Study
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
-from sysid.gap.search.adequacy import Floor, enough, expected
+from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms

@@ -3,8 +3,7 @@
 1. Is there a gap? The best growth of the empty set, and the cost itself, against what chance does.
 2. How many effects? One more only if the cost falls by more than the best of all effects would make it fall
    by chance, and each run is predicted better from the others (`sysid.gap.search.scores`).
-3. Which? Every set of that size whose score is within `tie_sigmas`^2 of the best is as good
-   (`sysid.gap.search.ties`).
+3. Which? Every set of that size whose score is within `tie_sigmas`^2 of the best is as good (`tied`).
 4. What is the verdict? The first rule that applies gives it (`sysid.gap.search.rules`): is it enough, does it
    matter, does it do harm, would the wheel law fitted again do better?
 
@@ -19,17 +18,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Verdict
-from sysid.gap.search.adequacy import Floor, complete, enough, expected, misfit, roller_scatter
-from sysid.gap.search.chance import chance_gains
+from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, roller_scatter
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import tied
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,3 +218,71 @@ def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Ge
     totals = scores[:, picks].sum(axis=2) + penalty[:, None]
     winners = [judged[i].names for i in np.argmin(totals, axis=0)]
     return {name: float(np.mean([name in winner for winner in winners])) for name in chosen.names}
+
+
+def tied(
+    search: Search, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
+) -> tuple[ScoredSet, ...]:
+    """Return the chosen set and those as good, without those that predict the same with more parameters.
+
+    `same_size` are the sets of its size, itself among them; `inflation` is the residual variance of the best
+    fit relative to the expected one.
+    """
+    near = [j for j in same_size if j is chosen or _as_good(search, chosen, j, inflation)]
+    near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
+    kept: list[ScoredSet] = []
+    for one in near:
+        if not any(_repeats(search, one, other, inflation) for other in kept):
+            kept.append(one)
+    kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
+    return tuple(kept)
+
+
+def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
+    allowed = _tolerance(search, chosen, rival, inflation)
+    if rival.score <= chosen.score + allowed:
+        return True
+    problem = search.problem
+    if not problem.has_surrogate:
+        return False
+    residual = chosen.fitted.residual
+    difference = _difference(problem, chosen, rival)
+    square = float(difference @ difference)
+    if square == 0.0:
+        return True
+    rho_square = float(np.sum((roller_scatter(problem, chosen.fitted).T @ difference) ** 2)) / square
+    # The planar plant tells the two apart without the scatter, which is no reason to drop one of them.
+    worse = (float(np.sum((residual + difference) ** 2)) - float(residual @ residual)) / inflation
+    allowed += THRESHOLDS.tie_sigmas**2 * rho_square / inflation
+    return min(worse, rival.score - chosen.score) <= allowed
+
+
+def _difference(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> FloatArray:
+    """Return the marginal residual of another set less that of one, (N,); without scatter if possible."""
+    if problem.surrogate_covers((*one.names, *other.names)):
+        models = [j.fitted.candidate.model(problem.base, j.fitted.place) for j in (one, other)]
+        ours, theirs = (problem.surrogate_residual(model) for model in models)
+        if ours is not None and theirs is not None:
+            return problem.marginal(theirs - ours)
+    return other.fitted.residual - one.fitted.residual
+
+
+def _tolerance(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> float:
+    """Return how much worse a rival's score may be, without the rollers' scatter.
+
+    An imperfect formula leaves the square of `formula_error` of what it explains beyond the effects that both
+    sets have.
+    """
+    common = tuple(name for name in chosen.names if name in rival.names)
+    rest = search.fitted.get((common, False)) or search.fitted.get((common, True)) or search.base
+    explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
+    return THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained
+
+
+def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
+    """Return whether a set predicts what another predicts, up to formula errors, with more parameters."""
+    if one.names == other.names:
+        return True
+    more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
+    square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
+    return more and square < _tolerance(search, other, one, inflation)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from sysid.gap.result import Verdict
-from sysid.gap.search.adequacy import Floor
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.search.thresholds import Thresholds
 

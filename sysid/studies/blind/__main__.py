@@ -50,8 +50,7 @@ def main(
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.files import require_writable, write_json, write_text
     from sysid.studies.blind.cases import blind_tests, fingerprint
-    from sysid.studies.blind.outcome import to_json
-    from sysid.studies.blind.score import metrics, summary_markdown, summary_text
+    from sysid.studies.blind.outcome import metrics, summary_markdown, summary_text, to_json
     from sysid.studies.blind.work import run_cases
 
     require_at_least(0, seed=seed)

@@ -1,16 +1,15 @@
-"""The study as tables and sentences, for Markdown."""
+"""The study as tables and sentences, for Markdown, and its record as JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, TURN_RPM
-from sysid.studies.paper_gap.search import ALL_SOFT, INTEGRAL_N_M_RAD, TURN, TURN_SPEEDS_RPM, Reach
+from sysid.studies.paper_gap.drives import HOLD_S, NUMBERS, PAPER, TOLERANCE, TURN_RPM
 from sysid.studies.paper_gap.sets import SetFit
-from sysid.studies.paper_gap.study import PaperGap
+from sysid.studies.paper_gap.study import ALL_SOFT, INTEGRAL_N_M_RAD, TURN, TURN_SPEEDS_RPM, PaperGap, Reach
 from sysid.studies.reproduce.published import FIT_STEPS_RPM
 from sysid.studies.reproduce.tables import Table
 
@@ -50,6 +49,42 @@ def paper_gap_markdown(found: PaperGap) -> str:
         roller_table(found).markdown(),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def paper_gap_json(found: PaperGap) -> dict[str, Any]:
+    """Return the study for a JSON file."""
+    return {
+        "figures": list(NUMBERS),
+        "paper": PAPER.tolist(),
+        "tolerance": TOLERANCE.tolist(),
+        "hold_s": HOLD_S,
+        "turn_rpm": TURN_RPM,
+        "model_as_it_is": found.base.tolist(),
+        "reach": {r.name: {"least": r.least.tolist(), "most": r.most.tolist()} for r in found.reach},
+        "sets_tried": found.worsts.size,
+        "sets": [_set_json(f) for f in found.sets],
+        "on_rollers": {
+            " + ".join(f.names): six.tolist()
+            for f, six in zip(found.reproducing, found.on_rollers, strict=True)
+        },
+        "suspects": [{"title": s.title, **_set_json(s.fit)} for s in found.suspects],
+        "suspects_without_turn": {
+            **_set_json(found.turn.fit),
+            "turn_speeds_rpm": TURN_SPEEDS_RPM.tolist(),
+            "turn_losses": found.turn.losses.tolist(),
+        },
+        "with_integral_action": _set_json(found.integral),
+    }
+
+
+def _set_json(found: SetFit) -> dict[str, Any]:
+    return {
+        "effects": found.values,
+        "parameters": found.chosen.parameter_count,
+        "predicted": np.nan_to_num(found.six).tolist(),
+        "misfit": found.misfit,
+        "worst": found.worst,
+    }
 
 
 def conclusion(found: PaperGap) -> str:

@@ -1,20 +1,26 @@
-"""The charts of the experiment as data, for the page and the PNG files."""
+"""The charts of the experiment as data, and their drawing: for the page by Plotly, as PNG by Matplotlib."""
 
 from __future__ import annotations
 
+import copy
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from pathlib import Path
+from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from mecanum_env.files import atomic_path
+from mecanum_env.report import figure
 from mecanum_env.units import FloatArray
 from sysid.studies.reproduce import published
-from sysid.studies.reproduce.contenders import CONTENDERS
+from sysid.studies.reproduce.contenders import CONTENDERS, USABLE_RMS_RPM
 from sysid.studies.reproduce.experiment import Reproduction
 from sysid.studies.reproduce.prediction import Response
-from sysid.studies.reproduce.starts import USABLE_RMS_RPM
 
 Style = Literal["line", "points", "stairs", "dashed", "marked"]
 
@@ -216,3 +222,93 @@ def _range(values: npt.NDArray[np.float64] | Sequence[float]) -> tuple[float, fl
     low, high = float(np.nanmin(values)), float(np.nanmax(values))
     margin = 0.08 * max(high - low, 1e-6)
     return low - margin, high + margin
+
+
+_STYLE: Final[dict[str, dict[str, Any]]] = {
+    "line": {"mode": "lines", "line": {"width": 1.6}},
+    "stairs": {"mode": "lines", "line": {"width": 1.4, "shape": "hv"}},
+    "dashed": {"mode": "lines", "line": {"width": 1.2, "dash": "dash"}},
+    "points": {"mode": "markers", "marker": {"size": 3}},
+    "marked": {"mode": "lines+markers", "line": {"width": 1.2}, "marker": {"size": 5}},
+}
+
+
+def page_figure(panel: Panel) -> dict[str, Any]:
+    """Return a panel as a Plotly figure."""
+    axes: dict[str, Any] = {
+        "xaxis": {"title": {"text": panel.x_label}, "zeroline": False},
+        "yaxis": {"title": {"text": panel.y_label}, "zeroline": False},
+        "legend": {"orientation": "h", "y": -0.25, "font": {"size": 10}},
+    }
+    if panel.log_x:
+        axes["xaxis"]["type"] = "log"
+    if panel.x_limits:
+        axes["xaxis"]["range"] = list(np.log10(panel.x_limits) if panel.log_x else panel.x_limits)
+    if panel.y_limits:
+        axes["yaxis"]["range"] = list(panel.y_limits)
+    return figure([_trace(line) for line in panel.lines], title=panel.title, height=380, layout=axes)
+
+
+def _trace(line: Line) -> dict[str, Any]:
+    style = copy.deepcopy(_STYLE[line.style])
+    for key in ("line", "marker"):
+        if key in style:
+            style[key]["color"] = line.colour
+    return {"type": "scatter", "x": _numbers(line.x), "y": _numbers(line.y), "name": line.label, **style}
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    # Five digits are more than a screen shows and keep the page small.
+    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+_PANEL_INCHES = (4.6, 3.0)
+_WIDE_INCHES = (8.0, 4.2)
+
+
+def write_reproduction_plots(found: Reproduction, folder: Path) -> list[Path]:
+    """Write every chart as PNG into a folder, created if it is missing, and return the paths."""
+    return [_write(chart, folder / f"{chart.name}.png") for chart in charts(found)]
+
+
+def _write(chart: Chart, path: Path) -> Path:
+    rows = math.ceil(len(chart.panels) / chart.columns)
+    width, height = _WIDE_INCHES if len(chart.panels) == 1 else _PANEL_INCHES
+    figure = Figure(figsize=(width * chart.columns, height * rows + 0.5), layout="constrained")
+    axes = list(figure.subplots(rows, chart.columns, squeeze=False).flat)
+    for ax, panel in zip(axes, chart.panels, strict=False):
+        _draw(ax, panel)
+    for ax in axes[len(chart.panels) :]:
+        ax.set_axis_off()
+    handles = {
+        label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside lower center", ncols=2 * chart.columns + 1, fontsize=8
+    )
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=80)
+    return path
+
+
+def _draw(ax: Axes, panel: Panel) -> None:
+    for line in panel.lines:
+        _add(ax, line)
+    ax.set_title(panel.title, fontsize=10)
+    ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
+    if panel.log_x:
+        ax.set_xscale("log")
+    if panel.x_limits:
+        ax.set_xlim(panel.x_limits)
+    if panel.y_limits:
+        ax.set_ylim(panel.y_limits)
+
+
+def _add(ax: Axes, line: Line) -> None:
+    if line.style == "stairs":
+        ax.step(line.x, line.y, where="post", lw=1.1, color=line.colour, label=line.label)
+    elif line.style == "points":
+        ax.plot(line.x, line.y, ".", ms=3, color=line.colour, label=line.label)
+    else:
+        form = {"dashed": "--", "marked": "o-", "line": "-"}[line.style]
+        ax.plot(line.x, line.y, form, ms=3, lw=1.3, color=line.colour, label=line.label)

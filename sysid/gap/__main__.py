@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Final, Literal
+from typing import Literal
 
 import tyro
 
 from mecanum_env.cli import run
-
-_STAGES: Final = 6
 
 
 def gap(
@@ -74,7 +72,7 @@ def gap(
     dataset = read_dataset(logs)
     require_valid(options, dataset.level)
     require_writable(*(out / name for name in FILES))
-    with stage_bar(_STAGES) as progress:
+    with stage_bar(6) as progress:
         report = analyse(dataset, base, options, progress)
         progress("report")
         written = write_study(report, out)

@@ -61,10 +61,7 @@ def steady_drive(
 
 
 def expected_ratio(robot: Robot, command: Command) -> float:
-    """Return the ratio that wheels with this many rollers give on average (`geometry.no_slip_rows`).
-
-    `command` is the command of the drive.
-    """
+    """Return the ratio that wheels with these rollers give on average in a drive at one command."""
     wheels = command_to_wheels(*command) * RAD_S_PER_RPM
     twist = np.linalg.lstsq(no_slip_rows(robot), wheels, rcond=None)[0]
     ideal = command_to_twist(*command, robot)
@@ -91,10 +88,7 @@ def pose(data: mujoco.MjData) -> FloatArray:
 
 
 def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 40.0) -> list[Command]:
-    """Return a `count` of commands drawn uniformly from V in 0..v_rpm, any theta, VC in -vc_rpm..vc_rpm.
-
-    `seed` is that of the random generator.
-    """
+    """Return a `count` of seeded random commands, uniform in V 0..v_rpm, any theta, VC -vc_rpm..vc_rpm."""
     rng = np.random.default_rng(seed)
     return [
         (float(rng.uniform(0, v_rpm)), float(rng.uniform(-180, 180)), float(rng.uniform(-vc_rpm, vc_rpm)))

@@ -94,16 +94,14 @@ def design_separating(
     without = base if common is None else common
     separable = np.zeros(count * (count - 1), bool)
 
-    def judge(rows: FloatArray, thorough: bool) -> JudgedSequence | None:
-        trial = Trial(base, rows, conditions, coarse=not thorough)
-        z = separation(trial, without, candidates, thorough=thorough)
-        return None if z is None else JudgedSequence(rows, z)
+    def judge(trial: Trial, thorough: bool) -> FloatArray | None:
+        return separation(trial, without, candidates, thorough=thorough)
 
     def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
         separable[:] = _separable(np.max([one.z for one in judged], axis=0), count)
         return (lambda one: float(np.min(one.z[separable]))) if np.any(separable) else None
 
-    best = best_sequence(limits, judge, value_of, conditions.study)
+    best = best_sequence(base, conditions, limits, judge, value_of)
     inseparable = _inseparable(names, separable, conditions)
     if best is None:
         only_slipping = (

@@ -66,11 +66,7 @@ def design_next_experiment(
 
 
 def design_for_untestable(
-    model: Model,
-    effects: Sequence[str],
-    conditions: ExperimentConditions,
-    limits: Limits,
-    threshold: float,
+    model: Model, effects: Sequence[str], conditions: ExperimentConditions, limits: Limits, threshold: float
 ) -> Design:
     """Return the experiment on which as many of the effects as possible would show, if they were there.
 
@@ -84,17 +80,15 @@ def design_for_untestable(
         return Design(None, "")
     visible: list[int] = []
 
-    def judge(rows: FloatArray, thorough: bool) -> JudgedSequence | None:
-        trial = Trial(model, rows, conditions, coarse=not thorough)
-        z = visibility(trial, rivals, threshold, thorough=thorough)
-        return None if z is None else JudgedSequence(rows, z)
+    def judge(trial: Trial, thorough: bool) -> FloatArray | None:
+        return visibility(trial, rivals, threshold, thorough=thorough)
 
     def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
         best_z = np.max([one.z for one in judged], axis=0)
         visible[:] = np.flatnonzero(best_z >= norm.ppf(_LEAST_POWER)).tolist()
         return (lambda one: float(norm.ppf(np.mean(norm.cdf(one.z[visible]))))) if visible else None
 
-    best = best_sequence(limits, judge, value_of, study)
+    best = best_sequence(model, conditions, limits, judge, value_of)
     if best is None:
         which = listed((rival.names[0] for rival in rivals), "or")
         return Design(None, f"No command within the robot's limits would show {which} here.")

@@ -14,13 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.kinematics import (
-    Geometry,
-    command_to_twist,
-    command_to_wheels,
-    round_command,
-    yaw_arm_m,
-)
+from mecanum_env.kinematics import Geometry, command_to_twist, command_to_wheels, round_command, yaw_arm_m
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.runs import Level
 

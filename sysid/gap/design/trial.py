@@ -216,17 +216,18 @@ class JudgedSequence:
     """For each question: the answer is right with probability Phi(z); shape (p,)."""
 
 
-Judge: TypeAlias = Callable[[FloatArray, bool], JudgedSequence | None]
-"""Judges a sequence, thoroughly or not; None if its outcome cannot be predicted."""
+Judge: TypeAlias = Callable[[Trial, bool], FloatArray | None]
+"""Returns z of a trial, judged thoroughly or not; None if its outcome cannot be predicted."""
 Value: TypeAlias = Callable[[JudgedSequence], float]
 """What is maximised, on the scale of z."""
 
 
 def best_sequence(
+    base: Model,
+    conditions: ExperimentConditions,
     limits: Limits,
     judge: Judge,
     value_of: Callable[[Sequence[JudgedSequence]], Value | None],
-    study: Study,
 ) -> JudgedSequence | None:
     """Return the best sequence found; None if none is of any value.
 
@@ -234,21 +235,26 @@ def best_sequence(
     by random changes.
 
     Args:
+        base: the model under study.
+        conditions: how the experiment will be recorded; its study has the seed of the random sequences.
         limits: commands that the robot can execute.
-        judge: judges one sequence; called from `study.jobs` threads.
+        judge: judges the trial of one sequence; called from `study.jobs` threads.
         value_of: derives from the library's judged sequences the value to maximise; None if there is none.
-        study: its seed is that of the random sequences and changes.
     """
+    study = conditions.study
     rng, effort = np.random.default_rng(study.seed), EFFORT[limits.level]
 
     def judge_all(sequences: Sequence[FloatArray], thorough: bool) -> list[JudgedSequence]:
+        def z_of(rows: FloatArray) -> FloatArray | None:
+            return judge(Trial(base, rows, conditions, coarse=not thorough), thorough)
+
         if study.jobs == 1:
-            judged = [judge(rows, thorough) for rows in sequences]
+            found = list(map(z_of, sequences))
         else:
             # Threads suffice: MuJoCo releases the interpreter lock while it steps.
             with ThreadPoolExecutor(study.jobs) as pool:
-                judged = list(pool.map(lambda rows: judge(rows, thorough), sequences))
-        return [one for one in judged if one is not None]
+                found = list(pool.map(z_of, sequences))
+        return [JudgedSequence(rows, z) for rows, z in zip(sequences, found, strict=True) if z is not None]
 
     quick = judge_all(library(limits, rng), False)
     if not quick or value_of(quick) is None:

@@ -63,7 +63,7 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
         if problem.update_angle_uncertainty(model, best.residual):
             facts = collect(search, floor, max_effects, rng)
             notes.append("initial wheel angles are unknown: the ripple they can cause is counted as noise")
-    outcome = apply_rules(facts, THRESHOLDS)
+    outcome = apply_rules(facts)
     found = outcome.verdict in ("named", "ambiguous")
     return Decision(
         verdict=outcome.verdict,

@@ -7,17 +7,15 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.markdown import markdown_table
 from mecanum_env.statistics import wilson_interval
+from sysid.gap.result import GapReport
 from sysid.studies.blind.cases import Case
-
-if TYPE_CHECKING:
-    from sysid.gap.result import GapReport
 
 Bounds = tuple[float, float, float]
 """Value, lower and upper end of the 90 % interval."""
@@ -110,7 +108,7 @@ def _out_of_sight(name: str, case: Case, report: GapReport) -> bool:
     seen = report.smallest_detectable.get(name, {})
     true = case.truth.get(name, {})
     return bool(true) and all(
-        key in seen and _is_nearer(value, seen[key], _neutral(name, key, report))
+        key in seen and _is_smaller(value, seen[key], _neutral(name, key, report))
         for key, value in true.items()
     )
 
@@ -120,7 +118,7 @@ def _neutral(name: str, parameter: str, report: GapReport) -> float:
     return float(report.base.effects.get(name, {}).get(parameter, known[parameter].neutral_in(report.base)))
 
 
-def _is_nearer(value: float, other: float, neutral: float) -> bool:
+def _is_smaller(value: float, other: float, neutral: float) -> bool:
     """Return whether a value lies between neutral, which may be infinite, and another value."""
     return other < value < neutral or neutral < value < other
 
@@ -219,27 +217,20 @@ def metrics(outcomes: Sequence[Outcome]) -> list[Metric]:
         _median("median closure, robot", of("single", "twin", "pair", level="robot"), 0.90),
     ]
     others = [
-        _share("small singles found", map(found, of("single", "twin", size="small")), None, None),
+        _share("small singles found", map(found, of("single", "twin", size="small"))),
         _share(
             "small singles with a wrong name",
             (named(o) and not o.found for o in of("single", "twin", size="small")),
-            None,
-            None,
         ),
-        _share("gaps of outside effects seen", (o.verdict != "no_gap" for o in of("outside")), None, None),
-        _share("untestable: no gap", (o.verdict == "no_gap" for o in of("untestable")), None, None),
-        _share(
-            "untestable: said so",
-            (o.said_untestable for o in of("untestable")),
-            None,
-            None,
-        ),
+        _share("gaps of outside effects seen", (o.verdict != "no_gap" for o in of("outside"))),
+        _share("untestable: no gap", (o.verdict == "no_gap" for o in of("untestable"))),
+        _share("untestable: said so", (o.said_untestable for o in of("untestable"))),
         _share("errors", (o.verdict == "error" for o in outcomes), 0.0, 0.0),
     ]
     return [*shares, *others]
 
 
-def _share(name: str, hits: Iterable[bool], low: float | None, high: float | None) -> Metric:
+def _share(name: str, hits: Iterable[bool], low: float | None = None, high: float | None = None) -> Metric:
     got = [bool(hit) for hit in hits]
     count = len(got)
     value = sum(got) / count if count else math.nan
@@ -296,9 +287,7 @@ def summary_markdown(outcomes: Sequence[Outcome], command: str, date: str) -> st
     return "\n\n".join(parts) + "\n"
 
 
-def _confusion(
-    outcomes: Sequence[Outcome],
-) -> list[tuple[tuple[str, str, str, str], list[str]]]:
+def _confusion(outcomes: Sequence[Outcome]) -> list[tuple[tuple[str, str, str, str], list[str]]]:
     """Return (level, kind, size, hidden) with each verdict and its count, in the order of the cases."""
     said: dict[tuple[str, str, str, str], Counter[str]] = {}
     for o in outcomes:

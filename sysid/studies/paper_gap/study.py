@@ -16,14 +16,7 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.progress import Progress, silent
-from sysid.studies.paper_gap.drives import (
-    DRIVES,
-    HOLD_S,
-    PAPER,
-    TOLERANCE,
-    drive_metrics,
-    turn_losses,
-)
+from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, drive_metrics, turn_losses
 from sysid.studies.paper_gap.sets import LEFT_OUT, Fitter, SetFit
 
 BEAM: Final = {1: 3, 2: 4, 3: 5}
@@ -59,13 +52,12 @@ def reaches(base: Model) -> list[Reach]:
             continue
         fitter = fitters["planar" if effect.acts_in("planar") else "rollers"]
         chosen = fitter.set_of([name])
-        start = chosen.start()
-        rows = []
+        start, before, rows = chosen.start(), fitter.empty().six, []
         for index in range(start.size):
             for size in _SIZES:
                 place = start.copy()
                 place[index] = size
-                rows.append(fitter.six(chosen, place) - fitter.empty().six)
+                rows.append(fitter.six(chosen, place) - before)
         changes = np.array(rows)
         found.append(Reach(name, np.nanmin(changes, axis=0), np.nanmax(changes, axis=0)))
     return found
@@ -208,10 +200,7 @@ class PaperGap:
 
 
 def paper_gap(progress: Progress = silent) -> PaperGap:
-    """Search for sets of effects that reproduce the six numbers.
-
-    `progress` is called with a message before each long step.
-    """
+    """Search for sets of effects that reproduce the six numbers; report `progress` before each step."""
     base = paper_model()
     progress("what each effect can do")
     reach = reaches(base)

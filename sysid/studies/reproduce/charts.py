@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -95,11 +93,6 @@ def charts(found: Reproduction) -> list[Chart]:
     ]
 
 
-def chart(found: Reproduction, name: str) -> Chart:
-    """Return one chart of the results `found` by its name."""
-    return next(c for c in charts(found) if c.name == name)
-
-
 def _starts_panel(found: Reproduction) -> Panel:
     lines = []
     count = 1
@@ -168,8 +161,10 @@ def _metric_panels(found: Reproduction) -> tuple[Panel, ...]:
         ]
         lines.append(Line("paper's robot, average", speeds[[0, -1]], np.full(2, paper), _BLACK, "dashed"))
         every = np.concatenate([line.y for line in lines])
-        low, high = _range(every)
-        return Panel(title, "command [rpm]", y_label, tuple(lines), y_limits=(low, high))
+        low, high = float(np.nanmin(every)), float(np.nanmax(every))
+        margin = 0.08 * max(high - low, 1e-6)
+        limits = (low - margin, high + margin)
+        return Panel(title, "command [rpm]", y_label, tuple(lines), y_limits=limits)
 
     models = {name: found.models[name] for name in _SHOWN}
     return (
@@ -216,12 +211,6 @@ def _robot_panels(found: Reproduction) -> tuple[Panel, ...]:
         )
         panels.append(Panel(moved.name, "time [s]", f"speed [{moved.unit}]", lines))
     return tuple(panels)
-
-
-def _range(values: npt.NDArray[np.float64] | Sequence[float]) -> tuple[float, float]:
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    margin = 0.08 * max(high - low, 1e-6)
-    return low - margin, high + margin
 
 
 _STYLE: Final[dict[str, dict[str, Any]]] = {
@@ -293,7 +282,14 @@ def _write(chart: Chart, path: Path) -> Path:
 
 def _draw(ax: Axes, panel: Panel) -> None:
     for line in panel.lines:
-        _add(ax, line)
+        look: dict[str, Any] = {"color": line.colour, "label": line.label}
+        if line.style == "stairs":
+            ax.step(line.x, line.y, where="post", lw=1.1, **look)
+        elif line.style == "points":
+            ax.plot(line.x, line.y, ".", ms=3, **look)
+        else:
+            form = {"dashed": "--", "marked": "o-", "line": "-"}[line.style]
+            ax.plot(line.x, line.y, form, ms=3, lw=1.3, **look)
     ax.set_title(panel.title, fontsize=10)
     ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
     if panel.log_x:
@@ -302,13 +298,3 @@ def _draw(ax: Axes, panel: Panel) -> None:
         ax.set_xlim(panel.x_limits)
     if panel.y_limits:
         ax.set_ylim(panel.y_limits)
-
-
-def _add(ax: Axes, line: Line) -> None:
-    if line.style == "stairs":
-        ax.step(line.x, line.y, where="post", lw=1.1, color=line.colour, label=line.label)
-    elif line.style == "points":
-        ax.plot(line.x, line.y, ".", ms=3, color=line.colour, label=line.label)
-    else:
-        form = {"dashed": "--", "marked": "o-", "line": "-"}[line.style]
-        ax.plot(line.x, line.y, form, ms=3, lw=1.3, color=line.colour, label=line.label)

@@ -77,10 +77,7 @@ def chapters(found: Reproduction) -> list[Chapter]:
             (tables.trial_table(found), comparison_table(found, "trials")),
         ),
         Chapter(
-            "Time and memory (Table 2)",
-            "",
-            (),
-            (tables.cost_table(found), comparison_table(found, "cost")),
+            "Time and memory (Table 2)", "", (), (tables.cost_table(found), comparison_table(found, "cost"))
         ),
         Chapter(
             "The robot (Fig. 7)",
@@ -182,13 +179,7 @@ def reproduction_json(found: Reproduction) -> dict[str, Any]:
 def _plain(value: Any) -> Any:
     """Return a value as JSON can hold it, like `mecanum_env.files.plain_json`, but with arrays rounded."""
     if isinstance(value, Rate):
-        return {
-            "count": value.count,
-            "of": value.of,
-            "share": value.share,
-            "low": value.low,
-            "high": value.high,
-        }
+        return {key: getattr(value, key) for key in ("count", "of", "share", "low", "high")}
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, Mapping):

@@ -13,7 +13,7 @@ from sysid.studies.reproduce import published
 from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS, USABLE_RMS_RPM, Rate
 from sysid.studies.reproduce.experiment import Reproduction
 from sysid.studies.reproduce.prediction import pooled_rms
-from sysid.studies.reproduce.why import Section, comparisons, percent
+from sysid.studies.reproduce.why import Section, comparisons, percent, printed_metrics
 
 EQUAL = 1e-3
 """Relative difference below which two rms values count as equal; chance moves one of 300 samples
@@ -159,7 +159,7 @@ def metric_table(found: Reproduction) -> Table:
     rows = [
         (label, f"{np.mean(error):.2e}", "", f"{np.mean(rise):.3f}", f"{np.mean(settling):.3f}", printed)
         for label, (error, rise, settling), printed in (
-            ("target, measured, mean of speeds", measured, _printed_metrics("target")),
+            ("target, measured, mean of speeds", measured, printed_metrics("target")),
             ("target, true, mean of speeds", true, ""),
         )
     ]
@@ -170,7 +170,7 @@ def metric_table(found: Reproduction) -> Table:
             _figure(model.relative_error, ".1e"),
             _figure(model.rise_s, ".3f"),
             _figure(model.settling_s, ".3f"),
-            _printed_metrics(name),
+            printed_metrics(name),
         )
         for name, model in found.models.items()
     ]
@@ -301,12 +301,6 @@ def _printed(name: str) -> str:
         return ""
     stable = percent(published.STABLE[name]) if name in published.STABLE else "not printed"
     return f"{percent(published.SUCCESS[name])}, {stable}"
-
-
-def _printed_metrics(name: str) -> str:
-    if name not in published.RISE_S:
-        return ""
-    return f"{published.STEADY_ERROR[name]:.2e}, {published.RISE_S[name]} s, {published.SETTLING_S[name]} s"
 
 
 def _figure(value: float, form: str) -> str:

@@ -51,12 +51,9 @@ class Comparison:
 
     def by_channel(self) -> dict[str, list[Samples]]:
         """Return the samples of each channel that has a finite error, in the order of a log's columns."""
-        found: dict[str, list[Samples]] = {}
-        for name in UNITS:
-            parts = [s for s in self.samples if s.channel == name and np.any(np.isfinite(s.errors()[0]))]
-            if parts:
-                found[name] = parts
-        return found
+        known = [part for part in self.samples if np.any(np.isfinite(part.errors()[0]))]
+        found = {name: [part for part in known if part.channel == name] for name in UNITS}
+        return {name: parts for name, parts in found.items() if parts}
 
 
 def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:

@@ -40,6 +40,8 @@ _LEAST_RESPONSE: Final = 0.3
 
 Key: TypeAlias = tuple[tuple[str, ...], bool]
 """Names of the effects, and whether the drive is assumed to have integral action."""
+_Trial: TypeAlias = tuple[EffectSet, FloatArray, bool, float]
+"""What is simulated: an effect as a set, its place, whether it is linear, and its size as in `Response`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +88,9 @@ def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None
     return found
 
 
-def _trials(
-    base: Model, effect: Effect, step: float, scale: float
-) -> list[tuple[EffectSet, FloatArray, bool, float]]:
-    """Return the effect as a set, its place, whether it is linear, and its size, for each simulation."""
-    trials: list[tuple[EffectSet, FloatArray, bool, float]] = []
+def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
+    """Return the simulations of an effect, one for each of its sizes."""
+    trials: list[_Trial] = []
     primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
     secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
     for parameter in primary:
@@ -116,9 +116,7 @@ def _trials(
     return trials
 
 
-def _with_integral(
-    base: Model, effect: Effect, scale: float
-) -> list[tuple[EffectSet, FloatArray, bool, float]]:
+def _with_integral(base: Model, effect: Effect, scale: float) -> list[_Trial]:
     """Return the trials of friction with integral action; almost without it if the drive has some."""
     extra = integral_action(base)
     parameter = effect.parameters[0]

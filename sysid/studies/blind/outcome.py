@@ -199,16 +199,13 @@ def metrics(outcomes: Sequence[Outcome]) -> list[Metric]:
             and (level is None or o.case.level == level)
         ]
 
-    def found(outcome: Outcome) -> bool:
-        return outcome.found
-
     def named(outcome: Outcome) -> bool:
         return outcome.verdict in ("named", "ambiguous")
 
     inside = [held for o in of("single", "twin", "pair") for held in o.covered()]
     shares = [
-        _share("clear singles found", map(found, of("single", "twin", size="clear")), 0.95, 1.0),
-        _share("pairs found", map(found, of("pair")), 0.85, 1.0),
+        _share("clear singles found", (o.found for o in of("single", "twin", size="clear")), 0.95, 1.0),
+        _share("pairs found", (o.found for o in of("pair")), 0.85, 1.0),
         _share("false alarms", (o.verdict != "no_gap" for o in of("none")), 0.0, 0.05),
         _share("names for what no effect is", map(named, of("outside")), 0.0, 0.02),
         _share("twins named alone", (o.verdict == "named" for o in of("twin")), 0.0, 0.0),
@@ -217,7 +214,7 @@ def metrics(outcomes: Sequence[Outcome]) -> list[Metric]:
         _median("median closure, robot", of("single", "twin", "pair", level="robot"), 0.90),
     ]
     others = [
-        _share("small singles found", map(found, of("single", "twin", size="small"))),
+        _share("small singles found", (o.found for o in of("single", "twin", size="small"))),
         _share(
             "small singles with a wrong name",
             (named(o) and not o.found for o in of("single", "twin", size="small")),

@@ -126,11 +126,6 @@ class Fitter:
             effects[name] = {**held, **effects.get(name, {})}
         return replace(model, effects=effects)
 
-    @property
-    def simulated(self) -> int:
-        """Number of simulations so far."""
-        return len(self._known)
-
     def set_of(self, names: Sequence[str]) -> EffectSet:
         """Return the set of the effects with these `names`, whose fitted parameters are free."""
         full = effect_set(self.base, names)

@@ -116,14 +116,6 @@ INTEGRAL_N_M_RAD: Final = 50.0
 
 
 @dataclass(frozen=True, eq=False)
-class Suspect:
-    """The best fit of one of the paper's suspects, or of several."""
-
-    title: str
-    fit: SetFit
-
-
-@dataclass(frozen=True, eq=False)
 class Turn:
     """All suspects fitted to everything except the turn, and their prediction of turns."""
 
@@ -132,25 +124,25 @@ class Turn:
     """Losses at `TURN_SPEEDS_RPM`."""
 
 
-def suspects(base: Model) -> list[Suspect]:
-    """Fit the paper's suspects, added to a base model, to its six numbers.
+def suspects(base: Model) -> dict[str, SetFit]:
+    """Fit the paper's suspects, alone and together, to its six numbers; return title -> fit.
 
     Sensor latency is in none of the larger sets because it changes none of the numbers.
     """
     plain, ceiling = Fitter(base), Fitter(base, neutral=_CEILING)
     integral = Fitter(with_integral(base))
     together = ("speed_saturation", "coulomb_friction", "viscous_friction", "payload")
-    return [
-        Suspect("load", plain.built(["payload"])),
-        Suspect("sensor latency", plain.built(["sensor_latency"])),
-        Suspect("rolling friction", plain.built(_FRICTION)),
-        Suspect("saturation, a ceiling", ceiling.built(["speed_saturation"])),
-        Suspect("saturation, a soft knee", plain.built(["speed_saturation"])),
-        Suspect("load and rolling friction", plain.built([*_FRICTION, "payload"])),
-        Suspect("all, saturation a ceiling", ceiling.built(together)),
-        Suspect(ALL_SOFT, plain.built(together)),
-        Suspect("the same, a drive with integral action", integral.built(together)),
-    ]
+    return {
+        "load": plain.built(["payload"]),
+        "sensor latency": plain.built(["sensor_latency"]),
+        "rolling friction": plain.built(_FRICTION),
+        "saturation, a ceiling": ceiling.built(["speed_saturation"]),
+        "saturation, a soft knee": plain.built(["speed_saturation"]),
+        "load and rolling friction": plain.built([*_FRICTION, "payload"]),
+        "all, saturation a ceiling": ceiling.built(together),
+        ALL_SOFT: plain.built(together),
+        "the same, a drive with integral action": integral.built(together),
+    }
 
 
 def suspects_turning(base: Model) -> Turn:
@@ -186,7 +178,8 @@ class PaperGap:
     """The largest deviation of every set that was fitted, needless ones left out."""
     on_rollers: tuple[FloatArray, ...]
     """The six numbers on rollers of each set that reproduces them, in the order of `reproducing`."""
-    suspects: tuple[Suspect, ...]
+    suspects: Mapping[str, SetFit]
+    """Title of one or more of the paper's suspects -> their best fit."""
     turn: Turn
     integral: SetFit
     """The best of the sets on a drive with integral action."""
@@ -224,7 +217,7 @@ def paper_gap(progress: Progress = silent) -> PaperGap:
         sets=sets,
         worsts=np.array([f.worst for f in kept]),
         on_rollers=tuple(rollers),
-        suspects=tuple(suspected),
+        suspects=suspected,
         turn=turn,
         integral=integral,
         base=_on_rollers(base),

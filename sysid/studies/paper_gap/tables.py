@@ -67,7 +67,7 @@ def paper_gap_json(found: PaperGap) -> dict[str, Any]:
             " + ".join(f.names): six.tolist()
             for f, six in zip(found.reproducing, found.on_rollers, strict=True)
         },
-        "suspects": [{"title": s.title, **_set_json(s.fit)} for s in found.suspects],
+        "suspects": [{"title": title, **_set_json(fit)} for title, fit in found.suspects.items()],
         "suspects_without_turn": {
             **_set_json(found.turn.fit),
             "turn_speeds_rpm": TURN_SPEEDS_RPM.tolist(),
@@ -100,7 +100,7 @@ def conclusion(found: PaperGap) -> str:
     spare = PAPER.size - least
     common = set(good[0].names).intersection(*(f.names for f in good))
     every = [name for name in good[0].names if name in common]
-    together = next(s.fit for s in found.suspects if s.title == ALL_SOFT)
+    together = found.suspects[ALL_SOFT]
     missed = [_HEAD[i] for i in _missed(together)]
     return (
         f"{len(good)} sets reproduce all six numbers, on rollers too, the smallest with {least} "
@@ -153,7 +153,7 @@ def reach_table(reach: tuple[Reach, ...]) -> str:
 def suspect_table(found: PaperGap) -> str:
     """Return the best predictions of the paper's suspects."""
     fits = [
-        (one.title, sizes(one.fit), *_predicted(one.fit), f"{one.fit.misfit:.1f}") for one in found.suspects
+        (title, sizes(fit), *_predicted(fit), f"{fit.misfit:.1f}") for title, fit in found.suspects.items()
     ]
     rows = [("paper", "", *map(_figure, PAPER), ""), *fits]
     return markdown_table(("suspect", "effects", *_HEAD, "misfit"), rows)

@@ -147,7 +147,7 @@ def _report(
         smallest_detectable=detectable,
         next_experiment=asked.experiment,
         evidence=evidence(dataset, problem, decision, data.floor),
-        p_value=decision.p_value,
+        p_value=decision.facts.p_value,
         model=improved,
         base=model,
         level=dataset.level,

@@ -57,7 +57,7 @@ def design_next_experiment(
     `improved` is the model with the effects found, `untestable` the effects that the logs could not show, and
     `threshold` the fall of the cost that counts as seen.
     """
-    conditions = conditions_of(problem, decision.inflation)
+    conditions = conditions_of(problem, decision.facts.inflation)
     limits = limits_of(problem.base, problem.observations)
     if decision.verdict == "ambiguous":
         return _separating(problem.base, decision, conditions, limits)
@@ -144,8 +144,8 @@ def _separating(base: Model, decision: Decision, conditions: ExperimentCondition
         best = tied[0].fitted.candidate.model(base, tied[0].fitted.place)
         kept = {n: v for n, v in best.effects.items() if n in shared or n in base.effects}
         common = replace(best, effects=kept)
-    without = min(j.fitted.cost for j in decision.judged if set(j.names) == set(shared) or not j.names)
-    rivals = [_rival(base, judged, without, decision.inflation) for judged in tied]
+    without = min(j.fitted.cost for j in decision.facts.judged if set(j.names) == set(shared) or not j.names)
+    rivals = [_rival(base, judged, without, decision.facts.inflation) for judged in tied]
     found = design_separating(base, rivals, conditions, limits, common=common)
     others = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
     if found.experiment is None or not others:

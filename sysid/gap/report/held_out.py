@@ -147,14 +147,14 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
         return ()
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
-    low, high = interval_ends(problem, fitted, decision.inflation)
+    low, high = interval_ends(problem, fitted, decision.facts.inflation)
     intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
     for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
         if coordinate.effect:
             value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
             intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
     return tuple(
-        FoundEffect(name, parameters, decision.frequency.get(name, 0.0))
+        FoundEffect(name, parameters, decision.facts.frequency.get(name, 0.0))
         for name, parameters in intervals.items()
     )
 
@@ -166,10 +166,10 @@ def evidence(
 
     The test runs of the dataset are simulated here, after the decision.
     """
-    base = next(judged for judged in decision.judged if not judged.names)
-    shown = [judged for judged in decision.judged if judged.names][:_MOST_SETS]
-    shown += [judged for judged in decision.judged if not judged.names]
-    shown += [] if decision.law is None else [decision.law]
+    base = next(judged for judged in decision.facts.judged if not judged.names)
+    shown = [judged for judged in decision.facts.judged if judged.names][:_MOST_SETS]
+    shown += [judged for judged in decision.facts.judged if not judged.names]
+    shown += [] if decision.facts.law is None else [decision.facts.law]
     tests = dataset.split("test")
     test = Simulator(observe(replace(dataset, runs=tests)), problem.study) if tests else None
     right = expected(problem, *(j.fitted for j in (base, decision.chosen) if j is not None))
@@ -187,7 +187,7 @@ def evidence(
             adequate=enough(problem, base.fitted, fitted, floor, right),
             validation_rms=fitted_rms(problem, fitted, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
-            bic=fitted.cost / decision.inflation + parameter_count * math.log(problem.size),
+            bic=fitted.cost / decision.facts.inflation + parameter_count * math.log(problem.size),
         )
 
     return tuple(problem.study.map(row, sorted(shown, key=lambda judged: (judged.score, judged.names))))

@@ -13,7 +13,7 @@ variance (at least 1). All numbers are in `sysid.gap.search.thresholds`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,14 +39,7 @@ class Decision:
     """What is added to the model, if anything."""
     candidates: tuple[ScoredSet, ...]
     """Sets that explain the logs as well as the chosen one, which comes first."""
-    judged: tuple[ScoredSet, ...]
-    """All sets that were fitted, the empty one too; best score first."""
-    law: ScoredSet | None
-    """The wheel law fitted again, where that was tried."""
-    p_value: float
-    inflation: float
-    frequency: Mapping[str, float]
-    """Effect of the chosen set -> share of resamples in which it is chosen."""
+    facts: Facts
     notes: tuple[str, ...]
 
 
@@ -69,11 +62,7 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
         verdict=outcome.verdict,
         chosen=facts.tied[0] if found else None,
         candidates=facts.tied if found else (),
-        judged=facts.judged,
-        law=facts.law,
-        p_value=facts.p_value,
-        inflation=facts.inflation,
-        frequency=facts.frequency,
+        facts=facts,
         notes=(*outcome.reasons, *notes),
     )
 

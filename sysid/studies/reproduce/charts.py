@@ -139,60 +139,32 @@ def _response_panel(shown: Response, title: str = "", limits: tuple[float, float
 
 
 def _metric_panels(found: Reproduction) -> tuple[Panel, ...]:
-    target = found.target
+    target, panels = found.target, []
     speeds = np.array(target.speeds_rpm, float)
-
-    def panel(
-        title: str,
-        y_label: str,
-        measured: FloatArray,
-        true: FloatArray,
-        values: dict[str, float],
-        paper: float,
-    ) -> Panel:
+    error = "relative steady-state error"
+    # Title, label, metric of the target and of a law, numbers of the paper, and factor to the unit drawn.
+    for title, y_label, of_target, of_law, printed, factor in (
+        (error, "error [%]", "relative_error", "relative_error_after_1_s", published.STEADY_ERROR, 100.0),
+        ("rise time, 10 to 90 %", "time [s]", "rise_s", "rise_s", published.RISE_S, 1.0),
+        ("settling time, 2 %", "time [s]", "settling_s", "settling_s", published.SETTLING_S, 1.0),
+    ):
+        measured, true = (factor * getattr(target, f"{kind}{of_target}") for kind in ("", "true_"))
         lines = [
             Line("target, measured", speeds, measured, _MEASURED, "marked"),
             Line("target, true", speeds, true, _BLACK, "marked"),
         ]
-        lines += [
-            Line(CONTENDERS[name].label, speeds, np.full(len(speeds), value), COLOURS[name])
-            for name, value in values.items()
-            if np.isfinite(value)
-        ]
-        lines.append(Line("paper's robot, average", speeds[[0, -1]], np.full(2, paper), _BLACK, "dashed"))
+        for name in _SHOWN:
+            value = factor * getattr(found.models[name], of_law)
+            if np.isfinite(value):
+                lines.append(Line(CONTENDERS[name].label, speeds, np.full(len(speeds), value), COLOURS[name]))
+        average = np.full(2, factor * printed["target"])
+        lines.append(Line("paper's robot, average", speeds[[0, -1]], average, _BLACK, "dashed"))
         every = np.concatenate([line.y for line in lines])
         low, high = float(np.nanmin(every)), float(np.nanmax(every))
         margin = 0.08 * max(high - low, 1e-6)
         limits = (low - margin, high + margin)
-        return Panel(title, "command [rpm]", y_label, tuple(lines), y_limits=limits)
-
-    models = {name: found.models[name] for name in _SHOWN}
-    return (
-        panel(
-            "relative steady-state error",
-            "error [%]",
-            100.0 * target.relative_error,
-            100.0 * target.true_relative_error,
-            {name: 100.0 * model.relative_error_after_1_s for name, model in models.items()},
-            100.0 * published.STEADY_ERROR["target"],
-        ),
-        panel(
-            "rise time, 10 to 90 %",
-            "time [s]",
-            target.rise_s,
-            target.true_rise_s,
-            {name: model.rise_s for name, model in models.items()},
-            published.RISE_S["target"],
-        ),
-        panel(
-            "settling time, 2 %",
-            "time [s]",
-            target.settling_s,
-            target.true_settling_s,
-            {name: model.settling_s for name, model in models.items()},
-            published.SETTLING_S["target"],
-        ),
-    )
+        panels.append(Panel(title, "command [rpm]", y_label, tuple(lines), y_limits=limits))
+    return tuple(panels)
 
 
 def _robot_panels(found: Reproduction) -> tuple[Panel, ...]:

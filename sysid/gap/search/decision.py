@@ -228,6 +228,13 @@ def tied(
 
 
 def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
+    """Return whether these logs cannot tell a rival from the chosen set.
+
+    With u the difference of two sets' predictions and R the columns of the rollers' scatter, only the
+    residual along u tells the two apart. Its standard deviation is sqrt(1 + rho^2), where rho = |R'u| / |u|.
+    With z = `tie_sigmas`, a rival that is the truth is therefore dropped with a probability below Phi(-z),
+    however large u is, if its cost may be larger by z^2 (1 + rho^2).
+    """
     allowed = _tolerance(search, chosen, rival, inflation)
     if rival.score <= chosen.score + allowed:
         return True

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Final, Literal
+from typing import Literal
 
 import tyro
 
 from mecanum_env.cli import run
-
-_STAGES: Final = 6
 
 
 def gap(
@@ -52,9 +50,9 @@ def gap(
     from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable
     from mecanum_env.model import read_model
-    from sysid.gap.checks import require_valid
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
+    from sysid.gap.search.data import require_valid
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
     from sysid.progress import stage_bar
@@ -74,7 +72,7 @@ def gap(
     dataset = read_dataset(logs)
     require_valid(options, dataset.level)
     require_writable(*(out / name for name in FILES))
-    with stage_bar(_STAGES) as progress:
+    with stage_bar(6) as progress:
         report = analyse(dataset, base, options, progress)
         progress("report")
         written = write_study(report, out)

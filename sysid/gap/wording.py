@@ -126,13 +126,9 @@ def closed_share(gap: Difference) -> str:
 
 
 def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...]:
-    """Return where the error of the worst channel stands out, at most one region per dimension.
+    """Return where the error of the worst channel stands out, at `most` so many regions, one per dimension.
 
     Regions of the dimension "wheel" compare channels and are always considered.
-
-    Args:
-        report: results of the study.
-        most: largest number of regions.
     """
     if not report.where:
         return ()
@@ -151,8 +147,7 @@ def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...
 def worst_channel(report: GapReport) -> str:
     """Return the channel with the largest error relative to its noise, or to the error left without repeats.
 
-    Args:
-        report: results of a study, with at least one region.
+    The report must have at least one region.
     """
 
     def excess(name: str) -> float:
@@ -190,21 +185,14 @@ def unit_of(effect: str, parameter: str) -> str:
 
 
 def sizes(effect: str, values: Mapping[str, float]) -> str:
-    """Return parameters with their units in a line, such as "gap_deg 2.1 deg".
-
-    Args:
-        effect: name of the effect.
-        values: parameter -> value.
-    """
+    """Return the values of an effect's parameters with their units in a line, such as "gap_deg 2.1 deg"."""
     return ", ".join(f"{name} {amount(value, unit_of(effect, name))}" for name, value in values.items())
 
 
 def with_share(value: float, gap: Difference) -> str:
     """Return an rms error with its share of the motion, such as "23 rpm (12% of the rms speed)".
 
-    Args:
-        value: rms error, in the unit of `gap`.
-        gap: difference whose motion is known; without it the error stands alone.
+    Without a known motion of the gap the error stands alone.
     """
     share = percent_of_motion(value, gap)
     kind = "speed" if gap.unit in _SPEED_UNITS else "motion"
@@ -212,12 +200,7 @@ def with_share(value: float, gap: Difference) -> str:
 
 
 def percent_of_motion(value: float, gap: Difference) -> str:
-    """Return an rms error in percent of the rms motion; empty if that is zero or not known.
-
-    Args:
-        value: rms error, in the unit of `gap`.
-        gap: difference whose motion is known.
-    """
+    """Return an rms error in percent of the rms motion; empty if that is zero or not known."""
     if not gap.motion or not math.isfinite(value):
         return ""
     share = value / gap.motion
@@ -238,12 +221,7 @@ def number(value: float | None) -> str:
 
 
 def interval_text(estimate: Interval, unit: str) -> tuple[str, str]:
-    """Return an estimate and its interval, with two digits for the width of the interval.
-
-    Args:
-        estimate: value and interval.
-        unit: unit of the value, or empty.
-    """
+    """Return an estimate [unit] and its interval, with two digits for the width of the interval."""
     width = estimate.high - estimate.low
     if not (0.0 < width < math.inf):
         return amount(estimate.value, unit), f"{number(estimate.low)} .. {number(estimate.high)}"
@@ -258,12 +236,7 @@ def count(many: int, what: str) -> str:
 
 
 def listed(words: Iterable[str], last: str = "and") -> str:
-    """Return words as a list in a sentence.
-
-    Args:
-        words: at least one.
-        last: conjunction before the last word.
-    """
+    """Return words, at least one, as a list in a sentence, with a conjunction before the last one."""
     *first, end = words
     return f"{', '.join(first)} {last} {end}" if first else end
 

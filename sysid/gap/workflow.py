@@ -19,7 +19,6 @@ from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
 from sysid.compare.study import Study
 from sysid.compare.whitening import Whitener
-from sysid.gap.checks import known_effects, require_movement, require_valid
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.report.held_out import (
@@ -33,9 +32,8 @@ from sysid.gap.report.held_out import (
 )
 from sysid.gap.report.where import regions
 from sysid.gap.result import EmpiricalTerm, FoundEffect, GapOptions, GapReport
-from sysid.gap.search.adequacy import roller_scatter
-from sysid.gap.search.chance import chance_gains, smallest_detectable, untestable
-from sysid.gap.search.data import StudyData, study_data
+from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
+from sysid.gap.search.data import StudyData, known_effects, require_movement, require_valid, study_data
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.regression import empirical_term, fit_correction
 from sysid.gap.search.responses import responses
@@ -149,7 +147,7 @@ def _report(
         smallest_detectable=detectable,
         next_experiment=asked.experiment,
         evidence=evidence(dataset, problem, decision, data.floor),
-        p_value=decision.p_value,
+        p_value=decision.facts.p_value,
         model=improved,
         base=model,
         level=dataset.level,

@@ -33,12 +33,7 @@ class SteadyDrive:
 
 
 def start(mj_model: mujoco.MjModel, settle_s: float = 0.3) -> mujoco.MjData:
-    """Return data in which the robot stands on its floor, with commands of zero.
-
-    Args:
-        mj_model: the compiled robot.
-        settle_s: how long to let it sink into the contacts [s].
-    """
+    """Return data in which the robot has sunk into its contacts for `settle_s`, with commands of zero."""
     data = mujoco.MjData(mj_model)
     mujoco.mj_step(mj_model, data, nstep=round(settle_s / mj_model.opt.timestep))
     return data
@@ -47,14 +42,7 @@ def start(mj_model: mujoco.MjModel, settle_s: float = 0.3) -> mujoco.MjData:
 def steady_drive(
     mj_model: mujoco.MjModel, robot: Robot, command: Command, seconds: float = 3.0
 ) -> SteadyDrive:
-    """Drive at one command and average over the last `seconds`.
-
-    Args:
-        mj_model: the compiled robot.
-        robot: the dimensions it was made from.
-        command: the command to drive.
-        seconds: how long to average [s], after 1 s that is left out.
-    """
+    """Drive at one command for 1 s and average over the `seconds` after it."""
     data = start(mj_model)
     data.ctrl[:] = command_to_wheels(*command)
     mujoco.mj_step(mj_model, data, nstep=round(1.0 / mj_model.opt.timestep))
@@ -73,12 +61,7 @@ def steady_drive(
 
 
 def expected_ratio(robot: Robot, command: Command) -> float:
-    """Return the ratio that wheels with this many rollers give on average (`geometry.no_slip_rows`).
-
-    Args:
-        robot: the robot's dimensions.
-        command: the command to drive.
-    """
+    """Return the ratio that wheels with these rollers give on average in a drive at one command."""
     wheels = command_to_wheels(*command) * RAD_S_PER_RPM
     twist = np.linalg.lstsq(no_slip_rows(robot), wheels, rcond=None)[0]
     ideal = command_to_twist(*command, robot)
@@ -86,13 +69,7 @@ def expected_ratio(robot: Robot, command: Command) -> float:
 
 
 def heading_drift_rad(mj_model: mujoco.MjModel, command: Command, distance_m: float = 3.0) -> float:
-    """Return how far [rad] the robot has turned after a straight drive.
-
-    Args:
-        mj_model: the compiled robot.
-        command: the command to drive, with VC 0.
-        distance_m: length of the drive [m].
-    """
+    """Return how far [rad] the robot has turned after a straight drive with a command of VC 0."""
     data = start(mj_model)
     data.ctrl[:] = command_to_wheels(*command)
     begin = pose(data)
@@ -104,25 +81,14 @@ def heading_drift_rad(mj_model: mujoco.MjModel, command: Command, distance_m: fl
 
 
 def pose(data: mujoco.MjData) -> FloatArray:
-    """Return x, y [m] and yaw [rad] of the base, shape (3,).
-
-    Args:
-        data: of a robot; its `xmat` must be up to date.
-    """
+    """Return x, y [m] and yaw [rad] of the base of a robot whose `xmat` is up to date, shape (3,)."""
     base = data.body("base")
     forward = base.xmat.reshape(3, 3)[:, 0]
     return np.array([base.xpos[0], base.xpos[1], np.arctan2(forward[1], forward[0])])
 
 
 def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 40.0) -> list[Command]:
-    """Return commands drawn uniformly from V in 0..v_rpm, any theta, VC in -vc_rpm..vc_rpm.
-
-    Args:
-        count: number of commands.
-        seed: seed of the random generator.
-        v_rpm: largest V.
-        vc_rpm: largest VC.
-    """
+    """Return a `count` of seeded random commands, uniform in V 0..v_rpm, any theta, VC -vc_rpm..vc_rpm."""
     rng = np.random.default_rng(seed)
     return [
         (float(rng.uniform(0, v_rpm)), float(rng.uniform(-180, 180)), float(rng.uniform(-vc_rpm, vc_rpm)))
@@ -131,12 +97,9 @@ def random_commands(count: int, seed: int, v_rpm: float = 60.0, vc_rpm: float = 
 
 
 def paper_like_commands(seed: int) -> list[tuple[float, Command]]:
-    """Return ten seconds of random commands like the paper's, each with the seconds for which it is held.
+    """Return ten seconds of random commands of a seed like the paper's, each with its hold time [s].
 
     Half are held long enough to settle (0.8 s), half are not (0.2 s), as in its random trials.
-
-    Args:
-        seed: seed of the random generator.
     """
     return [(0.8 if i % 2 else 0.2, command) for i, command in enumerate(random_commands(20, seed))]
 
@@ -144,9 +107,7 @@ def paper_like_commands(seed: int) -> list[tuple[float, Command]]:
 def follow(mj_model: mujoco.MjModel, commands: list[tuple[float, Command]]) -> FloatArray:
     """Drive through commands from rest; return the poses, shape (n, 3), at the start and every 0.1 s.
 
-    Args:
-        mj_model: the compiled robot.
-        commands: hold times, multiples of 0.1 s, with their commands, one after the other.
+    Commands follow each other, each with its hold time, a multiple of 0.1 s.
     """
     data = mujoco.MjData(mj_model)
     mujoco.mj_forward(mj_model, data)
@@ -161,24 +122,13 @@ def follow(mj_model: mujoco.MjModel, commands: list[tuple[float, Command]]) -> F
 
 
 def path_difference(one: FloatArray, other: FloatArray) -> float:
-    """Return the largest distance between two paths at equal times, over the length of the first.
-
-    Args:
-        one: poses, shape (n, 3).
-        other: poses, shape (n, 3).
-    """
+    """Return the largest distance of the other path (n, 3) at equal times, over the length of one."""
     length = np.sum(np.hypot(*np.diff(one[:, :2], axis=0).T))
     return float(np.max(np.hypot(*(one - other)[:, :2].T)) / length)
 
 
 def coast_energy(mj_model: mujoco.MjModel, command: Command, seconds: float = 2.0) -> FloatArray:
-    """Return the energy [J] at every step while the robot coasts from a drive, motors off, shape (steps,).
-
-    Args:
-        mj_model: the compiled robot; not changed.
-        command: the command driven before.
-        seconds: how long to coast [s].
-    """
+    """Return the energy [J] at every step, shape (steps,), while the robot coasts after a command."""
     data = start(mj_model)
     data.ctrl[:] = command_to_wheels(*command)
     mujoco.mj_step(mj_model, data, nstep=round(1.0 / mj_model.opt.timestep))
@@ -193,20 +143,12 @@ def coast_energy(mj_model: mujoco.MjModel, command: Command, seconds: float = 2.
 
 
 def largest_rise(values: FloatArray) -> float:
-    """Return the largest rise of a sequence above its running minimum.
-
-    Args:
-        values: shape (n,).
-    """
+    """Return the largest rise of a sequence of values (n,) above its running minimum."""
     return float(np.max(values - np.minimum.accumulate(values)))
 
 
 def warnings_of(data: mujoco.MjData) -> dict[str, int]:
-    """Return the MuJoCo warnings that were raised, name -> count.
-
-    Args:
-        data: after a simulation.
-    """
+    """Return the MuJoCo warnings that were raised in a simulation, name -> count."""
     return {
         mujoco.mjtWarning(i).name: int(data.warning[i].number)
         for i in range(int(mujoco.mjtWarning.mjNWARNING))

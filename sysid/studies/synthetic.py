@@ -76,12 +76,9 @@ def random_samples(
 ) -> Samples:
     """Return random whole commands within +-135 rpm and the response of several laws, one after the other.
 
-    Args:
-        laws: each law with its number of ticks; the wheel keeps its speed when the law changes.
-        rng: random generator of commands and noise.
-        noise_rpm: standard deviation of the measured speed before rounding [rpm].
-        quantum_rpm: rounding of the measured speed [rpm]; 0: none.
-        hold_ticks: number of ticks for which a command is held.
+    Each law has its number of ticks, each command is held for `hold_ticks`; the wheel keeps its speed when
+    the law changes. `noise_rpm` is the standard deviation of the measured speed before it is rounded to
+    multiples of `quantum_rpm` (0: not rounded).
     """
     n = sum(ticks for _, ticks in laws)
     values = rng.integers(-LIMIT_RPM, LIMIT_RPM + 1, -(-n // hold_ticks))
@@ -112,10 +109,7 @@ def random_stable_law(
 ) -> WheelLaw:
     """Return a law of unit gain with one real pole, a pair of real or complex poles, and any zeros.
 
-    Args:
-        rng: random generator of poles and zeros.
-        sample_period_s: the law's period [s].
-        largest_pole: upper end of the real pole.
+    `largest_pole` is the upper end of the real pole.
     """
     poles = [rng.uniform(-0.2, largest_pole)]
     if rng.random() < 0.5:

@@ -12,8 +12,7 @@ import pytest
 import sysid
 from mecanum_env.errors import InputError
 from sysid.studies.blind.cases import Case, blind_tests, check_case
-from sysid.studies.blind.outcome import Outcome, from_json, to_json
-from sysid.studies.blind.score import metrics
+from sysid.studies.blind.outcome import Outcome, from_json, metrics, to_json
 from sysid.studies.blind.work import nominal_model, run_case, saved
 
 TESTS = blind_tests()
@@ -80,16 +79,16 @@ def test_logs_are_the_same_whatever_was_made_before(tmp_path):
 )
 def test_a_hidden_effect_is_large_and_our_own_closes_it(folder, name):
     case = CASES[name]
-    model = nominal_model(TESTS, case.plant, folder / "nominal" / case.plant)
-    check = check_case(TESTS, case, 0, model)
+    model = nominal_model(case.plant, folder)
+    check = check_case(case, 0, model)
     assert check.before > 3.0
     assert check.after < 1.1
 
 
 def test_a_nominal_model_predicts_what_is_not_hidden(folder):
     case = CASES["bench-none-01"]
-    model = nominal_model(TESTS, case.plant, folder / "nominal" / case.plant)
-    assert check_case(TESTS, case, 0, model).before < 1.1
+    model = nominal_model(case.plant, folder)
+    assert check_case(case, 0, model).before < 1.1
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from mecanum_env.simulator import BodyCommands, drive
 from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
 from sysid.compare.study import Study
-from sysid.gap.checks import known_effects
 from sysid.gap.result import GapOptions
+from sysid.gap.search.data import known_effects
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Finding, Run, Split
 

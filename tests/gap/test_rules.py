@@ -12,10 +12,9 @@ import pytest
 from mecanum_env.model import Model
 from sysid.compare.model_error import ChannelError, ModelError, with_model_error
 from sysid.gap.result import GapOptions, Verdict
-from sysid.gap.search.adequacy import Floor
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet
-from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.workflow import analyse
 
 from .conftest import MakeLogs
@@ -71,7 +70,7 @@ NAMED = Facts(
     ],
 )
 def test_the_first_rule_that_applies_decides(changes: dict[str, Any], verdict: Verdict, reason: str) -> None:
-    outcome = apply_rules(replace(NAMED, **changes), THRESHOLDS)
+    outcome = apply_rules(replace(NAMED, **changes))
     assert outcome.verdict == verdict
     assert len(outcome.reasons) == bool(reason)
     assert reason in "".join(outcome.reasons)
@@ -79,7 +78,7 @@ def test_the_first_rule_that_applies_decides(changes: dict[str, Any], verdict: V
 
 def test_that_the_law_fits_better_is_said_beside_another_reason() -> None:
     facts = replace(NAMED, raises_rms=True, law=a_set(-60.0, "wheel_law"))
-    harm, law = apply_rules(facts, THRESHOLDS).reasons
+    harm, law = apply_rules(facts).reasons
     assert "raises the plain difference" in harm
     assert "the wheel law fitted again" in law
 

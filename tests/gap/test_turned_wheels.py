@@ -14,7 +14,7 @@ from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
-from sysid.gap.search.adequacy import Floor, complete, expected
+from sysid.gap.search.chance import Floor, complete, expected
 from sysid.gap.search.sets import EMPTY
 from sysid.logs import BodyCommand, Dataset, Run
 

@@ -86,29 +86,22 @@ def design_separating(
     *,
     common: Model | None = None,
 ) -> Design:
-    """Return the experiment that separates candidates best; none if no command can.
+    """Return the experiment that separates at least two candidates best; none if no command can.
 
-    Args:
-        base: the model under study.
-        candidates: at least two.
-        conditions: how the experiment will be recorded.
-        limits: commands that the robot can execute.
-        common: the base model with the effects that all candidates share; the base model by default.
+    `common` is the base model with the effects that all candidates share; the base model by default.
     """
     names, count = tuple(c.names for c in candidates), len(candidates)
     without = base if common is None else common
     separable = np.zeros(count * (count - 1), bool)
 
-    def judge(rows: FloatArray, thorough: bool) -> JudgedSequence | None:
-        trial = Trial(base, rows, conditions, coarse=not thorough)
-        z = separation(trial, without, candidates, thorough=thorough)
-        return None if z is None else JudgedSequence(rows, z)
+    def judge(trial: Trial, thorough: bool) -> FloatArray | None:
+        return separation(trial, without, candidates, thorough=thorough)
 
     def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
         separable[:] = _separable(np.max([one.z for one in judged], axis=0), count)
         return (lambda one: float(np.min(one.z[separable]))) if np.any(separable) else None
 
-    best = best_sequence(limits, judge, value_of, conditions.study)
+    best = best_sequence(base, conditions, limits, judge, value_of)
     inseparable = _inseparable(names, separable, conditions)
     if best is None:
         only_slipping = (
@@ -124,13 +117,10 @@ def design_separating(
 def separation(
     trial: Trial, common: Model, candidates: Sequence[Rival], *, thorough: bool
 ) -> FloatArray | None:
-    """Return z (p,) of each ordered pair of truth and rival; None if a model cannot be predicted.
+    """Return z of each ordered pair of truth and rival, shape (p,); None if a model cannot be predicted.
 
-    Args:
-        trial: the sequence under the conditions of the experiment.
-        common: the base model with the effects that all candidates share.
-        candidates: the pairs are their `itertools.permutations`.
-        thorough: whether differences that uncertain parameters could hide are taken off.
+    Pairs are the `itertools.permutations` of the candidates; `common` is the base model with the effects that
+    they all share. If `thorough`, differences that uncertain parameters could hide are taken off.
     """
     without = trial.whitened(common)
     if without is None or not trial.predictable(common, without):
@@ -160,11 +150,7 @@ def power(z: FloatArray, separable: Pairs, count: int) -> float:
     """Return a lower bound of the probability that the truth, whichever it is, remains alone.
 
     Each pair fails with probability 1 - Phi(z); all rivals of a truth together with at most the sum of these.
-
-    Args:
-        z: as `separation` returns it, shape (p,).
-        separable: which pairs count, shape (p,).
-        count: number of candidates.
+    `z` (p,) is from `separation`, `separable` (p,) says which pairs of the `count` candidates matter.
     """
     failure = np.zeros(count)
     for index, (truth, _) in enumerate(permutations(range(count), 2)):
@@ -185,7 +171,7 @@ def experiment_of(
 
     Args:
         base: the model under study.
-        rows: the sequence.
+        rows: the command sequence.
         drawn: candidates whose predictions are drawn.
         conditions: how it will be recorded.
         candidates: names of the sets that it separates; none if it shows effects that the logs could not.
@@ -233,12 +219,7 @@ def _inseparable(names: Sequence[tuple[str, ...]], separable: Pairs, conditions:
 
 
 def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> str:
-    """Return, as the end of a sentence, what besides `channels` would tell sets of effects apart.
-
-    Args:
-        sets: names of effects; those that all sets share are left out.
-        channels: measured so far.
-    """
+    """Return, as the end of a sentence, what to measure besides `channels` to tell sets of effects apart."""
     shared = set(sets[0]).intersection(*sets[1:])
     differing = [CATALOGUE[n] for names in sets for n in names if n not in shared and n in CATALOGUE]
     checks = dict.fromkeys(effect.direct_check for effect in differing if effect.direct_check)

@@ -54,14 +54,10 @@ def design_next_experiment(
 ) -> Design:
     """Return the experiment that separates tied candidates, or else shows what the logs could not.
 
-    Args:
-        problem: the model, the logs and the study's settings.
-        decision: the decision of the search.
-        improved: the model with the effects found.
-        untestable: effects that the logs could not show.
-        threshold: reduction of the sum of squares that counts as seen.
+    `improved` is the model with the effects found, `untestable` the effects that the logs could not show, and
+    `threshold` the fall of the cost that counts as seen.
     """
-    conditions = conditions_of(problem, decision.inflation)
+    conditions = conditions_of(problem, decision.facts.inflation)
     limits = limits_of(problem.base, problem.observations)
     if decision.verdict == "ambiguous":
         return _separating(problem.base, decision, conditions, limits)
@@ -70,20 +66,11 @@ def design_next_experiment(
 
 
 def design_for_untestable(
-    model: Model,
-    effects: Sequence[str],
-    conditions: ExperimentConditions,
-    limits: Limits,
-    threshold: float,
+    model: Model, effects: Sequence[str], conditions: ExperimentConditions, limits: Limits, threshold: float
 ) -> Design:
     """Return the experiment on which as many of the effects as possible would show, if they were there.
 
-    Args:
-        model: the model with the effects found.
-        effects: names of the effects that the logs could not show.
-        conditions: how the experiment will be recorded.
-        limits: commands that the robot can execute.
-        threshold: reduction of the sum of squares that counts as seen.
+    An effect shows if it lowers the cost by more than a `threshold`.
     """
     study, level = conditions.study, conditions.level
     plant: PlantKind = "bench" if level == "bench" else study.plant
@@ -93,17 +80,15 @@ def design_for_untestable(
         return Design(None, "")
     visible: list[int] = []
 
-    def judge(rows: FloatArray, thorough: bool) -> JudgedSequence | None:
-        trial = Trial(model, rows, conditions, coarse=not thorough)
-        z = visibility(trial, rivals, threshold, thorough=thorough)
-        return None if z is None else JudgedSequence(rows, z)
+    def judge(trial: Trial, thorough: bool) -> FloatArray | None:
+        return visibility(trial, rivals, threshold, thorough=thorough)
 
     def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
         best_z = np.max([one.z for one in judged], axis=0)
         visible[:] = np.flatnonzero(best_z >= norm.ppf(_LEAST_POWER)).tolist()
         return (lambda one: float(norm.ppf(np.mean(norm.cdf(one.z[visible]))))) if visible else None
 
-    best = best_sequence(limits, judge, value_of, study)
+    best = best_sequence(model, conditions, limits, judge, value_of)
     if best is None:
         which = listed((rival.names[0] for rival in rivals), "or")
         return Design(None, f"No command within the robot's limits would show {which} here.")
@@ -120,13 +105,9 @@ def visibility(
 ) -> FloatArray | None:
     """Return z (p,) of each effect, which shows with probability Phi(z); None if the model is unpredictable.
 
-    An effect whose prediction depends on details does not show.
-
-    Args:
-        trial: the sequence under the conditions of the experiment.
-        rivals: the model with each of the effects.
-        threshold: reduction of the sum of squares that counts as seen.
-        thorough: whether differences that uncertain parameters could hide are taken off.
+    `rivals` are the model with each of the effects, which show if they lower the cost by a `threshold`. If
+    `thorough`, differences that uncertain parameters could hide are taken off, and an effect whose prediction
+    depends on details does not show.
     """
     without = trial.whitened(trial.base)
     if without is None or not trial.predictable(trial.base, without):
@@ -163,8 +144,8 @@ def _separating(base: Model, decision: Decision, conditions: ExperimentCondition
         best = tied[0].fitted.candidate.model(base, tied[0].fitted.place)
         kept = {n: v for n, v in best.effects.items() if n in shared or n in base.effects}
         common = replace(best, effects=kept)
-    without = min(j.fitted.cost for j in decision.judged if set(j.names) == set(shared) or not j.names)
-    rivals = [_rival(base, judged, without, decision.inflation) for judged in tied]
+    without = min(j.fitted.cost for j in decision.facts.judged if set(j.names) == set(shared) or not j.names)
+    rivals = [_rival(base, judged, without, decision.facts.inflation) for judged in tied]
     found = design_separating(base, rivals, conditions, limits, common=common)
     others = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
     if found.experiment is None or not others:
@@ -194,9 +175,7 @@ def _plausible(base: Model, fitted: Fitted[Any], inflation: float) -> tuple[Mode
 def conditions_of(problem: ResidualProblem, inflation: float) -> ExperimentConditions:
     """Return conditions like those of the logs so far, simulated with the settings of the study.
 
-    Args:
-        problem: the model, the logs and the study's settings.
-        inflation: residual variance of the best fit relative to the expected one.
+    `inflation` is the residual variance of the best fit relative to the expected one.
     """
     observations, whitener = problem.observations, problem.whitener
     runs = [run for situation in observations.situations for run in situation.runs]
@@ -229,12 +208,7 @@ def _kind(run: Run) -> CommandKind:
 
 
 def limits_of(model: Model, observations: Observations) -> Limits:
-    """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs.
-
-    Args:
-        model: its command quantum, period, ceiling and geometry count.
-        observations: the runs whose commands count if the model has no ceiling.
-    """
+    """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs."""
     limit = model.wheel.saturation_rpm
     runs = [situation.runs[0] for situation in observations.situations]
     if not math.isfinite(limit):

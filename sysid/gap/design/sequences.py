@@ -14,13 +14,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.kinematics import (
-    Geometry,
-    command_to_twist,
-    command_to_wheels,
-    round_command,
-    yaw_arm_m,
-)
+from mecanum_env.kinematics import Geometry, command_to_twist, command_to_wheels, round_command, yaw_arm_m
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.runs import Level
 
@@ -65,11 +59,8 @@ class Limits:
 def legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
     """Return a sequence that the robot can execute; None if its path leaves the field.
 
-    Rows that ask too much of a wheel are slowed down without changing their direction; surplus rows are cut.
-
-    Args:
-        rows: commands without the rest before and after, shape (n, 1) or (n, 3).
-        limits: commands that the robot can execute.
+    Rows, shape (n, 1) or (n, 3), get rest before and after. Those that ask too much of a wheel are slowed
+    down without changing their direction; surplus rows are cut.
     """
     rows = rows[: limits.max_rows - 2 * _REST]
     rest = np.zeros((_REST, rows.shape[1]))
@@ -82,12 +73,9 @@ def legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
 
 
 def path_m(rows: FloatArray, geometry: Geometry, period_s: float) -> FloatArray:
-    """Return the path (n, 2) [m] that commands ask for, without dynamics, from the origin, heading along x.
+    """Return the path (n, 2) [m] that command rows (n, 3) ask for, without dynamics.
 
-    Args:
-        rows: commands, shape (n, 3).
-        geometry: geometry of the robot.
-        period_s: duration of each row [s].
+    It starts at the origin, heading along x.
     """
     twist = command_to_twist(rows[:, 0], rows[:, 1], rows[:, 2], geometry) * period_s
     yaw = np.cumsum(twist[:, 2]) - 0.5 * twist[:, 2]
@@ -97,12 +85,7 @@ def path_m(rows: FloatArray, geometry: Geometry, period_s: float) -> FloatArray:
 
 
 def library(limits: Limits, rng: np.random.Generator) -> list[FloatArray]:
-    """Return the structured families and some random sequences, all of them legal.
-
-    Args:
-        limits: commands that the robot can execute.
-        rng: source of the random sequences.
-    """
+    """Return the structured families of sequences and some random ones, all of them legal."""
     if limits.geometry is None:
         raw = [profile[:, None] for profile in _bench_profiles(limits)]
     else:
@@ -113,15 +96,9 @@ def library(limits: Limits, rng: np.random.Generator) -> list[FloatArray]:
 
 
 def changed(rows: FloatArray, limits: Limits, rng: np.random.Generator) -> FloatArray | None:
-    """Return a sequence with one random change: a hold scaled, lengthened, exchanged, split or replaced.
+    """Return legal rows with one random change: a hold scaled, lengthened, exchanged, split or replaced.
 
-    Args:
-        rows: a legal sequence.
-        limits: commands that the robot can execute.
-        rng: source of the change.
-
-    Returns:
-        None if the sequence is all rest, or if its path would leave the field.
+    None if the sequence is all rest, or if its path would leave the field.
     """
     edges = np.flatnonzero(np.any(rows[1:] != rows[:-1], axis=1)) + 1
     holds = [(rows[a], int(b - a)) for a, b in pairwise([0, *edges, len(rows)])][1:-1]

@@ -138,12 +138,7 @@ class Trial:
         return self.whitener.whiten([block.of(self.run, measured) for block in self.observations.blocks])
 
     def predictable(self, model: Model, prediction: FloatArray) -> bool:
-        """Return whether a model's prediction does not depend on details; see `PREDICTABLE`.
-
-        Args:
-            model: wheel, robot and effects.
-            prediction: its whitened prediction (N,).
-        """
+        """Return whether a model's whitened prediction (N,) does not depend on details; see `PREDICTABLE`."""
         if self.run.level == "bench":
             return True
         robot = replace(model.robot, mass_kg=1.001 * model.robot.mass_kg)
@@ -153,28 +148,23 @@ class Trial:
     def add_law_columns(self, prediction: FloatArray) -> None:
         """Add the columns of the base model's uncertain parameters to `nuisance`.
 
-        Args:
-            prediction: whitened prediction of the base model (N,).
+        `prediction` is the whitened prediction of the base model (N,).
         """
         columns = self.differences(prediction, plausible_models(self.base))
         self.nuisance = np.concatenate([self.nuisance, columns], axis=1)
 
     def differences(self, prediction: FloatArray, models: Sequence[Model]) -> FloatArray:
-        """Return how the whitened predictions of models differ from a given one, (N, p).
+        """Return how whitened predictions of models differ from a given prediction (N,), shape (N, p).
 
-        Args:
-            prediction: the given one (N,).
-            models: a model that cannot be simulated is left out.
+        A model that cannot be simulated is left out.
         """
         found = [other - prediction for other in map(self.whitened, models) if other is not None]
         return np.stack(found, axis=1) if found else np.zeros((prediction.size, 0))
 
     def squared_distance(self, difference: FloatArray, *hidden: FloatArray) -> float:
-        """Return the part of a squared difference that `nuisance` and other columns cannot explain.
+        """Return the part of a squared difference (N,) that `nuisance` and `hidden` columns cannot explain.
 
-        Args:
-            difference: difference of two whitened predictions (N,).
-            hidden: columns of the models' own parameters, each (N, p).
+        Hidden are columns of the models' own parameters, each (N, p).
         """
         x = np.concatenate([self.nuisance, *hidden], axis=1)
         along = x.T @ difference
@@ -187,13 +177,9 @@ class Trial:
 
 
 def command_of(rows: FloatArray, base: Model, kind: CommandKind, time_s: FloatArray | None = None) -> Command:
-    """Return a sequence as the commands of a log: one per command period, or held at given stamps.
+    """Return a sequence as the commands of a log: one per command period, or held at stamps `time_s` (m,).
 
-    Args:
-        rows: the sequence, shape (n, 1) on the bench, (n, 3) on the robot.
-        base: model with the command period and quantum.
-        kind: which columns hold the commands.
-        time_s: stamps of the log [s], shape (m,).
+    Rows have the shape (n, 1) on the bench and (n, 3) on the robot; `kind` says which columns the log has.
     """
     if time_s is not None:
         index = np.floor(time_s / base.wheel.command_period_s + 1e-9).astype(int)
@@ -230,17 +216,18 @@ class JudgedSequence:
     """For each question: the answer is right with probability Phi(z); shape (p,)."""
 
 
-Judge: TypeAlias = Callable[[FloatArray, bool], JudgedSequence | None]
-"""Judges a sequence, thoroughly or not; None if its outcome cannot be predicted."""
+Judge: TypeAlias = Callable[[Trial, bool], FloatArray | None]
+"""Returns z of a trial, judged thoroughly or not; None if its outcome cannot be predicted."""
 Value: TypeAlias = Callable[[JudgedSequence], float]
 """What is maximised, on the scale of z."""
 
 
 def best_sequence(
+    base: Model,
+    conditions: ExperimentConditions,
     limits: Limits,
     judge: Judge,
     value_of: Callable[[Sequence[JudgedSequence]], Value | None],
-    study: Study,
 ) -> JudgedSequence | None:
     """Return the best sequence found; None if none is of any value.
 
@@ -248,21 +235,26 @@ def best_sequence(
     by random changes.
 
     Args:
+        base: the model under study.
+        conditions: how the experiment will be recorded; its study has the seed of the random sequences.
         limits: commands that the robot can execute.
-        judge: judges one sequence; called from `study.jobs` threads.
+        judge: judges the trial of one sequence; called from `study.jobs` threads.
         value_of: derives from the library's judged sequences the value to maximise; None if there is none.
-        study: its seed is that of the random sequences and changes.
     """
+    study = conditions.study
     rng, effort = np.random.default_rng(study.seed), EFFORT[limits.level]
 
     def judge_all(sequences: Sequence[FloatArray], thorough: bool) -> list[JudgedSequence]:
+        def z_of(rows: FloatArray) -> FloatArray | None:
+            return judge(Trial(base, rows, conditions, coarse=not thorough), thorough)
+
         if study.jobs == 1:
-            judged = [judge(rows, thorough) for rows in sequences]
+            found = list(map(z_of, sequences))
         else:
             # Threads suffice: MuJoCo releases the interpreter lock while it steps.
             with ThreadPoolExecutor(study.jobs) as pool:
-                judged = list(pool.map(lambda rows: judge(rows, thorough), sequences))
-        return [one for one in judged if one is not None]
+                found = list(pool.map(z_of, sequences))
+        return [JudgedSequence(rows, z) for rows, z in zip(sequences, found, strict=True) if z is not None]
 
     quick = judge_all(library(limits, rng), False)
     if not quick or value_of(quick) is None:

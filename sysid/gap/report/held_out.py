@@ -24,7 +24,7 @@ from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
 from sysid.compare.study import Study
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
-from sysid.gap.search.adequacy import Floor, enough, expected
+from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
@@ -51,12 +51,9 @@ class Comparison:
 
     def by_channel(self) -> dict[str, list[Samples]]:
         """Return the samples of each channel that has a finite error, in the order of a log's columns."""
-        found: dict[str, list[Samples]] = {}
-        for name in UNITS:
-            parts = [s for s in self.samples if s.channel == name and np.any(np.isfinite(s.errors()[0]))]
-            if parts:
-                found[name] = parts
-        return found
+        known = [part for part in self.samples if np.any(np.isfinite(part.errors()[0]))]
+        found = {name: [part for part in known if part.channel == name] for name in UNITS}
+        return {name: parts for name, parts in found.items() if parts}
 
 
 def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
@@ -66,13 +63,7 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
 
 
 def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str, FloatArray]]:
-    """Return what a model predicts for each run: channel -> values at its rows, shape (n,).
-
-    Args:
-        model: wheel, robot and effects.
-        runs: bench or robot logs.
-        study: settings of the simulations.
-    """
+    """Return what a model predicts for each run: channel -> values at its rows, shape (n,)."""
     found = [predict(model, run, study=study) for run in runs]
     correction = correction_of(model)
     if correction is None:
@@ -83,14 +74,7 @@ def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str,
 def compare(
     split: Split, runs: Sequence[Run], before: Sequence[Channels], after: Sequence[Channels]
 ) -> Comparison:
-    """Return runs beside their simulations.
-
-    Args:
-        split: split of the runs.
-        runs: bench or robot logs.
-        before: predictions of the model as given, one mapping per run.
-        after: predictions of the improved model, one mapping per run.
-    """
+    """Return runs of a split beside their simulations before and after, one mapping per run."""
     repeats: dict[str, int] = {}
     samples: list[Samples] = []
     for run, b, a in zip(runs, before, after, strict=True):
@@ -104,11 +88,8 @@ def differences(dataset: Dataset, comparison: Comparison) -> tuple[Difference, d
     """Return the gap over all channels, and that of each channel that has samples.
 
     With several channels the gap is in standard deviations of their noise; a channel without repeats is
-    scaled by its error after instead.
-
-    Args:
-        dataset: repeats of all its runs, test runs included, give the noise floor; no decision uses it.
-        comparison: the runs whose errors are reported.
+    scaled by its error after instead. The noise floor is from repeats of all runs of the dataset, test runs
+    included; no decision uses it.
     """
     repeats = noise_from_repeats(dataset.runs) or {}
     channels = {}
@@ -161,24 +142,19 @@ def overlays(comparison: Comparison) -> tuple[Overlay, ...]:
 
 
 def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEffect, ...]:
-    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
-
-    Args:
-        problem: the model and the runs that decided.
-        decision: the decision of the search.
-    """
+    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one."""
     if decision.chosen is None:
         return ()
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
-    low, high = interval_ends(problem, fitted, decision.inflation)
+    low, high = interval_ends(problem, fitted, decision.facts.inflation)
     intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
     for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
         if coordinate.effect:
             value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
             intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
     return tuple(
-        FoundEffect(name, parameters, decision.frequency.get(name, 0.0))
+        FoundEffect(name, parameters, decision.facts.frequency.get(name, 0.0))
         for name, parameters in intervals.items()
     )
 
@@ -188,16 +164,12 @@ def evidence(
 ) -> tuple[Evidence, ...]:
     """Return the sets of effects that matter, best score first.
 
-    Args:
-        dataset: its test runs are simulated here, after the decision.
-        problem: the model and the runs that decided.
-        decision: the decision of the search.
-        floor: what is known of the noise.
+    The test runs of the dataset are simulated here, after the decision.
     """
-    base = next(judged for judged in decision.judged if not judged.names)
-    shown = [judged for judged in decision.judged if judged.names][:_MOST_SETS]
-    shown += [judged for judged in decision.judged if not judged.names]
-    shown += [] if decision.law is None else [decision.law]
+    base = next(judged for judged in decision.facts.judged if not judged.names)
+    shown = [judged for judged in decision.facts.judged if judged.names][:_MOST_SETS]
+    shown += [judged for judged in decision.facts.judged if not judged.names]
+    shown += [] if decision.facts.law is None else [decision.facts.law]
     tests = dataset.split("test")
     test = Simulator(observe(replace(dataset, runs=tests)), problem.study) if tests else None
     right = expected(problem, *(j.fitted for j in (base, decision.chosen) if j is not None))
@@ -215,7 +187,7 @@ def evidence(
             adequate=enough(problem, base.fitted, fitted, floor, right),
             validation_rms=fitted_rms(problem, fitted, "validation"),
             test_rms=math.nan if test is None else _test_rms(problem, test, model),
-            bic=fitted.cost / decision.inflation + parameter_count * math.log(problem.size),
+            bic=fitted.cost / decision.facts.inflation + parameter_count * math.log(problem.size),
         )
 
     return tuple(problem.study.map(row, sorted(shown, key=lambda judged: (judged.score, judged.names))))

@@ -153,15 +153,11 @@ def _experiment_json(experiment: Experiment | None) -> dict[str, Any] | None:
 
 
 def write_study(report: GapReport, folder: Path) -> tuple[Path, ...]:
-    """Write a study into a folder and return the paths of its files.
+    """Write a study into a folder, created if it does not exist, and return the paths of its files.
 
     `gap.json`, `model.json`, `report.html` (with the `report` extra) and, if there is one, the commands of
     the next experiment as `next_experiment.csv`. A file of an earlier study that this one does not write is
     removed.
-
-    Args:
-        report: results of the study.
-        folder: folder to write, created if it does not exist.
 
     Raises:
         InputError: the folder cannot be written; nothing is changed then.

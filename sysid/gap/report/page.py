@@ -33,12 +33,7 @@ _MOST_CANDIDATES: Final = 6
 
 
 def write_gap_report(report: GapReport, path: Path) -> None:
-    """Write the page of a study, which takes the `report` extra.
-
-    Args:
-        report: results of the study.
-        path: file to write.
-    """
+    """Write the page of a study to a path, which takes the `report` extra."""
     experiment = report.next_experiment
     overlays = {f"run{i}": overlay_figure(overlay) for i, overlay in enumerate(report.overlays)}
     figures: dict[str, Mapping[str, Any]] = dict(overlays)

@@ -39,14 +39,11 @@ Labels = npt.NDArray[np.str_]
 
 
 def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple[Region, ...]:
-    """Return where the error is, the largest share first, ties by channel, dimension and region.
+    """Return where the error of samples is, the largest share first, ties by channel, dimension and region.
 
     A dimension in which all of a channel's samples fall into one region is left out. The dimension "wheel"
-    compares the four wheel channels: its shares are of the error of all four.
-
-    Args:
-        samples: every channel of every run to divide.
-        settling_s: time after a change of command during which a motion counts as changing [s].
+    compares the four wheel channels: its shares are of the error of all four. For `settling_s` after a change
+    of command a motion counts as changing.
     """
     by_channel: dict[str, list[Samples]] = {}
     for part in samples:
@@ -71,16 +68,11 @@ def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple
 
 
 def phases(time_s: FloatArray, command: HeldCommand, settling_s: float = SETTLING_S) -> Labels:
-    """Return the phase of the motion at each sample, shape (n,).
+    """Return the phase of the motion of a wheel or the body at each sample, shape (n,).
 
     "rest" and "steady": the command has been held longer than `settling_s`; "start": it left zero;
     "coasting": it returned to zero; "reversal": it changed its sign (a body's: turned by more than a right
     angle); "rising" and "falling": its size changed otherwise.
-
-    Args:
-        time_s: times of the samples [s], shape (n,).
-        command: command of a wheel or of the body.
-        settling_s: time during which a change counts [s].
     """
     now, earlier = command.at(time_s), command.earlier(time_s, settling_s)
     size, old = np.linalg.norm(now, axis=1), np.linalg.norm(earlier, axis=1)

@@ -1,12 +1,14 @@
-"""How much an effect gains by chance, and how large it must be to be seen in these logs.
+"""What chance does: the cost that a right model has, the gain of a needless effect, what would be seen.
+
+A right model leaves noise and, on robots, the scatter of the rollers at the place of the set. The noise
+variance is estimated from finitely many samples, so that the ratio of a cost to it follows an F distribution.
 
 If a fitted set is the whole truth, its marginal residual is white, except for the scatter of the rollers.
 Drawing such residuals and growing the set by every effect of the library, as the search does, gives the
 distribution of the best gain by chance, whatever the number of effects and their likeness. Only the inner
 products of the responses are needed: the projections U = C' r on unit columns C are normal with covariance
-C' (I + R R') C, where R are the columns of `ResidualProblem.roller_scatter`.
-
-An effect is seen if its response is long enough to pass that threshold with probability `power`.
+C' (I + R R') C, where R are the columns of `roller_scatter`. An effect is seen if its response is long enough
+to pass that threshold with probability `power`.
 """
 
 from __future__ import annotations
@@ -16,15 +18,76 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
+from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Untestable
 from sysid.gap.search.responses import Response
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs.runs import Level
+
+_KNOWN: Final = 1e7
+"""Degrees of freedom of a variance that is known exactly, as the F distribution takes them."""
+
+
+@dataclass(frozen=True)
+class Floor:
+    """What is known of the noise floor."""
+
+    freedom: float
+    """Degrees of freedom of the estimated noise variance."""
+    trusted: bool
+    """Whether it is known what a right model leaves; if not, no set can be called inadequate."""
+    repeatable: bool = True
+    """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
+
+    def largest_ratio(self, size: int) -> float:
+        """Return the cost over `size` values that a right model exceeds in a false alarm."""
+        return float(f_distribution.isf(THRESHOLDS.false_alarm, size, min(self.freedom, _KNOWN)))
+
+
+def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
+    """Return the columns of the rollers' scatter at the place of a set, (N, k), each one sigma."""
+    return problem.roller_scatter(fitted.candidate.model(problem.base, fitted.place))
+
+
+def expected(problem: ResidualProblem, *fitted: Fitted[Any]) -> float:
+    """Return the cost that a right model has, with the largest roller scatter of some fitted sets."""
+    return problem.size + max(float(np.sum(roller_scatter(problem, one) ** 2)) for one in fitted)
+
+
+def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float:
+    """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell."""
+    if not floor.trusted:
+        return 1.0
+    ratio = fitted.cost * (problem.size / expected(problem, fitted)) / problem.size
+    return float(f_distribution.sf(ratio, problem.size, min(floor.freedom, _KNOWN)))
+
+
+def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:
+    """Return whether a set leaves no more than a right model would."""
+    return floor.trusted and fitted.cost <= expected(problem, fitted) * floor.largest_ratio(problem.size)
+
+
+def enough(
+    problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any], floor: Floor, right: float | None = None
+) -> bool:
+    """Return whether a set leaves what a right model would, or little beside what the set explains.
+
+    `right` is the cost of a right model, by default measured at the place of the set.
+    """
+    if not floor.trusted:
+        return True
+    right = expected(problem, fitted) if right is None else right
+    allowed = right * floor.largest_ratio(problem.size)
+    explained = float(np.sum((base.residual - fitted.residual) ** 2))
+    share = THRESHOLDS.adequate_residual**2 / max(1, len(fitted.names))
+    return fitted.cost <= allowed + share * explained
+
 
 _NO_RESPONSE: Final = 0.1
 """Length of a response, in noise sigmas over all samples, below which nothing measured depends on it."""
@@ -50,13 +113,9 @@ class ChanceGains:
 def chance_gains(
     fitted: Fitted[Any], library: Sequence[Response], rng: np.random.Generator, scatter: FloatArray
 ) -> ChanceGains:
-    """Simulate the best gain of a set by one more effect, if the set is the truth.
+    """Simulate the best gain of a fitted set by one more effect of a library, if the set is the truth.
 
-    Args:
-        fitted: the set.
-        library: responses of the effects that were considered.
-        rng: of the draws.
-        scatter: columns of the rollers' scatter at the set, (N, k).
+    `scatter` holds the columns of the rollers' scatter at the set, (N, k).
     """
     draws = THRESHOLDS.draws
     orthogonal = np.linalg.qr(fitted.jacobian)[0]
@@ -95,11 +154,8 @@ def _root(covariance: FloatArray) -> FloatArray:
 def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[str, dict[str, float]]:
     """Return effect -> parameter -> smallest value that would be seen with 90 % probability.
 
-    A parameter of which no value would be seen is left out.
-
-    Args:
-        library: responses of the effects on these logs.
-        threshold: fall of the cost that counts as seen.
+    Seen is what lowers the cost by a `threshold`; a parameter of which no value would be seen is left out.
+    `library` holds the responses of the effects on these logs.
     """
     needed = float((np.sqrt(threshold) + norm.ppf(THRESHOLDS.power)) ** 2)
     found: dict[str, dict[str, float]] = {}
@@ -121,13 +177,9 @@ def untestable(
     detectable: Mapping[str, Mapping[str, float]],
     level: Level,
 ) -> tuple[Untestable, ...]:
-    """Return the effects that these logs could not show, with the reason.
+    """Return which of the considered effects logs of a level could not show, with the reason.
 
-    Args:
-        considered: names of the effects that were tried.
-        library: their responses.
-        detectable: as `smallest_detectable` gives it.
-        level: of the logs.
+    `library` holds their responses, `detectable` is from `smallest_detectable`.
     """
     found = []
     for name, effect in CATALOGUE.items():

@@ -15,7 +15,6 @@ from mecanum_env.units import FloatArray
 
 _LOGARITHMIC: Final = 20.0
 """Ratio of the bounds above which a parameter is searched in the logarithm."""
-INTEGRAL: Final = "servo_integral_n_m_rad"
 INTEGRAL_BOUNDS: Final = (1.0, 500.0)
 """Bounds of the drive's integral action [N m/rad] when friction is tried on a drive that has one."""
 
@@ -113,11 +112,8 @@ class EffectSet:
 def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float = 1.0) -> Coordinate:
     """Return a parameter of an effect as a coordinate.
 
-    Args:
-        base: model whose value is neutral; that of the effect if the model has the effect already.
-        effect: definition in the catalogue.
-        parameter: of the effect.
-        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
+    Neutral is the base model's value: that of the effect if the model has it already. `scale` is the factor
+    on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
     """
     present = base.effects.get(effect.name, {})
     neutral = present.get(parameter.name, parameter.neutral_in(base))
@@ -136,24 +132,18 @@ def bench_twins(names: Sequence[str]) -> bool:
 
 
 def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:
-    """Return the places at which a parameter is tried; none if its response has a gradient.
+    """Return the places at which a parameter (`one`) is tried; none if its response has a gradient.
 
-    Args:
-        parameter: of an effect.
-        one: its coordinate.
-        scale: factor on the grid, as for `coordinate`.
+    `scale` is as for `coordinate`.
     """
     return list(dict.fromkeys(one.unit(value) for value in parameter.scaled(scale).scan or ()))
 
 
 def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, scale: float = 1.0) -> EffectSet:
-    """Return the set of named effects with all their parameters free.
+    """Return the set of effects with these `names`, in any order, and all their parameters free.
 
-    Args:
-        base: model whose values are neutral.
-        names: of effects in the catalogue, in any order.
-        integral: whether the drive is assumed to have integral action too, of unknown size.
-        scale: as for `coordinate`.
+    `integral`: whether the drive is assumed to have integral action too, of unknown size; `scale` is as for
+    `coordinate`.
     """
     ordered = tuple(name for name in CATALOGUE if name in names)
     free = [
@@ -169,7 +159,7 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
 
 def integral_action(base: Model) -> Coordinate:
     """Return the drive's integral action as a coordinate whose neutral value is that of the `base` model."""
-    return Coordinate("", INTEGRAL, *INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
+    return Coordinate("", "servo_integral_n_m_rad", *INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
 
 
 def joined(one: EffectSet, other: EffectSet) -> EffectSet:

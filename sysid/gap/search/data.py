@@ -1,20 +1,103 @@
-"""The runs that decide in a study, their noise, and what is known of the model's own error."""
+"""The input of a study: checks of options and logs, the runs that decide, and what is known of their noise.
+
+Logs in which nothing moves are refused: a dead sensor would pass for an effect, or make the noise zero.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE, PlantKind
+from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
 from sysid.compare.model_error import ModelError, model_error_of
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.observations import Observations, observe
 from sysid.compare.subset import select_runs
-from sysid.gap.checks import known_effects
 from sysid.gap.result import GapOptions
-from sysid.gap.search.adequacy import Floor
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.thresholds import EFFORT, THRESHOLDS
 from sysid.logs import Dataset, Run
+from sysid.logs.runs import Level
+
+_LEAST_SAMPLES: Final = 7
+"""Least number of samples, as for a fit."""
+
+
+def require_valid(options: GapOptions, level: Level) -> None:
+    """Refuse options that make no sense for logs of a level.
+
+    Raises:
+        InputError: another level than that of the logs, a count below 1, no time to decide on, or an effect
+            that does not exist, has nothing to act on at this level, or is both asked for and excluded.
+    """
+    if options.level not in ("auto", level):
+        raise InputError(f"level {options.level}: these are {level} logs; leave it out, or give {level}")
+    if options.plant == "planar" and level == "bench":
+        raise InputError("plant planar: these are bench logs, which have no robot; leave it out")
+    known = known_effects(level, options.plant)
+    for option, names in (("only", options.only), ("exclude", options.exclude)):
+        for name in names:
+            if name not in CATALOGUE:
+                raise InputError(
+                    f"{option} {name}: no such effect{did_you_mean(name, CATALOGUE)}; "
+                    f"for {level} logs: {', '.join(known)}"
+                )
+    for name in options.only:
+        if name not in known:
+            raise InputError(f"only {name}: has no effect in {level} logs; use one of: {', '.join(known)}")
+        if name in options.exclude:
+            raise InputError(f"only {name}: excluded as well; leave out one of the two")
+    if not set(known) - set(options.exclude):
+        raise InputError(f"exclude: no effect is left to look for; for {level} logs: {', '.join(known)}")
+    for option, value in (("max-effects", options.max_effects), ("jobs", options.jobs)):
+        if value < 1:
+            raise InputError(f"{option} = {value}, must be at least 1")
+    if options.seconds is not None and not options.seconds > 0.0:
+        raise InputError(f"seconds = {options.seconds:g}, must be above 0")
+    if options.seed < 0:
+        raise InputError(f"seed = {options.seed}, must be 0 or more")
+
+
+def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]:
+    """Return the effects that act on logs of a level, simulated by a plant, in the order of the chain."""
+    used: PlantKind = "bench" if level == "bench" else plant
+    return tuple(name for name, effect in CATALOGUE.items() if effect.acts_in(used))
+
+
+def require_movement(dataset: Dataset) -> None:
+    """Refuse logs in which nothing moves.
+
+    Raises:
+        InputError: fewer samples than a fit takes, or no measured channel that ever changes.
+    """
+    parts: dict[str, list[FloatArray]] = {}
+    for run in dataset.runs:
+        for name, channel in run.channels.items():
+            if name != "battery_v":
+                parts.setdefault(name, []).append(channel[np.isfinite(channel)])
+    measured = {name: np.concatenate(values) for name, values in parts.items()}
+    samples, runs = sum(values.size for values in measured.values()), f"{len(dataset.runs)} run(s)"
+    if samples < _LEAST_SAMPLES:
+        raise InputError(f"{samples} samples in {runs}, at least {_LEAST_SAMPLES} are needed to find a gap")
+    if any(values.size and np.ptp(values) > 0.0 for values in measured.values()):
+        return
+    fastest = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
+    if fastest == 0.0:
+        raise InputError(
+            f"the command is 0 throughout and nothing moves in {runs}, the first of which is "
+            f"{dataset.runs[0].file}; record a step from rest"
+        )
+    still = " and ".join(f"{name} is {values[0]:g}" for name, values in measured.items() if values.size)
+    raise InputError(
+        f"{still} in every sample while wheels are commanded up to {fastest:g} rpm: a dead sensor or the "
+        "wrong column; check the logs"
+    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +115,7 @@ class StudyData:
 
 
 def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData:
-    """Choose the runs that decide and measure their noise.
-
-    Args:
-        dataset: bench or robot logs.
-        model: its file may state its own error.
-        options: of the study.
+    """Choose the runs that decide and measure their noise; the model's file may state its own error.
 
     Raises:
         InputError: no run has a measured sample.

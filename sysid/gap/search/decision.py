@@ -3,8 +3,7 @@
 1. Is there a gap? The best growth of the empty set, and the cost itself, against what chance does.
 2. How many effects? One more only if the cost falls by more than the best of all effects would make it fall
    by chance, and each run is predicted better from the others (`sysid.gap.search.scores`).
-3. Which? Every set of that size whose score is within `tie_sigmas`^2 of the best is as good
-   (`sysid.gap.search.ties`).
+3. Which? Every set of that size whose score is within `tie_sigmas`^2 of the best is as good (`tied`).
 4. What is the verdict? The first rule that applies gives it (`sysid.gap.search.rules`): is it enough, does it
    matter, does it do harm, would the wheel law fitted again do better?
 
@@ -14,22 +13,21 @@ variance (at least 1). All numbers are in `sysid.gap.search.thresholds`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Verdict
-from sysid.gap.search.adequacy import Floor, complete, enough, expected, misfit, roller_scatter
-from sysid.gap.search.chance import chance_gains
+from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, roller_scatter
 from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import tied
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,25 +39,14 @@ class Decision:
     """What is added to the model, if anything."""
     candidates: tuple[ScoredSet, ...]
     """Sets that explain the logs as well as the chosen one, which comes first."""
-    judged: tuple[ScoredSet, ...]
-    """All sets that were fitted, the empty one too; best score first."""
-    law: ScoredSet | None
-    """The wheel law fitted again, where that was tried."""
-    p_value: float
-    inflation: float
-    frequency: Mapping[str, float]
-    """Effect of the chosen set -> share of resamples in which it is chosen."""
+    facts: Facts
     notes: tuple[str, ...]
 
 
 def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Decision:
-    """Search and decide; again, if it turns out that the logs' wheels started at other angles.
+    """Search for sets of at most `max_effects` and decide; again, if the wheels started at other angles.
 
-    Args:
-        search: over the effects to consider; what it fits stays in it.
-        floor: what is known of the noise.
-        max_effects: size of the largest set.
-        rng: of the simulated thresholds and the bootstrap.
+    What is fitted stays in the search; `rng` is that of the simulated thresholds and the bootstrap.
     """
     problem, notes = search.problem, []
     facts = collect(search, floor, max_effects, rng)
@@ -69,30 +56,19 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
         if problem.update_angle_uncertainty(model, best.residual):
             facts = collect(search, floor, max_effects, rng)
             notes.append("initial wheel angles are unknown: the ripple they can cause is counted as noise")
-    outcome = apply_rules(facts, THRESHOLDS)
+    outcome = apply_rules(facts)
     found = outcome.verdict in ("named", "ambiguous")
     return Decision(
         verdict=outcome.verdict,
         chosen=facts.tied[0] if found else None,
         candidates=facts.tied if found else (),
-        judged=facts.judged,
-        law=facts.law,
-        p_value=facts.p_value,
-        inflation=facts.inflation,
-        frequency=facts.frequency,
+        facts=facts,
         notes=(*outcome.reasons, *notes),
     )
 
 
 def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
-    """Search, and return all facts that the rules need.
-
-    Args:
-        search: over the effects to consider; what it fits stays in it.
-        floor: what is known of the noise.
-        max_effects: size of the largest set.
-        rng: of the simulated thresholds and the bootstrap.
-    """
+    """Search for sets of at most `max_effects`, and return all facts that the rules need."""
     problem, base = search.problem, search.base
     facts = explore(search, floor, max_effects, rng)
     chosen, inflation = facts.chosen, facts.inflation
@@ -118,13 +94,9 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
 
 
 def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
-    """Fit sets of effects as far as the logs support them; return the facts up to the best such set.
+    """Fit sets of effects, up to a size of `max_effects`, as far as the logs support them.
 
-    Args:
-        search: over the effects to consider; what it fits stays in it.
-        floor: what is known of the noise.
-        max_effects: size of the largest set.
-        rng: of the simulated thresholds.
+    Returns the facts up to the best such set.
     """
     problem, base = search.problem, search.base
     by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base))
@@ -235,3 +207,78 @@ def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Ge
     totals = scores[:, picks].sum(axis=2) + penalty[:, None]
     winners = [judged[i].names for i in np.argmin(totals, axis=0)]
     return {name: float(np.mean([name in winner for winner in winners])) for name in chosen.names}
+
+
+def tied(
+    search: Search, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
+) -> tuple[ScoredSet, ...]:
+    """Return the chosen set and those as good, without those that predict the same with more parameters.
+
+    `same_size` are the sets of its size, itself among them; `inflation` is the residual variance of the best
+    fit relative to the expected one.
+    """
+    near = [j for j in same_size if j is chosen or _as_good(search, chosen, j, inflation)]
+    near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
+    kept: list[ScoredSet] = []
+    for one in near:
+        if not any(_repeats(search, one, other, inflation) for other in kept):
+            kept.append(one)
+    kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
+    return tuple(kept)
+
+
+def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
+    """Return whether these logs cannot tell a rival from the chosen set.
+
+    With u the difference of two sets' predictions and R the columns of the rollers' scatter, only the
+    residual along u tells the two apart. Its standard deviation is sqrt(1 + rho^2), where rho = |R'u| / |u|.
+    With z = `tie_sigmas`, a rival that is the truth is therefore dropped with a probability below Phi(-z),
+    however large u is, if its cost may be larger by z^2 (1 + rho^2).
+    """
+    allowed = _tolerance(search, chosen, rival, inflation)
+    if rival.score <= chosen.score + allowed:
+        return True
+    problem = search.problem
+    if not problem.has_surrogate:
+        return False
+    residual = chosen.fitted.residual
+    difference = _difference(problem, chosen, rival)
+    square = float(difference @ difference)
+    if square == 0.0:
+        return True
+    rho_square = float(np.sum((roller_scatter(problem, chosen.fitted).T @ difference) ** 2)) / square
+    # The planar plant tells the two apart without the scatter, which is no reason to drop one of them.
+    worse = (float(np.sum((residual + difference) ** 2)) - float(residual @ residual)) / inflation
+    allowed += THRESHOLDS.tie_sigmas**2 * rho_square / inflation
+    return min(worse, rival.score - chosen.score) <= allowed
+
+
+def _difference(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> FloatArray:
+    """Return the marginal residual of another set less that of one, (N,); without scatter if possible."""
+    if problem.surrogate_covers((*one.names, *other.names)):
+        models = [j.fitted.candidate.model(problem.base, j.fitted.place) for j in (one, other)]
+        ours, theirs = (problem.surrogate_residual(model) for model in models)
+        if ours is not None and theirs is not None:
+            return problem.marginal(theirs - ours)
+    return other.fitted.residual - one.fitted.residual
+
+
+def _tolerance(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> float:
+    """Return how much worse a rival's score may be, without the rollers' scatter.
+
+    An imperfect formula leaves the square of `formula_error` of what it explains beyond the effects that both
+    sets have.
+    """
+    common = tuple(name for name in chosen.names if name in rival.names)
+    rest = search.fitted.get((common, False)) or search.fitted.get((common, True)) or search.base
+    explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
+    return THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained
+
+
+def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
+    """Return whether a set predicts what another predicts, up to formula errors, with more parameters."""
+    if one.names == other.names:
+        return True
+    more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
+    square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
+    return more and square < _tolerance(search, other, one, inflation)

@@ -40,9 +40,8 @@ _NOT_TRIED: Final = ("x_m", "y_m", "yaw_rad", "battery_v")
 def fit_correction(samples: Sequence[Samples]) -> Correction | None:
     """Return the correction of the improved model's error; None if none holds on sequences left out.
 
-    Args:
-        samples: of the runs that decide; the error of `after` is corrected. At least two command sequences
-            (or two runs of one) are needed, since one that was not fitted has to confirm.
+    The error of `after` is corrected, in the samples of the runs that decide. At least two command sequences
+    (or two runs of one) are needed, since one that was not fitted has to confirm.
     """
     by_channel: dict[str, list[Samples]] = {}
     for part in samples:
@@ -61,12 +60,7 @@ def fit_correction(samples: Sequence[Samples]) -> Correction | None:
 
 
 def empirical_term(correction: Correction, adopted: bool) -> EmpiricalTerm:
-    """Return a correction as formulas for the report.
-
-    Args:
-        correction: as fitted.
-        adopted: whether it is in the improved model's file.
-    """
+    """Return a correction as formulas for the report, `adopted` if it is in the improved model's file."""
     formulas = {channel: formula(channel, terms) for channel, terms in correction.terms.items()}
     return EmpiricalTerm(formulas, correction.explained, adopted)
 
@@ -126,9 +120,7 @@ def _choose(
 ) -> tuple[dict[int, tuple[float, ...]], float] | None:
     """Return term -> coefficients and the share explained in parts left out; None if no term holds there.
 
-    Args:
-        parts: of the data; each is left out in turn.
-        widths: columns of each term.
+    Each of the parts of the data is left out in turn; `widths` are the numbers of columns of the terms.
     """
     squares = np.array([part.square for part in parts])
     if len(parts) < 2 or squares.sum() <= 0.0:
@@ -174,9 +166,8 @@ def _forward(sums: _Sums, terms: Sequence[list[int]], count: int) -> list[int]:
 def _how_many(left: FloatArray, squares: FloatArray) -> int:
     """Return how many terms hold on parts left out: each further one must gain enough, and surely.
 
-    Args:
-        left: squared error for each number of terms (rows) in each part (columns).
-        squares: of the target in each part.
+    `left` is the squared error for each number of terms (rows) in each part (columns), `squares` is that of
+    the target in each part.
     """
     total = squares.sum()
     count = 0

@@ -40,6 +40,8 @@ _LEAST_RESPONSE: Final = 0.3
 
 Key: TypeAlias = tuple[tuple[str, ...], bool]
 """Names of the effects, and whether the drive is assumed to have integral action."""
+_Trial: TypeAlias = tuple[EffectSet, FloatArray, bool, float]
+"""What is simulated: an effect as a set, its place, whether it is linear, and its size as in `Response`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,10 +73,7 @@ class Response:
 def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
     """Return the responses of effects, in the order of the catalogue; without what cannot be simulated.
 
-    Args:
-        problem: the model and the logs.
-        effects: names in the catalogue.
-        at: the model to which each effect is added; the base model if None.
+    Each effect is added to the model `at`, by default the base model of the problem.
     """
     found = []
     start = problem.base if at is None else at
@@ -89,11 +88,9 @@ def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None
     return found
 
 
-def _trials(
-    base: Model, effect: Effect, step: float, scale: float
-) -> list[tuple[EffectSet, FloatArray, bool, float]]:
-    """Return the effect as a set, its place, whether it is linear, and its size, for each simulation."""
-    trials: list[tuple[EffectSet, FloatArray, bool, float]] = []
+def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
+    """Return the simulations of an effect, one for each of its sizes."""
+    trials: list[_Trial] = []
     primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
     secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
     for parameter in primary:
@@ -119,9 +116,7 @@ def _trials(
     return trials
 
 
-def _with_integral(
-    base: Model, effect: Effect, scale: float
-) -> list[tuple[EffectSet, FloatArray, bool, float]]:
+def _with_integral(base: Model, effect: Effect, scale: float) -> list[_Trial]:
     """Return the trials of friction with integral action; almost without it if the drive has some."""
     extra = integral_action(base)
     parameter = effect.parameters[0]
@@ -158,13 +153,9 @@ class Growth:
 def growths(
     base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: float = 1.0
 ) -> list[Growth]:
-    """Return a set's growths by one effect each, the most promising first.
+    """Return the growths of a fitted set by one effect each of a library of responses, best first.
 
-    Args:
-        base: model whose values are neutral.
-        parent: the fitted set.
-        library: responses of the effects to consider.
-        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
+    `scale` is the factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 from typing import Final, TypeAlias
 
 from sysid.gap.result import Verdict
-from sysid.gap.search.adequacy import Floor
+from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet
-from sysid.gap.search.thresholds import Thresholds
+from sysid.gap.search.thresholds import THRESHOLDS
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,37 +61,37 @@ class Outcome:
     reasons: tuple[str, ...] = ()
 
 
-Rule: TypeAlias = Callable[[Facts, Thresholds], Outcome | None]
+Rule: TypeAlias = Callable[[Facts], Outcome | None]
 
 
-def _far_apart(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _far_apart(facts: Facts) -> Outcome | None:
     """Unexplained: nothing says how large the model's own error is, and the residual is plainly no noise.
 
     An error that was measured on these very logs contains any gap, and so excuses none.
     """
-    near = facts.floor.trusted or facts.noise_ratio <= thresholds.above_noise
-    if near or facts.removed >= thresholds.least_removed:
+    near = facts.floor.trusted or facts.noise_ratio <= THRESHOLDS.above_noise
+    if near or facts.removed >= THRESHOLDS.least_removed:
         return None
     reason = (
         f"the difference is {math.sqrt(facts.noise_ratio):.2g} times the noise (rms), and no set of effects "
-        f"removes {thresholds.least_removed:.0%} of its square"
+        f"removes {THRESHOLDS.least_removed:.0%} of its square"
     )
-    return _unexplained(facts, thresholds, reason)
+    return _unexplained(facts, reason)
 
 
-def _not_significant(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _not_significant(facts: Facts) -> Outcome | None:
     """No gap: neither the best effect nor the whole residual is more than chance allows."""
-    return Outcome("no_gap") if facts.p_value > thresholds.false_alarm else None
+    return Outcome("no_gap") if facts.p_value > THRESHOLDS.false_alarm else None
 
 
-def _inadequate(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _inadequate(facts: Facts) -> Outcome | None:
     """Unexplained: no effect could be fitted, or the chosen set leaves more than an imperfect formula can."""
-    return None if facts.adequate else _unexplained(facts, thresholds)
+    return None if facts.adequate else _unexplained(facts)
 
 
-def _too_small(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _too_small(facts: Facts) -> Outcome | None:
     """No gap: the chosen set is significant and removes next to nothing."""
-    if facts.removed >= thresholds.least_removed:
+    if facts.removed >= THRESHOLDS.least_removed:
         return None
     reason = (
         f"{facts.significant} removes only {max(facts.removed, 0.0):.0%} of the difference above the noise: "
@@ -100,15 +100,15 @@ def _too_small(facts: Facts, thresholds: Thresholds) -> Outcome | None:
     return Outcome("no_gap", (reason,))
 
 
-def _harmful(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _harmful(facts: Facts) -> Outcome | None:
     """Unexplained: the chosen set raises the plain error on the validation runs."""
     if not facts.raises_rms:
         return None
     reason = f"{facts.significant} raises the plain difference on the validation runs"
-    return _unexplained(facts, thresholds, reason)
+    return _unexplained(facts, reason)
 
 
-def _not_repeatable(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _not_repeatable(facts: Facts) -> Outcome | None:
     """Unexplained: repeats of one command differ, so that no effect of the commands is all of it."""
     if facts.floor.repeatable:
         return None
@@ -116,21 +116,21 @@ def _not_repeatable(facts: Facts, thresholds: Thresholds) -> Outcome | None:
         "repeats of one command differ far more than neighbouring samples do: something random acts, which "
         "no effect describes"
     )
-    return _unexplained(facts, thresholds, reason)
+    return _unexplained(facts, reason)
 
 
-def _law_fits_better(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _law_fits_better(facts: Facts) -> Outcome | None:
     """Unexplained: no effect is missing but a better fit of the wheel law."""
-    outcome = _unexplained(facts, thresholds)
+    outcome = _unexplained(facts)
     return outcome if outcome.reasons else None
 
 
-def _size_in_doubt(facts: Facts, thresholds: Thresholds) -> Outcome | None:
+def _size_in_doubt(facts: Facts) -> Outcome | None:
     """No gap or unexplained: the runs disagree about an effect of the set, which may as well be none."""
     if not facts.doubtful:
         return None
     reason = f"{' + '.join(facts.doubtful)}: the runs disagree about the size, which may as well be none"
-    is_noise = facts.floor.trusted and facts.p_misfit > thresholds.false_alarm
+    is_noise = facts.floor.trusted and facts.p_misfit > THRESHOLDS.false_alarm
     return Outcome("no_gap" if is_noise else "unexplained", (reason,))
 
 
@@ -147,23 +147,18 @@ RULES: Final[tuple[Rule, ...]] = (
 """What objects to naming the chosen set; the first objection decides."""
 
 
-def apply_rules(facts: Facts, thresholds: Thresholds) -> Outcome:
-    """Return the first objection; without any the set is named, or ambiguous if others are tied with it.
-
-    Args:
-        facts: of the study.
-        thresholds: numbers of the decision.
-    """
+def apply_rules(facts: Facts) -> Outcome:
+    """Return the first objection; without any the set is named, or ambiguous if others are tied with it."""
     for rule in RULES:
-        outcome = rule(facts, thresholds)
+        outcome = rule(facts)
         if outcome is not None:
             return outcome
     return Outcome("ambiguous" if len(facts.tied) > 1 else "named")
 
 
-def _unexplained(facts: Facts, thresholds: Thresholds, *reasons: str) -> Outcome:
+def _unexplained(facts: Facts, *reasons: str) -> Outcome:
     """Return the verdict; that the wheel law fitted again beats every set is said beside other reasons."""
-    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - thresholds.tie_sigmas**2:
+    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - THRESHOLDS.tie_sigmas**2:
         law = (
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it again (python -m sysid.fit) before looking for effects"

@@ -54,12 +54,9 @@ class ScoredSet:
 
 
 def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0) -> ScoredSet:
-    """Return a fitted set with the score of each group of runs.
+    """Return a set that was fitted to all groups of runs with the score of each group.
 
-    Args:
-        problem: the model and the runs that decide.
-        fitted: a fit to all groups.
-        inflation: factor on all variances, if the best fit leaves more than expected.
+    `inflation` is a factor on all variances, if the best fit leaves more than expected.
     """
     residual = problem.marginal_inverse(fitted.residual)
     own = problem.marginal_inverse(fitted.jacobian)
@@ -98,15 +95,10 @@ def _group_masks(problem: ResidualProblem) -> list[npt.NDArray[np.bool_]]:
 def raw_rms(
     problem: ResidualProblem, observations: Observations, parts: Sequence[FloatArray], split: str
 ) -> float:
-    """Return the rms of a residual over single samples, without any weighting by noise that lasts.
+    """Return the rms of a residual over single samples of a split, without any weighting by noise that lasts.
 
     In the channel's unit if there is one channel, else in noise sigmas; NaN without runs of the split.
-
-    Args:
-        problem: gives the noise.
-        observations: that the residual belongs to.
-        parts: measured minus simulated, one array (m,) per block.
-        split: of the runs that count.
+    `parts` has one array (m,) of measured minus simulated per block of the observations.
     """
     alone = len(problem.observations.channels) == 1
     squares = weights = 0.0
@@ -119,26 +111,15 @@ def raw_rms(
 
 
 def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> float:
-    """Return `raw_rms` of a fit on the runs of a split that decide.
-
-    Args:
-        problem: the model and the runs that decide.
-        fitted: a set of effects or the law.
-        split: of the runs that count.
-    """
+    """Return `raw_rms` of a fit on the runs of a split that decide."""
     parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
     return raw_rms(problem, problem.observations, parts, split)
 
 
 def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> bool:
-    """Return whether a fit has a larger plain error on the validation runs than the model as it is.
+    """Return whether a fit has a larger plain error on the validation runs than the model as it is (`base`).
 
     A set that gains only by the weights of a small noise, or of the model's own error, is refused by this.
-
-    Args:
-        problem: the model and the runs that decide.
-        base: the model as it is.
-        fitted: a set of effects.
     """
     before = fitted_rms(problem, base, "validation")
     return fitted_rms(problem, fitted, "validation") > THRESHOLDS.rms_rise * before
@@ -150,15 +131,10 @@ def interval_ends(
     """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1.
 
     An interval is the wider of two: that of the linearised fit, which includes noise, the model's own error,
-    the inflation and the unexplained residual (`systematic_correlation`); and that of the groups, from how
+    the `inflation` and the unexplained residual (`systematic_correlation`); and that of the groups, from how
     much each of them would move the estimate (Liang and Zeger, Biometrika 73:13, 1986), which assumes nothing
     about the errors. Where the cost has no slope (a threshold between two commands) it reaches as far as the
     cost does not rise.
-
-    Args:
-        problem: the model and the runs that decide.
-        fitted: a set of effects.
-        inflation: residual variance of the best fit relative to the expected one.
     """
     tail = 0.5 * (1.0 + THRESHOLDS.interval_level)
     explained = float(np.sum((problem.marginal(problem.base_residual) - fitted.residual) ** 2))
@@ -186,10 +162,7 @@ def interval_ends(
 def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float) -> tuple[str, ...]:
     """Return the effects of a set of which no parameter is surely away from neutral.
 
-    Args:
-        problem: the model and the runs that decide.
-        fitted: a set of effects.
-        inflation: residual variance of the best fit relative to the expected one.
+    `inflation` is the residual variance of the best fit relative to the expected one.
     """
     low, high = interval_ends(problem, fitted, inflation)
     neutral = fitted.candidate.start()

@@ -34,13 +34,7 @@ _SWAP: Final = 0.2
 
 
 class Search:
-    """All sets fitted so far, the empty one first.
-
-    Args:
-        problem: the model and the logs.
-        library: responses of the effects to consider.
-        effort: how much to simulate.
-    """
+    """All sets fitted so far, the empty one first."""
 
     def __init__(self, problem: ResidualProblem, library: Sequence[Response], effort: SearchEffort) -> None:
         self.problem, self.library, self.effort = problem, tuple(library), effort
@@ -126,9 +120,7 @@ class Search:
     def leave_out_needless(self, size: int, inflation: float) -> None:
         """Replace the best sets of a size by what they are without the parameters that they do not need.
 
-        Args:
-            size: of the sets.
-            inflation: residual variance of the best fit relative to the expected one.
+        `inflation` is the residual variance of the best fit relative to the expected one.
         """
         near = self.of_size(size)
         limit = near[0].cost + 4.0 * THRESHOLDS.tie_sigmas**2 * inflation

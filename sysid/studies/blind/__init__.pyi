@@ -1,6 +1,3 @@
 from .cases import BlindTests, Case
 
-__all__ = [
-    "BlindTests",
-    "Case",
-]
+__all__ = ["BlindTests", "Case"]

@@ -49,19 +49,17 @@ def main(
     """
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.files import require_writable, write_json, write_text
-    from sysid.studies.blind.cases import blind_tests, fingerprint
-    from sysid.studies.blind.outcome import to_json
-    from sysid.studies.blind.score import metrics, summary_markdown, summary_text
-    from sysid.studies.blind.work import run_cases
+    from sysid.studies.blind.cases import HEAD, blind_tests, check_case, fingerprint
+    from sysid.studies.blind.outcome import metrics, summary_markdown, summary_text, to_json
+    from sysid.studies.blind.work import nominal_model, run_cases
 
     require_at_least(0, seed=seed)
     require_at_least(1, jobs=jobs)
-    tests = blind_tests()
     most = {
         "bench": bench if bench is not None else _QUICK_BENCH if quick else None,
         "robot": robot if robot is not None else _QUICK_ROBOT if quick else None,
     }
-    listed = [case for case in tests.cases(seed) if fnmatch.fnmatch(case.name, only)]
+    listed = [case for case in blind_tests().cases(seed) if fnmatch.fnmatch(case.name, only)]
     chosen = [
         case
         for level, count in most.items()
@@ -70,7 +68,10 @@ def main(
     if not chosen:
         raise InputError(f"only = {only}: no case has such a name; try bench-single-* or robot-*")
     if check:
-        _check(chosen, seed, out / fingerprint())
+        print(HEAD)
+        for case in chosen:
+            model = nominal_model(case.plant, out / fingerprint())
+            print(check_case(case, seed, model).row(), flush=True)
         return
     require_writable(out / "blind.json", out / "blind.txt", *([markdown] if markdown else []))
     outcomes = run_cases(chosen, seed, out / fingerprint(), jobs)
@@ -96,26 +97,10 @@ def main(
 
 
 def spread(cases: Sequence[Case], count: int | None) -> list[Case]:
-    """Return a number of cases, evenly spread over a list; all when None.
-
-    Args:
-        cases: the list.
-        count: largest number of cases.
-    """
+    """Return a `count` of cases, evenly spread over a list; all when None."""
     if count is None or count >= len(cases):
         return list(cases)
     return [cases[i * len(cases) // count] for i in range(count)]
-
-
-def _check(cases: Sequence[Case], seed: int, out: Path) -> None:
-    from sysid.studies.blind.cases import HEAD, blind_tests, check_case
-    from sysid.studies.blind.work import nominal_model
-
-    tests = blind_tests()
-    print(HEAD)
-    for case in cases:
-        model = nominal_model(tests, case.plant, out / "nominal" / case.plant)
-        print(check_case(tests, case, seed, model).row(), flush=True)
 
 
 if __name__ == "__main__":

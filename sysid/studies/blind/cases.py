@@ -125,17 +125,10 @@ class Check:
 HEAD = f"{'case':<52} {'before':>9} {'truth':>9} {'closure':>8}"
 
 
-def check_case(tests: BlindTests, case: Case, seed: int, model: Model) -> Check:
-    """Replay the logs of a case without and with its true effects.
-
-    Args:
-        tests: the generators, which write the logs.
-        case: the case to replay.
-        seed: seed of the list of cases.
-        model: the nominal model.
-    """
+def check_case(case: Case, seed: int, model: Model) -> Check:
+    """Replay the logs of a case of a seed with the nominal model, without and with the true effects."""
     with TemporaryDirectory() as folder:
-        tests.write_case(case.name, seed, Path(folder))
+        blind_tests().write_case(case.name, seed, Path(folder))
         dataset = read_dataset(folder)
     true = model
     for name, values in case.truth.items():

@@ -19,22 +19,22 @@ from mecanum_env.files import write_json
 from mecanum_env.model import Model, read_model, read_robot, write_model
 from mecanum_env.parallel import process_pool
 from sysid.fit import FitOptions, fit_dataset, fitted_model
+from sysid.gap.result import GapOptions
+from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
-from sysid.studies.blind.cases import BlindTests, Case, blind_tests
+from sysid.studies.blind.cases import Case, blind_tests
 from sysid.studies.blind.outcome import Outcome, from_json, outcome_of, to_json
 
 
-def nominal_model(tests: BlindTests, plant: str, folder: Path) -> Model:
-    """Return the model of a nominal plant; it is fitted if `folder` does not hold it yet.
+def nominal_model(plant: str, folder: Path) -> Model:
+    """Return the model of a nominal plant; it is fitted if the folder of the run does not hold it yet.
 
-    Args:
-        tests: the generators, which write its logs.
-        plant: name of the nominal plant.
-        folder: folder of this plant; receives logs, robot.json and model.json.
+    `nominal/PLANT/` in the folder receives logs, robot.json and model.json.
     """
+    folder = folder / "nominal" / plant
     path = folder / "model.json"
     if not path.is_file():
-        tests.write_nominal(plant, folder)
+        blind_tests().write_nominal(plant, folder)
         robot = folder / "robot.json"
         options = FitOptions(
             robot=read_robot(robot), robot_given=tuple(json.loads(robot.read_text(encoding="utf-8")))
@@ -44,19 +44,15 @@ def nominal_model(tests: BlindTests, plant: str, folder: Path) -> Model:
 
 
 def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list[Outcome]:
-    """Run cases and return their outcomes in the order of the cases, whatever the number of workers.
+    """Run cases of a seed and return their outcomes in the order of the cases, whatever the number of `jobs`.
 
-    Args:
-        cases: the cases to run.
-        seed: seed of the list of cases.
-        folder: receives `nominal/PLANT/` and `cases/SEED/NAME.json`; results found there are not computed
-        again.
-        jobs: number of worker processes.
+    The folder receives `nominal/PLANT/` and `cases/SEED/NAME.json`; results found there are not computed
+    again.
     """
     todo = [case for case in cases if not saved(case, seed, folder).is_file()]
     plants = list(dict.fromkeys(case.plant for case in todo))
     with process_pool(jobs) as pool:
-        for made in [pool.submit(make_model, plant, folder) for plant in plants]:
+        for made in [pool.submit(nominal_model, plant, folder) for plant in plants]:
             made.result()
         running = [pool.submit(run_case, case, seed, folder) for case in todo]
         with tqdm(total=len(cases), initial=len(cases) - len(todo), unit="case") as bar:
@@ -67,39 +63,18 @@ def run_cases(cases: Sequence[Case], seed: int, folder: Path, jobs: int) -> list
 
 
 def saved(case: Case, seed: int, folder: Path) -> Path:
-    """Return the file that holds the outcome of a case.
-
-    Args:
-        case: the case.
-        seed: seed of the list of cases.
-        folder: as for `run_cases`.
-    """
+    """Return the file in the folder of a run that holds the outcome of a case of a seed."""
     return folder / "cases" / f"{seed}" / f"{case.name}.json"
 
 
-def make_model(plant: str, folder: Path) -> None:
-    """Fit the model of a nominal plant in a worker process; `folder` is that of the whole run."""
-    nominal_model(blind_tests(), plant, folder / "nominal" / plant)
-
-
 def run_case(case: Case, seed: int, folder: Path) -> str:
-    """Write the logs of a case, analyse them, save the outcome and return the name of the case.
+    """Write the logs of a case of a seed, analyse them, save the outcome and return the name of the case.
 
     An error of the workflow is an outcome, too: one case must not stop the others.
-
-    Args:
-        case: the case to run.
-        seed: seed of the list of cases.
-        folder: as for `run_cases`.
     """
-    from sysid.gap.result import GapOptions
-    from sysid.gap.workflow import analyse
-    from sysid.logs import read_dataset
-
-    tests = blind_tests()
-    model = nominal_model(tests, case.plant, folder / "nominal" / case.plant)
+    model = nominal_model(case.plant, folder)
     with TemporaryDirectory() as logs:
-        tests.write_case(case.name, seed, Path(logs))
+        blind_tests().write_case(case.name, seed, Path(logs))
         began = time.perf_counter()
         try:
             report = analyse(read_dataset(logs), model, GapOptions(jobs=1, next_experiment=False))

@@ -22,8 +22,8 @@ def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.files import require_writable, write_json, write_text
     from sysid.progress import stage_bar
-    from sysid.studies.paper_gap.study import STAGES, paper_gap, paper_gap_json
-    from sysid.studies.paper_gap.tables import conclusion, paper_gap_markdown
+    from sysid.studies.paper_gap.study import STAGES, paper_gap
+    from sysid.studies.paper_gap.tables import conclusion, paper_gap_json, paper_gap_markdown
 
     written = [out / "paper_gap.json", out / "paper_gap.md", *([markdown] if markdown else [])]
     require_writable(*written)

@@ -62,13 +62,7 @@ class DriveMetrics:
 
 
 def drive_metrics(model: Model, plant: RobotPlant = "planar", hold_s: float = HOLD_S) -> DriveMetrics:
-    """Simulate the five drives and return their metrics, as sensors show them.
-
-    Args:
-        model: wheel, robot and effects.
-        plant: "planar" or "rollers".
-        hold_s: duration of each drive [s].
-    """
+    """Simulate the five drives on a plant, each for `hold_s`; return their metrics as sensors show them."""
     # Without rollers half the steps are enough.
     timestep_s = TRAINING_TIMESTEP_S if plant == "planar" else None
     compiled = compile_plant(model, plant, timestep_s)
@@ -84,13 +78,8 @@ def drive_metrics(model: Model, plant: RobotPlant = "planar", hold_s: float = HO
 def loss_and_rise(path: Trajectory, v_rpm: float, vc_rpm: float) -> tuple[float, float]:
     """Return the relative loss of steady speed and the rise time [s] of a drive from rest.
 
-    The commanded speed is that of the paper's robot without any effect. The rise time of a robot that never
-    moves is taken as the duration of the drive.
-
-    Args:
-        path: the simulated drive.
-        v_rpm: forward command, or 0.
-        vc_rpm: turning command, or 0.
+    `v_rpm` is the forward and `vc_rpm` the turning command, one of them 0. The commanded speed is that of the
+    paper's robot without any effect. The rise time of a robot that never moves is the duration of the drive.
     """
     channel, axis = ("vx_m_s", 0) if v_rpm != 0.0 else ("yaw_rate_rad_s", 2)
     commanded = float(command_to_twist(v_rpm, 0.0, vc_rpm, _ROBOT)[axis])
@@ -102,12 +91,7 @@ def loss_and_rise(path: Trajectory, v_rpm: float, vc_rpm: float) -> tuple[float,
 
 
 def turn_losses(model: Model, speeds_rpm: FloatArray) -> FloatArray:
-    """Return the losses of turns in place at several wheel speeds, shape (n,).
-
-    Args:
-        model: wheel, robot and effects.
-        speeds_rpm: VC of each turn [rpm], shape (n,).
-    """
+    """Return the losses of turns in place at several wheel speeds (n,), shape (n,)."""
     compiled = compile_plant(model, "planar", TRAINING_TIMESTEP_S)
     paths = [
         drive(model, BodyCommands.constant(0.0, 0.0, vc), SEARCH_HOLD_S, plant="planar", mj_model=compiled)

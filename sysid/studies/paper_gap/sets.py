@@ -126,17 +126,8 @@ class Fitter:
             effects[name] = {**held, **effects.get(name, {})}
         return replace(model, effects=effects)
 
-    @property
-    def simulated(self) -> int:
-        """Number of simulations so far."""
-        return len(self._known)
-
     def set_of(self, names: Sequence[str]) -> EffectSet:
-        """Return a set of effects whose fitted parameters are free.
-
-        Args:
-            names: names of the effects.
-        """
+        """Return the set of the effects with these `names`, whose fitted parameters are free."""
         full = effect_set(self.base, names)
         out = (*HELD, *self._neutral)
         free = tuple(_widened(c) for c in full.coordinates if (c.effect, c.parameter) not in out)
@@ -170,12 +161,7 @@ class Fitter:
         return self.at(start.chosen, found.x)
 
     def start(self, parent: SetFit, name: str) -> SetFit:
-        """Return a fitted set with one more effect, at the best of several sizes of that effect.
-
-        Args:
-            parent: the fitted set.
-            name: name of the effect to add.
-        """
+        """Return a fitted set (`parent`) with one more effect, at the best of several of its sizes."""
         chosen = self.set_of((*parent.names, name))
         tried = [self.at(chosen, place) for place in _starts(chosen, parent, name)]
         return min(tried, key=self._square)
@@ -183,8 +169,7 @@ class Fitter:
     def built(self, names: Sequence[str]) -> SetFit:
         """Return the better of two fits: adding one effect after the other, and from the best of many starts.
 
-        Args:
-            names: names of the effects in the order in which they are added.
+        Effects are added in the order of their `names`.
         """
         found = self.empty()
         for name in names:

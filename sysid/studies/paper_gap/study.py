@@ -1,30 +1,163 @@
-"""The whole study of the paper's gap, and its record as JSON."""
+"""The study of the paper's gap: what each effect changes, which sets reproduce all six numbers, the suspects.
+
+The paper suspects load, rolling friction, latency and saturation; they are fitted alone and together.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any, Final
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.progress import Progress, silent
-from sysid.studies.paper_gap.drives import HOLD_S, NUMBERS, PAPER, TOLERANCE, TURN_RPM, drive_metrics
-from sysid.studies.paper_gap.search import (
-    TURN_SPEEDS_RPM,
-    Reach,
-    Suspect,
-    Turn,
-    grown_sets,
-    movers,
-    needless,
-    reaches,
-    suspects,
-    suspects_turning,
-    with_integral,
-)
-from sysid.studies.paper_gap.sets import Fitter, SetFit
+from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, drive_metrics, turn_losses
+from sysid.studies.paper_gap.sets import LEFT_OUT, Fitter, SetFit
+
+BEAM: Final = {1: 3, 2: 4, 3: 5}
+"""Size -> number of its best sets from which larger sets grow."""
+PROMISING: Final = 7
+"""Number of most promising effects that are tried as additions to a set."""
+PLANTS: Final[tuple[RobotPlant, ...]] = ("planar", "rollers")
+_SIZES: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """Range over which one effect alone changes each number, at sizes across its bounds."""
+
+    name: str
+    least: FloatArray
+    """Smallest change, shape (6,)."""
+    most: FloatArray
+    """Largest change, shape (6,)."""
+
+    @property
+    def moves(self) -> FloatArray:
+        """Which numbers it changes by more than the tolerance, shape (6,), bool."""
+        return np.asarray(np.maximum(self.most, -self.least) > TOLERANCE)
+
+
+def reaches(base: Model) -> list[Reach]:
+    """Return the range of each effect of the catalogue on the six numbers of the base model."""
+    fitters = {plant: Fitter(base, plant, hold_s=HOLD_S) for plant in PLANTS}
+    found = []
+    for name, effect in CATALOGUE.items():
+        if name in LEFT_OUT:
+            continue
+        fitter = fitters["planar" if effect.acts_in("planar") else "rollers"]
+        chosen = fitter.set_of([name])
+        start, before, rows = chosen.start(), fitter.empty().six, []
+        for index in range(start.size):
+            for size in _SIZES:
+                place = start.copy()
+                place[index] = size
+                rows.append(fitter.six(chosen, place) - before)
+        changes = np.array(rows)
+        found.append(Reach(name, np.nanmin(changes, axis=0), np.nanmax(changes, axis=0)))
+    return found
+
+
+def movers(found: Sequence[Reach]) -> tuple[str, ...]:
+    """Return the effects of the planar plant that change any of the numbers."""
+    return tuple(r.name for r in found if r.moves.any() and CATALOGUE[r.name].acts_in("planar"))
+
+
+def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
+    """Return all fitted sets of at `most` so many effects: all single ones, then additions to the best sets.
+
+    The keys and the effects to consider are names of effects.
+    """
+    fitted: dict[tuple[str, ...], SetFit] = {(): fitter.empty()}
+    for size in range(1, most + 1):
+        # A set that already reproduces the numbers needs no addition.
+        parents = [f for f in best(fitted, size - 1) if f.worst > 1.0]
+        for parent in parents[: BEAM.get(size - 1, 1)]:
+            _grow(fitter, fitted, parent, names, len(names) if size == 1 else PROMISING)
+    return fitted
+
+
+def best(fitted: Mapping[tuple[str, ...], SetFit], size: int) -> list[SetFit]:
+    """Return the fitted sets of a size, best first."""
+    return sorted((f for f in fitted.values() if len(f.names) == size), key=lambda f: (f.misfit, f.names))
+
+
+def needless(found: SetFit, fitted: Iterable[SetFit]) -> bool:
+    """Return whether a smaller one of all fitted sets, inside the found one, also reproduces the numbers."""
+    return any(set(f.names) < set(found.names) and f.worst <= 1.0 for f in fitted)
+
+
+def _grow(
+    fitter: Fitter, fitted: dict[tuple[str, ...], SetFit], parent: SetFit, names: Sequence[str], most: int
+) -> None:
+    """Fit a set together with each of the most promising other effects."""
+    starts = [(fitter.start(parent, name), name) for name in names if name not in parent.names]
+    starts.sort(key=lambda s: (s[0].misfit, s[1]))
+    for start, _ in starts[:most]:
+        if start.names not in fitted:
+            fitted[start.names] = fitter.fit(start)
+
+
+_CEILING: Final = (("speed_saturation", "softness_rpm"),)
+_FRICTION: Final = ("coulomb_friction", "viscous_friction")
+ALL_SOFT: Final = "all, saturation a soft knee"
+"""Title of all suspects together."""
+TURN: Final = len(DRIVES) - 1
+"""Index of the turn's loss among the six numbers."""
+TURN_SPEEDS_RPM: Final = np.array([5.0, *range(10, 131, 10)])
+"""Wheel speeds of the simulated turns; the text does not print that of its turn [rpm]."""
+INTEGRAL_N_M_RAD: Final = 50.0
+"""Integral gain of a drive with integral action."""
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """All suspects fitted to everything except the turn, and their prediction of turns."""
+
+    fit: SetFit
+    losses: FloatArray
+    """Losses at `TURN_SPEEDS_RPM`."""
+
+
+def suspects(base: Model) -> dict[str, SetFit]:
+    """Fit the paper's suspects, alone and together, to its six numbers; return title -> fit.
+
+    Sensor latency is in none of the larger sets because it changes none of the numbers.
+    """
+    plain, ceiling = Fitter(base), Fitter(base, neutral=_CEILING)
+    integral = Fitter(with_integral(base))
+    together = ("speed_saturation", "coulomb_friction", "viscous_friction", "payload")
+    return {
+        "load": plain.built(["payload"]),
+        "sensor latency": plain.built(["sensor_latency"]),
+        "rolling friction": plain.built(_FRICTION),
+        "saturation, a ceiling": ceiling.built(["speed_saturation"]),
+        "saturation, a soft knee": plain.built(["speed_saturation"]),
+        "load and rolling friction": plain.built([*_FRICTION, "payload"]),
+        "all, saturation a ceiling": ceiling.built(together),
+        ALL_SOFT: plain.built(together),
+        "the same, a drive with integral action": integral.built(together),
+    }
+
+
+def suspects_turning(base: Model) -> Turn:
+    """Fit all suspects, added to a base model, to the straight drives, and predict turns at all speeds."""
+    counted = np.ones(PAPER.size)
+    counted[TURN] = 0.0
+    fitter = Fitter(base, counted=counted)
+    found = fitter.built(("speed_saturation", "coulomb_friction", "weak_servo"))
+    return Turn(found, turn_losses(fitter.model(found.chosen, found.place), TURN_SPEEDS_RPM))
+
+
+def with_integral(base: Model) -> Model:
+    """Return the model with integral action in its drives."""
+    return replace(base, robot=replace(base.robot, servo_integral_n_m_rad=INTEGRAL_N_M_RAD))
+
 
 STAGES: Final = 5
 MOST_EFFECTS: Final = 4
@@ -45,7 +178,8 @@ class PaperGap:
     """The largest deviation of every set that was fitted, needless ones left out."""
     on_rollers: tuple[FloatArray, ...]
     """The six numbers on rollers of each set that reproduces them, in the order of `reproducing`."""
-    suspects: tuple[Suspect, ...]
+    suspects: Mapping[str, SetFit]
+    """Title of one or more of the paper's suspects -> their best fit."""
     turn: Turn
     integral: SetFit
     """The best of the sets on a drive with integral action."""
@@ -59,11 +193,7 @@ class PaperGap:
 
 
 def paper_gap(progress: Progress = silent) -> PaperGap:
-    """Search for sets of effects that reproduce the six numbers.
-
-    Args:
-        progress: called with a message before each long step.
-    """
+    """Search for sets of effects that reproduce the six numbers; report `progress` before each step."""
     base = paper_model()
     progress("what each effect can do")
     reach = reaches(base)
@@ -87,7 +217,7 @@ def paper_gap(progress: Progress = silent) -> PaperGap:
         sets=sets,
         worsts=np.array([f.worst for f in kept]),
         on_rollers=tuple(rollers),
-        suspects=tuple(suspected),
+        suspects=suspected,
         turn=turn,
         integral=integral,
         base=_on_rollers(base),
@@ -107,39 +237,3 @@ def _shown(fitted: list[SetFit]) -> tuple[SetFit, ...]:
         for f in sorted((f for f in fitted if len(f.names) == size), key=lambda f: f.misfit)[:_NEAREST]
     }
     return tuple(f for f in ordered if f.worst <= 1.0 or f.names in nearest)
-
-
-def paper_gap_json(found: PaperGap) -> dict[str, Any]:
-    """Return the study for a JSON file."""
-    return {
-        "figures": list(NUMBERS),
-        "paper": PAPER.tolist(),
-        "tolerance": TOLERANCE.tolist(),
-        "hold_s": HOLD_S,
-        "turn_rpm": TURN_RPM,
-        "model_as_it_is": found.base.tolist(),
-        "reach": {r.name: {"least": r.least.tolist(), "most": r.most.tolist()} for r in found.reach},
-        "sets_tried": found.worsts.size,
-        "sets": [_set_json(f) for f in found.sets],
-        "on_rollers": {
-            " + ".join(f.names): six.tolist()
-            for f, six in zip(found.reproducing, found.on_rollers, strict=True)
-        },
-        "suspects": [{"title": s.title, **_set_json(s.fit)} for s in found.suspects],
-        "suspects_without_turn": {
-            **_set_json(found.turn.fit),
-            "turn_speeds_rpm": TURN_SPEEDS_RPM.tolist(),
-            "turn_losses": found.turn.losses.tolist(),
-        },
-        "with_integral_action": _set_json(found.integral),
-    }
-
-
-def _set_json(found: SetFit) -> dict[str, Any]:
-    return {
-        "effects": found.values,
-        "parameters": found.chosen.parameter_count,
-        "predicted": np.nan_to_num(found.six).tolist(),
-        "misfit": found.misfit,
-        "worst": found.worst,
-    }

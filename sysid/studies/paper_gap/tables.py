@@ -1,18 +1,17 @@
-"""The study as tables and sentences, for Markdown."""
+"""The study as tables and sentences, for Markdown, and its record as JSON."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
-from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, TURN_RPM
-from sysid.studies.paper_gap.search import ALL_SOFT, INTEGRAL_N_M_RAD, TURN, TURN_SPEEDS_RPM, Reach
+from mecanum_env.markdown import markdown_table
+from sysid.studies.paper_gap.drives import HOLD_S, NUMBERS, PAPER, TOLERANCE, TURN_RPM
 from sysid.studies.paper_gap.sets import SetFit
-from sysid.studies.paper_gap.study import PaperGap
+from sysid.studies.paper_gap.study import ALL_SOFT, INTEGRAL_N_M_RAD, TURN, TURN_SPEEDS_RPM, PaperGap, Reach
 from sysid.studies.reproduce.published import FIT_STEPS_RPM
-from sysid.studies.reproduce.tables import Table
 
 _HEAD: Final = ("10 rpm", "40 rpm", "80 rpm", "130 rpm", "turn", "rise s")
 
@@ -27,15 +26,15 @@ def paper_gap_markdown(found: PaperGap) -> str:
         "## What is assumed",
         assumptions(),
         "## What the losses are in rpm",
-        speeds().markdown(),
+        speeds(),
         "A constant friction loses the same rpm at every speed; viscous friction, a gain or a wrong radius "
         "lose the same share; a ceiling loses nothing below it. None of them alone gives these losses.",
         "## What each effect alone can do",
         "Largest change of each number over the catalogue's bounds; - means below the tolerance.",
-        reach_table(found.reach).markdown(),
+        reach_table(found.reach),
         "## What the paper suspects",
         "Each was fitted to all six numbers; bold numbers are missed by more than the tolerance.",
-        suspect_table(found).markdown(),
+        suspect_table(found),
         turn_text(found),
         "## Sets of effects",
         f"{found.worsts.size} sets of up to four effects were fitted, each size grown from the best of the "
@@ -44,12 +43,48 @@ def paper_gap_markdown(found: PaperGap) -> str:
         "at most 1 where all six are reproduced. "
         f"Half the tolerance would leave {np.sum(found.worsts <= 0.5)} sets, twice the tolerance "
         f"{np.sum(found.worsts <= 2.0)}.",
-        set_table(found).markdown(),
+        set_table(found),
         "## The same on rollers",
         "The search runs on the planar plant. The sets that reproduce the numbers there give on rollers:",
-        roller_table(found).markdown(),
+        roller_table(found),
     ]
     return "\n\n".join(parts) + "\n"
+
+
+def paper_gap_json(found: PaperGap) -> dict[str, Any]:
+    """Return the study for a JSON file."""
+    return {
+        "figures": list(NUMBERS),
+        "paper": PAPER.tolist(),
+        "tolerance": TOLERANCE.tolist(),
+        "hold_s": HOLD_S,
+        "turn_rpm": TURN_RPM,
+        "model_as_it_is": found.base.tolist(),
+        "reach": {r.name: {"least": r.least.tolist(), "most": r.most.tolist()} for r in found.reach},
+        "sets_tried": found.worsts.size,
+        "sets": [_set_json(f) for f in found.sets],
+        "on_rollers": {
+            " + ".join(f.names): six.tolist()
+            for f, six in zip(found.reproducing, found.on_rollers, strict=True)
+        },
+        "suspects": [{"title": title, **_set_json(fit)} for title, fit in found.suspects.items()],
+        "suspects_without_turn": {
+            **_set_json(found.turn.fit),
+            "turn_speeds_rpm": TURN_SPEEDS_RPM.tolist(),
+            "turn_losses": found.turn.losses.tolist(),
+        },
+        "with_integral_action": _set_json(found.integral),
+    }
+
+
+def _set_json(found: SetFit) -> dict[str, Any]:
+    return {
+        "effects": found.values,
+        "parameters": found.chosen.parameter_count,
+        "predicted": np.nan_to_num(found.six).tolist(),
+        "misfit": found.misfit,
+        "worst": found.worst,
+    }
 
 
 def conclusion(found: PaperGap) -> str:
@@ -65,7 +100,7 @@ def conclusion(found: PaperGap) -> str:
     spare = PAPER.size - least
     common = set(good[0].names).intersection(*(f.names for f in good))
     every = [name for name in good[0].names if name in common]
-    together = next(s.fit for s in found.suspects if s.title == ALL_SOFT)
+    together = found.suspects[ALL_SOFT]
     missed = [_HEAD[i] for i in _missed(together)]
     return (
         f"{len(good)} sets reproduce all six numbers, on rollers too, the smallest with {least} "
@@ -94,33 +129,34 @@ def assumptions() -> str:
     )
 
 
-def speeds() -> Table:
+def speeds() -> str:
     """Return the paper's straight drives in rpm."""
-    rows: list[tuple[str, ...]] = [("commanded rpm", "loss", "reached rpm", "lost rpm")]
-    for v, loss in zip(FIT_STEPS_RPM, PAPER[:TURN], strict=True):
-        rows.append((str(v), f"{loss:.4g}", f"{v * (1 - loss):.1f}", f"{v * loss:.1f}"))
-    return Table("", tuple(rows))
+    rows = [
+        (str(v), f"{loss:.4g}", f"{v * (1 - loss):.1f}", f"{v * loss:.1f}")
+        for v, loss in zip(FIT_STEPS_RPM, PAPER[:TURN], strict=True)
+    ]
+    return markdown_table(("commanded rpm", "loss", "reached rpm", "lost rpm"), rows)
 
 
-def reach_table(reach: tuple[Reach, ...]) -> Table:
+def reach_table(reach: tuple[Reach, ...]) -> str:
     """Return how far each effect changes each number."""
-    rows: list[tuple[str, ...]] = [("effect", *_HEAD)]
+    rows = []
     for one in reach:
         cells = [
             "-" if not moved else " .. ".join(f"{x:+.2g}" for x in (low, high) if abs(x) > tolerance)
             for low, high, moved, tolerance in zip(one.least, one.most, one.moves, TOLERANCE, strict=True)
         ]
         rows.append((one.name, *cells))
-    return Table("", tuple(rows))
+    return markdown_table(("effect", *_HEAD), rows)
 
 
-def suspect_table(found: PaperGap) -> Table:
+def suspect_table(found: PaperGap) -> str:
     """Return the best predictions of the paper's suspects."""
-    rows: list[tuple[str, ...]] = [("suspect", "effects", *_HEAD, "misfit")]
-    rows.append(("paper", "", *map(_figure, PAPER), ""))
-    for one in found.suspects:
-        rows.append((one.title, sizes(one.fit), *_predicted(one.fit), f"{one.fit.misfit:.1f}"))
-    return Table("", tuple(rows))
+    fits = [
+        (title, sizes(fit), *_predicted(fit), f"{fit.misfit:.1f}") for title, fit in found.suspects.items()
+    ]
+    rows = [("paper", "", *map(_figure, PAPER), ""), *fits]
+    return markdown_table(("suspect", "effects", *_HEAD, "misfit"), rows)
 
 
 def turn_text(found: PaperGap) -> str:
@@ -138,27 +174,24 @@ def turn_text(found: PaperGap) -> str:
     )
 
 
-def set_table(found: PaperGap) -> Table:
+def set_table(found: PaperGap) -> str:
     """Return the table of sets."""
-    rows: list[tuple[str, ...]] = [("set", "parameters", *_HEAD, "misfit", "worst")]
-    rows.append(("paper", "", *map(_figure, PAPER), "", ""))
-    rows += [_set_row(sizes(f), f) for f in found.sets]
-    rows.append(
-        _set_row(
-            f"with integral action of {INTEGRAL_N_M_RAD:g} N m/rad: {sizes(found.integral)}", found.integral
-        )
-    )
-    return Table("", tuple(rows))
+    integral = f"with integral action of {INTEGRAL_N_M_RAD:g} N m/rad: {sizes(found.integral)}"
+    rows = [
+        ("paper", "", *map(_figure, PAPER), "", ""),
+        *(_set_row(sizes(f), f) for f in found.sets),
+        _set_row(integral, found.integral),
+    ]
+    return markdown_table(("set", "parameters", *_HEAD, "misfit", "worst"), rows)
 
 
-def roller_table(found: PaperGap) -> Table:
+def roller_table(found: PaperGap) -> str:
     """Return the numbers on rollers of the sets that reproduce the paper's."""
-    rows: list[tuple[str, ...]] = [("set", *_HEAD, "worst")]
-    rows.append(("the model as it is", *map(_figure, found.base), ""))
+    rows = [("the model as it is", *map(_figure, found.base), "")]
     for one, six in zip(found.reproducing, found.on_rollers, strict=True):
         worst = float(np.max(np.abs(six - PAPER) / TOLERANCE))
         rows.append((" + ".join(one.names), *map(_figure, six), f"{worst:.2f}"))
-    return Table("", tuple(rows))
+    return markdown_table(("set", *_HEAD, "worst"), rows)
 
 
 def sizes(found: SetFit) -> str:

@@ -29,14 +29,14 @@ def main(
     from mecanum_env.errors import install_command, require_at_least
     from mecanum_env.files import require_writable, write_json, write_text
     from sysid.progress import stage_bar
+    from sysid.studies.reproduce.charts import write_reproduction_plots
     from sysid.studies.reproduce.contenders import QUICK, ExperimentEffort
     from sysid.studies.reproduce.experiment import STAGES, reproduce
     from sysid.studies.reproduce.pages import (
+        reproduction_json,
         reproduction_markdown,
         write_reproduction_page,
-        write_reproduction_plots,
     )
-    from sysid.studies.reproduce.record import reproduction_json
     from sysid.studies.reproduce.tables import verdict
 
     pages = [] if markdown is None else [markdown, markdown.parent / markdown.stem / _RESULT]

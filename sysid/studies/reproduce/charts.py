@@ -1,20 +1,24 @@
-"""The charts of the experiment as data, for the page and the PNG files."""
+"""The charts of the experiment as data, and their drawing: for the page by Plotly, as PNG by Matplotlib."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import copy
+import math
 from dataclasses import dataclass
-from typing import Final, Literal
+from pathlib import Path
+from typing import Any, Final, Literal
 
 import numpy as np
-import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
+from mecanum_env.files import atomic_path
+from mecanum_env.report import figure
 from mecanum_env.units import FloatArray
 from sysid.studies.reproduce import published
-from sysid.studies.reproduce.contenders import CONTENDERS
+from sysid.studies.reproduce.contenders import CONTENDERS, USABLE_RMS_RPM
 from sysid.studies.reproduce.experiment import Reproduction
 from sysid.studies.reproduce.prediction import Response
-from sysid.studies.reproduce.starts import USABLE_RMS_RPM
 
 Style = Literal["line", "points", "stairs", "dashed", "marked"]
 
@@ -89,11 +93,6 @@ def charts(found: Reproduction) -> list[Chart]:
     ]
 
 
-def chart(found: Reproduction, name: str) -> Chart:
-    """Return one chart of the results `found` by its name."""
-    return next(c for c in charts(found) if c.name == name)
-
-
 def _starts_panel(found: Reproduction) -> Panel:
     lines = []
     count = 1
@@ -140,58 +139,32 @@ def _response_panel(shown: Response, title: str = "", limits: tuple[float, float
 
 
 def _metric_panels(found: Reproduction) -> tuple[Panel, ...]:
-    target = found.target
+    target, panels = found.target, []
     speeds = np.array(target.speeds_rpm, float)
-
-    def panel(
-        title: str,
-        y_label: str,
-        measured: FloatArray,
-        true: FloatArray,
-        values: dict[str, float],
-        paper: float,
-    ) -> Panel:
+    error = "relative steady-state error"
+    # Title, label, metric of the target and of a law, numbers of the paper, and factor to the unit drawn.
+    for title, y_label, of_target, of_law, printed, factor in (
+        (error, "error [%]", "relative_error", "relative_error_after_1_s", published.STEADY_ERROR, 100.0),
+        ("rise time, 10 to 90 %", "time [s]", "rise_s", "rise_s", published.RISE_S, 1.0),
+        ("settling time, 2 %", "time [s]", "settling_s", "settling_s", published.SETTLING_S, 1.0),
+    ):
+        measured, true = (factor * getattr(target, f"{kind}{of_target}") for kind in ("", "true_"))
         lines = [
             Line("target, measured", speeds, measured, _MEASURED, "marked"),
             Line("target, true", speeds, true, _BLACK, "marked"),
         ]
-        lines += [
-            Line(CONTENDERS[name].label, speeds, np.full(len(speeds), value), COLOURS[name])
-            for name, value in values.items()
-            if np.isfinite(value)
-        ]
-        lines.append(Line("paper's robot, average", speeds[[0, -1]], np.full(2, paper), _BLACK, "dashed"))
+        for name in _SHOWN:
+            value = factor * getattr(found.models[name], of_law)
+            if np.isfinite(value):
+                lines.append(Line(CONTENDERS[name].label, speeds, np.full(len(speeds), value), COLOURS[name]))
+        average = np.full(2, factor * printed["target"])
+        lines.append(Line("paper's robot, average", speeds[[0, -1]], average, _BLACK, "dashed"))
         every = np.concatenate([line.y for line in lines])
-        low, high = _range(every)
-        return Panel(title, "command [rpm]", y_label, tuple(lines), y_limits=(low, high))
-
-    models = {name: found.models[name] for name in _SHOWN}
-    return (
-        panel(
-            "relative steady-state error",
-            "error [%]",
-            100.0 * target.relative_error,
-            100.0 * target.true_relative_error,
-            {name: 100.0 * model.relative_error_after_1_s for name, model in models.items()},
-            100.0 * published.STEADY_ERROR["target"],
-        ),
-        panel(
-            "rise time, 10 to 90 %",
-            "time [s]",
-            target.rise_s,
-            target.true_rise_s,
-            {name: model.rise_s for name, model in models.items()},
-            published.RISE_S["target"],
-        ),
-        panel(
-            "settling time, 2 %",
-            "time [s]",
-            target.settling_s,
-            target.true_settling_s,
-            {name: model.settling_s for name, model in models.items()},
-            published.SETTLING_S["target"],
-        ),
-    )
+        low, high = float(np.nanmin(every)), float(np.nanmax(every))
+        margin = 0.08 * max(high - low, 1e-6)
+        limits = (low - margin, high + margin)
+        panels.append(Panel(title, "command [rpm]", y_label, tuple(lines), y_limits=limits))
+    return tuple(panels)
 
 
 def _robot_panels(found: Reproduction) -> tuple[Panel, ...]:
@@ -212,7 +185,88 @@ def _robot_panels(found: Reproduction) -> tuple[Panel, ...]:
     return tuple(panels)
 
 
-def _range(values: npt.NDArray[np.float64] | Sequence[float]) -> tuple[float, float]:
-    low, high = float(np.nanmin(values)), float(np.nanmax(values))
-    margin = 0.08 * max(high - low, 1e-6)
-    return low - margin, high + margin
+_STYLE: Final[dict[str, dict[str, Any]]] = {
+    "line": {"mode": "lines", "line": {"width": 1.6}},
+    "stairs": {"mode": "lines", "line": {"width": 1.4, "shape": "hv"}},
+    "dashed": {"mode": "lines", "line": {"width": 1.2, "dash": "dash"}},
+    "points": {"mode": "markers", "marker": {"size": 3}},
+    "marked": {"mode": "lines+markers", "line": {"width": 1.2}, "marker": {"size": 5}},
+}
+
+
+def page_figure(panel: Panel) -> dict[str, Any]:
+    """Return a panel as a Plotly figure."""
+    axes: dict[str, Any] = {
+        "xaxis": {"title": {"text": panel.x_label}, "zeroline": False},
+        "yaxis": {"title": {"text": panel.y_label}, "zeroline": False},
+        "legend": {"orientation": "h", "y": -0.25, "font": {"size": 10}},
+    }
+    if panel.log_x:
+        axes["xaxis"]["type"] = "log"
+    if panel.x_limits:
+        axes["xaxis"]["range"] = list(np.log10(panel.x_limits) if panel.log_x else panel.x_limits)
+    if panel.y_limits:
+        axes["yaxis"]["range"] = list(panel.y_limits)
+    return figure([_trace(line) for line in panel.lines], title=panel.title, height=380, layout=axes)
+
+
+def _trace(line: Line) -> dict[str, Any]:
+    style = copy.deepcopy(_STYLE[line.style])
+    for key in ("line", "marker"):
+        if key in style:
+            style[key]["color"] = line.colour
+    return {"type": "scatter", "x": _numbers(line.x), "y": _numbers(line.y), "name": line.label, **style}
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    # Five digits are more than a screen shows and keep the page small.
+    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+_PANEL_INCHES = (4.6, 3.0)
+_WIDE_INCHES = (8.0, 4.2)
+
+
+def write_reproduction_plots(found: Reproduction, folder: Path) -> list[Path]:
+    """Write every chart as PNG into a folder, created if it is missing, and return the paths."""
+    return [_write(chart, folder / f"{chart.name}.png") for chart in charts(found)]
+
+
+def _write(chart: Chart, path: Path) -> Path:
+    rows = math.ceil(len(chart.panels) / chart.columns)
+    width, height = _WIDE_INCHES if len(chart.panels) == 1 else _PANEL_INCHES
+    figure = Figure(figsize=(width * chart.columns, height * rows + 0.5), layout="constrained")
+    axes = list(figure.subplots(rows, chart.columns, squeeze=False).flat)
+    for ax, panel in zip(axes, chart.panels, strict=False):
+        _draw(ax, panel)
+    for ax in axes[len(chart.panels) :]:
+        ax.set_axis_off()
+    handles = {
+        label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    }
+    figure.legend(
+        handles.values(), handles.keys(), loc="outside lower center", ncols=2 * chart.columns + 1, fontsize=8
+    )
+    with atomic_path(path) as temporary:
+        figure.savefig(temporary, dpi=80)
+    return path
+
+
+def _draw(ax: Axes, panel: Panel) -> None:
+    for line in panel.lines:
+        look: dict[str, Any] = {"color": line.colour, "label": line.label}
+        if line.style == "stairs":
+            ax.step(line.x, line.y, where="post", lw=1.1, **look)
+        elif line.style == "points":
+            ax.plot(line.x, line.y, ".", ms=3, **look)
+        else:
+            form = {"dashed": "--", "marked": "o-", "line": "-"}[line.style]
+            ax.plot(line.x, line.y, form, ms=3, lw=1.3, **look)
+    ax.set_title(panel.title, fontsize=10)
+    ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
+    if panel.log_x:
+        ax.set_xscale("log")
+    if panel.x_limits:
+        ax.set_xlim(panel.x_limits)
+    if panel.y_limits:
+        ax.set_ylim(panel.y_limits)

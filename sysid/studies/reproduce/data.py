@@ -61,11 +61,7 @@ class DataSets:
 
 
 def record_data_sets(seed: int) -> DataSets:
-    """Record all data sets.
-
-    Args:
-        seed: seed of noise, encoder phases and random commands.
-    """
+    """Record all data sets; the seed is that of noise, encoder phases and random commands."""
     rng = np.random.default_rng(seed)
 
     def steps(speeds_rpm: Sequence[int], repeats: int) -> tuple[Recording, ...]:

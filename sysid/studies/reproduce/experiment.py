@@ -18,8 +18,13 @@ from sysid.studies.reproduce.contenders import (
     CONTENDERS,
     OURS,
     WITH_STARTS,
+    Cost,
     ExperimentEffort,
+    StartRates,
+    best_rms,
     identify,
+    measure_costs,
+    start_rates,
 )
 from sysid.studies.reproduce.data import DataSets, record_data_sets
 from sysid.studies.reproduce.prediction import (
@@ -34,7 +39,6 @@ from sysid.studies.reproduce.prediction import (
     target_steps,
 )
 from sysid.studies.reproduce.robot import RobotDrive, robot_drives, wheel_model
-from sysid.studies.reproduce.starts import Cost, StartRates, best_rms, measure_costs, start_rates
 
 STAGES: Final = (
     "record the target system",
@@ -83,10 +87,7 @@ def reproduce(
 ) -> Reproduction:
     """Run the experiment; equal seeds give equal results, except for times and memory.
 
-    Args:
-        seed: seed of the recordings and the starts.
-        effort: how much work to do; None: the full experiment.
-        progress: called with each of `STAGES`.
+    `effort` is the full one by default; `progress` is called with each of `STAGES`.
     """
     effort = effort or ExperimentEffort()
     progress(STAGES[0])

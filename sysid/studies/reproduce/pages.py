@@ -1,25 +1,28 @@
-"""The results of the experiment as a page, as Markdown and as PNG files, all in the same chapters."""
+"""The results of the experiment as a page and as Markdown, in the same chapters, and as JSON."""
 
 from __future__ import annotations
 
-import copy
+import dataclasses
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 import mecanum_env
-from mecanum_env.files import atomic_path
-from mecanum_env.report import figure, report_available, write_page
-from mecanum_env.units import FloatArray
-from sysid.studies.reproduce import tables
-from sysid.studies.reproduce.charts import Chart, Line, Panel, charts
+from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.report import report_available, write_page
+from sysid.studies.reproduce import published, tables
+from sysid.studies.reproduce.charts import charts, page_figure
+from sysid.studies.reproduce.contenders import CONTENDERS, USABLE_RMS_RPM, Rate
 from sysid.studies.reproduce.experiment import Reproduction
 from sysid.studies.reproduce.tables import Table, comparison_table, verdict
+from sysid.studies.reproduce.why import comparisons
+
+FORMAT: Final = "mecanum-reproduce/1"
+_TEMPLATE: Final = Path(__file__).with_name("page.html")
 
 
 @dataclass(frozen=True)
@@ -74,10 +77,7 @@ def chapters(found: Reproduction) -> list[Chapter]:
             (tables.trial_table(found), comparison_table(found, "trials")),
         ),
         Chapter(
-            "Time and memory (Table 2)",
-            "",
-            (),
-            (tables.cost_table(found), comparison_table(found, "cost")),
+            "Time and memory (Table 2)", "", (), (tables.cost_table(found), comparison_table(found, "cost"))
         ),
         Chapter(
             "The robot (Fig. 7)",
@@ -91,12 +91,7 @@ def chapters(found: Reproduction) -> list[Chapter]:
 
 
 def reproduction_markdown(found: Reproduction, pictures: str) -> str:
-    """Return all results as Markdown.
-
-    Args:
-        found: the results.
-        pictures: folder of the PNG files, relative to the Markdown file.
-    """
+    """Return all results as Markdown; `pictures` is the folder of the PNG files, relative to it."""
     parts = [
         "# Results of `python -m sysid.studies.reproduce`",
         f"Written by the command itself (seed {found.seed}, {found.effort.starts} starts); do not edit. "
@@ -111,30 +106,15 @@ def reproduction_markdown(found: Reproduction, pictures: str) -> str:
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-_TEMPLATE: Final = Path(__file__).with_name("page.html")
-_STYLE: Final[dict[str, dict[str, Any]]] = {
-    "line": {"mode": "lines", "line": {"width": 1.6}},
-    "stairs": {"mode": "lines", "line": {"width": 1.4, "shape": "hv"}},
-    "dashed": {"mode": "lines", "line": {"width": 1.2, "dash": "dash"}},
-    "points": {"mode": "markers", "marker": {"size": 3}},
-    "marked": {"mode": "lines+markers", "line": {"width": 1.2}, "marker": {"size": 5}},
-}
-
-
 def write_reproduction_page(found: Reproduction, path: Path) -> bool:
-    """Write the page; return False without writing if the `report` extra is not installed.
-
-    Args:
-        found: the results.
-        path: file to write.
-    """
+    """Write the page; return False without writing if the `report` extra is not installed."""
     if not report_available():
         return False
     figures: dict[str, dict[str, Any]] = {}
     grids: dict[str, tuple[int, list[str]]] = {}
     for chart in charts(found):
         names = [f"{chart.name}-{i}" for i in range(len(chart.panels))]
-        figures.update(zip(names, (_panel(panel) for panel in chart.panels), strict=True))
+        figures.update(zip(names, map(page_figure, chart.panels), strict=True))
         grids[chart.name] = (chart.columns, names)
     write_page(
         path,
@@ -148,86 +128,70 @@ def write_reproduction_page(found: Reproduction, path: Path) -> bool:
     return True
 
 
-def _panel(panel: Panel) -> dict[str, Any]:
-    axes: dict[str, Any] = {
-        "xaxis": {"title": {"text": panel.x_label}, "zeroline": False},
-        "yaxis": {"title": {"text": panel.y_label}, "zeroline": False},
-        "legend": {"orientation": "h", "y": -0.25, "font": {"size": 10}},
-    }
-    if panel.log_x:
-        axes["xaxis"]["type"] = "log"
-    if panel.x_limits:
-        axes["xaxis"]["range"] = list(np.log10(panel.x_limits) if panel.log_x else panel.x_limits)
-    if panel.y_limits:
-        axes["yaxis"]["range"] = list(panel.y_limits)
-    return figure([_trace(line) for line in panel.lines], title=panel.title, height=380, layout=axes)
+def reproduction_json(found: Reproduction) -> dict[str, Any]:
+    """Return all results as a JSON object, with null for infinite and missing numbers.
 
-
-def _trace(line: Line) -> dict[str, Any]:
-    style = copy.deepcopy(_STYLE[line.style])
-    for key in ("line", "marker"):
-        if key in style:
-            style[key]["color"] = line.colour
-    return {"type": "scatter", "x": _numbers(line.x), "y": _numbers(line.y), "name": line.label, **style}
-
-
-def _numbers(values: FloatArray) -> list[float | None]:
-    # Five digits are more than a screen shows and keep the page small.
-    return [float(f"{value:.5g}") if np.isfinite(value) else None for value in values.tolist()]
-
-
-_PANEL_INCHES = (4.6, 3.0)
-_WIDE_INCHES = (8.0, 4.2)
-
-
-def write_reproduction_plots(found: Reproduction, folder: Path) -> list[Path]:
-    """Write every chart as PNG into a folder and return the paths.
-
-    Args:
-        found: the results.
-        folder: created if it is missing.
+    Curves are rounded to six significant digits, single numbers are not.
     """
-    return [_write(chart, folder / f"{chart.name}.png") for chart in charts(found)]
-
-
-def _write(chart: Chart, path: Path) -> Path:
-    rows = math.ceil(len(chart.panels) / chart.columns)
-    width, height = _WIDE_INCHES if len(chart.panels) == 1 else _PANEL_INCHES
-    figure = Figure(figsize=(width * chart.columns, height * rows + 0.5), layout="constrained")
-    axes = list(figure.subplots(rows, chart.columns, squeeze=False).flat)
-    for ax, panel in zip(axes, chart.panels, strict=False):
-        _draw(ax, panel)
-    for ax in axes[len(chart.panels) :]:
-        ax.set_axis_off()
-    handles = {
-        label: handle for ax in axes for handle, label in zip(*ax.get_legend_handles_labels(), strict=True)
+    laws = {
+        name: {
+            **{key: getattr(estimate.law, key) for key in COEFFICIENTS},
+            "sample_period_s": estimate.law.sample_period_s,
+            "pole_magnitudes": np.abs(estimate.law.poles),
+            "stable": estimate.law.is_stable,
+            "rms_rpm": estimate.rms_rpm,
+            "starts": [
+                {"initial": s.initial, "rms_rpm": s.rms_rpm, "stable": s.stable, "iterations": s.iterations}
+                for s in estimate.starts
+            ],
+        }
+        for name, estimate in found.estimates.items()
     }
-    figure.legend(
-        handles.values(), handles.keys(), loc="outside lower center", ncols=2 * chart.columns + 1, fontsize=8
-    )
-    with atomic_path(path) as temporary:
-        figure.savefig(temporary, dpi=80)
-    return path
+    return {
+        "format": FORMAT,
+        "version": mecanum_env.__version__,
+        "seed": found.seed,
+        "effort": _plain(found.effort),
+        "methods": {name: contender.label for name, contender in CONTENDERS.items()},
+        "definitions": {
+            "success": f"rms within 5 % of {found.best_rms_rpm:.4f} rpm, the best of a stable law",
+            "usable": f"rms at most {USABLE_RMS_RPM:.3f} rpm: H at most {published.OPTIMAL_COST_RPM2} rpm^2",
+        },
+        "best_rms_rpm": found.best_rms_rpm,
+        "sigma_rpm": found.sigma_rpm,
+        "fitted_ceiling_rpm": _plain(found.fitted_ceiling_rpm),
+        "laws": _plain(laws),
+        "starts": {"ten": _plain(found.ten_starts), "many": _plain(found.many_starts)},
+        "steps": {"target": _plain(found.target), "models": _plain(found.models)},
+        "errors": _plain(found.errors),
+        "costs": _plain(found.costs),
+        "robot": _plain(found.robot),
+        "responses": {
+            "steps": _plain(found.shown),
+            "beyond": _plain(found.beyond),
+            "beyond_limited": _plain(found.beyond_limited),
+            "trials": _plain(found.trials),
+        },
+        "comparisons": _plain(comparisons(found)),
+    }
 
 
-def _draw(ax: Axes, panel: Panel) -> None:
-    for line in panel.lines:
-        _add(ax, line)
-    ax.set_title(panel.title, fontsize=10)
-    ax.set(xlabel=panel.x_label, ylabel=panel.y_label)
-    if panel.log_x:
-        ax.set_xscale("log")
-    if panel.x_limits:
-        ax.set_xlim(panel.x_limits)
-    if panel.y_limits:
-        ax.set_ylim(panel.y_limits)
+def _plain(value: Any) -> Any:
+    """Return a value as JSON can hold it, like `mecanum_env.files.plain_json`, but with arrays rounded."""
+    if isinstance(value, Rate):
+        return {key: getattr(value, key) for key in ("count", "of", "share", "low", "high")}
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, np.ndarray):
+        return [_rounded(x) for x in value.tolist()]
+    if isinstance(value, list | tuple):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value
 
 
-def _add(ax: Axes, line: Line) -> None:
-    if line.style == "stairs":
-        ax.step(line.x, line.y, where="post", lw=1.1, color=line.colour, label=line.label)
-    elif line.style == "points":
-        ax.plot(line.x, line.y, ".", ms=3, color=line.colour, label=line.label)
-    else:
-        form = {"dashed": "--", "marked": "o-", "line": "-"}[line.style]
-        ax.plot(line.x, line.y, form, ms=3, lw=1.3, color=line.colour, label=line.label)
+def _rounded(value: float) -> float | None:
+    return float(f"{value:.6g}") if math.isfinite(value) else None

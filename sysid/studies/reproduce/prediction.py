@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 from scipy.signal import lfilter
@@ -45,12 +46,9 @@ class SetErrors:
 
 
 def predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -> FloatArray:
-    """Return the law's speed at every tick of a run that starts at rest, shape (K+1,).
+    """Return the speed of a law, stable or not, at every tick of a run that starts at rest, shape (K+1,).
 
-    Args:
-        law: any law, stable or not.
-        run: the run with the commands.
-        ceiling_rpm: limit on the command [rpm].
+    Commands are limited to the ceiling.
     """
     with np.errstate(all="ignore"):
         after = lfilter([law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C], run.command(0.0, ceiling_rpm))
@@ -58,13 +56,7 @@ def predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -
 
 
 def rms_error(law: WheelLaw, runs: Sequence[WheelRun], ceiling_rpm: float = math.inf) -> float:
-    """Return the rms [rpm] of measured minus predicted over all samples of all runs.
-
-    Args:
-        law: any law, stable or not.
-        runs: runs that start at rest.
-        ceiling_rpm: limit on the command [rpm].
-    """
+    """Return the rms [rpm] of measured minus predicted by a law, over all samples of the runs."""
     errors = []
     for run in runs:
         ticks = predict_ticks(law, run, ceiling_rpm)
@@ -88,10 +80,7 @@ def set_errors(data: DataSets, laws: Mapping[str, WheelLaw]) -> list[SetErrors]:
         ("beyond", data.beyond),
         ("trial", data.trials),
     ):
-        groups: dict[str, list[Recording]] = {}
-        for recording in recordings:
-            groups.setdefault(recording.name, []).append(recording)
-        for name, group in groups.items():
+        for name, group in groupby(recordings, key=lambda recording: recording.name):
             runs = [recording.run for recording in group]
             errors = {method: rms_error(law, runs, CEILING_RPM) for method, law in laws.items()}
             result.append(SetErrors(name, role, errors))
@@ -160,9 +149,8 @@ def model_step(law: WheelLaw) -> ModelStep:
     if law.is_stable:
         after, full = law_step_metrics(law, duration_s=STEP_S), law_step_metrics(law)
         error = after.relative_steady_state_error
-        return ModelStep(
-            True, error, law.dc_gain - 1.0, full.rise_time_s, full.settling_time_s, full.overshoot
-        )
+        gain = law.dc_gain - 1.0
+        return ModelStep(True, error, gain, full.rise_time_s, full.settling_time_s, full.overshoot)
     speed = step_response(law, round(STEP_S / law.sample_period_s))
     if not np.all(np.isfinite(speed)):
         return ModelStep(False, math.nan, math.nan, math.nan, math.nan, math.nan)
@@ -174,19 +162,14 @@ def model_step(law: WheelLaw) -> ModelStep:
 
 def target_steps(data: DataSets) -> TargetSteps:
     """Return the metrics of the target system's test steps, from the mean of the repeats."""
-    groups: dict[str, list[Recording]] = {}
-    for recording in data.test:
-        groups.setdefault(recording.name, []).append(recording)
-    measured, true = [], []
-    speeds = []
-    for group in groups.values():
+    speeds, measured, true = [], [], []
+    for group in (list(same) for _, same in groupby(data.test, key=lambda recording: recording.name)):
         command = float(group[0].record.command_rpm[-1])
         speeds.append(round(command))
         mean = np.mean([recording.record.speed_rpm for recording in group], axis=0)
         inner = np.mean([recording.record.true_speed_rpm for recording in group], axis=0)
         time = group[0].record.time_s
-        # A speed is counted over the interval that ends at its stamp; it belongs to the middle of the
-        # interval.
+        # A speed is counted over the interval that ends at its stamp, and belongs to its middle.
         middle = time - 0.5 * (time[1] - time[0])
         noise = NOISE_RPM / math.sqrt(len(group))
         measured.append(step_metrics(middle, mean, 0.0, command, step_time_s=STEP_TIME_S, noise_rpm=noise))
@@ -203,13 +186,7 @@ def target_steps(data: DataSets) -> TargetSteps:
 
 
 def response(recording: Recording, laws: Mapping[str, WheelLaw], ceiling_rpm: float = math.inf) -> Response:
-    """Return a recording beside the free-running prediction of every law.
-
-    Args:
-        recording: a recording of the target system.
-        laws: method -> law.
-        ceiling_rpm: limit on the command [rpm].
-    """
+    """Return a recording beside the free-running prediction of every law, commands limited to a ceiling."""
     run, log = recording.run, recording.record
     command = run.command()
     return Response(

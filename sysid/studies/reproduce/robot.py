@@ -57,12 +57,7 @@ def wheel_model(law: WheelLaw) -> Model:
 
 
 def robot_drives(model: Model, plant: RobotPlant = "rollers") -> list[RobotDrive]:
-    """Simulate the paper's five drives.
-
-    Args:
-        model: wheel and robot.
-        plant: "rollers" or "planar".
-    """
+    """Simulate the paper's five drives on a plant."""
     _, _, turn_rpm = twist_to_command([0.0, 0.0, published.ROTATION_RAD_S], model.robot)
     commands = {f"straight {v} rpm": (float(v), 0.0) for v in published.FIT_STEPS_RPM}
     commands[f"turn {published.ROTATION_RAD_S} rad/s"] = (0.0, float(turn_rpm))
@@ -72,15 +67,7 @@ def robot_drives(model: Model, plant: RobotPlant = "rollers") -> list[RobotDrive
 def robot_drive(
     model: Model, name: str, v_rpm: float, vc_rpm: float, plant: RobotPlant = "rollers"
 ) -> RobotDrive:
-    """Simulate one drive and return its metrics.
-
-    Args:
-        model: wheel and robot.
-        name: a key of `published.ROBOT_LOSS`.
-        v_rpm: forward command.
-        vc_rpm: turning command; one of the two is 0.
-        plant: "rollers" or "planar".
-    """
+    """Simulate one drive, a name in `published.ROBOT_LOSS`, on a plant and return its metrics."""
     v, _, vc = (float(x) for x in round_command(v_rpm, 0.0, vc_rpm, model.wheel.command_quantum_rpm))
     commands = BodyCommands.from_rows([(0.0, v, 0.0, vc), (HOLD_S, 0.0, 0.0, 0.0)])
     path = drive(model, commands, HOLD_S + STOP_S, plant=plant)

@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from mecanum_env.markdown import markdown_table
 from sysid.studies.reproduce import published
-from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS
+from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, OURS, USABLE_RMS_RPM, Rate
 from sysid.studies.reproduce.experiment import Reproduction
 from sysid.studies.reproduce.prediction import pooled_rms
-from sysid.studies.reproduce.starts import USABLE_RMS_RPM, Rate, StartRates
-from sysid.studies.reproduce.why import Section, comparisons, percent
+from sysid.studies.reproduce.why import Section, comparisons, percent, printed_metrics
 
 EQUAL = 1e-3
 """Relative difference below which two rms values count as equal; chance moves one of 300 samples
@@ -31,6 +31,12 @@ class Table:
     def markdown(self) -> str:
         """Return the rows as Markdown."""
         return markdown_table(self.rows[0], self.rows[1:])
+
+    @classmethod
+    def of(cls, title: str, rows: Iterable[Mapping[str, str]], note: str = "") -> Table:
+        """Return a table of rows that map each column's head to a cell, with a title and a note."""
+        cells = list(rows)
+        return cls(title, (tuple(cells[0]), *(tuple(row.values()) for row in cells)), note)
 
 
 def verdict(found: Reproduction) -> str:
@@ -68,32 +74,22 @@ def ratio(large: float, small: float) -> str:
 def starts_table(found: Reproduction) -> Table:
     """Return success and stability from the ten random starts of the paper and from many."""
     few, lots = published.STARTS, next(iter(found.many_starts.values())).starts
-    head = (
-        "method",
-        f"success of {few}",
-        f"success of {lots}",
-        f"usable of {few}",
-        f"usable of {lots}",
-        f"stable of {few}",
-        f"stable of {lots}",
-        "paper: success, stable",
+    rows = (
+        {
+            "method": CONTENDERS[name].label,
+            f"success of {few}": f"{found.ten_starts[name].success.count}",
+            f"success of {lots}": _rate(many.success),
+            f"usable of {few}": f"{found.ten_starts[name].usable.count}",
+            f"usable of {lots}": _rate(many.usable),
+            f"stable of {few}": f"{found.ten_starts[name].stable.count}",
+            f"stable of {lots}": _rate(many.stable),
+            "paper: success, stable": _printed(name),
+        }
+        for name, many in found.many_starts.items()
     )
-    rows = [
-        (
-            CONTENDERS[name].label,
-            _count(ten.success),
-            _rate(many.success),
-            _count(ten.usable),
-            _rate(many.usable),
-            _count(ten.stable),
-            _rate(many.stable),
-            _printed(name),
-        )
-        for name, ten, many in _both(found)
-    ]
-    return Table(
+    return Table.of(
         "Success and stability",
-        (head, *rows),
+        rows,
         f"Success: rms within 5 % of {found.best_rms_rpm:.4f} rpm, the best of a stable law. Usable, nearer "
         f"to what the paper may have counted: rms at most {USABLE_RMS_RPM:.2f} rpm, the rms of the paper's "
         f"own optimum (H = {published.OPTIMAL_COST_RPM2} rpm^2). Either may be unstable. In brackets 95 % "
@@ -104,31 +100,24 @@ def starts_table(found: Reproduction) -> Table:
 
 def fates_table(found: Reproduction) -> Table:
     """Return the outcomes of the random starts."""
-    head = (
-        "method",
-        "unstable at the start",
-        "usable and stable",
-        "diverged",
-        "out of iterations",
-        "median rms [rpm]",
-        "worst rms [rpm]",
+    rows = (
+        {
+            "method": CONTENDERS[name].label,
+            "unstable at the start": (
+                "refined first" if name == "kkt-improved" else f"{many.unstable_starts.count}"
+            ),
+            "usable and stable": f"{many.usable_and_stable.count}",
+            "diverged": f"{many.diverged.count}",
+            "out of iterations": f"{many.out_of_iterations.count}",
+            "median rms [rpm]": number(float(np.median(many.rms_rpm))),
+            "worst rms [rpm]": number(float(many.rms_rpm[-1])),
+        }
+        for name, many in found.many_starts.items()
     )
-    rows = [
-        (
-            CONTENDERS[name].label,
-            "refined first" if name == "kkt-improved" else f"{many.unstable_starts.count}",
-            f"{many.usable_and_stable.count}",
-            f"{many.diverged.count}",
-            f"{many.out_of_iterations.count}",
-            number(float(np.median(many.rms_rpm))),
-            number(float(many.rms_rpm[-1])),
-        )
-        for name, _, many in _both(found)
-    ]
     lots = next(iter(found.many_starts.values())).starts
-    return Table(
+    return Table.of(
         f"What became of {lots} starts",
-        (head, *rows),
+        rows,
         "Diverged: ended with an rms above the largest command, worse than a wheel at rest.",
     )
 
@@ -167,25 +156,24 @@ def metric_table(found: Reproduction) -> Table:
     )
     measured = (target.relative_error, target.rise_s, target.settling_s)
     true = (target.true_relative_error, target.true_rise_s, target.true_settling_s)
-    rows = []
-    for label, (error, rise, settling), printed in (
-        ("target, measured, mean of speeds", measured, _printed_metrics("target")),
-        ("target, true, mean of speeds", true, ""),
-    ):
-        rows.append(
-            (label, f"{np.mean(error):.2e}", "", f"{np.mean(rise):.3f}", f"{np.mean(settling):.3f}", printed)
+    rows = [
+        (label, f"{np.mean(error):.2e}", "", f"{np.mean(rise):.3f}", f"{np.mean(settling):.3f}", printed)
+        for label, (error, rise, settling), printed in (
+            ("target, measured, mean of speeds", measured, printed_metrics("target")),
+            ("target, true, mean of speeds", true, ""),
         )
-    for name, model in found.models.items():
-        rows.append(
-            (
-                CONTENDERS[name].label,
-                _figure(model.relative_error_after_1_s, ".2e"),
-                _figure(model.relative_error, ".1e"),
-                _figure(model.rise_s, ".3f"),
-                _figure(model.settling_s, ".3f"),
-                _printed_metrics(name),
-            )
+    ]
+    rows += [
+        (
+            CONTENDERS[name].label,
+            _figure(model.relative_error_after_1_s, ".2e"),
+            _figure(model.relative_error, ".1e"),
+            _figure(model.rise_s, ".3f"),
+            _figure(model.settling_s, ".3f"),
+            printed_metrics(name),
         )
+        for name, model in found.models.items()
+    ]
     return Table(
         "Steady-state error, rise and settling",
         (head, *rows),
@@ -198,26 +186,19 @@ def speed_table(found: Reproduction) -> Table:
     """Return the target's step metrics and every method's error by speed (Fig. 4)."""
     target = found.target
     sets = [errors for errors in found.errors if errors.role == "test"]
-    head = (
-        "command [rpm]",
-        "target: error (true)",
-        "rise [s] (true)",
-        "settling [s] (true)",
-        *(f"{CONTENDERS[name].label}: rms [rpm]" for name in found.models),
-    )
-    rows = [
-        (
-            f"{speed}",
-            f"{target.relative_error[i]:.1e} ({target.true_relative_error[i]:.1e})",
-            f"{target.rise_s[i]:.3f} ({target.true_rise_s[i]:.3f})",
-            f"{target.settling_s[i]:.3f} ({target.true_settling_s[i]:.2f})",
-            *(number(errors.rms_rpm[name]) for name in found.models),
-        )
+    rows = (
+        {
+            "command [rpm]": f"{speed}",
+            "target: error (true)": (f"{target.relative_error[i]:.1e} ({target.true_relative_error[i]:.1e})"),
+            "rise [s] (true)": f"{target.rise_s[i]:.3f} ({target.true_rise_s[i]:.3f})",
+            "settling [s] (true)": f"{target.settling_s[i]:.3f} ({target.true_settling_s[i]:.2f})",
+            **{f"{CONTENDERS[n].label}: rms [rpm]": number(errors.rms_rpm[n]) for n in found.models},
+        }
         for i, (speed, errors) in enumerate(zip(target.speeds_rpm, sets, strict=True))
-    ]
-    return Table(
+    )
+    return Table.of(
         "Test steps, speed by speed",
-        (head, *rows),
+        rows,
         "Measured values are those of the mean of five repeats; true values are those of the wheel itself.",
     )
 
@@ -247,33 +228,22 @@ def trial_table(found: Reproduction) -> Table:
 
 def cost_table(found: Reproduction) -> Table:
     """Return time and memory (Table 2)."""
-    ours = found.costs[OURS]
-    head = (
-        "method",
-        "mean [s]",
-        "median [s]",
-        "longest [s]",
-        "repeats",
-        "iterations",
-        "peak [MiB]",
-        "times output error",
-    )
-    rows = [
-        (
-            cost.label,
-            f"{cost.mean_s:.4f}",
-            f"{cost.median_s:.4f}",
-            f"{cost.longest_s:.4f}",
-            f"{cost.repeats}",
-            f"{cost.mean_iterations:.0f}",
-            f"{cost.peak_memory_mib:.2f}",
-            number(cost.mean_s / ours.mean_s),
-        )
+    rows = (
+        {
+            "method": cost.label,
+            "mean [s]": f"{cost.mean_s:.4f}",
+            "median [s]": f"{cost.median_s:.4f}",
+            "longest [s]": f"{cost.longest_s:.4f}",
+            "repeats": f"{cost.repeats}",
+            "iterations": f"{cost.mean_iterations:.0f}",
+            "peak [MiB]": f"{cost.peak_memory_mib:.2f}",
+            "times output error": number(cost.mean_s / found.costs[OURS].mean_s),
+        }
         for cost in found.costs.values()
-    ]
-    return Table(
+    )
+    return Table.of(
         "One identification (Table 2)",
-        (head, *rows),
+        rows,
         "One identification of a third-order law from one start; processor time, all in one process of one "
         "run, nothing else of this program running. Memory is the peak of Python objects and arrays, in a "
         "further call. Iterations of the exhaustive search are laws simulated: its time is a choice of "
@@ -284,35 +254,23 @@ def cost_table(found: Reproduction) -> Table:
 
 def robot_table(found: Reproduction) -> Table:
     """Return the robot's losses and rise times (Fig. 7)."""
-    head = (
-        "drive",
-        "commanded",
-        "steady",
-        "loss",
-        "of it wheels",
-        "paper: loss",
-        "rise [s]",
-        "wheels: rise [s]",
-        "fall [s]",
+    rows = (
+        {
+            "drive": moved.name,
+            "commanded": f"{moved.commanded:.4g} {moved.unit}",
+            "steady": f"{moved.steady:.4g} {moved.unit}",
+            "loss": f"{moved.loss:.4f}",
+            "of it wheels": f"{moved.wheel_loss:.4f}",
+            "paper: loss": f"{moved.paper_loss:g}",
+            "rise [s]": f"{moved.rise_s:.3f}",
+            "wheels: rise [s]": f"{moved.wheel_rise_s:.3f}",
+            "fall [s]": f"{moved.fall_s:.3f}",
+        }
+        for moved in found.robot
     )
-    rows = []
-    for moved in found.robot:
-        rows.append(
-            (
-                moved.name,
-                f"{moved.commanded:.4g} {moved.unit}",
-                f"{moved.steady:.4g} {moved.unit}",
-                f"{moved.loss:.4f}",
-                f"{moved.wheel_loss:.4f}",
-                f"{moved.paper_loss:g}",
-                f"{moved.rise_s:.3f}",
-                f"{moved.wheel_rise_s:.3f}",
-                f"{moved.fall_s:.3f}",
-            )
-        )
-    return Table(
+    return Table.of(
         "Losses and rise times",
-        (head, *rows),
+        rows,
         "Loss: (commanded - steady)/commanded. Rise and fall: 10 to 90 % of the body's speed, up and down. "
         f"The paper prints a rise of {published.ROBOT_RISE_S} s of its robot against "
         f"{published.MODEL_RISE_S} s of its model.",
@@ -334,14 +292,6 @@ def number(value: float) -> str:
     return f"{value:.3f}" if abs(value) < 10.0 else f"{value:.1f}" if abs(value) < 1e3 else f"{value:.0f}"
 
 
-def _both(found: Reproduction) -> list[tuple[str, StartRates, StartRates]]:
-    return [(name, found.ten_starts[name], many) for name, many in found.many_starts.items()]
-
-
-def _count(rate: Rate) -> str:
-    return f"{rate.count}"
-
-
 def _rate(rate: Rate) -> str:
     return f"{percent(rate.share, 1)} ({100 * rate.low:.1f} to {100 * rate.high:.1f})"
 
@@ -351,12 +301,6 @@ def _printed(name: str) -> str:
         return ""
     stable = percent(published.STABLE[name]) if name in published.STABLE else "not printed"
     return f"{percent(published.SUCCESS[name])}, {stable}"
-
-
-def _printed_metrics(name: str) -> str:
-    if name not in published.RISE_S:
-        return ""
-    return f"{published.STEADY_ERROR[name]:.2e}, {published.RISE_S[name]} s, {published.SETTLING_S[name]} s"
 
 
 def _figure(value: float, form: str) -> str:

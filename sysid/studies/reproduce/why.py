@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -35,14 +36,8 @@ class Comparison:
 
 def comparisons(found: Reproduction) -> list[Comparison]:
     """Return all comparisons, in the order of the paper's sections."""
-    return [
-        *_starts(found),
-        *_metrics(found),
-        *_beyond(found),
-        *_trials(found),
-        *_cost(found),
-        *_robot(found),
-    ]
+    sections = (_starts, _metrics, _beyond, _trials, _cost, _robot)
+    return [comparison for section in sections for comparison in section(found)]
 
 
 def percent(share: float, digits: int = 0) -> str:
@@ -50,36 +45,37 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{100.0 * share:.{digits}f} %"
 
 
-def _starts(found: Reproduction) -> list[Comparison]:
-    rows = []
+def printed_metrics(name: str) -> str:
+    """Return the steady-state error, rise and settling that the paper prints; empty if it prints none."""
+    if name not in published.RISE_S:
+        return ""
+    return f"{published.STEADY_ERROR[name]:.2e}, {published.RISE_S[name]} s, {published.SETTLING_S[name]} s"
+
+
+def _starts(found: Reproduction) -> Iterator[Comparison]:
     for name in ("gradient", "kkt", "poles"):
         ten, many = found.ten_starts[name], found.many_starts[name]
         for quantity, printed, few, lots in (
             ("success (ours: usable)", published.SUCCESS, ten.usable, many.usable),
             ("stable", published.STABLE, ten.stable, many.stable),
         ):
-            rows.append(
-                Comparison(
-                    "starts",
-                    f"{CONTENDERS[name].label}: {quantity}",
-                    percent(printed[name]) if name in printed else "not printed",
-                    f"{few.count} of {few.of}; {lots.count} of {lots.of}",
-                    _why_stable(name, found) if quantity == "stable" else _why_starts(name, found),
-                )
+            yield Comparison(
+                "starts",
+                f"{CONTENDERS[name].label}: {quantity}",
+                percent(printed[name]) if name in printed else "not printed",
+                f"{few.count} of {few.of}; {lots.count} of {lots.of}",
+                _why_stable(name, found) if quantity == "stable" else _why_starts(name, found),
             )
     best = found.best_rms_rpm
-    rows.append(
-        Comparison(
-            "starts",
-            "lowest H [rpm^2]",
-            f"{published.OPTIMAL_COST_RPM2}",
-            f"{best * best:.3f}",
-            f"Our data hold {found.sigma_rpm:.2f} rpm of noise, so no law can go below "
-            f"{found.sigma_rpm**2:.3f} by more than chance. The paper's noise is not printed; 21.80 is "
-            f"{math.sqrt(published.OPTIMAL_COST_RPM2):.2f} rpm rms.",
-        )
+    yield Comparison(
+        "starts",
+        "lowest H [rpm^2]",
+        f"{published.OPTIMAL_COST_RPM2}",
+        f"{best * best:.3f}",
+        f"Our data hold {found.sigma_rpm:.2f} rpm of noise, so no law can go below "
+        f"{found.sigma_rpm**2:.3f} by more than chance. The paper's noise is not printed; 21.80 is "
+        f"{math.sqrt(published.OPTIMAL_COST_RPM2):.2f} rpm rms.",
     )
-    return rows
 
 
 def _why_starts(name: str, found: Reproduction) -> str:
@@ -120,39 +116,28 @@ def _why_stable(name: str, found: Reproduction) -> str:
     return text
 
 
-def _metrics(found: Reproduction) -> list[Comparison]:
-    target, rows = found.target, []
-    rows.append(
-        Comparison(
-            "metrics",
-            "target: steady-state error, rise, settling",
-            f"{published.STEADY_ERROR['target']:.2e}, {published.RISE_S['target']} s, "
-            f"{published.SETTLING_S['target']} s",
-            f"{np.mean(target.true_relative_error):.2e}, {np.mean(target.true_rise_s):.3f} s, "
-            f"{np.mean(target.true_settling_s):.3f} s",
-            "Tuned to the paper. Measured with noise, the averages are "
-            f"{np.mean(target.relative_error):.1e}, {np.mean(target.rise_s):.3f} s and "
-            f"{np.mean(target.settling_s):.3f} s: at 10 rpm five standard deviations of noise are wider "
-            "than 2 % of the step, so the seen settling is short there.",
-        )
+def _metrics(found: Reproduction) -> Iterator[Comparison]:
+    target = found.target
+    yield Comparison(
+        "metrics",
+        "target: steady-state error, rise, settling",
+        printed_metrics("target"),
+        f"{np.mean(target.true_relative_error):.2e}, {np.mean(target.true_rise_s):.3f} s, "
+        f"{np.mean(target.true_settling_s):.3f} s",
+        "Tuned to the paper. Measured with noise, the averages are "
+        f"{np.mean(target.relative_error):.1e}, {np.mean(target.rise_s):.3f} s and "
+        f"{np.mean(target.settling_s):.3f} s: at 10 rpm five standard deviations of noise are wider "
+        "than 2 % of the step, so the seen settling is short there.",
     )
     for name in ("exhaustive", "gradient", "kkt", OURS):
         model = found.models[name]
-        printed = (
-            f"{published.STEADY_ERROR[name]:.2e}, {published.RISE_S[name]} s, {published.SETTLING_S[name]} s"
-            if name in published.STEADY_ERROR
-            else "not in the paper"
+        yield Comparison(
+            "metrics",
+            f"{CONTENDERS[name].label}: error after 1 s, rise, settling",
+            printed_metrics(name) or "not in the paper",
+            f"{model.relative_error_after_1_s:.2e}, {model.rise_s:.3f} s, {model.settling_s:.3f} s",
+            _why_error(name, found),
         )
-        rows.append(
-            Comparison(
-                "metrics",
-                f"{CONTENDERS[name].label}: error after 1 s, rise, settling",
-                printed,
-                f"{model.relative_error_after_1_s:.2e}, {model.rise_s:.3f} s, {model.settling_s:.3f} s",
-                _why_error(name, found),
-            )
-        )
-    return rows
 
 
 def _why_error(name: str, found: Reproduction) -> str:
@@ -198,104 +183,90 @@ def _rounded_error() -> float:
     return printed.dc_gain - 1.0
 
 
-def _beyond(found: Reproduction) -> list[Comparison]:
-    return [
-        Comparison(
-            "beyond",
-            "largest speed at 140 rpm",
-            "135 rpm",
-            f"{found.beyond.true_rpm[-1]:.2f} rpm; output error estimates a ceiling of "
-            f"{found.fitted_ceiling_rpm:.2f} rpm",
-            "",
-        )
-    ]
+def _beyond(found: Reproduction) -> Iterator[Comparison]:
+    yield Comparison(
+        "beyond",
+        "largest speed at 140 rpm",
+        "135 rpm",
+        f"{found.beyond.true_rpm[-1]:.2f} rpm; output error estimates a ceiling of "
+        f"{found.fitted_ceiling_rpm:.2f} rpm",
+        "",
+    )
 
 
-def _trials(found: Reproduction) -> list[Comparison]:
+def _trials(found: Reproduction) -> Iterator[Comparison]:
     mean = {name: rms * rms for name, rms in pooled_rms(found.errors, "trial").items()}
     less = mean["kkt"] - mean["gradient"]
     worse = mean["exhaustive"] > mean["kkt"]
-    return [
-        Comparison(
-            "trials",
-            "average MSE, kkt less gradient [rpm^2]",
-            f"{published.MSE_KKT_MINUS_GRADIENT_RPM2}",
-            f"{less:.3f}",
-            "Both are the best of ten searches that stopped in the valley, so the difference tells which "
-            "start was luckier, not what a constraint costs: the optimum itself is stable (output error, "
-            f"{mean[OURS]:.3f} rpm^2).",
-        ),
-        Comparison(
-            "trials",
-            "exhaustive search against kkt, average MSE [rpm^2]",
-            "exhaustive is worse",
-            f"{mean['exhaustive']:.3f} against {mean['kkt']:.3f}",
-            ""
-            if worse
-            else "The grid ends near the best of its three-parameter class, with no start to miss it; the "
-            "published kkt does not reach that of its own. The improved kkt does: "
-            f"{mean['kkt-improved']:.3f}.",
-        ),
-    ]
+    yield Comparison(
+        "trials",
+        "average MSE, kkt less gradient [rpm^2]",
+        f"{published.MSE_KKT_MINUS_GRADIENT_RPM2}",
+        f"{less:.3f}",
+        "Both are the best of ten searches that stopped in the valley, so the difference tells which "
+        "start was luckier, not what a constraint costs: the optimum itself is stable (output error, "
+        f"{mean[OURS]:.3f} rpm^2).",
+    )
+    yield Comparison(
+        "trials",
+        "exhaustive search against kkt, average MSE [rpm^2]",
+        "exhaustive is worse",
+        f"{mean['exhaustive']:.3f} against {mean['kkt']:.3f}",
+        ""
+        if worse
+        else "The grid ends near the best of its three-parameter class, with no start to miss it; the "
+        "published kkt does not reach that of its own. The improved kkt does: "
+        f"{mean['kkt-improved']:.3f}.",
+    )
 
 
-def _cost(found: Reproduction) -> list[Comparison]:
+def _cost(found: Reproduction) -> Iterator[Comparison]:
     c = found.costs
     kkt, gradient, grid = c["kkt"], c["gradient"], c["exhaustive"]
-    return [
-        Comparison(
-            "cost",
-            "time, kkt against gradient",
-            "kkt is faster",
-            f"{kkt.mean_s:.2f} s against {gradient.mean_s:.2f} s",
-            ""
-            if kkt.mean_s < gradient.mean_s
-            else f"{gradient.diverged} of {gradient.repeats} searches without constraint diverge and end at "
-            f"once; the others take {gradient.mean_iterations:.0f} iterations, as those of kkt, whose "
-            "projection costs further time.",
-        ),
-        Comparison(
-            "cost",
-            "memory, kkt against gradient",
-            "kkt needs more",
-            f"{kkt.peak_memory_mib:.3f} against {gradient.peak_memory_mib:.3f} MiB",
-            "" if kkt.peak_memory_mib > gradient.peak_memory_mib else "The multipliers are four numbers.",
-        ),
-        Comparison(
-            "cost",
-            "exhaustive search against kkt",
-            "markedly more time and memory",
-            f"{grid.mean_s:.1f} s and {grid.peak_memory_mib:.1f} MiB against {kkt.mean_s:.2f} s and "
-            f"{kkt.peak_memory_mib:.2f} MiB",
-            "",
-        ),
-    ]
-
-
-def _robot(found: Reproduction) -> list[Comparison]:
-    robot = paper_model().robot
-    rows = [
-        Comparison(
-            "robot",
-            f"loss, {moved.name}",
-            f"{moved.paper_loss:g}",
-            f"{moved.loss:.4f}",
-            _why_loss(moved, robot),
-        )
-        for moved in found.robot
-    ]
-    rises = [moved.rise_s for moved in found.robot if moved.unit == "rpm"]
-    rows.append(
-        Comparison(
-            "robot",
-            "rise: law, robot",
-            f"{published.MODEL_RISE_S} s, {published.ROBOT_RISE_S} s",
-            f"{found.models[OURS].rise_s:.2f} s, {min(rises):.2f} to {max(rises):.2f} s",
-            f"The drives' torque limit ({robot.torque_limit_n_m} N m on {robot.mass_kg:g} kg, both ours) "
-            "slows the large steps and leaves the small ones alone.",
-        )
+    yield Comparison(
+        "cost",
+        "time, kkt against gradient",
+        "kkt is faster",
+        f"{kkt.mean_s:.2f} s against {gradient.mean_s:.2f} s",
+        ""
+        if kkt.mean_s < gradient.mean_s
+        else f"{gradient.diverged} of {gradient.repeats} searches without constraint diverge and end at "
+        f"once; the others take {gradient.mean_iterations:.0f} iterations, as those of kkt, whose "
+        "projection costs further time.",
     )
-    return rows
+    yield Comparison(
+        "cost",
+        "memory, kkt against gradient",
+        "kkt needs more",
+        f"{kkt.peak_memory_mib:.3f} against {gradient.peak_memory_mib:.3f} MiB",
+        "" if kkt.peak_memory_mib > gradient.peak_memory_mib else "The multipliers are four numbers.",
+    )
+    yield Comparison(
+        "cost",
+        "exhaustive search against kkt",
+        "markedly more time and memory",
+        f"{grid.mean_s:.1f} s and {grid.peak_memory_mib:.1f} MiB against {kkt.mean_s:.2f} s and "
+        f"{kkt.peak_memory_mib:.2f} MiB",
+        "",
+    )
+
+
+def _robot(found: Reproduction) -> Iterator[Comparison]:
+    robot = paper_model().robot
+    for moved in found.robot:
+        loss = f"{moved.loss:.4f}"
+        yield Comparison(
+            "robot", f"loss, {moved.name}", f"{moved.paper_loss:g}", loss, _why_loss(moved, robot)
+        )
+    rises = [moved.rise_s for moved in found.robot if moved.unit == "rpm"]
+    yield Comparison(
+        "robot",
+        "rise: law, robot",
+        f"{published.MODEL_RISE_S} s, {published.ROBOT_RISE_S} s",
+        f"{found.models[OURS].rise_s:.2f} s, {min(rises):.2f} to {max(rises):.2f} s",
+        f"The drives' torque limit ({robot.torque_limit_n_m} N m on {robot.mass_kg:g} kg, both ours) "
+        "slows the large steps and leaves the small ones alone.",
+    )
 
 
 def _why_loss(moved: RobotDrive, robot: Robot) -> str:

@@ -10,8 +10,8 @@ from sysid.studies.reproduce import published
 from sysid.studies.reproduce.contenders import COMPARED, OURS, QUICK
 from sysid.studies.reproduce.data import record_data_sets
 from sysid.studies.reproduce.experiment import STAGES, reproduce
+from sysid.studies.reproduce.pages import reproduction_json
 from sysid.studies.reproduce.prediction import model_step, pooled_rms, rms_error
-from sysid.studies.reproduce.record import reproduction_json
 
 
 def test_laws_of_unit_gain_have_no_steady_state_error(quick):

@@ -11,15 +11,15 @@ from mecanum_env.errors import install_command
 from mecanum_env.files import write_json
 from mecanum_env.report import report_available
 from sysid.studies.reproduce.__main__ import main
-from sysid.studies.reproduce.charts import charts
+from sysid.studies.reproduce.charts import charts, write_reproduction_plots
 from sysid.studies.reproduce.contenders import COMPARED, CONTENDERS, WITH_STARTS
 from sysid.studies.reproduce.pages import (
+    FORMAT,
     chapters,
+    reproduction_json,
     reproduction_markdown,
     write_reproduction_page,
-    write_reproduction_plots,
 )
-from sysid.studies.reproduce.record import FORMAT, reproduction_json
 from sysid.studies.reproduce.tables import number
 
 

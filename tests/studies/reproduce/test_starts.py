@@ -5,8 +5,15 @@ import math
 import numpy as np
 import pytest
 
-from sysid.studies.reproduce.contenders import CONTENDERS, OURS, QUICK, identify, identify_from, shared_starts
-from sysid.studies.reproduce.starts import USABLE_RMS_RPM
+from sysid.studies.reproduce.contenders import (
+    CONTENDERS,
+    OURS,
+    QUICK,
+    USABLE_RMS_RPM,
+    identify,
+    identify_from,
+    shared_starts,
+)
 
 
 def test_usable_is_the_papers_own_optimum():

@@ -111,12 +111,8 @@ def added_load(model: Model) -> Load:
 
 def without_sensors(model: Model) -> Model:
     """Return the model without the effects that only change the measurement: it moves the same."""
-    kept = {
-        name: values
-        for name, values in model.effects.items()
-        if CATALOGUE[name].changes_motion or not CATALOGUE[name].simulated
-    }
-    return replace(model, effects=kept)
+    sensors = {name for name, effect in CATALOGUE.items() if effect.simulated and not effect.changes_motion}
+    return replace(model, effects={k: values for k, values in model.effects.items() if k not in sensors})
 
 
 def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:

@@ -120,7 +120,8 @@ def _nearest_law(law: WheelLaw, sample_period_s: float) -> WheelLaw:
 
     # As a start, the poles in the way keep their decay and lose their sign.
     ratio = sample_period_s / law.sample_period_s
-    start = np.array([_power_of_pole(complex(p), ratio) for p in law.poles])
+    poles = [max(abs(p), 1e-6) if _has_no_real_logarithm(p) else p for p in map(complex, law.poles)]
+    start = np.array([complex(p**ratio) for p in poles])
     reflections = _reflections(np.real(np.poly(start)))
     fit = least_squares(
         lambda free: step_response(law_at(free), ticks) - target,
@@ -133,12 +134,6 @@ def _nearest_law(law: WheelLaw, sample_period_s: float) -> WheelLaw:
 
 def _has_no_real_logarithm(pole: complex) -> bool:
     return pole.real <= _ON_THE_AXIS and abs(pole.imag) <= _ON_THE_AXIS
-
-
-def _power_of_pole(pole: complex, ratio: float) -> complex:
-    if _has_no_real_logarithm(pole):
-        return complex(max(abs(pole), 1e-6) ** ratio)
-    return complex(pole**ratio)
 
 
 def _with_best_zeros(abc: FloatArray, target: FloatArray, dc_gain: float, period_s: float) -> WheelLaw:

@@ -174,7 +174,6 @@ def _crossing(clock: FloatArray, progress: FloatArray, after: int, level: float)
 
 def _settling_time(clock: FloatArray, progress: FloatArray, band: float) -> float:
     outside = np.flatnonzero(np.abs(progress - 1.0) > band)
-    if len(outside) == 0:  # the band is as wide as the step
-        return 0.0
-    last = int(outside[-1])
-    return float(clock[last + 1]) if last + 1 < len(clock) else math.nan
+    # If the band is as wide as the step, no sample is outside.
+    after = int(outside[-1]) + 1 if len(outside) else 0
+    return float(clock[after]) if after < len(clock) else math.nan

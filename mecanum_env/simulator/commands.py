@@ -145,11 +145,10 @@ def scripted(name: str) -> tuple[BodyCommands, float]:
             f"no drive called {name!r}{did_you_mean(name, SCRIPTS)}; known: {', '.join(SCRIPTS)}"
         )
     rows, now = [], 0.0
-    for duration, v, theta, vc in SCRIPTS[name]:
+    for duration, v, theta, vc in (*SCRIPTS[name], (0.8, 0.0, 0.0, 0.0)):
         rows.append((round(now, 9), v, theta, vc))
         now += duration
-    rows.append((round(now, 9), 0.0, 0.0, 0.0))
-    return BodyCommands.from_rows(rows), now + 0.8
+    return BodyCommands.from_rows(rows), now
 
 
 _BODY_COLUMNS: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")

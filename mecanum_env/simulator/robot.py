@@ -106,10 +106,8 @@ def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoc
 class RobotSession:
     """A simulated robot that is driven one command at a time, as a controller does.
 
-    Args:
-        model: wheel, robot and effects.
-        plant: "rollers" or "planar".
-        timestep_s: upper bound of the physics step [s]; 1/480 s when None.
+    The plant is "rollers" or "planar"; the physics step has the upper bound `timestep_s` [s], 1/480 s when
+    None.
     """
 
     def __init__(self, model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None) -> None:

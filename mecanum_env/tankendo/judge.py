@@ -18,7 +18,6 @@ from mecanum_env.units import FloatArray
 
 TERMS: Final = ("distance", "facing", "effort", "waiting", "hit", "success", "out")
 """Names of the reward terms, in the order in which they are summed."""
-_WORST = 3.0  # the terms `distance` and `facing` grow no further than to so many weights
 _HOME_PER_S = 0.3  # in tracking, the opponent drifts back to the field's centre at this rate [1/s]
 
 
@@ -96,9 +95,8 @@ class Judge:
         outcome = self._outcome(end_s, out)
         # Subtracted from 0.0, so that a term that is not due is not -0.0.
         terms = {
-            "distance": -weights.distance
-            * np.minimum(np.abs(distance - rules.maai_m) / rules.band_m, _WORST),
-            "facing": -weights.facing * np.minimum(np.abs(bearing) / rules.facing_rad, _WORST),
+            "distance": -weights.distance * np.minimum(np.abs(distance - rules.maai_m) / rules.band_m, 3.0),
+            "facing": -weights.facing * np.minimum(np.abs(bearing) / rules.facing_rad, 3.0),
             "effort": 0.0 - weights.effort * effort,
             "waiting": 0.0 - weights.waiting * outcome.waiting,
             "hit": 0.0 - weights.hit * outcome.hit,

@@ -103,14 +103,13 @@ def warning_curve(
         )
     count = round((range_s[1] - range_s[0]) / _GRID_S) + 1
     grid = np.linspace(*range_s, count)
-    ones = np.ones(times.size)
-    fit = _fitted(grid, times, won, ones, np.zeros((count, 2)), iterations=30)
+    fit = _fitted(grid, times, won, np.ones(times.size), np.zeros((count, 2)), steps=30)
     curve = _probability(fit)
     rng = np.random.default_rng(seed)
     curves, needed = np.empty((resamples, count)), np.empty(resamples)
     for i in range(resamples):
         weights = np.bincount(rng.integers(0, times.size, times.size), minlength=times.size).astype(float)
-        curves[i] = _probability(_fitted(grid, times, won, weights, fit, iterations=6))
+        curves[i] = _probability(_fitted(grid, times, won, weights, fit, steps=6))
         needed[i] = _crossing(grid, curves[i], target)
     tail = 50.0 * (1.0 - CONFIDENCE)
     ends = [tail, 100.0 - tail]
@@ -118,12 +117,13 @@ def warning_curve(
     # Without interpolation: some of the values may be infinite.
     first, last = np.percentile(needed, ends, method="nearest")
     found = _crossing(grid, curve, target)
+    below = np.flatnonzero((curve < target) & (grid > found))
     return WarningCurve(
         target=target,
         needed_s=_finite(found),
         low_s=_finite(first),
         high_s=_finite(last),
-        holds_to_s=_finite(_falls_again(grid, curve, target, found)),
+        holds_to_s=float(grid[below[0] - 1]) if below.size else None,
         range_s=range_s,
         episodes=int(times.size),
         warning_s=_short(grid),
@@ -140,14 +140,13 @@ def _fitted(
     won: FloatArray,
     weights: FloatArray,
     start: FloatArray,
-    iterations: int,
+    steps: int,
 ) -> FloatArray:
     """Return logit and its slope per bandwidth at each point of the grid, (g, 2), by Newton's method."""
     u = (times[None] - grid[:, None]) / _BANDWIDTH_S
-    kernel = weights * np.exp(-0.5 * u * u)
-    precision = 1.0 / _PRIOR**2
+    kernel, precision = weights * np.exp(-0.5 * u * u), 1.0 / _PRIOR**2
     fit = start.copy()
-    for _ in range(iterations):
+    for _ in range(steps):
         p = 1.0 / (1.0 + np.exp(-(fit[:, :1] + fit[:, 1:] * u)))
         misfit, spread = kernel * (won - p), kernel * p * (1.0 - p)
         slope_a = misfit.sum(axis=1) - precision[0] * fit[:, 0]
@@ -155,9 +154,8 @@ def _fitted(
         aa = spread.sum(axis=1) + precision[0]
         ab = (spread * u).sum(axis=1)
         bb = (spread * u * u).sum(axis=1) + precision[1]
-        determinant = aa * bb - ab * ab
         step = np.stack([bb * slope_a - ab * slope_b, aa * slope_b - ab * slope_a], axis=1)
-        step /= determinant[:, None]
+        step /= (aa * bb - ab * ab)[:, None]
         fit += np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
     return fit
 
@@ -173,14 +171,7 @@ def _crossing(grid: FloatArray, curve: FloatArray, target: float) -> float:
     if above.size == 0:
         return np.inf
     i = int(above[0])
-    if i == 0:
-        return float(grid[0])
-    return float(np.interp(target, curve[i - 1 : i + 1], grid[i - 1 : i + 1]))
-
-
-def _falls_again(grid: FloatArray, curve: FloatArray, target: float, since: float) -> float:
-    below = np.flatnonzero((curve < target) & (grid > since))
-    return float(grid[below[0] - 1]) if below.size else np.inf
+    return float(np.interp(target, curve[i - 1 : i + 1], grid[i - 1 : i + 1]) if i else grid[0])
 
 
 def _bins(times: FloatArray, won: FloatArray, range_s: tuple[float, float]) -> tuple[Bin, ...]:

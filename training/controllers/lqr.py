@@ -28,8 +28,9 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.motion_model import MEMORY
-from training.controllers.prediction.observed_motion import ObservationPredictor
+from training.controllers.motion_model import MEMORY
+from training.controllers.observed_motion import ObservationPredictor
+from training.controllers.tracking import opponent_place
 
 
 @dataclass(frozen=True)
@@ -111,8 +112,7 @@ class Lqr:
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
         seen = self._motion.predict(read_observation(observation))
-        x, y = float(seen.opponent_x), float(seen.opponent_y)
-        distance = max(float(np.hypot(x, y)), 1e-6)
+        x, y, distance = opponent_place(seen)
         short = 1.0 - self._distance_m / distance
         error = np.array([short * x, short * y, np.arctan2(y, x)])
         target = np.array([float(seen.opponent_vx), float(seen.opponent_vy), 0.0])

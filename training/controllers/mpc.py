@@ -14,9 +14,9 @@ from mecanum_env.tankendo import Observed, Opponent, Rules, read_observation
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.motion_model import received_wheels
-from training.controllers.prediction.observed_motion import ObservationPredictor, integrated_path
-from training.controllers.prediction.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
+from training.controllers.motion_model import received_wheels
+from training.controllers.observed_motion import ObservationPredictor, integrated_path
+from training.controllers.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
 from training.controllers.tracking import Proportional
 
 _HISTORY_S = 0.3
@@ -64,7 +64,7 @@ class Mpc:
     """Sends, ten times a second, the first command of the plan that makes the strike miss most surely.
 
     A plan is one velocity for some commands and then another one until the strike has landed. Its path is
-    predicted by the identified law with the drives' torque limit (`prediction.motion_model`), from the state
+    predicted by the identified law with the drives' torque limit (`motion_model`), from the state
     to which the commands under way lead. Its score is
 
         sum over hypotheses of P(hypothesis) Phi(margin / spread) - weight |distance at the hit - maai|

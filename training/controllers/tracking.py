@@ -11,7 +11,13 @@ from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.tankendo import Observed, Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.observed_motion import Delays, ObservationPredictor
+from training.controllers.observed_motion import Delays, ObservationPredictor
+
+
+def opponent_place(seen: Observed) -> tuple[float, float, float]:
+    """Return where the opponent is `seen`: ahead, left, and its distance, at least 1e-6 [m]."""
+    x, y = float(seen.opponent_x), float(seen.opponent_y)
+    return x, y, max(float(np.hypot(x, y)), 1e-6)
 
 
 @dataclass(frozen=True)
@@ -42,8 +48,7 @@ class Proportional:
 
     def twist(self, seen: Observed) -> tuple[float, float, float]:
         """Return the wanted twist (ahead, left [m/s], turn [rad/s]) for an observation `seen`."""
-        x, y = float(seen.opponent_x), float(seen.opponent_y)
-        distance = max(float(np.hypot(x, y)), 1e-6)
+        x, y, distance = opponent_place(seen)
         speed = self.gain_per_s * (distance - self.distance_m)
         turn = self.turn_gain_per_s * float(np.arctan2(y, x))
         return speed * x / distance, speed * y / distance, turn
@@ -75,9 +80,8 @@ class Smith:
         lead: float = 1.0,
         delays: Delays | None = None,
     ) -> None:
-        self._p = Proportional(
-            distance_m, gain_per_s, turn_gain_per_s, model.robot, model.wheel.saturation_rpm
-        )
+        limit_rpm = model.wheel.saturation_rpm
+        self._p = Proportional(distance_m, gain_per_s, turn_gain_per_s, model.robot, limit_rpm)
         self._lead = lead
         self._motion = ObservationPredictor(model, delays)
 

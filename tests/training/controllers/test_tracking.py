@@ -11,7 +11,7 @@ from mecanum_env.model import Robot, paper_model
 from mecanum_env.simulator.robot import RobotSession
 from training.controllers import Lqr, PoseController, Proportional, Smith
 from training.controllers.lqr import Weights, axis_dynamics, riccati_gain
-from training.controllers.prediction.observed_motion import Delays
+from training.controllers.observed_motion import Delays
 
 LAW = paper_model().wheel.law
 ZERO = np.zeros(3)

@@ -1,4 +1,7 @@
-"""The inverse of the sensors' effects: observations without their known errors and without command latency.
+"""Compensation of known effects around any controller: of drives on commands, of sensors on observations.
+
+`Compensated` wraps the controller. Its commands pass `training.controllers.drive_inverse`, its observations
+pass `SensorInverse`:
 
 - `sensor_bias` is subtracted, `sensor_scale` divided out, `mount_yaw` turned back.
 - `sensor_latency` and `sensor_lowpass` are known filters: what they removed from the motion that the commands
@@ -23,8 +26,9 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Sensors
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import FloatArray
-from training.controllers.interface import Command
-from training.controllers.prediction.observed_motion import OwnMotion, seen_from
+from training.controllers.drive_inverse import DriveInverse
+from training.controllers.interface import Command, Controller
+from training.controllers.observed_motion import OwnMotion, seen_from
 
 _CHANNELS: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
 _KEPT: Final = 40
@@ -32,6 +36,47 @@ _KEPT: Final = 40
 _OWN, _HELD, _PLACE, _HEADING = slice(10, 13), slice(13, 16), slice(16, 18), slice(18, 20)
 _SEEN_PLACES, _SEEN_VELOCITIES = ((0, 1), (4, 5)), ((2, 3), (7, 8))
 """Of the opponent and of its tip."""
+
+
+class Compensated:
+    """Lets a controller that knows only the nominal robot drive one whose effects are known.
+
+    The effects are those that the gap workflow names in the model. The controller sees observations without
+    the known sensor errors and without the latency of commands (`SensorInverse`), and its commands are
+    changed so that the robot moves as the nominal one would (`DriveInverse`). Neutral effects change nothing,
+    bit for bit.
+
+    Args:
+        controller: the wrapped controller, made for the model without effects.
+        model: wheel, robot and effects.
+        predicts_latency: the controller itself compensates the model's `command_latency`.
+    """
+
+    def __init__(self, controller: Controller, model: Model, predicts_latency: bool = False) -> None:
+        self._controller = controller
+        self._drive = DriveInverse(model)
+        self._senses = SensorInverse(model, predicts_latency)
+        self._period_s = model.wheel.command_period_s
+        self._late_s = drive_parameters(model).delay_s
+        self.left_alone = tuple(e.name for e, _ in active_effects(model) if e.undone_by is None)
+        """Names of the model's effects that are not compensated."""
+        self._steps = 0
+
+    def reset(self) -> None:
+        """Forget the episode."""
+        self._controller.reset()
+        self._drive.reset()
+        self._senses.reset()
+        self._steps = 0
+
+    def act(self, observation: npt.NDArray[np.floating]) -> Command:
+        """Return the command for an observation, shape (20 or more,)."""
+        seen = self._senses.corrected(observation, hides_command=self._drive.is_needed)
+        wanted = self._controller.act(seen)
+        self._senses.send(wanted)
+        command = self._drive.command(wanted, self._steps * self._period_s + self._late_s)
+        self._steps += 1
+        return command
 
 
 class SensorInverse:

@@ -17,7 +17,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Sensors
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
-from training.controllers.prediction.motion_model import MotionModel, MotionState, received_wheels
+from training.controllers.motion_model import MotionModel, MotionState, received_wheels
 
 _KEPT_S = 1.5
 """Length of the remembered motion [s]; longer than the delays of any sensor and command together."""

@@ -118,11 +118,9 @@ class SensorInverse:
     def corrected(
         self, observation: npt.NDArray[np.floating], hides_command: bool = False
     ) -> npt.NDArray[np.floating]:
-        """Return the observation without the known errors, shape as given.
+        """Return the observation, shape (20 or more,), without the known errors.
 
-        Args:
-            observation: shape (20 or more,).
-            hides_command: show the controller's last command instead of the one that was sent for it.
+        With `hides_command` it shows the controller's last command instead of the one that was sent for it.
         """
         if not self._is_needed and not hides_command:
             return observation
@@ -133,12 +131,8 @@ class SensorInverse:
             self._bring_forward(shown)
         if hides_command and self._last is not None:
             v, theta, vc = self._last
-            angle = math.radians(theta)
-            shown[_HELD] = (
-                v / FULL_V_RPM * math.cos(angle),
-                v / FULL_V_RPM * math.sin(angle),
-                vc / FULL_VC_RPM,
-            )
+            cos, sin = math.cos(math.radians(theta)), math.sin(math.radians(theta))
+            shown[_HELD] = v / FULL_V_RPM * cos, v / FULL_V_RPM * sin, vc / FULL_VC_RPM
         return shown
 
     def _correct(self, shown: FloatArray) -> None:
@@ -156,8 +150,7 @@ class SensorInverse:
         twist, pose = self._odometry()
         self._past = [*self._past[1 - _KEPT :], np.array([*twist, *pose])]
         clock = np.arange(len(self._past)) * self._step_s
-        table = np.array(self._past).T
-        channels = dict(zip(_CHANNELS, table, strict=True))
+        channels = dict(zip(_CHANNELS, np.array(self._past).T, strict=True))
         filtered = measured(self._filters, np.asarray(clock, float), channels)
         lost = np.array([channels[name][-1] - filtered[name][-1] for name in _CHANNELS])
         shown[_OWN] += lost[:3]

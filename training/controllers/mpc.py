@@ -15,9 +15,9 @@ from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
 from training.controllers.motion_model import received_wheels
-from training.controllers.observed_motion import ObservationPredictor, integrated_path
+from training.controllers.observed_motion import ObservationPredictor, integrated_path, seen_from
 from training.controllers.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
-from training.controllers.tracking import Proportional
+from training.controllers.tracking import Proportional, opponent_place
 
 _HISTORY_S = 0.3
 """The strike's view of the robot's past goes back this much further than the opponent's sight delay [s]."""
@@ -138,18 +138,15 @@ class Mpc:
 
     def _follow_origin(self, seen: Observed, estimate: StrikeEstimate) -> FloatArray:
         """Return the mean estimate of where the opponent stood when the strike began, as seen from now."""
-        now = np.array([float(seen.opponent_x), float(seen.opponent_y)])
+        x, y, distance = opponent_place(seen)
+        now = np.array([x, y])
         # The opponent is seen at the time when the command acts; its step until then is subtracted.
         stepped = self._strike.stepped_m(estimate, self._motion.delays.command_s)
-        towards = -now / max(float(np.hypot(*now)), 1e-6)
-        new: FloatArray = now - stepped * towards
+        new: FloatArray = now - stepped * (-now / distance)
         if self._origin is None:
             self._origin, self._origins = new, 1
             return new
-        moved = self._motion.own.moved(self._period_s)
-        cos, sin = np.cos(moved[2]), np.sin(moved[2])
-        old = self._origin - moved[:2]
-        old = np.array([cos * old[0] + sin * old[1], cos * old[1] - sin * old[0]])
+        old = np.array(seen_from(self._motion.own.moved(self._period_s), *self._origin))
         self._origins += 1
         self._origin = old + (new - old) / self._origins
         return self._origin
@@ -182,10 +179,8 @@ class Mpc:
         if self._plan is not None:
             score[-1] += planning.loyalty
         best = int(np.argmax(score))
-        left = int(switch[best])
-        if left <= 0:
-            return _Plan(second[:, best], second[:, best], 0)
-        return _Plan(first[:, best], second[:, best], left)
+        left = max(int(switch[best]), 0)
+        return _Plan((first if left else second)[:, best], second[:, best], left)
 
     def _candidates(
         self, seen: Observed, commands: int
@@ -202,9 +197,8 @@ class Mpc:
         twists = np.zeros((3, count))
         twists[0, 1:], twists[1, 1:] = self._speed_m_s * np.cos(angles), self._speed_m_s * np.sin(angles)
         changes = np.arange(1, 1 + max(min(commands - 1, planning.latest_change), 1))
-        one, other, change = (
-            grid.ravel() for grid in np.meshgrid(np.arange(count), np.arange(count), changes, indexing="ij")
-        )
+        grids = np.meshgrid(np.arange(count), np.arange(count), changes, indexing="ij")
+        one, other, change = (grid.ravel() for grid in grids)
         keep = (one != other) | (change == 1)
         one, other, change = one[keep], other[keep], change[keep]
         first, second = twists[:, one], twists[:, other]
@@ -220,12 +214,8 @@ class Mpc:
         """Return the paths of plans: x, y, yaw, vx, vy in the present frame, shape (ticks + 1, 5, n)."""
         own = self._motion.own
         wheels_first, wheels_second = (
-            received_wheels(
-                own.model.drives,
-                scale_wheels(twist_to_wheels(twists.T, self._robot), self._limit_rpm).T,
-                own.time_s,
-            )
-            for twists in (first, second)
+            received_wheels(own.model.drives, scale_wheels(wheels, self._limit_rpm).T, own.time_s)
+            for wheels in (twist_to_wheels(twists.T, self._robot) for twists in (first, second))
         )
         state = own.state.repeated(first.shape[1])
         twists = [state.twist[None]]

@@ -55,9 +55,8 @@ class OwnMotion:
 
     def send(self, command: Command) -> None:
         """Predict the motion during the period of a command that is sent now."""
-        ticks = self.model.ticks(self.commands)
         wheels = received_wheels(self.model.drives, command_to_wheels(*command)[:, None], self.time_s)
-        twists, self.state = self.model.play(self.state, wheels, ticks)
+        twists, self.state = self.model.play(self.state, wheels, self.model.ticks(self.commands))
         self._twists.extend(twists[:, :, 0])
         self.commands += 1
 
@@ -78,12 +77,9 @@ class OwnMotion:
         if until_s <= 0.0:
             return moved
         rest = self._until_now(until_s)
-        turn = moved[2] - rest[2]
-        cos, sin = np.cos(turn), np.sin(turn)
-        before: FloatArray = moved - np.array(
-            [cos * rest[0] - sin * rest[1], sin * rest[0] + cos * rest[1], rest[2]]
-        )
-        return before
+        cos, sin = np.cos(moved[2] - rest[2]), np.sin(moved[2] - rest[2])
+        back = np.array([cos * rest[0] - sin * rest[1], sin * rest[0] + cos * rest[1], rest[2]])
+        return np.asarray(moved - back, float)
 
     def _until_now(self, ago_s: float) -> FloatArray:
         past = self._past(ago_s)
@@ -91,8 +87,7 @@ class OwnMotion:
             return np.zeros(3)
         steps = np.full(len(past) - 1, self.model.tick_s)
         steps[0] = ago_s - self.model.tick_s * (len(past) - 2)
-        now: FloatArray = integrated_path(past[:, :, None], steps)[-1, :, 0]
-        return now
+        return np.asarray(integrated_path(past[:, :, None], steps)[-1, :, 0], float)
 
     def _past(self, ago_s: float) -> FloatArray:
         """Return the twists from `ago_s` before now until now, (m, 3); the first is interpolated."""
@@ -114,11 +109,8 @@ def seen_from(pose: FloatArray, x_m: float, y_m: float) -> tuple[float, float]:
 def integrated_path(twists: FloatArray, steps_s: FloatArray) -> FloatArray:
     """Return the poses x, y [m], yaw [rad] of paths that begin at 0 with heading 0, shape (m + 1, 3, n).
 
-    Uses the trapezoidal rule with the heading at the middle of each step.
-
-    Args:
-        twists: body twists at the start and at the ends of the steps, shape (m + 1, 3, n).
-        steps_s: durations of the steps, shape (m,).
+    Uses the trapezoidal rule with the heading at the middle of each of the m steps, between the body twists
+    at the start and at the ends of the steps, shape (m + 1, 3, n).
     """
     mean = 0.5 * (twists[1:] + twists[:-1]) * steps_s[:, None, None]
     poses = np.zeros_like(twists)
@@ -139,11 +131,6 @@ class Delays:
     command_s: float = 0.0
     """Time from sending a command until it acts [s]."""
 
-    @staticmethod
-    def of(model: Model) -> Delays:
-        """Return the usual delay of the sensors with the model's `command_latency`."""
-        return Delays(command_s=drive_parameters(model).delay_s)
-
 
 class ObservationPredictor:
     """Brings observations forward to the time at which the answer to them acts.
@@ -157,7 +144,7 @@ class ObservationPredictor:
     """
 
     def __init__(self, model: Model, delays: Delays | None = None) -> None:
-        self.delays = Delays.of(model) if delays is None else delays
+        self.delays = Delays(command_s=drive_parameters(model).delay_s) if delays is None else delays
         self.own = OwnMotion(model)
         self.reset()
 

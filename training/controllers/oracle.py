@@ -82,25 +82,23 @@ class Oracle:
         if fighter.aimed[row]:
             end = np.repeat(sword.end[:, row, None], n, axis=1)
         else:
-            seen_s = sword.cut_s[row] - fighter.constants.sight_delay_s
-            seen_tick = round((seen_s - now_s) / _TICK_S)
+            ago_s = now_s - (sword.cut_s[row] - fighter.constants.sight_delay_s)
+            seen_tick = round(-ago_s / _TICK_S)
             if seen_tick >= 0:
                 seen = path[min(seen_tick, ticks)]
             else:
-                seen = np.repeat(arena.scenes.ago_of(rows[:1], np.array([now_s - seen_s])), n, axis=1)
+                seen = np.repeat(arena.scenes.ago_of(rows[:1], np.array([ago_s])), n, axis=1)
             end = fighter.aim_at(rows, seen)
         missed = np.zeros(n)
         for spread in _SPREAD_M:
             clear = np.ones(n, bool)
             for dx, dy in ((spread, 0.0), (-spread, 0.0), (0.0, spread), (0.0, -spread)):
                 robot = path[-1].copy()
-                robot[0] += dx
-                robot[1] += dy
+                robot[:2] += np.array([[dx], [dy]])
                 clear &= ~fighter.hits(rows, robot, end)
             missed += clear
         away = path[-1, :2] - sword.origin[:, row, None]
-        distance = np.sqrt(away[0] ** 2 + away[1] ** 2)
-        score = missed - 0.5 * np.abs(distance - self._maai_m)
+        score = missed - 0.5 * np.abs(np.sqrt(away[0] ** 2 + away[1] ** 2) - self._maai_m)
         if self._plan is not None:
             score[-1] += _LOYALTY
         best = int(np.argmax(score))

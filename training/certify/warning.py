@@ -79,7 +79,6 @@ def warning_curve(
     success: npt.ArrayLike,
     *,
     target: float = TARGET,
-    range_s: tuple[float, float] = RANGE_S,
     seed: int = 0,
     resamples: int = _RESAMPLES,
 ) -> WarningCurve:
@@ -89,7 +88,6 @@ def warning_curve(
         warning_s: warning time of each episode [s], shape (n,).
         success: whether each episode is a success, shape (n,).
         target: required probability of success.
-        range_s: range of the curve.
         seed: of the bootstrap.
         resamples: number of bootstrap resamples.
 
@@ -101,8 +99,8 @@ def warning_curve(
         raise InputError(
             f"episodes = {times.size}, target = {target}: must be at least 1, and between 0 and 1"
         )
-    count = round((range_s[1] - range_s[0]) / _GRID_S) + 1
-    grid = np.linspace(*range_s, count)
+    count = round((RANGE_S[1] - RANGE_S[0]) / _GRID_S) + 1
+    grid = np.linspace(*RANGE_S, count)
     fit = _fitted(grid, times, won, np.ones(times.size), np.zeros((count, 2)), steps=30)
     curve = _probability(fit)
     rng = np.random.default_rng(seed)
@@ -124,13 +122,13 @@ def warning_curve(
         low_s=_finite(first),
         high_s=_finite(last),
         holds_to_s=float(grid[below[0] - 1]) if below.size else None,
-        range_s=range_s,
+        range_s=RANGE_S,
         episodes=int(times.size),
         warning_s=_short(grid),
         success=_short(curve),
         low=_short(low),
         high=_short(high),
-        bins=_bins(times, won, range_s),
+        bins=_bins(times, won),
     )
 
 
@@ -161,8 +159,7 @@ def _fitted(
 
 
 def _probability(fit: FloatArray) -> FloatArray:
-    curve: FloatArray = 1.0 / (1.0 + np.exp(-fit[:, 0]))
-    return curve
+    return np.asarray(1.0 / (1.0 + np.exp(-fit[:, 0])), float)
 
 
 def _crossing(grid: FloatArray, curve: FloatArray, target: float) -> float:
@@ -174,13 +171,12 @@ def _crossing(grid: FloatArray, curve: FloatArray, target: float) -> float:
     return float(np.interp(target, curve[i - 1 : i + 1], grid[i - 1 : i + 1]) if i else grid[0])
 
 
-def _bins(times: FloatArray, won: FloatArray, range_s: tuple[float, float]) -> tuple[Bin, ...]:
-    edges = np.linspace(*range_s, _BINS + 1)
+def _bins(times: FloatArray, won: FloatArray) -> tuple[Bin, ...]:
+    edges = np.linspace(*RANGE_S, _BINS + 1)
     which = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, _BINS - 1)
     return tuple(
         Bin(float(edges[i]), float(edges[i + 1]), share(int(won[which == i].sum()), int(np.sum(which == i))))
-        for i in range(_BINS)
-        if np.any(which == i)
+        for i in np.unique(which)
     )
 
 

@@ -44,12 +44,7 @@ class Compensated:
     The effects are those that the gap workflow names in the model. The controller sees observations without
     the known sensor errors and without the latency of commands (`SensorInverse`), and its commands are
     changed so that the robot moves as the nominal one would (`DriveInverse`). Neutral effects change nothing,
-    bit for bit.
-
-    Args:
-        controller: the wrapped controller, made for the model without effects.
-        model: wheel, robot and effects.
-        predicts_latency: the controller itself compensates the model's `command_latency`.
+    bit for bit. With `predicts_latency` the controller itself compensates the model's `command_latency`.
     """
 
     def __init__(self, controller: Controller, model: Model, predicts_latency: bool = False) -> None:
@@ -80,11 +75,9 @@ class Compensated:
 
 
 class SensorInverse:
-    """Corrects the observations of one robot.
+    """Corrects the observations of one robot for the effects that `undone_by` assigns to observations.
 
-    Args:
-        model: wheel, robot and effects; those that `undone_by` assigns to observations, and latency.
-        predicts_latency: leave `command_latency` to the controller.
+    It compensates `command_latency`, too, unless the controller itself `predicts_latency`.
     """
 
     def __init__(self, model: Model, predicts_latency: bool = False) -> None:

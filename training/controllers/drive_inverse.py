@@ -59,10 +59,9 @@ class _Friction:
 
 
 class DriveInverse:
-    """Changes commands so that a robot with effects moves as the nominal one would.
+    """Changes commands so that a robot with the effects of a model moves as the nominal one would.
 
-    Args:
-        model: wheel, robot and effects; those that commands undo count.
+    Only effects that `undone_by` assigns to commands count.
     """
 
     def __init__(self, model: Model) -> None:

@@ -52,8 +52,7 @@ class MotionState:
 class MotionModel:
     """Predicts twists from wheel commands; the state is passed in and returned.
 
-    Args:
-        model: wheel laws, robot and effects; its `command_latency` is ignored.
+    A `command_latency` of the model is ignored.
     """
 
     def __init__(self, model: Model) -> None:
@@ -94,10 +93,8 @@ class MotionModel:
     def play(self, state: MotionState, wheels_rpm: FloatArray, ticks: int) -> tuple[FloatArray, MotionState]:
         """Return the twist after each tick of a held command, shape (ticks, 3, n), and the state at the end.
 
-        Args:
-            state: of n robots.
-            wheels_rpm: wheel commands as `received_wheels` returns them, shape (4, n).
-            ticks: number of law ticks, at most one more than a command period has.
+        The wheel commands, shape (4, n), are those that `received_wheels` returns; they last for a number of
+        law ticks, at most one more than a command period has.
         """
         before = np.concatenate([state.law, wheels_rpm[:, None, :]], axis=1)  # (4, 6, n)
         setpoints = np.matmul(self._responses[:, :ticks, 0], before)  # (4, ticks, n)

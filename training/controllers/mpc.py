@@ -70,13 +70,8 @@ class Mpc:
         sum over hypotheses of P(hypothesis) Phi(margin / spread) - weight |distance at the hit - maai|
 
     with the margin by which each hypothetical strike of `StrikePhase` misses. Between strikes the robot keeps
-    its distance.
-
-    Args:
-        model: wheel laws, robot and its `command_latency`.
-        planning: parameters of the planner.
-        opponent: its techniques, sight delay and lead are taken as known; by default those of level normal.
-        rules: their maai is kept; by default the usual rules.
+    its distance. The opponent's techniques, sight delay and lead are taken as known; by default they are
+    those of level normal. The maai is that of the rules.
     """
 
     def __init__(
@@ -127,7 +122,7 @@ class Mpc:
                 self._origin = None
             return np.array(self._wait.twist(seen))
         origin = self._follow_origin(seen, estimate)
-        acts_s = self._motion.delays.command_s
+        acts_s = self._motion.command_s
         if estimate.land_s - acts_s < 0.5 * self._motion.own.model.tick_s:
             # The strike is over when the command acts: return to where the opponent will stand.
             self._plan = None
@@ -141,7 +136,7 @@ class Mpc:
         x, y, distance = opponent_place(seen)
         now = np.array([x, y])
         # The opponent is seen at the time when the command acts; its step until then is subtracted.
-        stepped = self._strike.stepped_m(estimate, self._motion.delays.command_s)
+        stepped = self._strike.stepped_m(estimate, self._motion.command_s)
         new: FloatArray = now - stepped * (-now / distance)
         if self._origin is None:
             self._origin, self._origins = new, 1

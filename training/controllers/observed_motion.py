@@ -7,7 +7,7 @@ observation forward to the time at which the answer to it acts.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,9 +31,6 @@ class OwnMotion:
     """The robot's motion since the start, as the model predicts it from the commands.
 
     Time is counted in commands sent. A robot whose commands act late does the same that much later.
-
-    Args:
-        model: wheel laws, robot and effects.
     """
 
     def __init__(self, model: Model) -> None:
@@ -122,29 +119,18 @@ def integrated_path(twists: FloatArray, steps_s: FloatArray) -> FloatArray:
     return poses
 
 
-@dataclass(frozen=True)
-class Delays:
-    """Delays of the robot's sensors and commands [s]."""
-
-    sensor_s: float = Sensors.delay_s
-    """Age of what an observation shows [s]."""
-    command_s: float = 0.0
-    """Time from sending a command until it acts [s]."""
-
-
 class ObservationPredictor:
     """Brings observations forward to the time at which the answer to them acts.
 
     The robot's own motion until then is known: that of the commands under way, by `OwnMotion`, corrected by
-    the observed velocity error. The opponent is assumed to keep its smoothed velocity.
-
-    Args:
-        model: wheel laws, robot and effects.
-        delays: of sensors and commands; by default the usual sensors' and the model's latency.
+    the observed velocity error. The opponent is assumed to keep its smoothed velocity. The horizon is the
+    time from what an observation shows until the answer acts; by default the delays of sensors and commands.
     """
 
-    def __init__(self, model: Model, delays: Delays | None = None) -> None:
-        self.delays = Delays(command_s=drive_parameters(model).delay_s) if delays is None else delays
+    def __init__(self, model: Model, horizon_s: float | None = None) -> None:
+        self.command_s = drive_parameters(model).delay_s
+        """Time from sending a command until it acts [s]."""
+        self._horizon_s = Sensors.delay_s + self.command_s if horizon_s is None else horizon_s
         self.own = OwnMotion(model)
         self.reset()
 
@@ -165,7 +151,7 @@ class ObservationPredictor:
         The opponent's place and smoothed velocity are given in the frame of the robot at that time; the sword
         stays as it was `seen`.
         """
-        horizon = self.delays.sensor_s + self.delays.command_s
+        horizon = self._horizon_s
         measured = np.array([float(seen.vx), float(seen.vy), float(seen.yaw_rate)])
         innovation = measured - self.own.twist(horizon) - self.velocity_error
         self.velocity_error = self.velocity_error + _CORRECTION * innovation

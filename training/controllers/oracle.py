@@ -32,11 +32,8 @@ class Oracle:
     """Tries motions of a point mass until the strike ends, against the strike as it will be.
 
     A motion is one velocity until some command, then another one. The oracle takes the one that the strike
-    misses most surely and, among equals, the one that ends nearest to maai.
-
-    Args:
-        arena: the simulator, `env.unwrapped.arena`.
-        row: index of its episode.
+    misses most surely and, among equals, the one that ends nearest to maai. Its episode is that in a row of
+    the arena, `env.unwrapped.arena`.
     """
 
     def __init__(self, arena: Arena, row: int = 0) -> None:

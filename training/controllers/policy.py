@@ -146,10 +146,7 @@ class Network:
 class Policy:
     """A trained policy as a controller; it remembers as many observations as its network sees.
 
-    Args:
-        network: from observations to an action.
-        about: what it was trained for and with, as its file says.
-        rules: rules that it plays by; by default the usual ones.
+    `about` says what it was trained for and with, as in its file. By default it plays by the usual rules.
     """
 
     def __init__(self, network: Network, about: Mapping[str, Any], rules: Rules | None = None) -> None:
@@ -195,11 +192,9 @@ def bundled(name: str = DEFAULT) -> Path:
 
 
 def load_policy(path: Path, rules: Rules | None = None) -> Policy:
-    """Return the policy in a file, ready to act.
+    """Return the policy in a file, ready to act by the rules, by default the usual ones.
 
-    Args:
-        path: an `.npz` or a folder that `training.train` wrote, or `bundled()`.
-        rules: rules that it plays by; by default the usual ones.
+    The path is that of an `.npz` or a folder that `training.train` wrote, or `bundled()`.
 
     Raises:
         InputError: there is no such file, or it holds no policy.

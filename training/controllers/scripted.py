@@ -29,11 +29,7 @@ class Still:
 
 
 class RandomMotion:
-    """Draws actions uniformly, as `env.action_space.sample()` does.
-
-    Args:
-        seed: of the random generator, which goes on over the episodes.
-    """
+    """Draws actions uniformly, as `env.action_space.sample()` does; its generator goes on over episodes."""
 
     def __init__(self, seed: int = 0) -> None:
         self._rng = np.random.default_rng(seed)

@@ -76,9 +76,7 @@ class StrikeEstimate:
 class StrikePhase:
     """Estimates the phase of the strike from one observation every `step_s`.
 
-    Args:
-        opponent: its techniques, its step and its times of recovery are taken as known.
-        step_s: time between two observations.
+    The opponent's techniques, its step and its times of recovery are taken as known.
     """
 
     def __init__(self, opponent: Opponent | None = None, step_s: float = 0.1) -> None:

@@ -49,26 +49,16 @@ class Panel:
 
 
 class Strip:
-    """A strip of plots of the last seconds, side by side.
-
-    Args:
-        panels: the plots.
-        width: of the strip [pixels].
-        height: of the strip [pixels].
-        title: shown at the right end, beside the legend.
-    """
+    """A strip of plots of the last seconds, side by side, with a legend and a title; sizes are in pixels."""
 
     def __init__(self, panels: Sequence[Panel], width: int, height: int, title: str = "") -> None:
         self._panels, self._width, self._height, self._title = tuple(panels), width, height, title
 
     def draw(self, now_s: float, time_s: FloatArray, commanded: FloatArray, actual: FloatArray) -> Frame:
-        """Return the strip at a time, (height, width, 3).
+        """Return the strip at a time, the right end of its time axis, as (height, width, 3) pixels.
 
-        Args:
-            now_s: right end of the time axis.
-            time_s: time of the samples [s], shape (n,).
-            commanded: commanded value until each sample, shape (n, panels); the first one is ignored.
-            actual: actual value at each sample, shape (n, panels).
+        Each sample at `time_s`, shape (n,), has the actual values and the values commanded until then, both
+        of shape (n, panels); those commanded until the first one are ignored.
         """
         size = (_SCALE * self._width, _SCALE * self._height)
         image = Image.new("RGB", size, _BACKGROUND)

@@ -47,7 +47,7 @@ def trained(settings: TrainingSettings, folder: Path) -> list[dict[str, Any]]:
 def success(settings: TrainingSettings, factory: ControllerFactory, seeds: range) -> float:
     """Return the share of successes in the episodes with these seeds."""
     setup = Setup(model_of(settings), settings.plant, settings.task, settings.difficulty)
-    return float(sum(one.success for one in evaluate_controller(factory, setup, seeds).episodes) / len(seeds))
+    return evaluate_controller(factory, setup, seeds).success.value
 
 
 def main(

@@ -243,12 +243,11 @@ def on_the_robot(controllers: Mapping[str, Model], scale: Scale) -> tuple[Share,
 
 def played(jobs: Mapping[str, Any], scale: Scale) -> dict[str, Share]:
     """Return the success in each of the jobs, which are `training.evaluate.Job`, under its name."""
-    from training.certify.run import success_of
     from training.evaluate import play_jobs
 
     with bar(sum(job.episodes for job in jobs.values())) as progress:
         found = play_jobs(jobs, scale.jobs, progress)
-    return {name: success_of(found[name].episodes) for name in jobs}
+    return {name: found[name].success for name in jobs}
 
 
 @contextmanager

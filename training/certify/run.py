@@ -28,7 +28,7 @@ from training.certify.certificate import (
 from training.certify.plants import RobotVariant, knows_uncertainty, robot_variants, select_variants
 from training.certify.thresholds import Thresholds, require_valid
 from training.certify.warning import RANGE_S, WarningCurve, warning_curve
-from training.evaluate import Episode, Evaluation, Job, Mean, Setup, Share, mean, play_jobs, share
+from training.evaluate import Episode, Evaluation, Job, Mean, Setup, mean, play_jobs, success_of
 from training.evaluate.play import Progress, require_jobs
 
 TRACK_SHARE = 4
@@ -182,11 +182,6 @@ def timing_of(evaluation: Evaluation) -> Timing:
     times = evaluation.command_times_s
     p50, p99 = (float(value) for value in np.percentile(times, [50, 99]))
     return Timing(p50, p99, float(times.max()), int(times.size))
-
-
-def success_of(episodes: Sequence[Episode]) -> Share:
-    """Return the share of successes of episodes."""
-    return share(sum(episode.success for episode in episodes), len(episodes))
 
 
 def _mean_of_all(values: Sequence[float]) -> Mean:

@@ -27,7 +27,6 @@ from training.certify.report import columns
 from training.certify.run import (
     TRACK_SHARE,
     WARNING_FACTOR,
-    success_of,
     timing_of,
     tracking_result,
     warning_curve_of,
@@ -108,7 +107,7 @@ def compare_controllers(
     rows = tuple(
         Row(
             controller=name,
-            success={setting: success_of(played[f"{name}|{setting}"].episodes) for setting in settings},
+            success={setting: played[f"{name}|{setting}"].success for setting in settings},
             warning=warning_curve_of(played[f"{name}|{_WARNING}"].episodes),
             track=tracking_result(played[f"{name}|{_TRACK}"].episodes),
             timing=timing_of(played[f"{name}|normal"]),

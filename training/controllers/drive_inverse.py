@@ -148,8 +148,7 @@ class DriveInverse:
         choices: list[Command] = [(0, 0, 0), *(self._rounded(plain * scale) for scale in scales)]
         reached = [self.delivered(choice, seconds) for choice in choices]
         best = int(np.argmin([float(np.sum((one - wanted) ** 2)) for one in reached]))
-        most = float(np.max(least))
-        self._owed = np.clip(wanted - reached[best], -most, most)
+        self._owed = np.clip(wanted - reached[best], -np.max(least), np.max(least))
         return choices[best]
 
     def _gains(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:

@@ -47,7 +47,7 @@ class Planning:
     """Gain of distance and bearing once the strike is over [1/s]."""
     distance_weight_per_m: float = 0.6
     """Cost of being off maai at the hit, in probability of a hit per metre."""
-    loyalty: float = 0.05
+    continuation_bonus: float = 0.05
     """Bonus for continuing the last plan, in probability of a hit."""
 
 
@@ -172,7 +172,7 @@ class Mpc:
         off = np.abs(np.hypot(landed.x - origin[0], landed.y - origin[1]) - self._maai_m)
         score = weight @ (ndtr(margin / planning.spread_m) - planning.distance_weight_per_m * off)
         if self._plan is not None:
-            score[-1] += planning.loyalty
+            score[-1] += planning.continuation_bonus
         best = int(np.argmax(score))
         left = max(int(switch[best]), 0)
         return _Plan((first if left else second)[:, best], second[:, best], left)

@@ -20,7 +20,7 @@ _LATE_TICKS = 1
 _DIRECTIONS = 16
 _HORIZON_S = 0.5
 """It plans once the strike lands within this time [s]; earlier, a point mass predicts the robot too badly."""
-_LOYALTY = 0.5
+_CONTINUATION_BONUS = 0.5
 """Bonus for continuing the last plan, in score."""
 _SPREAD_M = (0.0, 0.015, 0.03, 0.045)
 """Errors of the final place that a plan is tried with [m]."""
@@ -97,7 +97,7 @@ class Oracle:
         away = path[-1, :2] - sword.origin[:, row, None]
         score = missed - 0.5 * np.abs(np.sqrt(away[0] ** 2 + away[1] ** 2) - self._maai_m)
         if self._plan is not None:
-            score[-1] += _LOYALTY
+            score[-1] += _CONTINUATION_BONUS
         best = int(np.argmax(score))
         self._plan = (first[:, best], second[:, best], now_s + _TICK_S * switch[best])
         wanted = first[:, best] if switch[best] > 0 else second[:, best]

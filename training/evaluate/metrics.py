@@ -185,6 +185,11 @@ def share(successes: int, trials: int) -> Share:
     return Share(successes, trials, *wilson_interval(successes, trials, CONFIDENCE))
 
 
+def success_of(episodes: Sequence[Episode]) -> Share:
+    """Return the share of successes of episodes."""
+    return share(sum(episode.success for episode in episodes), len(episodes))
+
+
 def mean(values: Sequence[float | None], seed: int = 0) -> Mean | None:
     """Return the mean of the values that are not None with its 95 % bootstrap interval; None without any.
 

@@ -25,7 +25,7 @@ from mecanum_env.tankendo.vector import TankendoVectorEnv
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Controller
 from training.controllers.named import make_controller
-from training.evaluate.metrics import Episode, Reason, Recording, summarise
+from training.evaluate.metrics import Episode, Reason, Recording, Share, success_of, summarise
 
 _TIMED: Final = 5
 """One command in this many is timed: on some machines reading the clock takes as long as a controller."""
@@ -62,6 +62,11 @@ class Evaluation:
     """In the order of their seeds."""
     command_times_s: npt.NDArray[np.float64] = field(compare=False)
     """Processor time of one command in five, over all episodes [s]."""
+
+    @property
+    def success(self) -> Share:
+        """The share of successes."""
+        return success_of(self.episodes)
 
 
 def controller_factory(name: str, known: Model) -> ControllerFactory:

@@ -21,10 +21,9 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import DIFFICULTIES
 from mecanum_env.tankendo.arena import TaskName
 from training.controllers.policy import Policy, load_policy
-from training.evaluate import ControllerFactory, Setup, Share, controller_factory, evaluate_controller, share
+from training.evaluate import Setup, Share, controller_factory, evaluate_controller
 from training.train.environments import level_models
 
-_BASELINE: Final = "retreat"
 _ROBOTS: Final[Mapping[str, str]] = {
     "none": "that robot only",
     "posterior": "robots drawn from the uncertainty of its identification",
@@ -58,21 +57,18 @@ def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, 
     settings += [
         (name, robot, "planar", "normal") for name, robot in level_models(model).items() if name != "nominal"
     ]
-    rows = []
+    rows, retreat = [], controller_factory("retreat", model)
     for name, robot, physics, level in settings:
         count = episodes if physics == "planar" else rollers_episodes
         if count:
             setup = Setup(robot, physics, task, level, known=model)
-            own = _success(lambda *_: Policy(policy.network, policy.about), setup, count)
-            baseline = _success(controller_factory(_BASELINE, model), setup, count)
+            own, baseline = (
+                evaluate_controller(factory, setup, range(count)).success
+                for factory in (lambda *_: Policy(policy.network, policy.about), retreat)
+            )
             rows.append(Row(name, physics, level, own, baseline))
         progress()
     return rows
-
-
-def _success(factory: ControllerFactory, setup: Setup, episodes: int) -> Share:
-    played = evaluate_controller(factory, setup, range(episodes)).episodes
-    return share(sum(episode.success for episode in played), episodes)
 
 
 def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:

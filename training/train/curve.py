@@ -61,8 +61,7 @@ def retreat_success(settings: TrainingSettings) -> float:
     """Return the success of the scripted retreat on the development seeds, with the settings of a run."""
     model = model_of(settings)
     setup = Setup(model, settings.plant, settings.task, settings.difficulty)
-    episodes = evaluate_controller(controller_factory("retreat", model), setup, DEVELOPMENT_SEEDS).episodes
-    return sum(episode.success for episode in episodes) / len(episodes)
+    return evaluate_controller(controller_factory("retreat", model), setup, DEVELOPMENT_SEEDS).success.value
 
 
 def main(folders: tyro.conf.Positional[tuple[Path, ...]], /, out: Path = Path("curve.png")) -> None:

@@ -194,8 +194,8 @@ def bundled(name: str = DEFAULT) -> Path:
 def load_policy(path: Path, rules: Rules | None = None) -> Policy:
     """Return the policy in a file, ready to act.
 
-    The path is that of an `.npz` or a folder that `training.train` wrote, or `bundled()`. By default it plays by
-    the usual rules.
+    The path is that of an `.npz` or a folder that `training.train` wrote, or `bundled()`. The default rules
+    are the usual ones.
 
     Raises:
         InputError: there is no such file, or it holds no policy.

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any, get_args
@@ -15,6 +14,7 @@ from typing import Any, get_args
 import mujoco
 import numpy as np
 import numpy.typing as npt
+from metric import Metric, metric_rows, print_metrics
 from tqdm import tqdm
 
 from mecanum_env.cli import run
@@ -37,31 +37,7 @@ TARGETS = {"planar": 20_000.0, "rollers": 650.0}
 """Environment steps per second of all rows on one thread."""
 CONTROLLERS = ("random", "still", "retreat", "oracle")
 Steps = Callable[[int], None]
-"""Makes a number of environment steps."""
-
-
-@dataclass(frozen=True)
-class Metric:
-    """A measured number and its target: at least `low`, or at most `high`."""
-
-    name: str
-    value: float
-    unit: str = ""
-    low: float | None = None
-    high: float | None = None
-
-    @property
-    def verdict(self) -> str:
-        """The word ok or MISSED; empty without a target."""
-        if not self.target:
-            return ""
-        is_met = self.value >= self.low if self.low is not None else self.value <= (self.high or 0.0)
-        return "ok" if is_met else "MISSED"
-
-    @property
-    def target(self) -> str:
-        """The target in writing; empty without one."""
-        return f">= {self.low:g}" if self.low is not None else f"<= {self.high:g}" if self.high else ""
+"""Function that makes a number of environment steps."""
 
 
 def speed(model: Model, plant: RobotPlant, repeats: int) -> list[Metric]:
@@ -167,10 +143,7 @@ def main(model: Path | None = None, out: Path | None = None, repeats: int = 7, e
     """
     chosen = paper_model() if model is None else read_model(model)
     metrics = [metric for plant in PLANTS for metric in speed(chosen, plant, repeats)]
-    width = max(len(metric.name) for metric in metrics)
-    for metric in metrics:
-        value = f"{metric.value:.4g} {metric.unit}"
-        print(f"{metric.name:{width}}  {value:>20}  {metric.target:>9}  {metric.verdict}")
+    print_metrics(metrics)
     played = [row for plant in PLANTS if episodes for row in scores(chosen, plant, episodes)]
     for row in played:
         print(
@@ -178,8 +151,7 @@ def main(model: Path | None = None, out: Path | None = None, repeats: int = 7, e
             f"{row['success']:.2f}  ({row['low']:.2f} .. {row['high']:.2f}) of {row['episodes']}"
         )
     if out is not None:
-        rows = [{**asdict(metric), "verdict": metric.verdict} for metric in metrics]
-        write_json(out, {"mujoco": mujoco.__version__, "figures": rows, "scores": played})
+        write_json(out, {"mujoco": mujoco.__version__, "figures": metric_rows(metrics), "scores": played})
 
 
 if __name__ == "__main__":

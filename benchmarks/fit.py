@@ -1,7 +1,8 @@
 """Accuracy, reliability and speed of the output-error method on synthetic logs with a known truth.
 
-The paper's law; steps of 10, 40, 80 and 130 rpm with 3 repeats, 2 s at 120 Hz, 1 rpm rounding, 0.5 and 2 rpm
-noise. Success = within 5 % of the best rms of all starts, all starts random.
+The logs are of the paper's law: steps of 10, 40, 80 and 130 rpm with 3 repeats, 2 s at 120 Hz, rounded to 1
+rpm, with noise of 0.5 or 2 rpm. A start succeeds if it ends within 5 % of the best rms of all starts, all
+random.
 
     python benchmarks/fit.py --starts 100 --out out/benchmark_fit.json
 """
@@ -35,22 +36,22 @@ def benchmark(
     Example: python benchmarks/fit.py --starts 100 --realisations 200
 
     Args:
-        starts: random starting points on one set of logs.
-        realisations: noise realisations for errors and bias.
+        starts: number of random starting points on one set of logs.
+        realisations: number of noise realisations for errors and bias.
         seed: seed of the noise and the starts.
-        quick: 20 starts and 20 realisations.
+        quick: use 20 starts and 20 realisations.
         out: JSON file to write.
     """
     if quick:
         starts, realisations = 20, 20
     results = {}
     for noise in NOISES_RPM:
-        results[f"noise_{noise:g}_rpm"] = {
+        results[f"noise_{noise:g}_rpm"] = result = {
             "noise_rpm": noise,
             "starts": random_starts(noise, starts, seed),
             "realisations": many_realisations(noise, realisations, seed),
         }
-        _print(results[f"noise_{noise:g}_rpm"])
+        _print(result)
     if out is not None:
         write_json(out, {"format": "mecanum-benchmark-fit/1", "seed": seed, "results": results})
 
@@ -72,7 +73,7 @@ def random_starts(noise_rpm: float, starts: int, seed: int) -> dict[str, Any]:
 
 
 def many_realisations(noise_rpm: float, realisations: int, seed: int) -> dict[str, Any]:
-    """Fit many noise realisations: error against the Cramer-Rao bound at the truth, bias, residual tests."""
+    """Fit many noise realisations: error over the Cramer-Rao bound at the truth, bias, residual tests."""
     law = paper_model().wheel.law
     rng = np.random.default_rng(seed + 1)
     found: list[Estimate] = []
@@ -131,10 +132,5 @@ def _print(result: dict[str, Any]) -> None:
     )
 
 
-def main() -> None:
-    """Run from the command line."""
-    sys.exit(run(benchmark))
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(run(benchmark))

@@ -1,9 +1,9 @@
-"""Time that a study of the gap takes with one and with two simulations at a time; both must agree.
+"""Time that a study of the gap takes with one and with two simulations at a time; their results must agree.
 
-The bench study is that of `examples/gap_logs`, in which two effects are hidden: all singles and pairs are
-considered, and triples of the best. The robot study is of eight runs of 5 s with different commands, made
-here with roller friction and a turned sensor hidden. The model of both is fitted to `examples/logs`. `replay`
-is one simulation of every run of the same logs in the same process.
+The bench study is of `examples/gap_logs`, in which two effects are hidden: it considers all single effects
+and pairs, and triples of the best. The robot study is of eight runs of 5 s with different commands, made here
+with roller friction and a turned sensor. The model of both is fitted to `examples/logs`. A bare replay
+simulates every run of the logs once, in the same process.
 
     python benchmarks/gap.py --out out/benchmark_gap.json
 """
@@ -57,7 +57,7 @@ def benchmark(levels: tuple[Level, ...] = ("bench", "robot"), seed: int = 0, out
 
     Args:
         levels: studies to time.
-        seed: of the noise and of the studies.
+        seed: seed of the noise and of the studies.
         out: JSON file to write.
     """
     model = fitted_model(fit_dataset(read_dataset(EXAMPLES / "logs")))
@@ -77,10 +77,7 @@ def benchmark(levels: tuple[Level, ...] = ("bench", "robot"), seed: int = 0, out
 def study(dataset: Dataset, model: Model, seed: int) -> dict[str, Any]:
     """Return times and results of one study, done with one job and with two.
 
-    Args:
-        dataset: logs with hidden effects.
-        model: without them.
-        seed: of the study.
+    The model lacks the effects that are in the dataset.
     """
     _, replay_s = seconds_of(lambda: predicted(model, dataset.runs))
     began = time.process_time()
@@ -103,12 +100,7 @@ def study(dataset: Dataset, model: Model, seed: int) -> dict[str, Any]:
 
 
 def robot_logs(model: Model, seed: int) -> Dataset:
-    """Return eight runs of 5 s, without repeats, of a robot with the effects of `HIDDEN`.
-
-    Args:
-        model: of the robot without these effects.
-        seed: of commands and noise.
-    """
+    """Return eight runs of 5 s, without repeats, of the model's robot with the effects of `HIDDEN`."""
     rng = np.random.default_rng(seed)
     truth = model
     for name, values in HIDDEN.items():
@@ -158,10 +150,5 @@ def _print(level: Level, r: dict[str, Any]) -> None:
     print(f"  gap.json of both             {'equal' if r['equal'] else 'DIFFERENT'}, bit for bit")
 
 
-def main() -> None:
-    """Run from the command line."""
-    sys.exit(run(benchmark, prog="python benchmarks/gap.py"))
-
-
 if __name__ == "__main__":
-    main()
+    sys.exit(run(benchmark, prog="python benchmarks/gap.py"))

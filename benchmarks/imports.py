@@ -63,10 +63,10 @@ def main(out: Path | None = None, repeats: int = 9) -> None:
         late = f"  above the target of {TARGET:g}" if name in helps and ratio > TARGET else ""
         print(f"{name:<28}{seconds[name]:8.3f} s{ratio:8.2f}{late}")
     if out is not None:
-        figures = {
-            name: {"seconds": seconds[name], "ratio_to_import_mujoco": ratios[name]} for name in seconds
+        programs = {
+            n: {"seconds": seconds[n], "ratio_to_import_mujoco": ratio} for n, ratio in ratios.items()
         }
-        write_json(out, {"format": "mecanum-benchmark-imports/1", "target": TARGET, "programs": figures})
+        write_json(out, {"format": "mecanum-benchmark-imports/1", "target": TARGET, "programs": programs})
         print(f"written: {out}")
 
 

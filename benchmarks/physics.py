@@ -1,4 +1,4 @@
-"""How well the generated robot moves: ratio to ideal kinematics, bounce, drift, energy, speed.
+"""How well the generated robot moves: ratio to ideal kinematics, bounce, drift, energy; simulation speed.
 
 Example: python benchmarks/physics.py --out out/physics.json
 """
@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
 from pathlib import Path
 from statistics import median
 
 import mujoco
 import numpy as np
+from metric import Metric, metric_rows, print_metrics
 from mujoco.batch import Batch
 from tqdm import tqdm
 
@@ -39,32 +39,6 @@ FORWARD, LEFT, DIAGONAL, TURN, MIXED = (80, 0, 0), (80, 90, 0), (80, 45, 0), (0,
 NAMES = {FORWARD: "forward", LEFT: "left", DIAGONAL: "diagonal", TURN: "turn", MIXED: "60 rpm, 30 deg, VC 30"}
 
 
-@dataclass(frozen=True)
-class Metric:
-    """A measured number and the range it should be in; without bounds it is for information only."""
-
-    name: str
-    value: float
-    unit: str
-    low: float | None = None
-    high: float | None = None
-
-    @property
-    def verdict(self) -> str:
-        """ok, MISSED, or an empty text without a target."""
-        if self.low is None and self.high is None:
-            return ""
-        above = self.low is None or self.value >= self.low
-        return "ok" if above and (self.high is None or self.value <= self.high) else "MISSED"
-
-    @property
-    def target(self) -> str:
-        """The bounds as text."""
-        if self.low is not None and self.high is not None:
-            return f"{self.low:.4g} .. {self.high:.4g}"
-        return f">= {self.low:.4g}" if self.low is not None else f"<= {self.high:.4g}" if self.high else ""
-
-
 def motion(model: Model) -> list[Metric]:
     """Measure ratios to ideal kinematics, bounce, drift, dependence on the time step, and energy."""
     robot = model.robot
@@ -73,10 +47,8 @@ def motion(model: Model) -> list[Metric]:
     metrics = []
     for command, name in NAMES.items():
         drive = steady_drive(rollers, robot, command)
-        middle = drive.expected_ratio
-        metrics.append(
-            Metric(f"{name}: ratio to ideal kinematics", drive.ratio, "", middle * 0.99, middle * 1.01)
-        )
+        bounds = drive.expected_ratio * 0.99, drive.expected_ratio * 1.01
+        metrics.append(Metric(f"{name}: ratio to ideal kinematics", drive.ratio, "", *bounds))
         bound = 50.0 if command == FORWARD else None
         metrics.append(Metric(f"{name}: bounce, rms", drive.bounce_m * 1e6, "um", high=bound))
         metrics.append(Metric(f"{name}: the same, planar", steady_drive(planar, robot, command).ratio, ""))
@@ -88,11 +60,10 @@ def motion(model: Model) -> list[Metric]:
     coarse, fine = (robot_spec(model, step).compile() for step in (TRAINING_TIMESTEP_S, 1 / 960))
     for kind, commands in (("held 0.2 and 0.8 s", paper_like_commands), ("new every 0.1 s", _white)):
         steps, plants = [], []
-        for seed in range(5):
-            drive_through = commands(seed)
-            path = follow(fine, drive_through)
-            steps.append(path_difference(path, follow(coarse, drive_through)))
-            plants.append(path_difference(path, follow(planar, drive_through)))
+        for driven in map(commands, range(5)):
+            path = follow(fine, driven)
+            steps.append(path_difference(path, follow(coarse, driven)))
+            plants.append(path_difference(path, follow(planar, driven)))
         bound = 1.0 if commands is paper_like_commands else None
         name = f"10 s of random commands {kind}"
         metrics.append(
@@ -125,17 +96,17 @@ def endurance(model: Model, minutes: float) -> list[Metric]:
 def speed(model: Model, repeats: int) -> list[Metric]:
     """Measure steps per second, by turns, so that a busy machine slows all runs alike.
 
-    One thread is timed by its processor time, two by the clock. Without visuals, as in training: moving the
-    visible geoms takes half of a planar step.
+    One thread is timed by its processor time, two by the clock. The robot has no visual geoms, as in
+    training:
+    moving them takes half of a planar step.
     """
     rollers = robot_spec(model, visuals=False).compile()
     planar = planar_spec(model, visuals=False).compile()
     floating = robot_spec(model, visuals=False).compile()
     floating.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     floating.opt.gravity[:] = 0.0
-    runs = {
-        name: _stepper(m) for name, m in (("rollers", rollers), ("floating", floating), ("planar", planar))
-    }
+    models = {"rollers": rollers, "floating": floating, "planar": planar}
+    runs = {name: _stepper(mj_model) for name, mj_model in models.items()}
     batches = {threads: _batch_stepper(rollers, threads) for threads in (1, 2)}
     rates: dict[str, list[float]] = {name: [] for name in (*runs, "batch 1", "batch 2")}
     for _ in tqdm(range(repeats), desc="speed", unit="round", disable=None):
@@ -148,12 +119,11 @@ def speed(model: Model, repeats: int) -> list[Metric]:
         return [a / b for a, b in zip(rates[one], rates[other], strict=True)]
 
     scaling = ratios("batch 2", "batch 1")
+    contacts = median(ratios("rollers", "floating"))
     return [
         Metric("rollers, best", max(rates["rollers"]), "steps/s"),
         Metric("planar, best", max(rates["planar"]), "steps/s"),
-        Metric(
-            "rollers over the same without contacts, median", median(ratios("rollers", "floating")), "", 0.40
-        ),
+        Metric("rollers over the same without contacts, median", contacts, low=0.4),
         Metric("planar over rollers, median", median(ratios("planar", "rollers")), ""),
         Metric("Batch of 8 on 2 threads over 1, best", max(scaling), "", 1.7),
         Metric("Batch of 8 on 2 threads over 1, median", median(scaling), ""),
@@ -191,13 +161,9 @@ def main(model: Path | None = None, out: Path | None = None, minutes: float = 1.
     """
     chosen = paper_model() if model is None else read_model(model)
     metrics = [*motion(chosen), *endurance(chosen, minutes), *speed(chosen, repeats)]
-    width = max(len(metric.name) for metric in metrics)
-    for metric in metrics:
-        value = f"{metric.value:.5g} {metric.unit}"
-        print(f"{metric.name:{width}}  {value:>18}  {metric.target:>18}  {metric.verdict}")
+    print_metrics(metrics)
     if out is not None:
-        rows = [{**asdict(metric), "verdict": metric.verdict} for metric in metrics]
-        write_json(out, {"mujoco": mujoco.__version__, "figures": rows})
+        write_json(out, {"mujoco": mujoco.__version__, "figures": metric_rows(metrics)})
 
 
 if __name__ == "__main__":

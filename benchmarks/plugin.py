@@ -85,7 +85,7 @@ def main(out: Path | None = None, blocks: int = 200, steps: int = 1000) -> None:
     }
     print(f"four free wheels, plugin  {free['plugin']:8.3f} us/step")
     print(f"four free wheels, native  {free['native']:8.3f} us/step")
-    print(f"cost of the plugin        {cost:8.3f} us/step (target {TARGET_US:g})")
+    print(f"cost of the plugin        {cost:8.3f} us/step (target: at most {TARGET_US:g})")
     print(f"ratio to native           {metrics['ratio_to_native']:8.3f}")
     print(f"the robot, plugin         {robot['plugin']:8.3f} us/step")
     print(f"the plugin's share of it  {metrics['share_of_a_robot_step']:8.1%}")

@@ -53,11 +53,7 @@ def _compare(model: Model, name: str, time_s: FloatArray, command_rpm: FloatArra
     law = law_of_bench(model, time_s, command_rpm, clock)
     wheel = replay_bench(model, time_s, command_rpm, sample_times_s=time_s[0] + clock, mj_model=mj_model)
     difference = wheel - law
-    return {
-        "name": name,
-        "rms_rpm": rms(difference),
-        "max_rpm": float(np.max(np.abs(difference))),
-    }
+    return {"name": name, "rms_rpm": rms(difference), "max_rpm": float(np.max(np.abs(difference)))}
 
 
 def _print(results: list[dict[str, Any]]) -> None:

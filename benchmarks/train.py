@@ -18,9 +18,8 @@ from mecanum_env.files import write_json
 from training.controllers.policy import Policy, load_policy
 from training.evaluate import ControllerFactory, Setup, controller_factory, evaluate_controller, mean
 from training.train import run as training
-from training.train.checkpoint import has_checkpoint, newest_checkpoint, read_run, read_state
+from training.train.checkpoint import commit, newest_checkpoint, read_run, read_state, versions
 from training.train.environments import model_of
-from training.train.export import commit, versions
 from training.train.run import DEVELOPMENT_SEEDS
 from training.train.settings import Algorithm, TrainingSettings
 
@@ -33,12 +32,13 @@ TARGET = 0.85
 def trained(settings: TrainingSettings, folder: Path) -> list[dict[str, Any]]:
     """Train or resume until the run is over; return its learning curve."""
     if not (folder / "run.json").exists():
-        state = training.train(settings, folder)
+        state = training.train_policy(settings, folder)
     else:
         stored, _ = read_run(folder)
         if stored != settings:
             raise SystemExit(f"{folder}: trained with other settings; give another --out or remove it")
-        state = read_state(newest_checkpoint(folder)) if has_checkpoint(folder) else None
+        newest = newest_checkpoint(folder)
+        state = None if newest is None else read_state(newest)
         if state is None or state.steps_done < settings.steps:
             state = training.resume(folder)
     return [asdict(point) for point in state.curve]
@@ -47,7 +47,7 @@ def trained(settings: TrainingSettings, folder: Path) -> list[dict[str, Any]]:
 def success(settings: TrainingSettings, factory: ControllerFactory, seeds: range) -> float:
     """Return the share of successes in the episodes with these seeds."""
     setup = Setup(model_of(settings), settings.plant, settings.task, settings.difficulty)
-    return float(sum(one.success for one in evaluate_controller(factory, setup, seeds).episodes) / len(seeds))
+    return evaluate_controller(factory, setup, seeds).success.value
 
 
 def main(

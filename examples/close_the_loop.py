@@ -1,7 +1,8 @@
-"""From gap to controller: a policy fails on the real robot, logs say why, and what they say mends it.
+"""From gap to controller: a policy fails on the real robot, logs show why, and compensation repairs it.
 
-Logs of a hidden robot -> fit -> a policy certified on the fit -> the same policy on the robot -> the gap
-named -> the drop predicted -> the policy with the effects compensated -> the robot again.
+Logs of a hidden robot -> fit -> certificate of a policy on the fit -> the same policy on the robot -> the gap
+and its effects -> the predicted drop in success -> the policy with the effects compensated -> the robot
+again.
 
 Example: python examples/close_the_loop.py --out out/loop
 """
@@ -44,24 +45,24 @@ if TYPE_CHECKING:
     from training.evaluate import Share
 
 EXCLUDED: Final = ("sensor_latency",)
-"""No log tells late sensors from late commands. Here the sensors' stamps are known to be the host's clock."""
+"""Late sensors and late commands look the same in a log. Here the sensors' stamps are known to be right."""
 QUICK_ONLY: Final = ("command_latency", "direction_asymmetry", "speed_gain")
-"""Effects that a quick run looks for; a real one looks for all."""
+"""Effects that a quick run considers; a full run considers all others than `EXCLUDED`."""
 NOMINAL, ROBUST = "nominal", "robust"
 """Bundled policies: trained on the robot as it was meant to be, and on robots that differ from it."""
 PLANNER: Final = "mpc"
-"""What else may be made for an improved model without training: it plans on it."""
+"""Another controller that uses an improved model without training: it plans on it."""
 
 
 @dataclass(frozen=True)
 class Scale:
-    """How much is played."""
+    """How much is played, and on which simulated systems."""
 
     episodes: int
     fights: RobotPlant
-    """How robots are simulated in fights, certificates and the robot itself alike."""
+    """Simulated system of all fights, in certificates and of the robot itself."""
     logs: RobotPlant
-    """How the robot itself is simulated while it is logged, and the model in the study of the logs."""
+    """Simulated system of the robot while it is logged, and of the model in the study of the logs."""
     jobs: int
     quick: bool
 
@@ -74,27 +75,26 @@ def close_the_loop(
     jobs: int = 2,
     quick: bool = False,
 ) -> None:
-    """Tell the whole story in one run; write models, pages, pictures and loop.json.
+    """Run all steps from the logs to the repaired controller; write models, pages, pictures and loop.json.
 
     Args:
         out: folder to write.
-        controller: nominal or robust, which are bundled, or as for python -m training.certify.
-        episodes: fights of each controller on each robot.
-        fights: planar plays them without slip, fast; rollers ten times as long. Logs are always of rollers.
-        jobs: simulations at a time; the result is the same with any number.
-        quick: logs without slip too, and a short list of effects, to see that it runs.
+        controller: a bundled policy, nominal or robust, or a controller as for python -m training.certify.
+        episodes: number of fights of each controller on each robot.
+        fights: simulated system of the fights: planar, without slip, or rollers, ten times as slow.
+        jobs: number of parallel processes, which does not change the result.
+        quick: record the logs without slip, too, and consider few effects, to see that everything runs.
     """
     use_backend()  # before anything imports mujoco
     import hidden_robot
 
     from mecanum_env.files import write_json
     from mecanum_env.model import read_model
-    from training.certify.judge import share_text
+    from training.certify.certificate import share_text
     from training.controllers.policy import bundled
 
     began = time.perf_counter()
     scale = Scale(episodes, fights, "planar" if quick else "rollers", jobs, quick)
-
     controller = str(bundled(controller)) if controller in (NOMINAL, ROBUST) else controller
 
     print("1. Logs. One wheel on the bench, then the robot built with it, driven by hand.")
@@ -157,15 +157,11 @@ def close_the_loop(
     pictures = draw(out, report, rows, (first, second))
     write_json(out / "loop.json", summary(asdict(scale), fitted, report, rows, truth))
     print(f"\nLook at {', '.join(str(path) for path in pictures)} and the pages named above.")
-    print(f"All figures: {out / 'loop.json'}. It took {(time.perf_counter() - began) / 60.0:.1f} min.")
+    print(f"All results: {out / 'loop.json'}. It took {(time.perf_counter() - began) / 60.0:.1f} min.")
 
 
 def fit_bench(out: Path) -> Fit:
-    """Fit the bench logs and write the model and the page of the fit.
-
-    Args:
-        out: folder of the story.
-    """
+    """Fit the bench logs in the folder `out`; write the model and the page of the fit."""
     from mecanum_env.files import write_json
     from mecanum_env.model import write_model
     from sysid.fit import fit_dataset, fit_json, fitted_model
@@ -183,24 +179,16 @@ def fit_bench(out: Path) -> Fit:
 
 
 def study(out: Path, model: Model, scale: Scale) -> GapReport:
-    """Study the gap between the robot's logs and a model; write the improved model and the page.
-
-    Args:
-        out: folder of the story.
-        model: the fit.
-        scale: of the story.
-    """
+    """Study the gap between the robot's logs in the folder `out` and a model; write the improved model."""
     from sysid.gap import analyse
     from sysid.gap.report.output import write_study
     from sysid.gap.result import GapOptions
     from sysid.logs import read_dataset
     from sysid.progress import stage_bar
 
-    only = QUICK_ONLY if scale.quick else ()
-    exclude = () if scale.quick else EXCLUDED
     options = GapOptions(
-        only=only,
-        exclude=exclude,
+        only=QUICK_ONLY if scale.quick else (),
+        exclude=() if scale.quick else EXCLUDED,
         max_effects=2 if scale.quick else 3,
         jobs=scale.jobs,
         plant=scale.logs,
@@ -214,14 +202,7 @@ def study(out: Path, model: Model, scale: Scale) -> GapReport:
 
 
 def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Certificate:
-    """Certify a controller that knows a model on that model; write the certificate and its page.
-
-    Args:
-        controller: name or path.
-        model: that it knows and is played on.
-        scale: of the story.
-        folder: to write.
-    """
+    """Certify a controller on the model that it knows; write the certificate and its page to a folder."""
     from training.certify.certificate import write_certificate
     from training.certify.report import write_certificate_page
     from training.certify.run import CertifyOptions, certify_controller, episodes_of
@@ -239,11 +220,7 @@ def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Cert
 def on_models(controller: str, improved: Model, known: Model, scale: Scale) -> dict[str, Share]:
     """Return a controller's success on the improved model, and on the fit with each of its effects alone.
 
-    Args:
-        controller: name or path.
-        improved: model with effects.
-        known: what the controller was made for.
-        scale: of the story; the fights are those of the certificate.
+    The controller was made for the `known` model; the fights are those of the certificate.
     """
     from training.certify.plants import robot_variants, select_variants
     from training.evaluate import Job, Setup
@@ -251,18 +228,13 @@ def on_models(controller: str, improved: Model, known: Model, scale: Scale) -> d
     jobs = {}
     for plant in select_variants(robot_variants(improved, scale.fights), ("nominal", "effects")):
         name = IMPROVED if plant.name == "nominal" else plant.name
-        if name != "bare":  # that is the fit, which its certificate was made on
+        if name != "bare":  # That is the fit, on which it has been certified.
             jobs[name] = Job(name, controller, Setup(plant.model, plant.physics, known=known), scale.episodes)
     return played(jobs, scale)
 
 
 def on_the_robot(controllers: Mapping[str, Model], scale: Scale) -> tuple[Share, ...]:
-    """Return the success of controllers on the hidden robot.
-
-    Args:
-        controllers: name or path -> the model that it was made for.
-        scale: of the story.
-    """
+    """Return the success of controllers, each with the model that it was made for, on the hidden robot."""
     from hidden_robot import fights
 
     jobs = {n: fights(n, known, scale.episodes, scale.fights) for n, known in controllers.items()}
@@ -270,27 +242,17 @@ def on_the_robot(controllers: Mapping[str, Model], scale: Scale) -> tuple[Share,
 
 
 def played(jobs: Mapping[str, Any], scale: Scale) -> dict[str, Share]:
-    """Return the success of each job.
-
-    Args:
-        jobs: name -> `training.evaluate.Job`.
-        scale: of the story.
-    """
-    from training.certify.run import success_of
+    """Return the success in each of the jobs, which are `training.evaluate.Job`, under its name."""
     from training.evaluate import play_jobs
 
     with bar(sum(job.episodes for job in jobs.values())) as progress:
         found = play_jobs(jobs, scale.jobs, progress)
-    return {name: success_of(found[name].episodes) for name in jobs}
+    return {name: found[name].success for name in jobs}
 
 
 @contextmanager
 def bar(episodes: int) -> Iterator[Callable[[str, int], None]]:
-    """Show a bar on a terminal; yield what moves it on.
-
-    Args:
-        episodes: in all.
-    """
+    """Show a progress bar over a number of episodes; yield the function that advances it."""
     from tqdm import tqdm
 
     with tqdm(total=episodes, unit="episode", disable=None, leave=False) as shown:

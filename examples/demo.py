@@ -1,4 +1,4 @@
-"""The main job, end to end: logs -> fit -> gap found and closed -> the robot drives in MuJoCo -> video.
+"""The main workflow, end to end: logs -> fit -> gap found and closed -> the robot drives in MuJoCo -> video.
 
 Example: python examples/demo.py --out out
 """
@@ -39,28 +39,31 @@ def demo(out: Path = Path("out")) -> None:
     print("\n4. python -m mecanum_env.render", model, "--commands tour --out", out / "rollout.mp4")
     render(str(model), commands="tour", out=out / "rollout.mp4", still=out / "robot.png")
 
-    figures = json.loads((out / "fit.json").read_text(encoding="utf-8"))
-    best = figures["methods"][figures["method"]]
+    fitted = json.loads((out / "fit.json").read_text(encoding="utf-8"))
+    best = fitted["methods"][fitted["method"]]
     runs = sum(best["runs"].values())
-    sigma = figures["noise"]["sigma_rpm"]["speed_rpm"]
+    sigma = fitted["noise"]["sigma_rpm"]["speed_rpm"]
     rms, rise, settling = best["rms_rpm"]["test"], best["rise_time_s"], best["settling_time_s"]
     study = json.loads((out / "gap" / "gap.json").read_text(encoding="utf-8"))
     print(f"""
-The wheel was identified from {runs} bench runs of a motor that no third-order law describes exactly:
-{rms:.2f} rpm rms on runs it never saw, where repeats differ by {sigma:.2f} rpm; it rises in {rise:.3f} s
-and settles in {settling:.3f} s, and is stable by construction.
+The wheel law was identified from {runs} bench runs of a motor that no third-order law describes exactly.
+Its error is {rms:.2f} rpm rms on runs that were not fitted, where repeats differ by {sigma:.2f} rpm. It rises
+in {rise:.3f} s, settles in {settling:.3f} s, and is stable by construction.
 
 Then something was changed in the drive. From logs made after that, the study concludes:
 {fill(study["sentence"], 100)}
-The robot in the video has it too.
+The robot in the video has these effects, too.
 
 Look at""")
     for path, what in (
-        (out / "report.html", "how well the wheel was fitted, how sure, and what is left over"),
+        (
+            out / "report.html",
+            "the fit of the wheel, the uncertainty of its parameters, and the residuals",
+        ),
         (out / "fit.png", "the same as one picture"),
         (out / "gap" / "report.html", "where model and later logs differ, what is missing, before and after"),
         (out / "rollout.mp4", "the robot on its rollers, driven by the wheels as they are now"),
-        (model, "the model with what was missing: everything else reads it"),
+        (model, "the model with the missing effects: all other programs read it"),
     ):
         print(f"  {path!s:<21}  {what}")
 

@@ -1,8 +1,9 @@
-"""Draw a study of the gap: the worst runs before and after, and where the difference was.
+"""Draw a study of the gap: the worst runs before and after, and the error by region.
 
     python examples/draw_gap.py out/model.json --out docs/images
 
-The pictures of docs/gap.md, of the study `python -m sysid.gap examples/gap_logs --model out/model.json`.
+These are the pictures of docs/gap.md. They show the study
+`python -m sysid.gap examples/gap_logs --model out/model.json`.
 """
 
 from __future__ import annotations
@@ -48,12 +49,7 @@ def draw(model: tyro.conf.Positional[Path], /, logs: Path = LOGS, out: Path = Pa
 
 
 def runs_figure(report: GapReport, count: int = 2) -> Any:
-    """Return the figure of the worst run of each of `count` command sequences, and its error below.
-
-    Args:
-        report: results of the study.
-        count: number of command sequences.
-    """
+    """Return the figure of the worst run of each of `count` command sequences, and its error below."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(10.0, 4.8), layout="constrained")
@@ -78,11 +74,7 @@ def runs_figure(report: GapReport, count: int = 2) -> Any:
 
 
 def where_figure(report: GapReport) -> Any:
-    """Return the figure of the worst channel's rms error by region, before and after.
-
-    Args:
-        report: results of the study.
-    """
+    """Return the figure of the worst channel's rms error by region, before and after."""
     from matplotlib.figure import Figure
 
     channel = worst_channel(report)

@@ -1,8 +1,8 @@
-"""The robot of `examples/close_the_loop.py`: it makes logs and fights; what it is stays in here.
+"""The robot of `examples/close_the_loop.py`: it makes logs and fights; its parameters stay in this file.
 
-Its wheel was identified on the bench, with the bench's own driver. Then the robot was built, and two things
-became different that nobody wrote down (`_HIDDEN`). The host logs what it sends, the encoders and what a
-motion capture sees. Other files get CSV files and the outcomes of fights, nothing else.
+Its wheel is logged on the bench, with the bench's own motor driver. Then the robot is built, and two effects
+appear that nobody wrote down (`_HIDDEN`). The host logs its commands, the encoders and the pose and velocity
+from motion capture. Other files get CSV files and the outcomes of fights, nothing else.
 """
 
 from __future__ import annotations
@@ -26,24 +26,24 @@ _BUILT: Final = paper_model()
 _HIDDEN: Final = _BUILT.with_effect("command_latency", delay_s=0.1).with_effect(
     "direction_asymmetry", reverse_ratio=0.8
 )
-"""The radio holds every command back by a command period, and the motor drivers give less in reverse."""
+"""The radio delays every command by a command period, and the motor drivers are weaker in reverse."""
 _NOISE: Final = {"speed": 0.5, "v": 0.005, "yaw_rate": 0.01, "x": 0.002, "y": 0.002, "yaw": 0.002}
-"""Standard deviations, in the channels' units, by how their names begin; the longest beginning counts."""
+"""Prefix of channel names -> standard deviation of noise in the channel's unit; the longest prefix counts."""
 SEED: Final = 5050
 REPEATS: Final = 2
 COMMAND_S, SAMPLE_S = 0.1, 0.01
 SPLITS: Final[tuple[Split, ...]] = ("fit", "validation", "fit", "test", "fit", "fit", "validation", "test")
-"""Of the command sequences, in turn."""
+"""Splits of the command sequences, in their order."""
 FIRST_SEED: Final = 20_000
-"""Of its fights: no certificate and no training has these."""
+"""First seed of its fights: no certificate and no training uses these seeds."""
 
 
 @dataclass(frozen=True)
 class Fights(Job):
-    """Fights of a controller on the hidden robot; `setup` says what it knows, not what it drives."""
+    """Fights of a controller on the hidden robot; the model in `setup` is what the controller knows."""
 
     def play(self) -> Evaluation:
-        """Play them."""
+        """Play the fights."""
         known = self.setup.model
         setup = replace(self.setup, model=_HIDDEN, known=known)
         seeds = range(FIRST_SEED, FIRST_SEED + self.episodes)
@@ -54,10 +54,10 @@ def fights(controller: str, known: Model, episodes: int, plant: RobotPlant) -> F
     """Return fights on the hidden robot, ready to be played.
 
     Args:
-        controller: as for `training.controllers.named.make_controller`.
+        controller: name or path; see `training.controllers.named.make_controller`.
         known: the robot as the controller knows it.
-        episodes: how many.
-        plant: how the hidden robot is simulated.
+        episodes: number of fights.
+        plant: simulated system of the hidden robot.
     """
     return Fights("the robot itself", controller, Setup(known, plant), episodes)
 
@@ -78,11 +78,9 @@ def write_bench_logs(folder: Path) -> None:
 
 
 def write_robot_logs(folder: Path, plant: RobotPlant) -> None:
-    """Write logs of the robot: along, across, diagonal, turning and mixed, eight sequences of 3 s.
+    """Write logs of the robot, simulated on a plant, to a folder: eight sequences of 3 s.
 
-    Args:
-        folder: to write.
-        plant: how it is simulated.
+    It drives ahead, sideways and diagonally, turns, and does several at a time.
     """
     rng = np.random.default_rng([SEED, 2])
     plans = [
@@ -92,7 +90,7 @@ def write_robot_logs(folder: Path, plant: RobotPlant) -> None:
         [(60, 30, 0), (80, -150, 20), (35, 90, -30), (70, 180, 0), (20, 0, 40)],
         [(0, 0, 20), (0, 0, 50), (0, 0, -35), (0, 0, -60)],
     ]
-    plans += [[_any(rng) for _ in range(count)] for count in (5, 6, 7)]
+    plans += [[_random_level(rng) for _ in range(count)] for count in (5, 6, 7)]
     robot = compile_plant(_HIDDEN, plant)
     runs = []
     for number, plan in enumerate(plans):
@@ -107,7 +105,7 @@ def write_robot_logs(folder: Path, plant: RobotPlant) -> None:
 
 
 def reveal() -> dict[str, dict[str, float]]:
-    """Return what was hidden, for the last line of the story."""
+    """Return the hidden effects with their parameters, for the last line that is printed."""
     return {name: dict(values) for name, values in _HIDDEN.effects.items()}
 
 
@@ -118,7 +116,7 @@ def _repeats(
     true: dict[str, FloatArray],
     rng: np.random.Generator,
 ) -> list[Run]:
-    """Return the repeats of a command sequence, as logged."""
+    """Return the repeats of a command sequence: the true channels with noise, rounded to five digits."""
     name = f"run_{number:02d}"
     runs = []
     for repeat in range(1, REPEATS + 1):
@@ -139,17 +137,17 @@ def _clock(commands: int) -> FloatArray:
 
 
 def _row_of(time_s: FloatArray, commands: int) -> npt.NDArray[np.intp]:
-    """Return which command is held at each time."""
+    """Return the index of the command that is held at each time."""
     return np.minimum(np.floor(time_s / COMMAND_S + 1e-6).astype(int), commands - 1)
 
 
 def _held(levels: Sequence[object] | npt.NDArray[np.int_], commands: int) -> FloatArray:
-    """Return 0.1 s of rest, and each level held for so many commands; the last one holds until 3 s."""
+    """Return one command per 0.1 s: rest, then each level for a number of commands, the last until 3 s."""
     rows = np.repeat(np.array(levels, float), commands, axis=0)
     rest = np.zeros((1, *rows.shape[1:]))
     left = 30 - 1 - len(rows)
     return np.concatenate([rest, rows, np.repeat(rows[-1:], left, axis=0)])
 
 
-def _any(rng: np.random.Generator) -> tuple[int, int, int]:
+def _random_level(rng: np.random.Generator) -> tuple[int, int, int]:
     return int(rng.integers(15, 75)), int(rng.integers(-12, 13)) * 15, int(rng.integers(-35, 36))

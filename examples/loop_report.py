@@ -1,4 +1,4 @@
-"""Words, figures and pictures of `examples/close_the_loop.py`."""
+"""What `examples/close_the_loop.py` prints, draws and writes."""
 
 from __future__ import annotations
 
@@ -21,30 +21,26 @@ FIT, IMPROVED, ITSELF = "fit", "improved model", "the robot itself"
 
 @dataclass(frozen=True)
 class Row:
-    """Fights of one controller on one robot."""
+    """Success of one controller on one robot."""
 
     controller: str
     knows: str
-    """Which model the controller was made for."""
+    """Model that the controller was made for."""
     robot: str
-    """On which it was played."""
+    """Robot or model on which it was played."""
     success: Share
 
 
 def label(controller: str) -> str:
-    """Return a short name of a controller: of a policy's path, its file's name."""
+    """Return a short name of a controller: the file's name, if it is the path of a policy."""
     return Path(controller).name.replace(".npz", "")
 
 
 def difference(before: Share, after: Share) -> tuple[float, float, float]:
-    """Return after - before, and the 95 % interval of that difference of two probabilities.
+    """Return after - before, shares of different episodes, and the 95 % interval of that difference.
 
-    R. G. Newcombe, "Interval estimation for the difference between independent proportions", 1998, method 10:
-    made of Wilson's two intervals.
-
-    Args:
-        before: one share.
-        after: another, of other episodes.
+    It is made of Wilson's two intervals: R. G. Newcombe, "Interval estimation for the difference between
+    independent proportions: comparison of eleven methods", Statistics in Medicine 17, 1998, method 10.
     """
     change = after.value - before.value
     low = math.hypot(after.value - after.low, before.high - before.value)
@@ -59,13 +55,13 @@ def difference_text(before: Share, after: Share) -> str:
 
 
 def holds(predicted: Share, measured: Share) -> bool:
-    """Return whether a prediction and what was measured differ by no more than chance."""
+    """Return whether the interval of the difference between predicted and measured success contains 0."""
     _, low, high = difference(predicted, measured)
     return low <= 0.0 <= high
 
 
 def holds_text(predicted: Share, measured: Share) -> str:
-    """Return whether a prediction holds for what was measured, in words."""
+    """Return in words whether a predicted success agrees with the measured one."""
     place = "within" if predicted.low <= measured.value <= predicted.high else "outside"
     verdict = "holds" if holds(predicted, measured) else "does not hold"
     return (
@@ -75,18 +71,18 @@ def holds_text(predicted: Share, measured: Share) -> str:
 
 
 def fit_text(fitted: Fit) -> str:
-    """Return how well the bench logs were fitted, in words."""
-    figures = fitted.methods[fitted.options.methods[0]]
+    """Return in words how well the bench logs were fitted."""
+    best = fitted.methods[fitted.options.methods[0]]
     sigma = max(fitted.sigma_rpm.values())
     return (
-        f"{figures.errors['test'].rms_rpm:.2f} rpm rms on runs it never saw, where repeats differ by "
-        f"{sigma:.2f} rpm; rise {figures.metrics.rise_time_s:.3f} s"
+        f"{best.errors['test'].rms_rpm:.2f} rpm rms on runs it never saw, where repeats differ by "
+        f"{sigma:.2f} rpm; rise {best.metrics.rise_time_s:.3f} s"
     )
 
 
 def warning_line(certificate: Certificate) -> str:
     """Return the warning that a certified controller needs, and whether it passed."""
-    from training.certify.judge import warning_text
+    from training.certify.certificate import warning_text
     from training.certify.report import verdict
 
     said = verdict(certificate).replace(certificate.controller, label(certificate.controller))
@@ -94,7 +90,7 @@ def warning_line(certificate: Certificate) -> str:
 
 
 def gap_lines(report: GapReport) -> str:
-    """Return what a study found: verdict, sizes, twins."""
+    """Return what a study found: its verdict, the sizes of the effects, and equally good sets of effects."""
     from sysid.gap.wording import interval_text, set_name, unit_of, verdict_sentence
 
     lines = [f"{report.verdict}: {verdict_sentence(report)}"]
@@ -109,7 +105,7 @@ def gap_lines(report: GapReport) -> str:
 
 
 def truth_text(truth: Mapping[str, Mapping[str, float]]) -> str:
-    """Return effects with their sizes in words."""
+    """Return the effects and their sizes in words."""
     from sysid.gap.wording import sizes
 
     return "; ".join(f"{name} {sizes(name, values)}" for name, values in truth.items())
@@ -118,11 +114,11 @@ def truth_text(truth: Mapping[str, Mapping[str, float]]) -> str:
 def draw(
     out: Path, report: GapReport, rows: Sequence[Row], certificates: Sequence[Certificate]
 ) -> tuple[Path, ...]:
-    """Draw the logs before and after, every success, and success against warning; return the paths.
+    """Draw the logs before and after, every row's success, and success against warning; return the paths.
 
     Args:
         out: folder to write.
-        report: of the study.
+        report: the study of the gap.
         rows: in the order of the story.
         certificates: of the policy on the fit, and compensated on the improved model.
     """
@@ -144,11 +140,7 @@ def draw(
 
 
 def success_figure(rows: Sequence[Row]) -> Any:
-    """Return the figure of every row's success with its interval.
-
-    Args:
-        rows: from top to bottom.
-    """
+    """Return the figure of the rows' success with its interval, from top to bottom."""
     from matplotlib.figure import Figure
     from matplotlib.lines import Line2D
 
@@ -175,11 +167,7 @@ def success_figure(rows: Sequence[Row]) -> Any:
 
 
 def warning_figure(certificates: Sequence[Certificate]) -> Any:
-    """Return the figure of success against warning time.
-
-    Args:
-        certificates: of the policy on the fit, and compensated on the improved model.
-    """
+    """Return the figure of success against warning time in certificates on the fit and improved model."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(7.0, 3.6), layout="constrained")
@@ -187,13 +175,8 @@ def warning_figure(certificates: Sequence[Certificate]) -> Any:
     for certificate, colour, on in zip(certificates, (BLUE, GREEN), (FIT, IMPROVED), strict=True):
         curve = certificate.warning
         ax.fill_between(curve.warning_s, curve.low, curve.high, color=colour, alpha=0.18, lw=0.0)
-        ax.plot(
-            curve.warning_s,
-            curve.success,
-            color=colour,
-            lw=2.0,
-            label=f"{label(certificate.controller)} on {on}",
-        )
+        name = f"{label(certificate.controller)} on {on}"
+        ax.plot(curve.warning_s, curve.success, color=colour, lw=2.0, label=name)
     ax.axhline(certificates[0].warning.target, color="#888888", ls=":", lw=1.0)
     ax.set_ylim(0.0, 1.02)
     ax.set_xlabel("warning: from the first visible motion of the strike to its hit [s]")
@@ -209,18 +192,18 @@ def summary(
     rows: Sequence[Row],
     truth: Mapping[str, Mapping[str, float]],
 ) -> dict[str, Any]:
-    """Return all figures of the story as JSON.
+    """Return all results of the story as a JSON object.
 
     Args:
         scale: how much was played.
-        fitted: to the bench logs.
-        report: of the gap.
-        rows: every controller on every robot.
-        truth: what had been hidden.
+        fitted: the fit to the bench logs.
+        report: the study of the gap.
+        rows: the success of every controller on every robot.
+        truth: the hidden effects.
     """
     import mecanum_env
 
-    figures = fitted.methods[fitted.options.methods[0]]
+    best = fitted.methods[fitted.options.methods[0]]
     of = {(row.controller, row.robot): row.success for row in rows}
     first = rows[0].controller
     better = next(row.controller for row in rows if row.knows == IMPROVED)
@@ -233,7 +216,7 @@ def summary(
     return {
         "version": mecanum_env.__version__,
         "scale": scale,
-        "fit": {"test_rms_rpm": figures.errors["test"].rms_rpm, "rise_time_s": figures.metrics.rise_time_s},
+        "fit": {"test_rms_rpm": best.errors["test"].rms_rpm, "rise_time_s": best.metrics.rise_time_s},
         "gap": {
             "verdict": report.verdict,
             "effects": [asdict(found) for found in report.effects],

@@ -2,9 +2,9 @@
 
     python examples/make_example_logs.py
 
-Steps of 10, 40, 80 and 130 rpm to fit; 20 and 100 rpm and a random-hold sequence to validate; 60 rpm and
-another sequence to test; three repeats each. Logged at 100 Hz with 0.5 rpm noise, 0.2 s at rest before each
-step.
+Runs to fit are steps of 10, 40, 80 and 130 rpm; runs to validate are steps of 20 and 100 rpm and a
+random-hold sequence; runs to test are steps of 60 rpm and another sequence. Each is repeated three times,
+begins with 0.2 s of rest, and is logged at 100 Hz with 0.5 rpm noise.
 """
 
 from __future__ import annotations

@@ -5,11 +5,12 @@
 The motor, the gear and the PID are those of `examples/logs` (`sysid.studies.target_system`). Before a command
 reaches the PID, two things now happen to it, as in many motor drivers:
 
-- commands nearer to zero than `DEAD_BAND_RPM` are taken for a stick that is not quite in its middle: rest;
-- the rest is followed along a ramp, no faster than `RAMP_RPM_S`, to spare the gear.
+- a command nearer to zero than `DEAD_BAND_RPM` is treated as zero, as for a joystick near its centre;
+- the result is limited in its rate of change to `RAMP_RPM_S`, to protect the gear.
 
-The host logs what it sent and knows of neither. Eight command sequences of 2 to 4 s (steps, reversals, slow
-ones, random ones), three repeats each, logged at 100 Hz with 0.5 rpm noise; the same bytes at every run.
+The host logs the commands that it sent and knows of neither. There are eight command sequences of 2 to 4 s
+(steps, reversals, slow and random ones), each repeated three times and logged at 100 Hz with 0.5 rpm noise.
+Every run of this program writes the same bytes.
 """
 
 from __future__ import annotations
@@ -26,23 +27,22 @@ from sysid.logs.writer import write_dataset
 from sysid.studies.target_system import TargetSystem, simulate_target
 
 DEAD_BAND_RPM = 12.5
-"""Hidden: smaller commands do nothing. Between two whole numbers, since commands are whole rpm."""
+"""Hidden dead band [rpm]; between two whole numbers, since commands are whole rpm."""
 RAMP_RPM_S = 900.0
-"""Hidden: the command that the PID sees changes no faster."""
+"""Hidden largest rate of change of the command that reaches the PID [rpm/s]."""
 SEED = 4040
 REPEATS = 3
 FOLDER = Path(__file__).parent / "gap_logs"
 TICK_S = 0.001
-"""The ramp is followed at the PID's own rate."""
+"""Period of the PID, which is also that of the ramp [s]."""
 COMMAND_S = 0.1
-"""The host sends one command in this time."""
+"""Period of the host's commands [s]."""
 
 
 def commands(rng: np.random.Generator) -> list[tuple[str, Split, FloatArray]]:
     """Return name, split and commands [rpm] of each sequence, one command per `COMMAND_S`.
 
-    Args:
-        rng: of the random sequences.
+    The random sequences are drawn with `rng`.
     """
     return [
         ("steps", "fit", held([20, 60, 100, 130], 6)),
@@ -57,12 +57,12 @@ def commands(rng: np.random.Generator) -> list[tuple[str, Split, FloatArray]]:
 
 
 def held(levels_rpm: Sequence[int] | npt.NDArray[np.int_], periods: int) -> FloatArray:
-    """Return 0.2 s of rest, each level held for so many command periods, and 0.3 s of rest."""
+    """Return 0.2 s of rest, each level held for a number of command periods, and 0.3 s of rest."""
     return np.concatenate([np.zeros(2), np.repeat(np.asarray(levels_rpm, float), periods), np.zeros(3)])
 
 
 def changed(sent_rpm: FloatArray) -> FloatArray:
-    """Return what the PID sees of commands sent, both one value per tick."""
+    """Return the commands that reach the PID for the commands sent, both one value per tick."""
     wanted = np.where(np.abs(sent_rpm) < DEAD_BAND_RPM, 0.0, sent_rpm)
     step = RAMP_RPM_S * TICK_S
     seen = np.empty(wanted.size)

@@ -4,8 +4,7 @@ plants       the variants of the robot that it is played on
 run          what is played, and the certificate of the results
 warning      success against warning time
 thresholds   what a controller must reach
-judge        metrics against thresholds
-certificate  the content of a certificate, and its JSON file
+certificate  the content of a certificate, its checks, and its JSON file
 report       a certificate as text and as an HTML page
 """
 

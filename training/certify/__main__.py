@@ -87,8 +87,7 @@ def main(
     if write_certificate_page(certificate, page):
         written.append(page)
         hint = ""
-    print(certificate_table(certificate))
-    print(f"\nwrote {', '.join(map(str, written))}{hint}")
+    print(f"{certificate_table(certificate)}\n\nwrote {', '.join(map(str, written))}{hint}")
     return 0 if certificate.passed else 1
 
 

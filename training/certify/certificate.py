@@ -1,4 +1,4 @@
-"""What a certificate holds, and its JSON file."""
+"""What a certificate holds, the checks of its metrics against the thresholds, and its JSON file."""
 
 from __future__ import annotations
 
@@ -123,6 +123,75 @@ class Certificate:
         return all(check.passed for check in self.all_checks)
 
 
+def checks(
+    nominal: VariantResult,
+    worst: VariantResult,
+    warning: WarningCurve,
+    track: TrackingResult,
+    thresholds: Thresholds,
+) -> tuple[Check, ...]:
+    """Return all checks except that of the time per command, from the results on these plants and tasks."""
+    t = thresholds
+    worst_text = f"{share_text(worst.success)} on {worst.name}"
+    needed = warning.high_s if warning.needed_s is not None else None
+    asked = f"warning for {warning.target:.0%} success"
+    return (
+        _at_least("nominal success", share_text(nominal.success), nominal.success.low, t.success),
+        _at_least("worst-plant success", worst_text, worst.success.low, t.worst_success),
+        _at_most(asked, warning_text(warning), needed, t.warning_s, "s"),
+        _mean_at_most("tracking error", track.distance_error_m, t.tracking_m, "m"),
+        _mean_at_most("settling", nominal.settling_s, t.settling_s, "s"),
+        _mean_at_most("overshoot", nominal.overshoot, t.overshoot),
+        _mean_at_most("commands that saturate a wheel", nominal.saturated_share, t.saturated_share),
+    )
+
+
+def timing_check(timing: Timing, thresholds: Thresholds) -> Check:
+    """Return the check of the time per command."""
+    text = f"p50 {milliseconds(timing.p50_s)}, p99 {milliseconds(timing.p99_s)}"
+    return _at_most("time for a command, p99", text, timing.p99_s, thresholds.command_s, "s")
+
+
+def share_text(found: Share) -> str:
+    """Return a share with its interval, such as "0.58 (0.51 .. 0.65)"."""
+    return f"{found.value:.2f} ({found.low:.2f} .. {found.high:.2f})"
+
+
+def warning_text(curve: WarningCurve) -> str:
+    """Return the warning needed by a curve, with its interval."""
+    longest = f"more than {curve.range_s[1]:g}"
+    if curve.needed_s is None:
+        best = max(range(len(curve.success)), key=lambda i: curve.success[i])
+        return f"not reached; at best {curve.success[best]:.2f} at {curve.warning_s[best]:.2f} s"
+    low, high = (longest if end is None else f"{end:.2f}" for end in (curve.low_s, curve.high_s))
+    text = f"{curve.needed_s:.2f} s ({low} .. {high})"
+    return text if curve.holds_to_s is None else f"{text}, up to {curve.holds_to_s:.2f} s"
+
+
+def milliseconds(seconds: float) -> str:
+    """Return a time in ms as text."""
+    return f"{1e3 * seconds:.3g} ms"
+
+
+def mean_text(found: Mean | None, unit: str = "") -> str:
+    """Return a mean with its interval in a unit; "never" for None."""
+    if found is None:
+        return "never"
+    return f"{found.value:.2f}{' ' * bool(unit)}{unit} ({found.low:.2f} .. {found.high:.2f})"
+
+
+def _at_least(name: str, text: str, value: float | None, limit: float) -> Check:
+    return Check(name, text, value, "at least", limit, "", value is not None and value >= limit)
+
+
+def _at_most(name: str, text: str, value: float | None, limit: float, unit: str = "") -> Check:
+    return Check(name, text, value, "at most", limit, unit, value is not None and value <= limit)
+
+
+def _mean_at_most(name: str, found: Mean | None, limit: float, unit: str = "") -> Check:
+    return _at_most(name, mean_text(found, unit), None if found is None else found.high, limit, unit)
+
+
 def certificate_to_dict(certificate: Certificate) -> dict[str, Any]:
     """Return a certificate as a JSON object.
 
@@ -130,18 +199,6 @@ def certificate_to_dict(certificate: Certificate) -> dict[str, Any]:
     """
     head = {"format": FORMAT, "passed": certificate.passed, "worst_plant": certificate.worst.name}
     return head | asdict(certificate)
-
-
-def certificate_from_dict(value: Mapping[str, Any]) -> Certificate:
-    """Return the certificate in a JSON object, a value that `certificate_to_dict` returned.
-
-    Raises:
-        InputError: the format is another one, or a field is missing or of another type.
-    """
-    if value.get("format") != FORMAT:
-        raise InputError(f'"format" is {value.get("format")!r}, must be "{FORMAT}"')
-    found: Certificate = _read(Certificate, value, "certificate")
-    return found
 
 
 def write_certificate(certificate: Certificate, path: str | os.PathLike[str]) -> None:
@@ -164,8 +221,11 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
         ) from error
     except ValueError as error:
         raise InputError(f"{path}: not valid JSON ({error})") from error
+    found = value.get("format") if isinstance(value, dict) else None
+    if found != FORMAT:
+        raise InputError(f'{path}: "format" is {found!r}, must be "{FORMAT}"')
     try:
-        return certificate_from_dict(value if isinstance(value, dict) else {})
+        return typing.cast(Certificate, _read(Certificate, value, "certificate"))
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
 
@@ -183,19 +243,13 @@ def _read(kind: Any, value: Any, where: str) -> Any:
         missing = [one.name for one in fields(kind) if one.name not in value]
         if missing:
             raise InputError(f"{where}: lacks {', '.join(missing)}")
-        return kind(
-            **{
-                one.name: _read(hints[one.name], value[one.name], f"{where}.{one.name}")
-                for one in fields(kind)
-            }
-        )
+        return kind(**{n: _read(hints[n], value[n], f"{where}.{n}") for n in (f.name for f in fields(kind))})
     if origin is tuple:
         if not isinstance(value, list):
             raise InputError(f"{where}: must be a list, not {value!r}")
         kinds = arguments[:1] * len(value) if arguments[-1] is Ellipsis else arguments
-        return tuple(
-            _read(one, item, f"{where}[{i}]") for i, (one, item) in enumerate(zip(kinds, value, strict=True))
-        )
+        pairs = enumerate(zip(kinds, value, strict=True))
+        return tuple(_read(one, item, f"{where}[{i}]") for i, (one, item) in pairs)
     if origin is not None and isinstance(value, dict):
         return {key: _read(arguments[1], item, f"{where}.{key}") for key, item in value.items()}
     if kind is float and (isinstance(value, bool) or not isinstance(value, int | float)):

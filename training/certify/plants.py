@@ -66,10 +66,14 @@ def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotV
     Variants run on the given physics, except on rollers if the planar plant refuses one of their effects.
     """
     late = model.effects.get("command_latency", {}).get("delay_s", 0.0) + EXTRA_LATENCY_S
-    found = [
-        RobotVariant("nominal", "nominal", "the model with all its effects", model),
-        *_own_effects(model),
-    ]
+    found = [RobotVariant("nominal", "nominal", "the model with all its effects", model)]
+    bare = replace(model, effects={})
+    if model.effects:
+        found.append(RobotVariant("bare", "effects", "the model without its effects", bare))
+    if len(model.effects) > 1:
+        for name, values in model.effects.items():
+            summary = f"of the model's effects {name} alone"
+            found.append(RobotVariant(f"only-{name}", "effects", summary, bare.with_effect(name, **values)))
     if knows_uncertainty(model):
         drawn = "for each episode a robot drawn from the model's uncertainty"
         found.append(RobotVariant("posterior", "posterior", drawn, model, randomize="posterior"))
@@ -88,18 +92,19 @@ def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotV
             size = ", ".join(f"{key} {value:g}" for key, value in values.items())
             changed = model.with_effect(name, **values)
             found.append(RobotVariant(f"with-{name}", "what-if", f"the model with {name}: {size}", changed))
-    return tuple(replace(variant, physics=_physics(variant.model, physics)) for variant in found)
+    return tuple(
+        replace(one, physics="rollers")
+        if any(physics in CATALOGUE[name].refused_by for name in one.model.effects)
+        else replace(one, physics=physics)
+        for one in found
+    )
 
 
 def select_variants(found: Sequence[RobotVariant], wanted: Sequence[str]) -> tuple[RobotVariant, ...]:
-    """Return the wanted variants in the order of all, with the nominal one; all if no names are given.
-
-    Args:
-        found: all variants.
-        wanted: names of variants and groups.
+    """Return the wanted ones of the found variants, always with the nominal one; all if none is wanted.
 
     Raises:
-        InputError: a name is neither.
+        InputError: a wanted name is neither that of a variant nor of a group.
     """
     names = [variant.name for variant in found]
     for name in wanted:
@@ -132,28 +137,6 @@ def robot_level(model: Model) -> Model:
 def realistic_sizes(model: Model) -> dict[str, dict[str, float]]:
     """Return a size for each effect of the catalogue that a robot in use may well have; the values are ours.
 
-    Args:
-        model: what counts in shares is a share of its own numbers.
+    What counts in shares is a share of the model's own numbers.
     """
-    return {
-        name: dict(effect.realistic(model))
-        for name, effect in CATALOGUE.items()
-        if effect.realistic is not None
-    }
-
-
-def _own_effects(model: Model) -> list[RobotVariant]:
-    if not model.effects:
-        return []
-    bare = replace(model, effects={})
-    found = [RobotVariant("bare", "effects", "the model without its effects", bare)]
-    if len(model.effects) > 1:
-        for name, values in model.effects.items():
-            summary = f"of the model's effects {name} alone"
-            found.append(RobotVariant(f"only-{name}", "effects", summary, bare.with_effect(name, **values)))
-    return found
-
-
-def _physics(model: Model, wanted: RobotPlant) -> RobotPlant:
-    refused = any(wanted in CATALOGUE[name].refused_by for name in model.effects)
-    return "rollers" if refused else wanted
+    return {name: dict(e.realistic(model)) for name, e in CATALOGUE.items() if e.realistic is not None}

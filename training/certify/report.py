@@ -7,8 +7,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from mecanum_env.report import figure, report_available, write_page
-from training.certify.certificate import Certificate, Check, VariantResult
-from training.certify.judge import milliseconds, share_text, warning_text
+from training.certify.certificate import (
+    Certificate,
+    Check,
+    VariantResult,
+    milliseconds,
+    share_text,
+    warning_text,
+)
 from training.evaluate import Mean, Share
 
 HEAD: Final = (
@@ -27,15 +33,14 @@ def certificate_table(certificate: Certificate) -> str:
     """Return a certificate as text: plants, techniques, checks, verdict."""
     c = certificate
     techniques = ", ".join(f"{name} {share_text(one)}" for name, one in c.nominal.by_technique.items())
-    checks = [("check", "found", "must be", ""), *(_check_row(check) for check in c.all_checks)]
     lines = [
         f"{c.controller}: {c.provenance['episodes']} episodes a plant, level {c.provenance['difficulty']}",
         "",
-        *columns([HEAD, *(_plant_row(plant) for plant in c.plants)]),
+        *columns([HEAD, *map(_plant_row, c.plants)]),
         "",
         f"by technique, nominal: {techniques}",
         "",
-        *columns(checks),
+        *columns([("check", "found", "must be", ""), *map(_check_row, c.all_checks)]),
         *(f"note: {note}" for note in c.notes),
         "",
         verdict(c),
@@ -61,10 +66,15 @@ def columns(rows: Sequence[Sequence[str]]) -> list[str]:
 def _plant_row(plant: VariantResult) -> tuple[str, ...]:
     """Return the cells of a plant, as in `HEAD`."""
     reason, count = next(iter(plant.failures.items()), ("-", 0))
+    change = "-"
+    if plant.change is not None:
+        # Adding 0.0 turns -0.0 into 0.0.
+        ends = (plant.change.value, plant.change.low, plant.change.high)
+        change = "{:+.2f} ({:+.2f} .. {:+.2f})".format(*(round(x, 2) + 0.0 for x in ends))
     return (
         plant.name + (" (rollers)" if plant.physics == "rollers" else ""),
         share_text(plant.success),
-        _change_text(plant.change),
+        change,
         f"{reason} {count}" if count else "-",
         _mean_text(plant.settling_s, "s"),
         _mean_text(plant.overshoot, ""),
@@ -77,14 +87,6 @@ def _check_row(check: Check) -> tuple[str, ...]:
     """Return the cells of a check: name, metric, limit, verdict."""
     limit = f"{check.sense} {check.limit:g} {check.unit}".rstrip()
     return check.name, check.text, limit, "ok" if check.passed else "MISSED"
-
-
-def _change_text(change: Mean | None) -> str:
-    if change is None:
-        return "-"
-    # Adding 0.0 turns -0.0 into 0.0.
-    value, low, high = (round(x, 2) + 0.0 for x in (change.value, change.low, change.high))
-    return f"{value:+.2f} ({low:+.2f} .. {high:+.2f})"
 
 
 def _mean_text(found: Mean | None, unit: str) -> str:
@@ -132,8 +134,7 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
 def warning_figure(certificate: Certificate) -> dict[str, Any]:
     """Return a certificate's success against warning time as a Plotly figure."""
     curve = certificate.warning
-    grid = list(curve.warning_s)
-    middles = [0.5 * (one.from_s + one.to_s) for one in curve.bins]
+    grid, middles = list(curve.warning_s), [0.5 * (one.from_s + one.to_s) for one in curve.bins]
     traces = [
         {
             "type": "scatter",
@@ -163,22 +164,20 @@ def warning_figure(certificate: Certificate) -> dict[str, Any]:
         "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
         "legend": _LEGEND,
     }
-    return figure(
-        traces, x="warning: from the first visible motion to the hit [s]", height=380, layout=layout
-    )
+    x_title = "warning: from the first visible motion to the hit [s]"
+    return figure(traces, x=x_title, height=380, layout=layout)
 
 
 def plants_figure(certificate: Certificate) -> dict[str, Any]:
     """Return a certificate's success by plant as a Plotly figure; the worst plant is red."""
-    plants = certificate.plants[::-1]
-    thresholds = certificate.thresholds
+    plants, limits = certificate.plants[::-1], certificate.thresholds
     trace = _points([one.success.value for one in plants], [one.success for one in plants], "", across=True)
     trace["y"] = [one.name for one in plants]
     worst = certificate.worst.name
     trace["marker"]["color"] = [_RED if one.name == worst else _BLUE for one in plants]
-    limits = (thresholds.success, thresholds.worst_success)
+    ends = {"y0": 0, "y1": 1, "yref": "paper"}
     layout = {
-        "shapes": [_line({"x0": x, "x1": x, "y0": 0, "y1": 1, "yref": "paper"}) for x in limits],
+        "shapes": [_line({"x0": x, "x1": x, **ends}) for x in (limits.success, limits.worst_success)],
         "xaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
         "yaxis": {"automargin": True, "dtick": 1},
         "showlegend": False,
@@ -191,9 +190,8 @@ def techniques_figure(certificate: Certificate) -> dict[str, Any]:
     traces = []
     shown = [("nominal", certificate.nominal, _BLUE), (certificate.worst.name, certificate.worst, _RED)]
     for i, (name, plant, colour) in enumerate(shown if len(certificate.plants) > 1 else shown[:1]):
-        names = list(plant.by_technique)
-        trace = _points(list(range(len(names))), list(plant.by_technique.values()), name)
-        trace["x"] = [place + 0.12 * (2 * i - 1) for place in range(len(names))]
+        places = [place + 0.12 * (2 * i - 1) for place in range(len(plant.by_technique))]
+        trace = _points(places, list(plant.by_technique.values()), name)
         trace["marker"]["color"] = colour
         traces.append(trace)
     names = list(certificate.nominal.by_technique)

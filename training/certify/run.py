@@ -17,12 +17,18 @@ from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import opponent_for
-from training.certify.certificate import Certificate, Timing, TrackingResult, VariantResult
-from training.certify.judge import checks, timing_check
+from training.certify.certificate import (
+    Certificate,
+    Timing,
+    TrackingResult,
+    VariantResult,
+    checks,
+    timing_check,
+)
 from training.certify.plants import RobotVariant, knows_uncertainty, robot_variants, select_variants
 from training.certify.thresholds import Thresholds, require_valid
 from training.certify.warning import RANGE_S, WarningCurve, warning_curve
-from training.evaluate import Episode, Evaluation, Job, Mean, Setup, Share, mean, play_jobs, share
+from training.evaluate import Episode, Evaluation, Job, Mean, Setup, mean, play_jobs, success_of
 from training.evaluate.play import Progress, require_jobs
 
 TRACK_SHARE = 4
@@ -72,9 +78,9 @@ def certify_controller(
         variant_result(variant, played[variant.name].episodes, None if i == 0 else nominal)
         for i, variant in enumerate(chosen)
     )
-    curve = warning_curve_of(played[_WARNING].episodes)
-    track, timing = tracking_result(played[_TRACK].episodes), timing_of(played[chosen[0].name])
     worst = min(results, key=lambda one: one.success.value)
+    curve, track = warning_curve_of(played[_WARNING].episodes), tracking_result(played[_TRACK].episodes)
+    timing = timing_of(played[chosen[0].name])
     return Certificate(
         controller=controller,
         plants=results,
@@ -91,8 +97,8 @@ def certify_controller(
 
 def episodes_of(options: CertifyOptions, model: Model) -> int:
     """Return the number of episodes that a certificate of a model takes with these options."""
-    count = len(select_variants(robot_variants(model, options.physics), options.plants))
-    return (count + WARNING_FACTOR) * options.episodes + _track_episodes(options)
+    chosen = select_variants(robot_variants(model, options.physics), options.plants)
+    return sum(job.episodes for job in _jobs("", model, chosen, options).values())
 
 
 def require_usable(options: CertifyOptions) -> None:
@@ -110,34 +116,26 @@ def require_usable(options: CertifyOptions) -> None:
 def _jobs(
     controller: str, model: Model, chosen: Sequence[RobotVariant], options: CertifyOptions
 ) -> dict[str, Job]:
-    episodes = options.episodes
     nominal = Setup(model, chosen[0].physics, difficulty=options.difficulty, known=model)
-    opponent = replace(opponent_for(options.difficulty), warning_s=RANGE_S)
-    planned = {
-        variant.name: (
-            replace(nominal, model=variant.model, physics=variant.physics, randomize=variant.randomize),
-            episodes,
-        )
-        for variant in chosen
+    setups = {
+        one.name: replace(nominal, model=one.model, physics=one.physics, randomize=one.randomize)
+        for one in chosen
     }
-    planned[_WARNING] = replace(nominal, opponent=opponent), WARNING_FACTOR * episodes
-    planned[_TRACK] = replace(nominal, task="track"), _track_episodes(options)
-    return {name: Job(name, controller, setup, count) for name, (setup, count) in planned.items()}
-
-
-def _track_episodes(options: CertifyOptions) -> int:
-    return max(1, options.episodes // TRACK_SHARE)
+    setups[_WARNING] = replace(nominal, opponent=replace(opponent_for(options.difficulty), warning_s=RANGE_S))
+    setups[_TRACK] = replace(nominal, task="track")
+    counts = {_WARNING: WARNING_FACTOR * options.episodes, _TRACK: max(1, options.episodes // TRACK_SHARE)}
+    return {
+        name: Job(name, controller, setup, counts.get(name, options.episodes))
+        for name, setup in setups.items()
+    }
 
 
 def variant_result(
     variant: RobotVariant, episodes: Sequence[Episode], nominal: Sequence[Episode] | None
 ) -> VariantResult:
-    """Return the metrics of the dodge on one plant.
+    """Return the metrics of the dodge on one plant from its episodes, in the order of their seeds.
 
-    Args:
-        variant: the plant.
-        episodes: in the order of their seeds.
-        nominal: those on the nominal plant with the same seeds; None: this is the nominal plant.
+    `nominal` are those on the nominal plant with the same seeds; None: this is the nominal plant.
     """
     change = None
     if nominal is not None:
@@ -186,11 +184,6 @@ def timing_of(evaluation: Evaluation) -> Timing:
     return Timing(p50, p99, float(times.max()), int(times.size))
 
 
-def success_of(episodes: Sequence[Episode]) -> Share:
-    """Return the share of successes of episodes."""
-    return share(sum(episode.success for episode in episodes), len(episodes))
-
-
 def _mean_of_all(values: Sequence[float]) -> Mean:
     found = mean(values)
     assert found is not None  # there is at least one episode
@@ -206,10 +199,9 @@ def _notes(model: Model, chosen: Sequence[RobotVariant], options: CertifyOptions
         )
     if not model.effects:
         notes.append("The model has no effects of its own; python -m sysid.gap finds them in logs.")
-    rolling = [variant.name for variant in chosen if variant.physics == "rollers"]
+    rolling = ", ".join(variant.name for variant in chosen if variant.physics == "rollers")
     if rolling and options.physics == "planar":
-        names = ", ".join(rolling)
-        notes.append(f"On rollers, because the planar plant cannot simulate their effects: {names}.")
+        notes.append(f"On rollers, because the planar plant cannot simulate their effects: {rolling}.")
     return tuple(notes)
 
 

@@ -79,7 +79,6 @@ def warning_curve(
     success: npt.ArrayLike,
     *,
     target: float = TARGET,
-    range_s: tuple[float, float] = RANGE_S,
     seed: int = 0,
     resamples: int = _RESAMPLES,
 ) -> WarningCurve:
@@ -89,7 +88,6 @@ def warning_curve(
         warning_s: warning time of each episode [s], shape (n,).
         success: whether each episode is a success, shape (n,).
         target: required probability of success.
-        range_s: range of the curve.
         seed: of the bootstrap.
         resamples: number of bootstrap resamples.
 
@@ -101,16 +99,15 @@ def warning_curve(
         raise InputError(
             f"episodes = {times.size}, target = {target}: must be at least 1, and between 0 and 1"
         )
-    count = round((range_s[1] - range_s[0]) / _GRID_S) + 1
-    grid = np.linspace(*range_s, count)
-    ones = np.ones(times.size)
-    fit = _fitted(grid, times, won, ones, np.zeros((count, 2)), iterations=30)
+    count = round((RANGE_S[1] - RANGE_S[0]) / _GRID_S) + 1
+    grid = np.linspace(*RANGE_S, count)
+    fit = _fitted(grid, times, won, np.ones(times.size), np.zeros((count, 2)), steps=30)
     curve = _probability(fit)
     rng = np.random.default_rng(seed)
     curves, needed = np.empty((resamples, count)), np.empty(resamples)
     for i in range(resamples):
         weights = np.bincount(rng.integers(0, times.size, times.size), minlength=times.size).astype(float)
-        curves[i] = _probability(_fitted(grid, times, won, weights, fit, iterations=6))
+        curves[i] = _probability(_fitted(grid, times, won, weights, fit, steps=6))
         needed[i] = _crossing(grid, curves[i], target)
     tail = 50.0 * (1.0 - CONFIDENCE)
     ends = [tail, 100.0 - tail]
@@ -118,19 +115,20 @@ def warning_curve(
     # Without interpolation: some of the values may be infinite.
     first, last = np.percentile(needed, ends, method="nearest")
     found = _crossing(grid, curve, target)
+    below = np.flatnonzero((curve < target) & (grid > found))
     return WarningCurve(
         target=target,
         needed_s=_finite(found),
         low_s=_finite(first),
         high_s=_finite(last),
-        holds_to_s=_finite(_falls_again(grid, curve, target, found)),
-        range_s=range_s,
+        holds_to_s=float(grid[below[0] - 1]) if below.size else None,
+        range_s=RANGE_S,
         episodes=int(times.size),
         warning_s=_short(grid),
         success=_short(curve),
         low=_short(low),
         high=_short(high),
-        bins=_bins(times, won, range_s),
+        bins=_bins(times, won),
     )
 
 
@@ -140,14 +138,13 @@ def _fitted(
     won: FloatArray,
     weights: FloatArray,
     start: FloatArray,
-    iterations: int,
+    steps: int,
 ) -> FloatArray:
     """Return logit and its slope per bandwidth at each point of the grid, (g, 2), by Newton's method."""
     u = (times[None] - grid[:, None]) / _BANDWIDTH_S
-    kernel = weights * np.exp(-0.5 * u * u)
-    precision = 1.0 / _PRIOR**2
+    kernel, precision = weights * np.exp(-0.5 * u * u), 1.0 / _PRIOR**2
     fit = start.copy()
-    for _ in range(iterations):
+    for _ in range(steps):
         p = 1.0 / (1.0 + np.exp(-(fit[:, :1] + fit[:, 1:] * u)))
         misfit, spread = kernel * (won - p), kernel * p * (1.0 - p)
         slope_a = misfit.sum(axis=1) - precision[0] * fit[:, 0]
@@ -155,16 +152,14 @@ def _fitted(
         aa = spread.sum(axis=1) + precision[0]
         ab = (spread * u).sum(axis=1)
         bb = (spread * u * u).sum(axis=1) + precision[1]
-        determinant = aa * bb - ab * ab
         step = np.stack([bb * slope_a - ab * slope_b, aa * slope_b - ab * slope_a], axis=1)
-        step /= determinant[:, None]
+        step /= (aa * bb - ab * ab)[:, None]
         fit += np.clip(step, -_LONGEST_STEP, _LONGEST_STEP)
     return fit
 
 
 def _probability(fit: FloatArray) -> FloatArray:
-    curve: FloatArray = 1.0 / (1.0 + np.exp(-fit[:, 0]))
-    return curve
+    return np.asarray(1.0 / (1.0 + np.exp(-fit[:, 0])), float)
 
 
 def _crossing(grid: FloatArray, curve: FloatArray, target: float) -> float:
@@ -173,23 +168,15 @@ def _crossing(grid: FloatArray, curve: FloatArray, target: float) -> float:
     if above.size == 0:
         return np.inf
     i = int(above[0])
-    if i == 0:
-        return float(grid[0])
-    return float(np.interp(target, curve[i - 1 : i + 1], grid[i - 1 : i + 1]))
+    return float(np.interp(target, curve[i - 1 : i + 1], grid[i - 1 : i + 1]) if i else grid[0])
 
 
-def _falls_again(grid: FloatArray, curve: FloatArray, target: float, since: float) -> float:
-    below = np.flatnonzero((curve < target) & (grid > since))
-    return float(grid[below[0] - 1]) if below.size else np.inf
-
-
-def _bins(times: FloatArray, won: FloatArray, range_s: tuple[float, float]) -> tuple[Bin, ...]:
-    edges = np.linspace(*range_s, _BINS + 1)
+def _bins(times: FloatArray, won: FloatArray) -> tuple[Bin, ...]:
+    edges = np.linspace(*RANGE_S, _BINS + 1)
     which = np.clip(np.searchsorted(edges, times, side="right") - 1, 0, _BINS - 1)
     return tuple(
         Bin(float(edges[i]), float(edges[i + 1]), share(int(won[which == i].sum()), int(np.sum(which == i))))
-        for i in range(_BINS)
-        if np.any(which == i)
+        for i in np.unique(which)
     )
 
 

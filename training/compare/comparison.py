@@ -14,28 +14,25 @@ from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model
 from mecanum_env.tankendo import DIFFICULTIES, opponent_for
-from training.certify.certificate import Timing, TrackingResult
-from training.certify.judge import mean_text, milliseconds, share_text, warning_text
+from training.certify.certificate import (
+    Timing,
+    TrackingResult,
+    mean_text,
+    milliseconds,
+    share_text,
+    warning_text,
+)
 from training.certify.plants import robot_variants
 from training.certify.report import columns
 from training.certify.run import (
     TRACK_SHARE,
     WARNING_FACTOR,
-    success_of,
     timing_of,
     tracking_result,
     warning_curve_of,
 )
 from training.certify.warning import RANGE_S, WarningCurve
-from training.evaluate import (
-    Evaluation,
-    Job,
-    Setup,
-    Share,
-    controller_factory,
-    evaluate_controller,
-    play_jobs,
-)
+from training.evaluate import Job, Setup, Share, controller_factory, evaluate_controller, play_jobs
 from training.evaluate.play import Progress, require_jobs
 
 ROLLERS: Final = "rollers"
@@ -108,16 +105,17 @@ def compare_controllers(
     }
     played = play_jobs(planned, jobs, progress)
     rows = tuple(
-        _row(name, {setting: played[f"{name}|{setting}"] for setting in setups}, list(settings))
+        Row(
+            controller=name,
+            success={setting: played[f"{name}|{setting}"].success for setting in settings},
+            warning=warning_curve_of(played[f"{name}|{_WARNING}"].episodes),
+            track=tracking_result(played[f"{name}|{_TRACK}"].episodes),
+            timing=timing_of(played[f"{name}|normal"]),
+        )
         for name in controllers
     )
-    provenance: dict[str, str | int] = {
-        "version": mecanum_env.__version__,
-        "mujoco": mujoco.__version__,
-        "episodes": episodes,
-        "first_seed": 0,
-    }
-    return Comparison(rows, settings, provenance)
+    versions = {"version": mecanum_env.__version__, "mujoco": mujoco.__version__}
+    return Comparison(rows, settings, {**versions, "episodes": episodes, "first_seed": 0})
 
 
 def _settings(model: Model, rollers: bool) -> tuple[dict[str, Setup], dict[str, str]]:
@@ -135,16 +133,6 @@ def _settings(model: Model, rollers: bool) -> tuple[dict[str, Setup], dict[str, 
     setups[_WARNING] = replace(normal, opponent=replace(opponent_for("normal"), warning_s=RANGE_S))
     setups[_TRACK] = replace(normal, task="track")
     return setups, about
-
-
-def _row(name: str, played: Mapping[str, Evaluation], settings: Sequence[str]) -> Row:
-    return Row(
-        controller=name,
-        success={setting: success_of(played[setting].episodes) for setting in settings},
-        warning=warning_curve_of(played[_WARNING].episodes),
-        track=tracking_result(played[_TRACK].episodes),
-        timing=timing_of(played["normal"]),
-    )
 
 
 def comparison_table(found: Comparison) -> str:
@@ -185,10 +173,7 @@ takes a command every 100 ms.
 
 def cells(found: Comparison) -> list[tuple[str, ...]]:
     """Return the cells of a comparison's table, the head first."""
-    head = (
-        *("controller", *found.settings),
-        *("warning for 90 %", "tracking error, m", "tracking success", "time p50", "time p99"),
-    )
+    metrics = ("warning for 90 %", "tracking error, m", "tracking success", "time p50", "time p99")
     rows = [
         (
             label(row.controller),
@@ -201,7 +186,7 @@ def cells(found: Comparison) -> list[tuple[str, ...]]:
         )
         for row in found.rows
     ]
-    return [head, *rows]
+    return [("controller", *found.settings, *metrics), *rows]
 
 
 def label(controller: str) -> str:

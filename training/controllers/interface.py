@@ -31,20 +31,11 @@ class Controller(Protocol):
 
 
 def twist_command(
-    vx_m_s: float,
-    vy_m_s: float,
-    yaw_rate_rad_s: float,
-    robot: Robot,
-    limit_rpm: float = Wheel.saturation_rpm,
+    vx_m_s: float, vy_m_s: float, yaw_rate_rad_s: float, robot: Robot, limit_rpm: float = Wheel.saturation_rpm
 ) -> Command:
-    """Return the command for a body twist; a twist beyond the robot's range is scaled, turn included.
+    """Return the command for a body twist: velocity ahead, to the left, and counter-clockwise turn.
 
-    Args:
-        vx_m_s: velocity ahead.
-        vy_m_s: velocity to the left.
-        yaw_rate_rad_s: counter-clockwise.
-        robot: its dimensions are used.
-        limit_rpm: maximum wheel speed; by default that of the paper's robot.
+    A twist that needs a wheel speed beyond the limit, or more than the largest VC, is scaled, turn included.
     """
     wheels = twist_to_wheels([vx_m_s, vy_m_s, yaw_rate_rad_s], robot)
     v, theta, vc = (float(x) for x in wheels_to_command(scale_wheels(wheels, min(limit_rpm, FULL_V_RPM))))

@@ -15,7 +15,7 @@ to the time at which they act.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -28,8 +28,9 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.motion_model import MEMORY
-from training.controllers.prediction.observed_motion import ObservationPredictor
+from training.controllers.motion_model import MEMORY
+from training.controllers.observed_motion import ObservationPredictor
+from training.controllers.tracking import opponent_place
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,7 @@ class Weights:
     """u_max: deviation of the command [m/s or rad/s]."""
 
     def __post_init__(self) -> None:
-        for name in ("place", "command"):
-            value = getattr(self, name)
+        for name, value in asdict(self).items():
             if not (math.isfinite(value) and value > 0.0):
                 raise InputError(f"LQR weight {name} = {value}, must be a finite number above 0")
 
@@ -83,18 +83,13 @@ def riccati_gain(f: FloatArray, g: FloatArray, weights: Weights) -> FloatArray:
     q[MEMORY, MEMORY] = 1.0 / weights.place**2
     r = np.array([[1.0 / weights.command**2]])
     p = solve_discrete_are(f, g, q, r)
-    gain: FloatArray = np.linalg.solve(r + g.T @ p @ g, g.T @ p @ f)[0]
-    return gain
+    return np.asarray(np.linalg.solve(r + g.T @ p @ g, g.T @ p @ f)[0], float)
 
 
 class Lqr:
     """Twist = c - K z on each axis, with c the opponent's velocity and z the state at which the command acts.
 
     The memory of the wheel law is known from the commands sent; the position is predicted as in `Smith`.
-
-    Args:
-        model: wheel laws, robot and its `command_latency`.
-        distance_m: distance to keep.
     """
 
     def __init__(self, model: Model, distance_m: float = Rules.maai_m) -> None:
@@ -111,8 +106,7 @@ class Lqr:
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
         seen = self._motion.predict(read_observation(observation))
-        x, y = float(seen.opponent_x), float(seen.opponent_y)
-        distance = max(float(np.hypot(x, y)), 1e-6)
+        x, y, distance = opponent_place(seen)
         short = 1.0 - self._distance_m / distance
         error = np.array([short * x, short * y, np.arctan2(y, x)])
         target = np.array([float(seen.opponent_vx), float(seen.opponent_vy), 0.0])

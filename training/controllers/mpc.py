@@ -14,10 +14,10 @@ from mecanum_env.tankendo import Observed, Opponent, Rules, read_observation
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.motion_model import received_wheels
-from training.controllers.prediction.observed_motion import ObservationPredictor, integrated_path
-from training.controllers.prediction.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
-from training.controllers.tracking import Proportional
+from training.controllers.motion_model import received_wheels
+from training.controllers.observed_motion import ObservationPredictor, integrated_path, seen_from
+from training.controllers.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
+from training.controllers.tracking import Proportional, opponent_place
 
 _HISTORY_S = 0.3
 """The strike's view of the robot's past goes back this much further than the opponent's sight delay [s]."""
@@ -47,7 +47,7 @@ class Planning:
     """Gain of distance and bearing once the strike is over [1/s]."""
     distance_weight_per_m: float = 0.6
     """Cost of being off maai at the hit, in probability of a hit per metre."""
-    loyalty: float = 0.05
+    continuation_bonus: float = 0.05
     """Bonus for continuing the last plan, in probability of a hit."""
 
 
@@ -64,19 +64,14 @@ class Mpc:
     """Sends, ten times a second, the first command of the plan that makes the strike miss most surely.
 
     A plan is one velocity for some commands and then another one until the strike has landed. Its path is
-    predicted by the identified law with the drives' torque limit (`prediction.motion_model`), from the state
+    predicted by the identified law with the drives' torque limit (`motion_model`), from the state
     to which the commands under way lead. Its score is
 
         sum over hypotheses of P(hypothesis) Phi(margin / spread) - weight |distance at the hit - maai|
 
     with the margin by which each hypothetical strike of `StrikePhase` misses. Between strikes the robot keeps
-    its distance.
-
-    Args:
-        model: wheel laws, robot and its `command_latency`.
-        planning: parameters of the planner.
-        opponent: its techniques, sight delay and lead are taken as known; by default those of level normal.
-        rules: their maai is kept; by default the usual rules.
+    its distance. The opponent's techniques, sight delay and lead are taken as known; by default they are
+    those of level normal. The maai is that of the rules.
     """
 
     def __init__(
@@ -127,7 +122,7 @@ class Mpc:
                 self._origin = None
             return np.array(self._wait.twist(seen))
         origin = self._follow_origin(seen, estimate)
-        acts_s = self._motion.delays.command_s
+        acts_s = self._motion.command_s
         if estimate.land_s - acts_s < 0.5 * self._motion.own.model.tick_s:
             # The strike is over when the command acts: return to where the opponent will stand.
             self._plan = None
@@ -138,18 +133,15 @@ class Mpc:
 
     def _follow_origin(self, seen: Observed, estimate: StrikeEstimate) -> FloatArray:
         """Return the mean estimate of where the opponent stood when the strike began, as seen from now."""
-        now = np.array([float(seen.opponent_x), float(seen.opponent_y)])
+        x, y, distance = opponent_place(seen)
+        now = np.array([x, y])
         # The opponent is seen at the time when the command acts; its step until then is subtracted.
-        stepped = self._strike.stepped_m(estimate, self._motion.delays.command_s)
-        towards = -now / max(float(np.hypot(*now)), 1e-6)
-        new: FloatArray = now - stepped * towards
+        stepped = self._strike.stepped_m(estimate, self._motion.command_s)
+        new: FloatArray = now - stepped * (-now / distance)
         if self._origin is None:
             self._origin, self._origins = new, 1
             return new
-        moved = self._motion.own.moved(self._period_s)
-        cos, sin = np.cos(moved[2]), np.sin(moved[2])
-        old = self._origin - moved[:2]
-        old = np.array([cos * old[0] + sin * old[1], cos * old[1] - sin * old[0]])
+        old = np.array(seen_from(self._motion.own.moved(self._period_s), *self._origin))
         self._origins += 1
         self._origin = old + (new - old) / self._origins
         return self._origin
@@ -180,12 +172,10 @@ class Mpc:
         off = np.abs(np.hypot(landed.x - origin[0], landed.y - origin[1]) - self._maai_m)
         score = weight @ (ndtr(margin / planning.spread_m) - planning.distance_weight_per_m * off)
         if self._plan is not None:
-            score[-1] += planning.loyalty
+            score[-1] += planning.continuation_bonus
         best = int(np.argmax(score))
-        left = int(switch[best])
-        if left <= 0:
-            return _Plan(second[:, best], second[:, best], 0)
-        return _Plan(first[:, best], second[:, best], left)
+        left = max(int(switch[best]), 0)
+        return _Plan((first if left else second)[:, best], second[:, best], left)
 
     def _candidates(
         self, seen: Observed, commands: int
@@ -202,9 +192,8 @@ class Mpc:
         twists = np.zeros((3, count))
         twists[0, 1:], twists[1, 1:] = self._speed_m_s * np.cos(angles), self._speed_m_s * np.sin(angles)
         changes = np.arange(1, 1 + max(min(commands - 1, planning.latest_change), 1))
-        one, other, change = (
-            grid.ravel() for grid in np.meshgrid(np.arange(count), np.arange(count), changes, indexing="ij")
-        )
+        grids = np.meshgrid(np.arange(count), np.arange(count), changes, indexing="ij")
+        one, other, change = (grid.ravel() for grid in grids)
         keep = (one != other) | (change == 1)
         one, other, change = one[keep], other[keep], change[keep]
         first, second = twists[:, one], twists[:, other]
@@ -220,12 +209,8 @@ class Mpc:
         """Return the paths of plans: x, y, yaw, vx, vy in the present frame, shape (ticks + 1, 5, n)."""
         own = self._motion.own
         wheels_first, wheels_second = (
-            received_wheels(
-                own.model.drives,
-                scale_wheels(twist_to_wheels(twists.T, self._robot), self._limit_rpm).T,
-                own.time_s,
-            )
-            for twists in (first, second)
+            received_wheels(own.model.drives, scale_wheels(wheels, self._limit_rpm).T, own.time_s)
+            for wheels in (twist_to_wheels(twists.T, self._robot) for twists in (first, second))
         )
         state = own.state.repeated(first.shape[1])
         twists = [state.twist[None]]

@@ -13,7 +13,7 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Rules
 from mecanum_env.tankendo.arena import Arena
-from training.controllers.compensation.compensated import Compensated
+from training.controllers.compensation import Compensated
 from training.controllers.interface import Controller
 from training.controllers.lqr import Lqr
 from training.controllers.mpc import Mpc
@@ -43,7 +43,7 @@ def _proportional(given: ControllerArguments, gain_per_s: float) -> Proportional
     return Proportional(maai_m, gain_per_s, gain_per_s, model.robot, model.wheel.saturation_rpm)
 
 
-def _oracle(given: ControllerArguments) -> Controller:
+def _oracle(given: ControllerArguments) -> Oracle:
     if given.arena is None:
         raise InputError("the oracle reads from the simulator and needs an arena; a real robot has none")
     return Oracle(given.arena, given.row)
@@ -91,7 +91,7 @@ def make_controller(
         arena: the simulator that it plays in; only the oracle needs it.
         row: index of its episode in the arena.
         seed: of a controller that draws at random.
-        rules: rules that it plays by; by default those of the arena, without one the usual rules.
+        rules: rules that it plays by; by default those of the arena, or the usual ones.
 
     Raises:
         InputError: there is no such name and no such policy, or the oracle has no arena.
@@ -103,12 +103,13 @@ def make_controller(
         base = name.removesuffix(SUFFIX)
         if not base or base.endswith(SUFFIX):
             raise InputError(f"controller {name!r}: must be one name or path, followed by {SUFFIX} once")
-        predicts_latency = base in _PREDICT_LATENCY
-        predicted = {n: v for n, v in model.effects.items() if CATALOGUE[n].undone_by == "prediction"}
+        predicts = base in _PREDICT_LATENCY
+        left = {n: v for n, v in model.effects.items() if predicts and CATALOGUE[n].undone_by == "prediction"}
         # The controller knows the robot that remains after compensation.
-        ideal = replace(model, effects=predicted if predicts_latency else {})
-        inner = make_controller(base, ideal, arena=arena, row=row, seed=seed, rules=rules)
-        controller = Compensated(inner, model, predicts_latency=predicts_latency)
+        inner = make_controller(
+            base, replace(model, effects=left), arena=arena, row=row, seed=seed, rules=rules
+        )
+        controller = Compensated(inner, model, predicts_latency=predicts)
     elif name in CONTROLLERS:
         controller = CONTROLLERS[name](ControllerArguments(model, rules, arena, row, seed))
     elif name and (Path(name).suffix == ".npz" or Path(name).is_dir()):

@@ -20,7 +20,7 @@ _LATE_TICKS = 1
 _DIRECTIONS = 16
 _HORIZON_S = 0.5
 """It plans once the strike lands within this time [s]; earlier, a point mass predicts the robot too badly."""
-_LOYALTY = 0.5
+_CONTINUATION_BONUS = 0.5
 """Bonus for continuing the last plan, in score."""
 _SPREAD_M = (0.0, 0.015, 0.03, 0.045)
 """Errors of the final place that a plan is tried with [m]."""
@@ -32,11 +32,8 @@ class Oracle:
     """Tries motions of a point mass until the strike ends, against the strike as it will be.
 
     A motion is one velocity until some command, then another one. The oracle takes the one that the strike
-    misses most surely and, among equals, the one that ends nearest to maai.
-
-    Args:
-        arena: the simulator, `env.unwrapped.arena`.
-        row: index of its episode.
+    misses most surely and, among equals, the one that ends nearest to maai. Its episode is that in a row of
+    the arena, `env.unwrapped.arena`.
     """
 
     def __init__(self, arena: Arena, row: int = 0) -> None:
@@ -82,27 +79,25 @@ class Oracle:
         if fighter.aimed[row]:
             end = np.repeat(sword.end[:, row, None], n, axis=1)
         else:
-            seen_s = sword.cut_s[row] - fighter.constants.sight_delay_s
-            seen_tick = round((seen_s - now_s) / _TICK_S)
+            ago_s = now_s - (sword.cut_s[row] - fighter.constants.sight_delay_s)
+            seen_tick = round(-ago_s / _TICK_S)
             if seen_tick >= 0:
                 seen = path[min(seen_tick, ticks)]
             else:
-                seen = np.repeat(arena.scenes.ago_of(rows[:1], np.array([now_s - seen_s])), n, axis=1)
+                seen = np.repeat(arena.scenes.ago_of(rows[:1], np.array([ago_s])), n, axis=1)
             end = fighter.aim_at(rows, seen)
         missed = np.zeros(n)
         for spread in _SPREAD_M:
             clear = np.ones(n, bool)
             for dx, dy in ((spread, 0.0), (-spread, 0.0), (0.0, spread), (0.0, -spread)):
                 robot = path[-1].copy()
-                robot[0] += dx
-                robot[1] += dy
+                robot[:2] += np.array([[dx], [dy]])
                 clear &= ~fighter.hits(rows, robot, end)
             missed += clear
         away = path[-1, :2] - sword.origin[:, row, None]
-        distance = np.sqrt(away[0] ** 2 + away[1] ** 2)
-        score = missed - 0.5 * np.abs(distance - self._maai_m)
+        score = missed - 0.5 * np.abs(np.sqrt(away[0] ** 2 + away[1] ** 2) - self._maai_m)
         if self._plan is not None:
-            score[-1] += _LOYALTY
+            score[-1] += _CONTINUATION_BONUS
         best = int(np.argmax(score))
         self._plan = (first[:, best], second[:, best], now_s + _TICK_S * switch[best])
         wanted = first[:, best] if switch[best] > 0 else second[:, best]

@@ -87,21 +87,18 @@ def features(observation: npt.NDArray[np.floating], maai_m: float = Rules.maai_m
 def stack_features(memory: FloatArray | None, newest: FloatArray, stack: int) -> FloatArray:
     """Return the features of the last `stack` observations, oldest first, shape (..., stack * k).
 
-    Args:
-        memory: the previous result; None at the start of an episode, when `newest` is repeated.
-        newest: features of the new observation, shape (..., k).
-        stack: number of observations.
+    `newest` are those of the new observation, shape (..., k), and `memory` is the previous result, or None
+    at the start of an episode: then `newest` is repeated.
     """
     if memory is None:
         return np.concatenate([newest] * stack, axis=-1)
     return np.concatenate([memory[..., newest.shape[-1] :], newest], axis=-1)
 
 
-def _relu(x: FloatArray) -> FloatArray:
-    return np.maximum(x, 0.0)
-
-
-ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {"tanh": np.tanh, "relu": _relu}
+ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, 0.0),
+}
 """Name -> activation function between the layers."""
 
 
@@ -141,21 +138,15 @@ class Network:
     def actions(self, stacked: npt.NDArray[np.floating]) -> FloatArray:
         """Return actions within [-1, 1], shape (..., 3), of stacked features, shape (..., stack * k)."""
         x = np.clip((np.asarray(stacked, float) - self.mean) / self.scale, -self.clip, self.clip)
-        between = ACTIVATIONS[self.activation]
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            x = x @ weight.T + bias
-            if layer < len(self.weights) - 1:
-                x = between(x)
+            x = (ACTIVATIONS[self.activation](x) if layer else x) @ weight.T + bias
         return np.tanh(x) if self.squashes else np.clip(x, -1.0, 1.0)
 
 
 class Policy:
     """A trained policy as a controller; it remembers as many observations as its network sees.
 
-    Args:
-        network: from observations to an action.
-        about: what it was trained for and with, as its file says.
-        rules: rules that it plays by; by default the usual ones.
+    `about` says what it was trained for and with, as in its file. By default it plays by the usual rules.
     """
 
     def __init__(self, network: Network, about: Mapping[str, Any], rules: Rules | None = None) -> None:
@@ -203,9 +194,8 @@ def bundled(name: str = DEFAULT) -> Path:
 def load_policy(path: Path, rules: Rules | None = None) -> Policy:
     """Return the policy in a file, ready to act.
 
-    Args:
-        path: an `.npz` or a folder that `training.train` wrote, or `bundled()`.
-        rules: rules that it plays by; by default the usual ones.
+    The path is that of an `.npz` or a folder that `training.train` wrote, or `bundled()`. The default rules
+    are the usual ones.
 
     Raises:
         InputError: there is no such file, or it holds no policy.
@@ -239,16 +229,8 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
 
 def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
     """Write a policy to an `.npz` file; `about` says in JSON what it was trained for and with."""
-    layers = len(network.weights)
-    shape = {
-        "format": FORMAT,
-        "layers": layers,
-        "clip": network.clip,
-        "activation": network.activation,
-        "squashes": network.squashes,
-        "action_mode": network.action_mode,
-        "stack": network.stack,
-    }
+    same = ("clip", "activation", "squashes", "action_mode", "stack")
+    shape = {"format": FORMAT, "layers": len(network.weights)} | {n: getattr(network, n) for n in same}
     arrays: dict[str, Any] = {"mean": network.mean, "scale": network.scale}
     for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         # Training uses single precision, too.
@@ -277,7 +259,7 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
         raise InputError(
             f"activation = {network.activation!r}, must be {', '.join(ACTIVATIONS)}; export the policy again"
         )
-    sizes = [len(network.mean), *(len(bias) for bias in network.biases)]
+    sizes = [len(network.mean), *map(len, network.biases)]
     shapes = [weight.shape for weight in network.weights]
     if shapes != list(zip(sizes[1:], sizes[:-1], strict=True)) or network.scale.shape != network.mean.shape:
         raise ValueError(f"layers of shapes {shapes} do not fit {len(network.mean)} inputs")

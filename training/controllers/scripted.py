@@ -11,7 +11,7 @@ from mecanum_env.tankendo import Observed, action_to_command, read_observation
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from training.controllers.interface import Command
-from training.controllers.tracking import Proportional
+from training.controllers.tracking import Proportional, opponent_place
 
 _RISEN_M = 0.07
 """Distance of the tip from its place on guard above which it has risen [m]; five times the sensors' noise."""
@@ -29,11 +29,7 @@ class Still:
 
 
 class RandomMotion:
-    """Draws actions uniformly, as `env.action_space.sample()` does.
-
-    Args:
-        seed: of the random generator, which goes on over the episodes.
-    """
+    """Draws actions uniformly, as `env.action_space.sample()` does; its generator goes on over episodes."""
 
     def __init__(self, seed: int = 0) -> None:
         self._rng = np.random.default_rng(seed)
@@ -71,8 +67,7 @@ class Retreat:
         vx, vy, turn = self.hold.twist(seen)
         self._since = self._since + 1 if _has_risen(seen) else 0
         if 0 < self._since <= self.commands:
-            x, y = float(seen.opponent_x), float(seen.opponent_y)
-            distance = max(float(np.hypot(x, y)), 1e-6)
+            x, y, distance = opponent_place(seen)
             x, y = self.direction(seen, x / distance, y / distance)
             vx, vy = self.speed_m_s * x, self.speed_m_s * y
         return self.hold.command(vx, vy, turn)

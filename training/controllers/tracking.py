@@ -11,7 +11,13 @@ from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.tankendo import Observed, Rules, read_observation
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command, twist_command
-from training.controllers.prediction.observed_motion import Delays, ObservationPredictor
+from training.controllers.observed_motion import ObservationPredictor
+
+
+def opponent_place(seen: Observed) -> tuple[float, float, float]:
+    """Return where the opponent is `seen`: ahead, left, and its distance, at least 1e-6 [m]."""
+    x, y = float(seen.opponent_x), float(seen.opponent_y)
+    return x, y, max(float(np.hypot(x, y)), 1e-6)
 
 
 @dataclass(frozen=True)
@@ -42,8 +48,7 @@ class Proportional:
 
     def twist(self, seen: Observed) -> tuple[float, float, float]:
         """Return the wanted twist (ahead, left [m/s], turn [rad/s]) for an observation `seen`."""
-        x, y = float(seen.opponent_x), float(seen.opponent_y)
-        distance = max(float(np.hypot(x, y)), 1e-6)
+        x, y, distance = opponent_place(seen)
         speed = self.gain_per_s * (distance - self.distance_m)
         turn = self.turn_gain_per_s * float(np.arctan2(y, x))
         return speed * x / distance, speed * y / distance, turn
@@ -63,7 +68,7 @@ class Smith:
         gain_per_s: gain of the distance error.
         turn_gain_per_s: gain of the bearing [1/s].
         lead: share of the opponent's velocity that is fed forward.
-        delays: of sensors and commands; by default the usual sensors' and the model's latency.
+        horizon_s: age of an observation when its answer acts; by default the delays of sensors and commands.
     """
 
     def __init__(
@@ -73,13 +78,12 @@ class Smith:
         gain_per_s: float = 4.0,
         turn_gain_per_s: float = 4.0,
         lead: float = 1.0,
-        delays: Delays | None = None,
+        horizon_s: float | None = None,
     ) -> None:
-        self._p = Proportional(
-            distance_m, gain_per_s, turn_gain_per_s, model.robot, model.wheel.saturation_rpm
-        )
+        limit_rpm = model.wheel.saturation_rpm
+        self._p = Proportional(distance_m, gain_per_s, turn_gain_per_s, model.robot, limit_rpm)
         self._lead = lead
-        self._motion = ObservationPredictor(model, delays)
+        self._motion = ObservationPredictor(model, horizon_s)
 
     def reset(self) -> None:
         """Forget the episode."""

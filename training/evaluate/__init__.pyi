@@ -1,4 +1,4 @@
-from .metrics import Episode, Mean, Reason, Recording, Share, mean, share, summarise
+from .metrics import Episode, Mean, Reason, Recording, Share, mean, share, success_of, summarise
 from .play import (
     ControllerFactory,
     Evaluation,
@@ -24,5 +24,6 @@ __all__ = [
     "mean",
     "play_jobs",
     "share",
+    "success_of",
     "summarise",
 ]

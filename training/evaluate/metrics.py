@@ -99,7 +99,9 @@ def summarise(recorded: Recording, model: Model, rules: Rules, task: TaskName) -
         counted = recorded.time_s[before] >= (np.inf if settling is None else settling)
     v, theta, vc = recorded.commands[1:].T
     wanted = command_to_twist(v, theta, vc, model.robot)
-    wheels = command_to_wheels(v, theta, vc)
+    saturated = is_saturated(
+        command_to_wheels(v, theta, vc), model.wheel.saturation_rpm, model.wheel.command_quantum_rpm
+    )
     return Episode(
         seed=recorded.seed,
         success=recorded.success,
@@ -113,9 +115,7 @@ def summarise(recorded: Recording, model: Model, rules: Rules, task: TaskName) -
         speed_error_m_s=rms(np.hypot(*(wanted - recorded.actual[1:])[:, :2].T)),
         settling_s=settling,
         overshoot=overshoot(recorded.distance_m[before], rules.maai_m),
-        saturated_share=float(
-            np.mean(is_saturated(wheels, model.wheel.saturation_rpm, model.wheel.command_quantum_rpm))
-        ),
+        saturated_share=float(np.mean(saturated)),
         command_time_s=float(np.mean(recorded.command_times_s)) if recorded.command_times_s else None,
     )
 
@@ -123,9 +123,7 @@ def summarise(recorded: Recording, model: Model, rules: Rules, task: TaskName) -
 def settling_time(time_s: FloatArray, inside: BoolArray) -> float | None:
     """Return the time after which a response stays within its band [s]; None if it ends outside.
 
-    Args:
-        time_s: time of the samples [s], shape (n,).
-        inside: whether each sample is within the band, shape (n,).
+    `inside` says of each sample whether it is within the band; both arrays have shape (n,).
     """
     if not inside[-1]:
         return None
@@ -136,26 +134,18 @@ def settling_time(time_s: FloatArray, inside: BoolArray) -> float | None:
 def overshoot(values: FloatArray, target: float) -> float | None:
     """Return how far a response exceeds its target, relative to the whole change; None without a change.
 
-    Args:
-        values: the response from its initial value on, shape (n,).
-        target: its final value.
+    The values are those of the response from its initial value on, shape (n,).
     """
     change = target - float(values[0])
-    if change == 0.0:
-        return None
-    return max(float(np.max((values - target) / change)), 0.0)
+    return None if change == 0.0 else max(float(np.max((values - target) / change)), 0.0)
 
 
 def is_saturated(wheels_rpm: FloatArray, limit_rpm: float, quantum_rpm: float) -> BoolArray:
-    """Return whether each command asks some wheel for its maximum speed or more, shape (n,).
+    """Return whether each command, shape (n, 4), asks some wheel for its maximum speed or more, shape (n,).
 
-    Args:
-        wheels_rpm: commanded wheel speeds [rpm], shape (n, 4).
-        limit_rpm: maximum wheel speed; larger commands are clipped.
-        quantum_rpm: rounding of commands: a speed this close to the limit counts as saturated.
+    Commands are rounded to the quantum: a speed this close to the limit counts as saturated.
     """
-    saturated: BoolArray = np.max(np.abs(wheels_rpm), axis=-1) >= limit_rpm - quantum_rpm
-    return saturated
+    return np.asarray(np.max(np.abs(wheels_rpm), axis=-1) >= limit_rpm - quantum_rpm)
 
 
 @dataclass(frozen=True)
@@ -185,11 +175,7 @@ class Mean:
 
 
 def share(successes: int, trials: int) -> Share:
-    """Return the share of successes with Wilson's 95 % interval.
-
-    Args:
-        successes: number of successes, 0 to `trials`.
-        trials: number of trials, at least 1.
+    """Return the share of successes among trials with Wilson's 95 % interval.
 
     Raises:
         InputError: there are no trials.
@@ -199,12 +185,15 @@ def share(successes: int, trials: int) -> Share:
     return Share(successes, trials, *wilson_interval(successes, trials, CONFIDENCE))
 
 
+def success_of(episodes: Sequence[Episode]) -> Share:
+    """Return the share of successes of episodes."""
+    return share(sum(episode.success for episode in episodes), len(episodes))
+
+
 def mean(values: Sequence[float | None], seed: int = 0) -> Mean | None:
     """Return the mean of the values that are not None with its 95 % bootstrap interval; None without any.
 
-    Args:
-        values: one value per episode.
-        seed: seed of the resampling.
+    The values are of one episode each; the seed is that of the resampling.
     """
     known = np.array([value for value in values if value is not None], float)
     if known.size == 0:

@@ -22,9 +22,10 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import Opponent, Rules, command_to_action
 from mecanum_env.tankendo.arena import Arena, TaskName
 from mecanum_env.tankendo.vector import TankendoVectorEnv
+from mecanum_env.units import FloatArray
 from training.controllers.interface import Controller
 from training.controllers.named import make_controller
-from training.evaluate.metrics import Episode, Reason, Recording, summarise
+from training.evaluate.metrics import Episode, Reason, Recording, Share, success_of, summarise
 
 _TIMED: Final = 5
 """One command in this many is timed: on some machines reading the clock takes as long as a controller."""
@@ -61,6 +62,11 @@ class Evaluation:
     """In the order of their seeds."""
     command_times_s: npt.NDArray[np.float64] = field(compare=False)
     """Processor time of one command in five, over all episodes [s]."""
+
+    @property
+    def success(self) -> Share:
+        """The share of successes."""
+        return success_of(self.episodes)
 
 
 def controller_factory(name: str, known: Model) -> ControllerFactory:
@@ -109,10 +115,9 @@ def evaluate_controller(
         randomize=setup.randomize,
         autoreset_mode="Disabled",
     )
-    known = setup.model if setup.known is None else setup.known
     finished: list[tuple[Episode, tuple[float, ...]]] = []
     for recorded in _played(factory, env, iter(waiting)):
-        episode = summarise(recorded, known, env.arena.setting.rules, setup.task)
+        episode = summarise(recorded, setup.known or setup.model, env.arena.setting.rules, setup.task)
         finished.append((episode, recorded.command_times_s))
         if progress is not None:
             progress()
@@ -146,12 +151,10 @@ def _played(
             continue
         following: dict[int, int] = {}
         for row in np.flatnonzero(over).tolist():
-            ended = players[row]
+            ended, players[row] = players[row], None
             if ended is not None:
                 yield ended.recorded(bool(step.truncated[row]))
-            players[row] = None
-            seed = next(waiting, None)
-            if seed is not None:
+            if (seed := next(waiting, None)) is not None:
                 seeds[row] = following[row] = seed
         # A row without a waiting episode repeats its last one, unrecorded.
         observation, _ = env.reset(seed=seeds, options={"reset_mask": over})
@@ -186,11 +189,8 @@ class _Recorder:
         """Record the present state and the reward of the step that led to it."""
         arena, row = self._arena, self._row
         distance, bearing = (float(values[row]) for values in arena.scenes.separation())
-        yaw, vx, vy, turn = (float(value) for value in arena.scenes.now[2:6, row])
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        guarded = float(arena.fighter.sword.idle(arena.time_s())[row])
-        actual = (cos * vx + sin * vy, cos * vy - sin * vx, turn)
-        now = float(arena.time_s()[row])
+        now, guarded = float(arena.time_s()[row]), float(arena.fighter.sword.idle(arena.time_s())[row])
+        actual = body_velocity(arena, row)
         self._samples.append([now, distance, bearing, *arena.commands[row], *actual, guarded, reward])
 
     def recorded(self, truncated: bool) -> Recording:
@@ -212,6 +212,13 @@ class _Recorder:
             guarded=table[:, 9],
             reward=table[:, 10],
         )
+
+
+def body_velocity(arena: Arena, row: int) -> FloatArray:
+    """Return the velocity of the robot in a row of an arena: ahead, left [m/s], turn [rad/s], shape (3,)."""
+    yaw, vx, vy, turn = arena.scenes.now[2:6, row]
+    cos, sin = np.cos(yaw), np.sin(yaw)
+    return np.array([cos * vx + sin * vy, cos * vy - sin * vx, turn])
 
 
 def _why_failed(arena: Arena, row: int, truncated: bool) -> Reason:
@@ -248,10 +255,8 @@ class Job:
 
     def play(self) -> Evaluation:
         """Play the episodes."""
-        known = self.setup.model if self.setup.known is None else self.setup.known
-        return evaluate_controller(
-            controller_factory(self.controller, known), self.setup, range(self.episodes)
-        )
+        factory = controller_factory(self.controller, self.setup.known or self.setup.model)
+        return evaluate_controller(factory, self.setup, range(self.episodes))
 
 
 def play_jobs(

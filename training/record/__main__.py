@@ -114,10 +114,8 @@ def main(
             yield frame
 
     count = video.write_video(out, frames(), fps)
-    how = outcome(world.arena)
-    print(
-        f"{out}: {controller}, seed {seed}: {how}; {count} frames, {width} x {height}, drawn with {backend}"
-    )
+    print(f"{out}: {controller}, seed {seed}: {outcome(world.arena)}; {count} frames, ", end="")
+    print(f"{width} x {height}, drawn with {backend}")
     if still is not None:
         video.write_still(still, kept[0])
         print(f"{still}: {width} x {height}")

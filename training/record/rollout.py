@@ -21,6 +21,7 @@ from mecanum_env.tankendo.drawing import Painter
 from mecanum_env.tankendo.env import TankendoEnv
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Controller
+from training.evaluate.play import body_velocity
 
 WINDOW_S: Final = 4.0
 """Length of the plotted past [s]."""
@@ -48,27 +49,16 @@ class Panel:
 
 
 class Strip:
-    """A strip of plots of the last seconds, side by side.
-
-    Args:
-        panels: the plots.
-        width: of the strip [pixels].
-        height: of the strip [pixels].
-        title: shown at the right end, beside the legend.
-    """
+    """A strip of plots of the last seconds, side by side, with a legend and a title; sizes are in pixels."""
 
     def __init__(self, panels: Sequence[Panel], width: int, height: int, title: str = "") -> None:
-        self._panels, self._width, self._height = tuple(panels), width, height
-        self._title = title
+        self._panels, self._width, self._height, self._title = tuple(panels), width, height, title
 
     def draw(self, now_s: float, time_s: FloatArray, commanded: FloatArray, actual: FloatArray) -> Frame:
-        """Return the strip at a time, (height, width, 3).
+        """Return the strip at a time, the right end of its time axis, as (height, width, 3) pixels.
 
-        Args:
-            now_s: right end of the time axis.
-            time_s: time of the samples [s], shape (n,).
-            commanded: commanded value until each sample, shape (n, panels); the first one is ignored.
-            actual: actual value at each sample, shape (n, panels).
+        Each sample at `time_s`, shape (n,), has the actual values and the values commanded until then, both
+        of shape (n, panels); those commanded until the first one are ignored.
         """
         size = (_SCALE * self._width, _SCALE * self._height)
         image = Image.new("RGB", size, _BACKGROUND)
@@ -82,18 +72,15 @@ class Strip:
             box = (left + label + 2 * _SCALE, 2 * line + 2 * _SCALE, right - 6 * _SCALE, size[1] - 6 * _SCALE)
             pen.text((left + label, line), panel.title, font=font, fill=_TEXT)
             _axes(pen, font, box, panel)
-            stairs = _stairs(time_s, commanded[:, i], now_s)
-            curve = _until(time_s, actual[:, i], now_s)
-            for points, colour in ((stairs, COMMANDED), (curve, ACTUAL)):
-                _line(image, box, points, colour, now_s, panel.limit)
+            _line(image, box, _stairs(time_s, commanded[:, i], now_s), COMMANDED, now_s, panel.limit)
+            _line(image, box, _until(time_s, actual[:, i], now_s), ACTUAL, now_s, panel.limit)
         small = image.resize((self._width, self._height), Image.Resampling.LANCZOS)
-        frame: Frame = np.asarray(small, np.uint8)
-        return frame
+        return np.asarray(small, np.uint8)
 
     def _legend(self, pen: ImageDraw.ImageDraw, font: ImageFont.FreeTypeFont, line: int) -> None:
         x = 6.0 * _SCALE
-        pieces = (("commanded", COMMANDED), ("actual", ACTUAL), (f"the last {WINDOW_S:g} s", _TEXT))
-        for text, colour in pieces:
+        past = f"the last {WINDOW_S:g} s"
+        for text, colour in (("commanded", COMMANDED), ("actual", ACTUAL), (past, _TEXT)):
             pen.text((x, 0.15 * line), text, font=font, fill=colour)
             x += pen.textlength(text, font=font) + font.size
         right = _SCALE * (self._width - 6)
@@ -201,20 +188,17 @@ def rollout_frames(
         each = max(1, round(fps * arena.step_s))
         over = False
         try:
-            frame = _stacked(painter.frame(), strip, 0.0, samples)
-            yield frame
+            yield (frame := _stacked(painter.frame(), strip, 0.0, samples))
             while not over:
                 before = arena.robots.qpos(0)
-                action = command_to_action(controller.act(observation))
-                observation, _, terminated, truncated, _ = env.step(action)
+                step = env.step(command_to_action(controller.act(observation)))
+                observation, _, terminated, truncated, _ = step
                 over, after = terminated or truncated, arena.robots.qpos(0)
                 samples.append(_sample(arena, known))
-                for i in range(1, each + 1):
-                    share = i / each
+                for share in (i / each for i in range(1, each + 1)):
                     ago_s = (1.0 - share) * arena.step_s
                     picture = painter.frame(ago_s, before + share * (after - before))
-                    frame = _stacked(picture, strip, samples[-1][0] - ago_s, samples)
-                    yield frame
+                    yield (frame := _stacked(picture, strip, samples[-1][0] - ago_s, samples))
             for _ in range(round(AFTER_S * fps)):
                 yield frame
         finally:
@@ -233,25 +217,16 @@ def outcome(arena: Arena) -> str:
 def _panels(known: Model) -> tuple[Panel, ...]:
     """Return the plots, with axes up to the speeds that the wheels can reach."""
     fastest = min(known.wheel.saturation_rpm, 200.0)
-    speed = float(command_to_twist(fastest, 0.0, 0.0, known.robot)[0])
-    turn = float(np.rad2deg(command_to_twist(0.0, 0.0, fastest, known.robot)[2]))
-    wide = float(np.ceil(10.0 * speed) / 10.0)
-    return (
-        Panel("ahead, m/s", wide),
-        Panel("left, m/s", wide),
-        Panel("turn, deg/s", float(np.ceil(turn / 10.0) * 10.0)),
-    )
+    speed = float(np.ceil(10.0 * command_to_twist(fastest, 0.0, 0.0, known.robot)[0]) / 10.0)
+    turn = float(np.ceil(np.rad2deg(command_to_twist(0.0, 0.0, fastest, known.robot)[2]) / 10.0) * 10.0)
+    return Panel("ahead, m/s", speed), Panel("left, m/s", speed), Panel("turn, deg/s", turn)
 
 
 def _sample(arena: Arena, known: Model) -> tuple[float, FloatArray, FloatArray]:
     """Return time, commanded and actual (ahead, left [m/s], turn [deg/s]) of the first row."""
     v, theta, vc = arena.commands[0]
-    commanded = command_to_twist(v, theta, vc, known.robot)
-    yaw, vx, vy, turn = arena.scenes.now[2:6, 0]
-    cos, sin = np.cos(yaw), np.sin(yaw)
-    actual = np.array([cos * vx + sin * vy, cos * vy - sin * vx, turn])
-    degrees = np.array([1.0, 1.0, 180.0 / np.pi])
-    return float(arena.time_s()[0]), commanded * degrees, actual * degrees
+    commanded, degrees = command_to_twist(v, theta, vc, known.robot), np.array([1.0, 1.0, 180.0 / np.pi])
+    return float(arena.time_s()[0]), commanded * degrees, body_velocity(arena, 0) * degrees
 
 
 def _stacked(

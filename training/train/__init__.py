@@ -2,10 +2,9 @@
 
 settings      the settings of a run
 environments  the environments as the learner sees them
-agent         PPO or SAC
+agent         PPO or SAC, and its export to a network that needs NumPy alone
 run           training, and resuming after an interruption
 checkpoint    the files of a training folder
-export        from the learner to a file that needs NumPy alone
 card          measured success of a policy, as a page
 curve         learning curves, as a picture
 """

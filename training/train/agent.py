@@ -1,4 +1,4 @@
-"""The learner: Stable-Baselines3's PPO or SAC with the hyperparameters of a run."""
+"""The learner, Stable-Baselines3's PPO or SAC with the hyperparameters of a run, and its export to NumPy."""
 
 from __future__ import annotations
 
@@ -6,13 +6,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
 import torch
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
-from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
+from training.controllers.policy import Network
 from training.train.settings import TrainingSettings
 
 _LOG_STD_RANGE: Final = (-4.0, 0.5)
@@ -51,11 +53,7 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
     """Return a learner in `env` with new weights, drawn from the settings' seed."""
     # On networks this small more threads only wait for each other.
     torch.set_num_threads(1)
-    common: dict[str, Any] = {
-        "learning_rate": _learning_rate(settings),
-        "seed": settings.seed,
-        "device": "cpu",
-    }
+    common: Any = {"learning_rate": _learning_rate(settings), "seed": settings.seed, "device": "cpu"}
     if settings.algo == "sac":
         sac = settings.sac
         return SAC(
@@ -104,3 +102,24 @@ def _learning_rate(settings: TrainingSettings) -> Callable[[float], float]:
     own = settings.ppo if settings.algo == "ppo" else settings.sac
     first, last = own.learning_rate, own.last_learning_rate
     return lambda left: last + (first - last) * left
+
+
+def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: TrainingSettings) -> Network:
+    """Return the deterministic policy of an agent, PPO or SAC, with the normaliser of its observations."""
+    if settings.algo == "ppo":
+        layers = [*agent.policy.mlp_extractor.policy_net, agent.policy.action_net]
+    else:
+        layers = [*agent.policy.actor.latent_pi, agent.policy.actor.mu]
+    linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+    between = [name for name, kind in _ACTIVATIONS.items() if any(isinstance(one, kind) for one in layers)]
+    return Network(
+        mean=np.array(normaliser.obs_rms.mean),
+        scale=np.sqrt(normaliser.obs_rms.var + normaliser.epsilon),
+        clip=float(normaliser.clip_obs),
+        weights=tuple(layer.weight.detach().cpu().numpy().astype(float) for layer in linear),
+        biases=tuple(layer.bias.detach().cpu().numpy().astype(float) for layer in linear),
+        activation=between[0] if between else "tanh",
+        squashes=settings.algo == "sac",
+        action_mode=settings.action_mode,
+        stack=settings.stack,
+    )

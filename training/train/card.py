@@ -12,7 +12,7 @@ import tyro
 from tqdm import tqdm
 
 from mecanum_env.cli import run
-from mecanum_env.errors import InputError
+from mecanum_env.errors import require_at_least
 from mecanum_env.files import write_json, write_text
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model, paper_model, read_model
@@ -21,10 +21,9 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import DIFFICULTIES
 from mecanum_env.tankendo.arena import TaskName
 from training.controllers.policy import Policy, load_policy
-from training.evaluate import ControllerFactory, Setup, Share, controller_factory, evaluate_controller, share
+from training.evaluate import Setup, Share, controller_factory, evaluate_controller
 from training.train.environments import level_models
 
-_BASELINE: Final = "retreat"
 _ROBOTS: Final[Mapping[str, str]] = {
     "none": "that robot only",
     "posterior": "robots drawn from the uncertainty of its identification",
@@ -35,10 +34,9 @@ _ROBOTS: Final[Mapping[str, str]] = {
 
 @dataclass(frozen=True)
 class Row:
-    """One row of a card's table."""
+    """One row of a card's table, of a robot named in `training.train.environments.level_models`."""
 
     robot: str
-    """Name of the robot in `training.train.environments.level_models`."""
     physics: RobotPlant
     difficulty: str
     policy: Share
@@ -49,40 +47,33 @@ class Row:
 def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, progress: Any) -> list[Row]:
     """Return the success of a policy at every level, and on every robot of `level_models`.
 
-    Args:
-        policy: the policy.
-        model: the model of the robot.
-        episodes: number of episodes per row on the planar plant, with the seeds 0, 1, ...
-        rollers_episodes: number of episodes per row on rollers.
-        progress: called after each row.
+    Each row takes `episodes` on the planar plant, or `rollers_episodes`, with the seeds 0, 1, ...; `progress`
+    is called after it.
     """
     task = cast(TaskName, ENVIRONMENTS[policy.about["env"]])
     settings: list[tuple[str, Model, RobotPlant, str]] = [
         ("nominal", model, physics, level) for physics in get_args(RobotPlant) for level in DIFFICULTIES
     ]
-    changed = list(level_models(model).items())[1:]
-    settings += [(name, robot, "planar", "normal") for name, robot in changed]
-    rows = []
+    settings += [
+        (name, robot, "planar", "normal") for name, robot in level_models(model).items() if name != "nominal"
+    ]
+    rows, retreat = [], controller_factory("retreat", model)
     for name, robot, physics, level in settings:
         count = episodes if physics == "planar" else rollers_episodes
         if count:
             setup = Setup(robot, physics, task, level, known=model)
-            own = _success(lambda *_: Policy(policy.network, policy.about), setup, count)
-            baseline = _success(controller_factory(_BASELINE, model), setup, count)
+            own, baseline = (
+                evaluate_controller(factory, setup, range(count)).success
+                for factory in (lambda *_: Policy(policy.network, policy.about), retreat)
+            )
             rows.append(Row(name, physics, level, own, baseline))
         progress()
     return rows
 
 
-def _success(factory: ControllerFactory, setup: Setup, episodes: int) -> Share:
-    played = evaluate_controller(factory, setup, range(episodes)).episodes
-    return share(sum(episode.success for episode in played), episodes)
-
-
 def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
     """Return a policy's card as Markdown, with its measured success and the command that measured it."""
-    about, network = policy.about, policy.network
-    settings = about["settings"]
+    about, network, settings = policy.about, policy.network, policy.about["settings"]
     algorithm = settings[settings["algo"]]
     weights = sum(layer.size for layer in (*network.weights, *network.biases))
     worst = min(
@@ -98,7 +89,7 @@ def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
         f"{', '.join(map(str, algorithm['layers']))}, {network.activation}; {weights:,} weights",
         "output": f"{network.action_mode}: whole numbers V, theta, VC, ten times a second",
         "trained with": ", then ".join(f"`{command}`" for command in about["commands"]),
-        "hyperparameters": ", ".join(f"{key} {_short(value)}" for key, value in algorithm.items()),
+        "hyperparameters": _pairs(algorithm),
         "weights of the reward": _pairs(settings["reward_weights"]) or "those of the environment",
         "versions": _pairs(about["versions"]),
     }
@@ -137,11 +128,10 @@ def _interval(value: Share) -> str:
 
 
 def _pairs(values: Mapping[str, Any]) -> str:
-    return ", ".join(f"{key} {value}" for key, value in values.items())
-
-
-def _short(value: Any) -> str:
-    return " x ".join(map(str, value)) if isinstance(value, list | tuple) else str(value)
+    return ", ".join(
+        f"{key} {' x '.join(map(str, value)) if isinstance(value, list) else value}"
+        for key, value in values.items()
+    )
 
 
 def main(
@@ -163,8 +153,7 @@ def main(
         episodes: Number of episodes per row on the planar plant, with the seeds 0, 1, ...
         rollers_episodes: The same on rollers, which are much slower; 0: none.
     """
-    if episodes < 1:
-        raise InputError(f"episodes = {episodes}, must be at least 1")
+    require_at_least(1, episodes=episodes)
     loaded = load_policy(policy)
     name = policy.stem if policy.suffix else policy.name
     if out is None:
@@ -175,12 +164,9 @@ def main(
         rows = measure(loaded, robot, episodes, rollers_episodes, bar.update)
     text = card(name, loaded, rows, f"python -m training.train.card {policy.name}")
     write_text(out, text)
-    write_json(
-        out.with_suffix(".json"),
-        {"policy": name, "about": loaded.about, "rows": [asdict(row) for row in rows]},
-    )
-    print(text)
-    print(f"wrote {out} and {out.with_suffix('.json')}")
+    data = out.with_suffix(".json")
+    write_json(data, {"policy": name, "about": loaded.about, "rows": [asdict(row) for row in rows]})
+    print(f"{text}\nwrote {out} and {data}")
 
 
 if __name__ == "__main__":

@@ -13,23 +13,28 @@ from __future__ import annotations
 import json
 import os
 import pickle
+import platform
 import shutil
+import subprocess
 import tempfile
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
+from mecanum_env.model import model_to_dict
 from training.controllers.policy import save_policy
-from training.train.agent import StateDependentStdPolicy, read_agent
+from training.train.agent import StateDependentStdPolicy, network_of, read_agent
 from training.train.environments import model_of
-from training.train.export import about, network_of
 from training.train.settings import TrainingSettings, settings_from_json
+
+_PACKAGES: Final = ("mecanum-tankendo", "mujoco", "gymnasium", "stable-baselines3", "torch", "numpy")
 
 
 @dataclass(frozen=True)
@@ -72,8 +77,8 @@ class Run:
 
 def write_checkpoint(run: Run) -> None:
     """Write a checkpoint of a run, then `policy.npz` and `curve.json` in its folder."""
-    folder, agent, settings, state = run.folder, run.agent, run.settings, run.state
-    target = folder / "checkpoints" / f"{state.steps_done:09d}"
+    folder, agent, settings = run.folder, run.agent, run.settings
+    target = folder / "checkpoints" / f"{run.state.steps_done:09d}"
     target.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=".writing-"))
     try:
@@ -82,9 +87,9 @@ def write_checkpoint(run: Run) -> None:
         if settings.algo == "sac":
             agent.save_replay_buffer(temporary / "replay.pkl")
         network = network_of(agent, run.normaliser, settings)
-        facts = about(settings, model_of(settings), state.steps_done, run.commands)
+        facts = about(settings, run.state.steps_done, run.commands)
         save_policy(temporary / "policy.npz", network, facts)
-        write_json(temporary / "state.json", asdict(state))
+        write_json(temporary / "state.json", asdict(run.state))
         temporary.chmod(0o755)
         if target.exists():
             shutil.rmtree(target)
@@ -95,7 +100,7 @@ def write_checkpoint(run: Run) -> None:
         if older.parent != target:
             older.unlink()
     save_policy(folder / "policy.npz", network, facts)
-    write_json(folder / "curve.json", [asdict(point) for point in state.curve])
+    write_json(folder / "curve.json", [asdict(point) for point in run.state.curve])
 
 
 def write_run(folder: Path, settings: TrainingSettings, facts: dict[str, Any]) -> None:
@@ -127,33 +132,9 @@ def read_run(folder: Path) -> tuple[TrainingSettings, dict[str, Any]]:
     return settings, stored
 
 
-def commands_before(settings: TrainingSettings) -> list[str]:
-    """Return the commands of the runs that a run with these settings starts from, oldest first.
-
-    Raises:
-        InputError: the folder holds no run.
-    """
-    if settings.start is None:
-        return []
-    return list(read_run(Path(settings.start))[1]["commands"])
-
-
-def has_checkpoint(folder: Path) -> bool:
-    """Return whether the run in a folder has a checkpoint."""
-    return any((folder / "checkpoints").glob("[0-9]*"))
-
-
-def newest_checkpoint(folder: Path) -> Path:
-    """Return the newest checkpoint of the run in a folder.
-
-    Raises:
-        InputError: it has none.
-    """
-    if not has_checkpoint(folder):
-        raise InputError(
-            f"{folder}: no checkpoint yet; train it with `python -m training.train --out {folder}`"
-        )
-    return max((folder / "checkpoints").glob("[0-9]*"))
+def newest_checkpoint(folder: Path) -> Path | None:
+    """Return the newest checkpoint of the run in a folder; None if it has none."""
+    return max((folder / "checkpoints").glob("[0-9]*"), default=None)
 
 
 def read_state(checkpoint: Path) -> State:
@@ -198,6 +179,10 @@ def load_weights(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -
         InputError: the folder holds no checkpoint, or one of another algorithm or network.
     """
     checkpoint = newest_checkpoint(folder)
+    if checkpoint is None:
+        raise InputError(
+            f"{folder}: no checkpoint yet; train it with `python -m training.train --out {folder}`"
+        )
     try:
         agent.set_parameters(str(checkpoint / "agent.zip"), exact_match=True, device="cpu")
         with (checkpoint / "normaliser.pkl").open("rb") as stored:
@@ -210,3 +195,48 @@ def load_weights(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -
     if isinstance(agent.policy, StateDependentStdPolicy):
         # A trained policy hardly explores any more and would learn nothing new.
         agent.policy.reset_std(agent.policy.log_std_init)
+
+
+def about(settings: TrainingSettings, steps_done: int, commands: Sequence[str]) -> dict[str, Any]:
+    """Return the description in a policy file: of a policy trained by these commands, with `steps_done`."""
+    model = model_of(settings)
+    whole = model_to_dict(model)
+    return {
+        "env": settings.env,
+        "steps_done": steps_done,
+        "commands": list(commands),
+        "settings": asdict(settings),
+        "model": {
+            "source": "the packaged model" if settings.model is None else settings.model,
+            "provenance": whole.get("provenance", {}),
+            "effects": whole.get("effects", {}),
+        },
+        "command_quantum_rpm": model.wheel.command_quantum_rpm,
+        "versions": versions(),
+    }
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of Python and of the installed packages that a training depends on."""
+    found = {"python": platform.python_version()}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def commit() -> str | None:
+    """Return the commit of the running checkout, with "+" if files differ from it; None outside of one."""
+    root = Path(__file__).parents[2]
+    if not (root / ".git").exists():
+        return None
+    try:
+        head, changes = (
+            subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True).stdout
+            for arguments in (["rev-parse", "HEAD"], ["status", "--porcelain", "--untracked-files=no"])
+        )
+    except (OSError, subprocess.CalledProcessError):
+        return None
+    return head.strip() + ("+" if changes.strip() else "")

@@ -35,12 +35,10 @@ def read_curve(folder: Path) -> list[Point]:
 
 
 def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[str]) -> Figure:
-    """Return a figure of success against steps.
+    """Return a figure of success against steps, of learning curves by the names of the runs.
 
-    Args:
-        curves: learning curves by the names of the runs.
-        retreat: success of the scripted retreat on the same episodes.
-        on_levels: names of the runs whose success on the worst robot is drawn, too.
+    `retreat` is the success of the scripted retreat on the same episodes; for the runs named in `on_levels`
+    the success on the worst robot is drawn, too.
     """
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()
@@ -50,16 +48,9 @@ def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[s
         millions = [point.steps / 1e6 for point in points]
         (line,) = axes.plot(millions, [point.success for point in points], marker=".", label=name)
         if name in on_levels:
-            axes.plot(
-                millions,
-                [point.worst for point in points],
-                color=line.get_color(),
-                linestyle=":",
-                label=f"{name}, worst robot",
-            )
-    axes.set_xlabel("steps, millions")
-    axes.set_ylabel("success, deterministic policy")
-    axes.set_ylim(0.0, 1.0)
+            worst = [point.worst for point in points]
+            axes.plot(millions, worst, color=line.get_color(), linestyle=":", label=f"{name}, worst robot")
+    axes.set(xlabel="steps, millions", ylabel="success, deterministic policy", ylim=(0.0, 1.0))
     axes.set_xlim(left=0.0)
     axes.grid(alpha=0.3)
     axes.legend(loc="lower right")
@@ -70,8 +61,7 @@ def retreat_success(settings: TrainingSettings) -> float:
     """Return the success of the scripted retreat on the development seeds, with the settings of a run."""
     model = model_of(settings)
     setup = Setup(model, settings.plant, settings.task, settings.difficulty)
-    episodes = evaluate_controller(controller_factory("retreat", model), setup, DEVELOPMENT_SEEDS).episodes
-    return sum(episode.success for episode in episodes) / len(episodes)
+    return evaluate_controller(controller_factory("retreat", model), setup, DEVELOPMENT_SEEDS).success.value
 
 
 def main(folders: tyro.conf.Positional[tuple[Path, ...]], /, out: Path = Path("curve.png")) -> None:

@@ -58,11 +58,10 @@ class TankendoVecEnv(VecEnv):  # type: ignore[misc]
     `terminal_observation` and `TimeLimit.truncated`.
 
     Args:
-        envs: native vector environments with the same spaces and `autoreset_mode="SameStep"`; their rows
-            follow each other.
+        envs: native vector environments with the same spaces; their rows follow each other.
 
     Raises:
-        InputError: an environment with another `autoreset_mode`.
+        InputError: an environment has another `autoreset_mode` than "SameStep".
     """
 
     def __init__(self, *envs: TankendoVectorEnv) -> None:
@@ -132,10 +131,8 @@ class TankendoVecEnv(VecEnv):  # type: ignore[misc]
     ) -> list[Any]:
         """Call `method_name` with `method_args`, `method_kwargs`; return a result for each of the indices."""
         envs = self._envs_of(indices)
-        results = {}
-        for env in dict.fromkeys(envs):
-            results[env] = getattr(env, method_name)(*method_args, **method_kwargs)
-        return [results[env] for env in envs]
+        found = {env: getattr(env, method_name)(*method_args, **method_kwargs) for env in dict.fromkeys(envs)}
+        return [found[env] for env in envs]
 
     def env_is_wrapped(
         self, wrapper_class: type[gymnasium.Wrapper[Any, Any, Any, Any]], indices: Indices = None
@@ -208,11 +205,8 @@ def bare_env(settings: TrainingSettings) -> VecEnv:
         models = list(level_models(model).values())
         # As evenly as possible; the first ones get one more.
         sizes = [len(part) for part in np.array_split(np.arange(settings.envs), len(models))]
-        natives = [
-            TankendoVectorEnv(size, model=one, **arguments)
-            for one, size in zip(models, sizes, strict=True)
-            if size
-        ]
+        pairs = zip(models, sizes, strict=True)
+        natives = [TankendoVectorEnv(size, model=one, **arguments) for one, size in pairs if size]
     else:
         natives = [TankendoVectorEnv(settings.envs, model=model, randomize=settings.randomize, **arguments)]
     return StackedVecEnv(TankendoVecEnv(*natives), settings.stack)

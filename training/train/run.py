@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Literal
 
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -27,23 +27,22 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
 from training.controllers.policy import Network, Policy
 from training.evaluate import Setup, evaluate_controller
-from training.train.agent import make_agent
+from training.train.agent import make_agent, network_of
 from training.train.checkpoint import (
     Point,
     Run,
     State,
-    commands_before,
-    has_checkpoint,
+    commit,
     load_weights,
     newest_checkpoint,
     read_learner,
     read_run,
     read_state,
+    versions,
     write_checkpoint,
     write_run,
 )
 from training.train.environments import bare_env, episode_seeds, level_models, model_of, training_env
-from training.train.export import commit, network_of, versions
 from training.train.settings import TrainingSettings, command_line
 
 DEVELOPMENT_SEEDS: Final = range(100_000, 100_200)
@@ -75,7 +74,8 @@ def train_policy(
             f"{folder}: holds a training run; continue it with --resume {folder}, or give another --out"
         )
     learner = _new_learner(settings)
-    commands = [*commands_before(settings), command_line(settings, str(folder))]
+    before = [] if settings.start is None else read_run(Path(settings.start))[1]["commands"]
+    commands = [*before, command_line(settings, str(folder))]
     write_run(folder, settings, {"commands": commands, "versions": versions(), "commit": commit()})
     write_model(model_of(settings), folder / "model.json")
     return _learn(Run(settings, folder, commands, *learner, State()), development_seeds, stop_after, quiet)
@@ -101,18 +101,18 @@ def resume(
         InputError: the folder holds no run, or a finished one.
     """
     settings, facts = read_run(folder)
-    begun = has_checkpoint(folder)
-    state = read_state(newest_checkpoint(folder)) if begun else State()
+    newest = newest_checkpoint(folder)
+    state = State() if newest is None else read_state(newest)
     wanted = settings.steps if steps is None else steps
     if state.steps_done >= wanted:
         raise InputError(f"{folder}: already trained for {state.steps_done} steps; give more with --steps")
     if wanted != settings.steps:
         settings = replace(settings, steps=wanted)
         write_run(folder, settings, facts)
-    if begun:
-        learner = read_learner(newest_checkpoint(folder), settings, VecMonitor(bare_env(settings)))
-    else:
+    if newest is None:
         learner = _new_learner(settings)
+    else:
+        learner = read_learner(newest, settings, VecMonitor(bare_env(settings)))
     return _learn(Run(settings, folder, facts["commands"], *learner, state), development_seeds, None, quiet)
 
 
@@ -130,13 +130,8 @@ def development_score(
     for start, robot in enumerate(robots):
         own = seeds[start :: len(robots)]
         if own:
-            setup = Setup(
-                robot,
-                settings.plant,
-                settings.task,
-                settings.difficulty,
-                randomize="posterior" if settings.randomize == "posterior" else "none",
-            )
+            drawn: Literal["none", "posterior"] = "posterior" if settings.randomize == "posterior" else "none"
+            setup = Setup(robot, settings.plant, settings.task, settings.difficulty, randomize=drawn)
             episodes = evaluate_controller(lambda *_: Policy(network, {}), setup, own, rows=len(own)).episodes
             played.append([episode.success for episode in episodes])
     return float(np.mean(np.concatenate(played))), min(float(np.mean(successes)) for successes in played)
@@ -198,7 +193,7 @@ class _Checkpoints(BaseCallback):  # type: ignore[misc]
 
 
 def _learn(run: Run, seeds: Sequence[int], stop_after: int | None, quiet: bool) -> State:
-    settings, agent, normaliser = run.settings, run.agent, run.normaliser
+    settings, agent = run.settings, run.agent
     agent.set_logger(configure(str(run.folder / "tensorboard"), ["tensorboard"]))
     with tqdm(
         total=settings.steps,
@@ -210,12 +205,12 @@ def _learn(run: Run, seeds: Sequence[int], stop_after: int | None, quiet: bool) 
     ) as bar:
         checkpoints = _Checkpoints(run, seeds, stop_after, bar)
         # With a last observation `learn` does not reset the environments; `_begin_anew` does.
-        agent._last_obs = np.zeros((settings.envs, *normaliser.observation_space.shape), np.float32)
+        agent._last_obs = np.zeros((settings.envs, *run.normaliser.observation_space.shape), np.float32)
         agent.learn(settings.steps - agent.num_timesteps, callback=checkpoints, reset_num_timesteps=False)
         if not checkpoints.stopped:
             checkpoints.save()
             agent.logger.dump(agent.num_timesteps)
-    normaliser.close()
+    run.normaliser.close()
     return run.state
 
 

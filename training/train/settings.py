@@ -129,11 +129,8 @@ class TrainingSettings:
     sac: Sac = field(default_factory=Sac)
 
     def __post_init__(self) -> None:
-        for name, known in (
-            ("algo", get_args(Algorithm)),
-            ("env", tuple(ENVIRONMENTS)),
-            ("randomize", get_args(TrainingRobots)),
-        ):
+        algorithms, robots = get_args(Algorithm), get_args(TrainingRobots)
+        for name, known in {"algo": algorithms, "env": tuple(ENVIRONMENTS), "randomize": robots}.items():
             value = getattr(self, name)
             if value not in known:
                 raise InputError(

@@ -10,8 +10,8 @@ from mecanum_env.model import paper_model
 from mecanum_env.simulator.robot import RobotSession
 from mecanum_env.tankendo import command_to_action
 from mecanum_env.tankendo.vector import TankendoVectorEnv
-from training.controllers.compensation.compensated import Compensated
-from training.controllers.compensation.drive_inverse import DriveInverse
+from training.controllers.compensation import Compensated
+from training.controllers.drive_inverse import DriveInverse
 from training.controllers.named import SUFFIX, make_controller
 
 COMMANDS = ((12, 0, 0), (40, 0, 0), (40, 90, 0), (30, -120, 10), (75, 180, 0), (0, 0, 25))

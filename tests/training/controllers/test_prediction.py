@@ -5,7 +5,7 @@ import pytest
 
 from mecanum_env.model import paper_model
 from mecanum_env.tankendo.plant import RobotBatch, compile_model
-from training.controllers.prediction.observed_motion import OwnMotion, seen_from
+from training.controllers.observed_motion import OwnMotion, seen_from
 
 NAMED = {
     "nothing": {},

@@ -10,7 +10,7 @@ from mecanum_env.tankendo.constants import DIFFICULTIES, TECHNIQUES
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers import Proportional
-from training.controllers.prediction.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
+from training.controllers.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
 
 FIRST_SEED, EPISODES, STEPS = 100_000, 24, 60
 

@@ -11,7 +11,6 @@ from mecanum_env.model import Robot, paper_model
 from mecanum_env.simulator.robot import RobotSession
 from training.controllers import Lqr, PoseController, Proportional, Smith
 from training.controllers.lqr import Weights, axis_dynamics, riccati_gain
-from training.controllers.prediction.observed_motion import Delays
 
 LAW = paper_model().wheel.law
 ZERO = np.zeros(3)
@@ -32,7 +31,7 @@ def observations(seed, n=20):
 @pytest.mark.parametrize("seed", range(3))
 def test_without_delays_and_lead_smith_is_p(seed):
     model = paper_model()
-    smith = Smith(model, gain_per_s=3.0, turn_gain_per_s=2.5, lead=0.0, delays=Delays(0.0, 0.0))
+    smith = Smith(model, gain_per_s=3.0, turn_gain_per_s=2.5, lead=0.0, horizon_s=0.0)
     p = Proportional(gain_per_s=3.0, turn_gain_per_s=2.5, robot=model.robot)
     for seen in observations(seed):
         assert smith.act(seen) == p.act(seen)

@@ -14,10 +14,9 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from training.controllers.policy import load_policy
 from training.train.__main__ import main
-from training.train.agent import make_agent
+from training.train.agent import make_agent, network_of
 from training.train.checkpoint import State, load_weights, newest_checkpoint, read_learner, read_run
 from training.train.environments import bare_env, episode_seeds, level_models, training_env
-from training.train.export import network_of
 from training.train.run import DEVELOPMENT_SEEDS, resume, train_policy
 from training.train.settings import Ppo, Sac, TrainingSettings, command_line, settings_from_json
 
@@ -213,7 +212,7 @@ def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
         begun.append(given)
         return State()
 
-    monkeypatch.setattr("training.train.run.train", begin)
+    monkeypatch.setattr("training.train.run.train_policy", begin)
     words = command_line(settings, str(tmp_path)).split()
     assert words[:3] == ["python", "-m", "training.train"]
     assert run(main, words[3:]) == 0

@@ -76,9 +76,7 @@ class StrikeEstimate:
 class StrikePhase:
     """Estimates the phase of the strike from one observation every `step_s`.
 
-    Args:
-        opponent: its techniques, its step and its times of recovery are taken as known.
-        step_s: time between two observations.
+    The opponent's techniques, its step and its times of recovery are taken as known.
     """
 
     def __init__(self, opponent: Opponent | None = None, step_s: float = 0.1) -> None:
@@ -147,8 +145,7 @@ class StrikePhase:
         predicted, known = self._grid.features(time_s - self._alarm_s)
         deviation = np.minimum(np.abs(features[:, None] - predicted) / self._sigma[:, None], _OUTLIER)
         # A number that a hypothesis does not predict counts as one standard deviation off.
-        total: FloatArray = -0.5 * np.sum(np.where(known, deviation * deviation, 1.0), axis=0)
-        return total
+        return np.asarray(-0.5 * np.sum(np.where(known, deviation * deviation, 1.0), axis=0))
 
     def _is_over(self, log_weight: FloatArray, shown_s: float, chi2: float) -> bool:
         """Return whether the sword is on guard again, or never left it; remember whether it was a feint."""
@@ -167,15 +164,14 @@ class StrikePhase:
         cumulative = np.cumsum(weight)
         order = order[: 1 + int(np.searchsorted(cumulative, _KEPT_PROBABILITY * cumulative[-1]))]
         weight = weight[: len(order)]
-        now = self._clock_s - self._alarm_s
-        grid = self._grid
+        now, times = self._clock_s - self._alarm_s, self._grid.times
         return StrikeEstimate(
-            weight / weight.sum(),
-            grid.technique[order],
-            grid.times.is_feint[order],
-            grid.times.cut_s[order] - now,
-            grid.times.land_s[order] - now,
-            order,
+            weight=weight / weight.sum(),
+            technique=self._grid.technique[order],
+            is_feint=times.is_feint[order],
+            cut_in_s=times.cut_s[order] - now,
+            land_in_s=times.land_s[order] - now,
+            row=order,
         )
 
 
@@ -201,21 +197,20 @@ class _Grid:
         )
         starts = np.arange(-_LOOK_BACK_S, 1e-9, _START_GRID_S)
         techniques = opponent.techniques
-        technique, kind, start = (
-            axis.ravel()
-            for axis in np.meshgrid(
-                np.arange(len(techniques)), np.arange(len(warnings) + len(feints)), starts, indexing="ij"
-            )
-        )
+        axes = np.arange(len(techniques)), np.arange(len(warnings) + len(feints)), starts
+        technique, kind, start = (axis.ravel() for axis in np.meshgrid(*axes, indexing="ij"))
         self.technique: npt.NDArray[np.intp] = technique.astype(np.intp)
         is_feint = kind >= len(warnings)
         land = start + np.concatenate([warnings, feints])[kind]
-        cut = np.where(is_feint, land, land - np.array([t.swing_s for t in techniques])[technique])
+
+        def each(name: str) -> FloatArray:
+            return np.asarray(np.array([getattr(one, name) for one in techniques], float)[technique])
+
+        cut = np.where(is_feint, land, land - each("swing_s"))
         free = land + np.where(is_feint, opponent.lower_s, opponent.recovery_s)
         self.times = StrikeTimes(start, cut, land, free, is_feint)
-        self._raised_m = np.array([t.raised_tip_m for t in techniques])[technique]
-        self._raised_height_m = np.array([t.raised_height_m for t in techniques])[technique]
-        self._end_height_m = np.array([t.target_height_m for t in techniques])[technique]
+        self._raised_m, self._raised_height_m = each("raised_tip_m"), each("raised_height_m")
+        self._end_height_m = each("target_height_m")
         self._step_m = opponent.step_m
         lengths = np.where(is_feint, len(feints), len(warnings))
         self._share = 1.0 / (lengths * len(starts)) / len(techniques)
@@ -223,8 +218,7 @@ class _Grid:
     def log_prior(self, feint_probability: float) -> FloatArray:
         """Return the logarithm of each hypothesis's prior probability."""
         kind = np.where(self.times.is_feint, feint_probability, 1.0 - feint_probability)
-        log: FloatArray = np.log(kind * self._share)
-        return log
+        return np.asarray(np.log(kind * self._share), float)
 
     def features(self, time_s: float) -> tuple[FloatArray, npt.NDArray[np.bool_]]:
         """Return the features that each hypothesis predicts, (5, m), and which of them it does predict."""
@@ -298,7 +292,5 @@ def miss_margin(
     behind, across = x * along_x + y * along_y, y * along_x - x * along_y
     half_width = (table["width_m"] + opponent.extra_size_m) / 2
     depth = table["depth_m"] + opponent.extra_size_m
-    margin: FloatArray = np.maximum(
-        np.maximum(np.abs(across) - half_width, behind - depth), -table["blade_m"] - behind
-    )
-    return margin
+    beside = np.maximum(np.abs(across) - half_width, behind - depth)
+    return np.asarray(np.maximum(beside, -table["blade_m"] - behind), float)

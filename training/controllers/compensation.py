@@ -1,4 +1,7 @@
-"""The inverse of the sensors' effects: observations without their known errors and without command latency.
+"""Compensation of known effects around any controller: of drives on commands, of sensors on observations.
+
+`Compensated` wraps the controller. Its commands pass `training.controllers.drive_inverse`, its observations
+pass `SensorInverse`:
 
 - `sensor_bias` is subtracted, `sensor_scale` divided out, `mount_yaw` turned back.
 - `sensor_latency` and `sensor_lowpass` are known filters: what they removed from the motion that the commands
@@ -23,8 +26,9 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Sensors
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import FloatArray
-from training.controllers.interface import Command
-from training.controllers.prediction.observed_motion import OwnMotion, seen_from
+from training.controllers.drive_inverse import DriveInverse
+from training.controllers.interface import Command, Controller
+from training.controllers.observed_motion import OwnMotion, seen_from
 
 _CHANNELS: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
 _KEPT: Final = 40
@@ -34,12 +38,46 @@ _SEEN_PLACES, _SEEN_VELOCITIES = ((0, 1), (4, 5)), ((2, 3), (7, 8))
 """Of the opponent and of its tip."""
 
 
-class SensorInverse:
-    """Corrects the observations of one robot.
+class Compensated:
+    """Lets a controller that knows only the nominal robot drive one whose effects are known.
 
-    Args:
-        model: wheel, robot and effects; those that `undone_by` assigns to observations, and latency.
-        predicts_latency: leave `command_latency` to the controller.
+    The effects are those that the gap workflow names in the model. The controller sees observations without
+    the known sensor errors and without the latency of commands (`SensorInverse`), and its commands are
+    changed so that the robot moves as the nominal one would (`DriveInverse`). Neutral effects change nothing,
+    bit for bit. With `predicts_latency` the controller itself compensates the model's `command_latency`.
+    """
+
+    def __init__(self, controller: Controller, model: Model, predicts_latency: bool = False) -> None:
+        self._controller = controller
+        self._drive = DriveInverse(model)
+        self._senses = SensorInverse(model, predicts_latency)
+        self._period_s = model.wheel.command_period_s
+        self._late_s = drive_parameters(model).delay_s
+        self.left_alone = tuple(e.name for e, _ in active_effects(model) if e.undone_by is None)
+        """Names of the model's effects that are not compensated."""
+        self._steps = 0
+
+    def reset(self) -> None:
+        """Forget the episode."""
+        self._controller.reset()
+        self._drive.reset()
+        self._senses.reset()
+        self._steps = 0
+
+    def act(self, observation: npt.NDArray[np.floating]) -> Command:
+        """Return the command for an observation, shape (20 or more,)."""
+        seen = self._senses.corrected(observation, hides_command=self._drive.is_needed)
+        wanted = self._controller.act(seen)
+        self._senses.send(wanted)
+        command = self._drive.command(wanted, self._steps * self._period_s + self._late_s)
+        self._steps += 1
+        return command
+
+
+class SensorInverse:
+    """Corrects the observations of one robot for the effects that `undone_by` assigns to observations.
+
+    It compensates `command_latency`, too, unless the controller itself `predicts_latency`.
     """
 
     def __init__(self, model: Model, predicts_latency: bool = False) -> None:
@@ -73,11 +111,9 @@ class SensorInverse:
     def corrected(
         self, observation: npt.NDArray[np.floating], hides_command: bool = False
     ) -> npt.NDArray[np.floating]:
-        """Return the observation without the known errors, shape as given.
+        """Return the observation, shape (20 or more,), without the known errors.
 
-        Args:
-            observation: shape (20 or more,).
-            hides_command: show the controller's last command instead of the one that was sent for it.
+        With `hides_command` it shows the controller's last command instead of the one that was sent for it.
         """
         if not self._is_needed and not hides_command:
             return observation
@@ -88,12 +124,8 @@ class SensorInverse:
             self._bring_forward(shown)
         if hides_command and self._last is not None:
             v, theta, vc = self._last
-            angle = math.radians(theta)
-            shown[_HELD] = (
-                v / FULL_V_RPM * math.cos(angle),
-                v / FULL_V_RPM * math.sin(angle),
-                vc / FULL_VC_RPM,
-            )
+            cos, sin = math.cos(math.radians(theta)), math.sin(math.radians(theta))
+            shown[_HELD] = v / FULL_V_RPM * cos, v / FULL_V_RPM * sin, vc / FULL_VC_RPM
         return shown
 
     def _correct(self, shown: FloatArray) -> None:
@@ -111,8 +143,7 @@ class SensorInverse:
         twist, pose = self._odometry()
         self._past = [*self._past[1 - _KEPT :], np.array([*twist, *pose])]
         clock = np.arange(len(self._past)) * self._step_s
-        table = np.array(self._past).T
-        channels = dict(zip(_CHANNELS, table, strict=True))
+        channels = dict(zip(_CHANNELS, np.array(self._past).T, strict=True))
         filtered = measured(self._filters, np.asarray(clock, float), channels)
         lost = np.array([channels[name][-1] - filtered[name][-1] for name in _CHANNELS])
         shown[_OWN] += lost[:3]

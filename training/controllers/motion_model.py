@@ -52,8 +52,7 @@ class MotionState:
 class MotionModel:
     """Predicts twists from wheel commands; the state is passed in and returned.
 
-    Args:
-        model: wheel laws, robot and effects; its `command_latency` is ignored.
+    A `command_latency` of the model is ignored.
     """
 
     def __init__(self, model: Model) -> None:
@@ -61,16 +60,18 @@ class MotionModel:
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
         self.drives = wheel_drives(model)
-        robot, self._friction = _with_effects(model)
+        robot, load = changed_robot(model), added_load(model)
+        robot = replace(robot, mass_kg=robot.mass_kg + load.mass_kg)
+        self._coulomb_n_m, self._damping = load.coulomb_n_m, load.damping_n_m_s_rad
+        self._has_friction = self._coulomb_n_m > 0.0 or self._damping > 0.0
         most = math.ceil(self.period_s / self.tick_s + EPS) + 1
         laws = [model.law_of(wheel) for wheel in WHEELS]
         self._responses = np.array([_law_powers(law, most) for law in laws])  # (4, most, 6, 6)
         jacobian = twist_to_wheels(np.eye(3), robot).T * RAD_S_PER_RPM  # (4, 3) rad/s per unit of twist
         gram = np.sum(jacobian * jacobian, axis=0)  # J'J is diagonal
         translation, rotation = wheel_armature(robot)
-        inertia = np.array(
-            [robot.mass_kg + translation, robot.mass_kg + translation, robot.yaw_inertia_kg_m2 + rotation]
-        )
+        mass = robot.mass_kg + translation
+        inertia = np.array([mass, mass, robot.yaw_inertia_kg_m2 + rotation])
         stiffness = robot.servo_n_m_s_rad * gram
         share = self.tick_s * stiffness / (inertia + self.tick_s * stiffness)
         self._to_torque = jacobian / gram * (inertia * share / self.tick_s)
@@ -86,33 +87,29 @@ class MotionModel:
 
     def ticks(self, command: int) -> int:
         """Return the number of law ticks during a command; commands are counted from 0."""
-        return self._first_tick(command + 1) - self._first_tick(command)
-
-    def _first_tick(self, command: int) -> int:
-        return math.ceil(command * self.period_s / self.tick_s - EPS)
+        first, end = (math.ceil(k * self.period_s / self.tick_s - EPS) for k in (command, command + 1))
+        return end - first
 
     def play(self, state: MotionState, wheels_rpm: FloatArray, ticks: int) -> tuple[FloatArray, MotionState]:
         """Return the twist after each tick of a held command, shape (ticks, 3, n), and the state at the end.
 
-        Args:
-            state: of n robots.
-            wheels_rpm: wheel commands as `received_wheels` returns them, shape (4, n).
-            ticks: number of law ticks, at most one more than a command period has.
+        The wheel commands, shape (4, n), are those that `received_wheels` returns; they last for a number of
+        law ticks, at most one more than a command period has.
         """
         before = np.concatenate([state.law, wheels_rpm[:, None, :]], axis=1)  # (4, 6, n)
         setpoints = np.matmul(self._responses[:, :ticks, 0], before)  # (4, ticks, n)
         wanted = np.tensordot(self._rpm_to_twist, setpoints, axes=1)  # (3, ticks, n)
-        twist = state.twist
+        twist, most = state.twist, self._torque_limit
         twists = np.empty((ticks, *twist.shape))
-        most = self._torque_limit
         for k in range(ticks):
             torque = self._to_torque @ (wanted[:, k] - twist)
-            if self._friction is not None:
-                lost = self._friction.torque(self._to_speeds @ twist)
+            if self._has_friction:
+                speeds = self._to_speeds @ twist
+                lost = self._coulomb_n_m * np.clip(speeds / _SLOW_RAD_S, -1.0, 1.0) + self._damping * speeds
                 torque += self._friction_share * lost
             np.minimum(torque, most, out=torque)
             np.maximum(torque, -most, out=torque)
-            if self._friction is not None:
+            if self._has_friction:
                 torque -= lost
             twist = twist + self._to_twist @ torque
             twists[k] = twist
@@ -130,25 +127,12 @@ def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, s
     return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
 
 
-@dataclass(frozen=True)
-class _Friction:
-    coulomb_n_m: float
-    damping_n_m_s_rad: float
-
-    def torque(self, speeds_rad_s: FloatArray) -> FloatArray:
-        sign = np.clip(speeds_rad_s / _SLOW_RAD_S, -1.0, 1.0)
-        return self.coulomb_n_m * sign + self.damping_n_m_s_rad * speeds_rad_s
-
-
-def _with_effects(model: Model) -> tuple[Robot, _Friction | None]:
-    """Return the robot with the effects that change its parameters, and the friction of its wheels."""
-    changed, load = model, added_load(model)
+def changed_robot(model: Model) -> Robot:
+    """Return the robot of a model with the effects that change its parameters, without added mass."""
     for effect, values in active_effects(model):
         if effect.change_model is not None:
-            changed = effect.change_model(changed, values)
-    robot = replace(changed.robot, mass_kg=changed.robot.mass_kg + load.mass_kg)
-    coulomb, damping = load.coulomb_n_m, load.damping_n_m_s_rad
-    return robot, _Friction(coulomb, damping) if coulomb > 0.0 or damping > 0.0 else None
+            model = effect.change_model(model, values)
+    return model.robot
 
 
 def _law_powers(law: WheelLaw, ticks: int) -> FloatArray:

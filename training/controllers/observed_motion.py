@@ -7,7 +7,7 @@ observation forward to the time at which the answer to it acts.
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Sensors
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
-from training.controllers.prediction.motion_model import MotionModel, MotionState, received_wheels
+from training.controllers.motion_model import MotionModel, MotionState, received_wheels
 
 _KEPT_S = 1.5
 """Length of the remembered motion [s]; longer than the delays of any sensor and command together."""
@@ -31,9 +31,6 @@ class OwnMotion:
     """The robot's motion since the start, as the model predicts it from the commands.
 
     Time is counted in commands sent. A robot whose commands act late does the same that much later.
-
-    Args:
-        model: wheel laws, robot and effects.
     """
 
     def __init__(self, model: Model) -> None:
@@ -55,9 +52,8 @@ class OwnMotion:
 
     def send(self, command: Command) -> None:
         """Predict the motion during the period of a command that is sent now."""
-        ticks = self.model.ticks(self.commands)
         wheels = received_wheels(self.model.drives, command_to_wheels(*command)[:, None], self.time_s)
-        twists, self.state = self.model.play(self.state, wheels, ticks)
+        twists, self.state = self.model.play(self.state, wheels, self.model.ticks(self.commands))
         self._twists.extend(twists[:, :, 0])
         self.commands += 1
 
@@ -78,12 +74,9 @@ class OwnMotion:
         if until_s <= 0.0:
             return moved
         rest = self._until_now(until_s)
-        turn = moved[2] - rest[2]
-        cos, sin = np.cos(turn), np.sin(turn)
-        before: FloatArray = moved - np.array(
-            [cos * rest[0] - sin * rest[1], sin * rest[0] + cos * rest[1], rest[2]]
-        )
-        return before
+        cos, sin = np.cos(moved[2] - rest[2]), np.sin(moved[2] - rest[2])
+        back = np.array([cos * rest[0] - sin * rest[1], sin * rest[0] + cos * rest[1], rest[2]])
+        return np.asarray(moved - back, float)
 
     def _until_now(self, ago_s: float) -> FloatArray:
         past = self._past(ago_s)
@@ -91,8 +84,7 @@ class OwnMotion:
             return np.zeros(3)
         steps = np.full(len(past) - 1, self.model.tick_s)
         steps[0] = ago_s - self.model.tick_s * (len(past) - 2)
-        now: FloatArray = integrated_path(past[:, :, None], steps)[-1, :, 0]
-        return now
+        return np.asarray(integrated_path(past[:, :, None], steps)[-1, :, 0], float)
 
     def _past(self, ago_s: float) -> FloatArray:
         """Return the twists from `ago_s` before now until now, (m, 3); the first is interpolated."""
@@ -114,11 +106,8 @@ def seen_from(pose: FloatArray, x_m: float, y_m: float) -> tuple[float, float]:
 def integrated_path(twists: FloatArray, steps_s: FloatArray) -> FloatArray:
     """Return the poses x, y [m], yaw [rad] of paths that begin at 0 with heading 0, shape (m + 1, 3, n).
 
-    Uses the trapezoidal rule with the heading at the middle of each step.
-
-    Args:
-        twists: body twists at the start and at the ends of the steps, shape (m + 1, 3, n).
-        steps_s: durations of the steps, shape (m,).
+    Uses the trapezoidal rule with the heading at the middle of each of the m steps, between the body twists
+    at the start and at the ends of the steps, shape (m + 1, 3, n).
     """
     mean = 0.5 * (twists[1:] + twists[:-1]) * steps_s[:, None, None]
     poses = np.zeros_like(twists)
@@ -130,34 +119,18 @@ def integrated_path(twists: FloatArray, steps_s: FloatArray) -> FloatArray:
     return poses
 
 
-@dataclass(frozen=True)
-class Delays:
-    """Delays of the robot's sensors and commands [s]."""
-
-    sensor_s: float = Sensors.delay_s
-    """Age of what an observation shows [s]."""
-    command_s: float = 0.0
-    """Time from sending a command until it acts [s]."""
-
-    @staticmethod
-    def of(model: Model) -> Delays:
-        """Return the usual delay of the sensors with the model's `command_latency`."""
-        return Delays(command_s=drive_parameters(model).delay_s)
-
-
 class ObservationPredictor:
     """Brings observations forward to the time at which the answer to them acts.
 
     The robot's own motion until then is known: that of the commands under way, by `OwnMotion`, corrected by
-    the observed velocity error. The opponent is assumed to keep its smoothed velocity.
-
-    Args:
-        model: wheel laws, robot and effects.
-        delays: of sensors and commands; by default the usual sensors' and the model's latency.
+    the observed velocity error. The opponent is assumed to keep its smoothed velocity. The horizon is the
+    time from what an observation shows until the answer acts; by default the delays of sensors and commands.
     """
 
-    def __init__(self, model: Model, delays: Delays | None = None) -> None:
-        self.delays = Delays.of(model) if delays is None else delays
+    def __init__(self, model: Model, horizon_s: float | None = None) -> None:
+        self.command_s = drive_parameters(model).delay_s
+        """Time from sending a command until it acts [s]."""
+        self._horizon_s = Sensors.delay_s + self.command_s if horizon_s is None else horizon_s
         self.own = OwnMotion(model)
         self.reset()
 
@@ -178,7 +151,7 @@ class ObservationPredictor:
         The opponent's place and smoothed velocity are given in the frame of the robot at that time; the sword
         stays as it was `seen`.
         """
-        horizon = self.delays.sensor_s + self.delays.command_s
+        horizon = self._horizon_s
         measured = np.array([float(seen.vx), float(seen.vy), float(seen.yaw_rate)])
         innovation = measured - self.own.twist(horizon) - self.velocity_error
         self.velocity_error = self.velocity_error + _CORRECTION * innovation

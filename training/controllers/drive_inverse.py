@@ -29,11 +29,11 @@ from mecanum_env.kinematics import (
     wheels_to_command,
     wheels_to_twist,
 )
-from mecanum_env.model import Model, Robot
+from mecanum_env.model import Model
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from training.controllers.interface import Command
-from training.controllers.prediction.motion_model import received_wheels, wheel_drives
+from training.controllers.motion_model import received_wheels, wheel_drives
 
 _ITERATIONS: Final = 20
 _TOLERANCE_RPM: Final = 0.02
@@ -59,10 +59,9 @@ class _Friction:
 
 
 class DriveInverse:
-    """Changes commands so that a robot with effects moves as the nominal one would.
+    """Changes commands so that a robot with the effects of a model moves as the nominal one would.
 
-    Args:
-        model: wheel, robot and effects; those that commands undo count.
+    Only effects that `undone_by` assigns to commands count.
     """
 
     def __init__(self, model: Model) -> None:
@@ -76,10 +75,12 @@ class DriveInverse:
         for effect, values in effects:
             if effect.change_model is not None:
                 changed = effect.change_model(changed, values)
-        self._nominal: Robot = model.robot
-        self._robot: Robot = changed.robot
-        load = added_load(model)
-        self._friction = _friction(changed.robot, load.coulomb_n_m, load.damping_n_m_s_rad)
+        self._nominal, self._robot = model.robot, changed.robot
+        load, servo = added_load(model), self._robot.servo_n_m_s_rad
+        self._friction = _Friction(0.0, 0.0)
+        if self._robot.servo_integral_n_m_rad <= 0.0:
+            rpm = 1.0 / (servo * RAD_S_PER_RPM)
+            self._friction = _Friction(load.coulomb_n_m * rpm, load.damping_n_m_s_rad / servo)
         limits: Mapping[str, float] = next((v for e, v in effects if e.name == "body_speed_limit"), {})
         self._v_rpm = min(limits.get("v_rpm", math.inf), FULL_V_RPM)
         self._vc_rpm = min(limits.get("vc_rpm", math.inf), FULL_VC_RPM)
@@ -93,18 +94,14 @@ class DriveInverse:
     def command(self, wanted: Command, seconds: float) -> Command:
         """Return the command that moves this robot as the wanted one moves the nominal robot.
 
-        Args:
-            wanted: V [rpm], theta [deg], VC [rpm] for the nominal robot.
-            seconds: time since the start at which it acts, which counts for a sagging battery.
+        It acts `seconds` after the start, which counts for a sagging battery.
         """
         if not self.is_needed:
             return wanted
         wheels = clip_wheels(command_to_wheels(*wanted), self._limit_rpm)
         twist = wheels_to_twist(wheels, self._nominal)
         body = self._within_reach(wheels_to_body(twist_to_wheels(twist, self._robot)), seconds)
-        if not self._sticks:
-            return self._rounded(self._solve(body, seconds))
-        return self._diffused(body, seconds)
+        return self._diffused(body, seconds) if self._sticks else self._rounded(self._solve(body, seconds))
 
     def delivered(self, command: Command, seconds: float) -> FloatArray:
         """Return the body motion (ahead, left, turn) [rpm], shape (3,), that a command leads to at a time."""
@@ -151,16 +148,14 @@ class DriveInverse:
         choices: list[Command] = [(0, 0, 0), *(self._rounded(plain * scale) for scale in scales)]
         reached = [self.delivered(choice, seconds) for choice in choices]
         best = int(np.argmin([float(np.sum((one - wanted) ** 2)) for one in reached]))
-        most = float(np.max(least))
-        self._owed = np.clip(wanted - reached[best], -most, most)
+        self._owed = np.clip(wanted - reached[best], -np.max(least), np.max(least))
         return choices[best]
 
     def _gains(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
         """Return the gain of each wheel's drive in the direction in which it is driven, shape (4,)."""
         forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives])
         reverse = np.array([d.reverse_ratio for d in self._drives])
-        gains: FloatArray = np.where(driven_rpm < 0.0, forward * reverse, forward)
-        return gains
+        return np.where(driven_rpm < 0.0, forward * reverse, forward)
 
     def _rounded(self, body_rpm: FloatArray) -> Command:
         """Return the command nearest to a body command [rpm], scaled into the robot's range."""
@@ -168,10 +163,3 @@ class DriveInverse:
         share = min(1.0, self._v_rpm / max(speed, 1e-9), self._vc_rpm / max(turn, 1e-9))
         v, theta, vc = wheels_to_command(body_to_wheels(body_rpm * share))
         return round(float(v)), round(float(theta)), round(float(vc))
-
-
-def _friction(robot: Robot, coulomb: float, damping: float) -> _Friction:
-    if robot.servo_integral_n_m_rad > 0.0:
-        return _Friction(0.0, 0.0)
-    rpm = 1.0 / (robot.servo_n_m_s_rad * RAD_S_PER_RPM)
-    return _Friction(coulomb * rpm, damping / robot.servo_n_m_s_rad)

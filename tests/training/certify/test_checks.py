@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from training.certify.judge import checks, timing_check
+from training.certify.certificate import checks, timing_check
 from training.certify.plants import robot_variants
 from training.certify.run import timing_of, tracking_result, variant_result
 from training.certify.thresholds import Thresholds, require_valid

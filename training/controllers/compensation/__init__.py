@@ -1,1 +1,0 @@
-"""Compensation of named effects around any controller: of drives on commands, of sensors on observations."""

@@ -126,7 +126,7 @@ def closed_share(gap: Difference) -> str:
 
 
 def concentrations(report: GapReport, most: int = 3) -> tuple[Concentration, ...]:
-    """Return where the error of the worst channel stands out, at `most` so many regions, one per dimension.
+    """Return where the error of the worst channel stands out: one region per dimension, `most` in all.
 
     Regions of the dimension "wheel" compare channels and are always considered.
     """

@@ -113,9 +113,10 @@ class ChanceGains:
 def chance_gains(
     fitted: Fitted[Any], library: Sequence[Response], rng: np.random.Generator, scatter: FloatArray
 ) -> ChanceGains:
-    """Simulate the best gain of a fitted set by one more effect of a library, if the set is the truth.
+    """Simulate the best gain of a fitted set by one more effect, if the set is the truth.
 
-    `scatter` holds the columns of the rollers' scatter at the set, (N, k).
+    `library` holds the responses of the effects that were considered, `scatter` the columns of the rollers'
+    scatter at the set, (N, k).
     """
     draws = THRESHOLDS.draws
     orthogonal = np.linalg.qr(fitted.jacobian)[0]

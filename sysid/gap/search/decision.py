@@ -68,7 +68,10 @@ def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Genera
 
 
 def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Facts:
-    """Search for sets of at most `max_effects`, and return all facts that the rules need."""
+    """Search for sets of at most `max_effects`, and return all facts that the rules need.
+
+    What is fitted stays in the search; `rng` is that of the simulated thresholds and the bootstrap.
+    """
     problem, base = search.problem, search.base
     facts = explore(search, floor, max_effects, rng)
     chosen, inflation = facts.chosen, facts.inflation

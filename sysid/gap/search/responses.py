@@ -153,9 +153,10 @@ class Growth:
 def growths(
     base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: float = 1.0
 ) -> list[Growth]:
-    """Return the growths of a fitted set by one effect each of a library of responses, best first.
+    """Return the growths of a fitted set by one effect each, the most promising first.
 
-    `scale` is the factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
+    `library` holds the responses of the effects to consider. `scale` is the factor on bounds in rpm and
+    rpm/s, from `sysid.compare.study.speed_scale`.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)

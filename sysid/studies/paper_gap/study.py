@@ -69,9 +69,9 @@ def movers(found: Sequence[Reach]) -> tuple[str, ...]:
 
 
 def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
-    """Return all fitted sets of at `most` so many effects: all single ones, then additions to the best sets.
+    """Return all fitted sets, by their names: all single effects, then additions to the best sets.
 
-    The keys and the effects to consider are names of effects.
+    `names` are the effects to consider; a set has at `most` so many effects.
     """
     fitted: dict[tuple[str, ...], SetFit] = {(): fitter.empty()}
     for size in range(1, most + 1):
@@ -88,7 +88,7 @@ def best(fitted: Mapping[tuple[str, ...], SetFit], size: int) -> list[SetFit]:
 
 
 def needless(found: SetFit, fitted: Iterable[SetFit]) -> bool:
-    """Return whether a smaller one of all fitted sets, inside the found one, also reproduces the numbers."""
+    """Return whether one of all fitted sets, inside the found one, reproduces the numbers as well."""
     return any(set(f.names) < set(found.names) and f.worst <= 1.0 for f in fitted)
 
 

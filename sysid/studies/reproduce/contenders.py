@@ -205,7 +205,7 @@ def best_rms(estimates: list[Estimate]) -> float:
 
 
 def start_rates(name: str, found: Estimate, best_rms_rpm: float, largest_rpm: float) -> StartRates:
-    """Count the outcomes of all starts of the method of a name.
+    """Count the outcomes of all starts of a method, given by its name.
 
     Success is measured against `best_rms_rpm`; an rms above the largest command, `largest_rpm`, counts as
     diverged.

@@ -14,8 +14,8 @@ from sysid.compare.model_error import ModelError, Residual, estimate_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import Observations, observe
+from sysid.compare.prediction import Study
 from sysid.compare.simulator import Simulator
-from sysid.compare.study import Study
 from sysid.compare.subset import most_active_runs
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset

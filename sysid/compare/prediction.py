@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import mujoco
 import numpy as np
@@ -16,6 +17,7 @@ from mecanum_env.model import Model
 from mecanum_env.simulator import (
     BodyCommands,
     Commands,
+    RobotPlant,
     WheelCommands,
     compile_bench,
     compile_plant,
@@ -24,7 +26,6 @@ from mecanum_env.simulator import (
 from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
-from sysid.compare.study import Study
 from sysid.logs import BodyCommand, Run
 from sysid.logs.runs import REST
 
@@ -34,10 +35,36 @@ FIRST_S: Final = 0.05
 """The samples of this first time [s], or the first three, show how a run starts."""
 _LATE: Final = 3.5
 """Sampling intervals after which a sample no longer shows how a run starts, if earlier cells are empty."""
-_CLEAR: Final = 4.0
-"""Standard deviations of the first samples' mean above which it is taken for motion."""
+_CLEAR: Final = 4.0  # standard deviations of the first samples' mean above which it is taken for motion
 _TOO_FEW: Final = 20  # samples to measure a channel's noise
 POSE: Final = ("x_m", "y_m", "yaw_rad")
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+@dataclass(frozen=True)
+class Study:
+    """The settings of every simulation in a study: search, held-out comparison, design of experiments."""
+
+    plant: RobotPlant = "rollers"
+    """How a robot is simulated; the bench has one plant only."""
+    jobs: int = 1
+    """Simulations that run at the same time; results do not depend on it."""
+    timestep_s: float | None = None
+    """Upper bound of the physics step [s]; None: the choice of the MJCF generator."""
+    seed: int = 0
+    """Seed of simulated thresholds, of the bootstrap and of the design of experiments."""
+    scale: float = 1.0
+    """Factor on the catalogue's bounds and scan grids in rpm and rpm/s, from `speed_scale`."""
+
+    def map(self, work: Callable[[T], U], items: Iterable[T]) -> list[U]:
+        """Return `work` of each of the `items`, in order, `jobs` at a time."""
+        if self.jobs == 1:
+            return [work(item) for item in items]
+        # MuJoCo releases the interpreter lock while it steps, so threads suffice.
+        with ThreadPoolExecutor(self.jobs) as pool:
+            return list(pool.map(work, items))
 
 
 @dataclass(frozen=True)
@@ -81,7 +108,7 @@ class Motion:
     """Time simulated before the log starts [s]."""
 
 
-def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjModel:  # noqa: B008  (frozen)
+def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjModel:
     """Compile what `predict` simulates: the bench or the robot, without visuals.
 
     Args:
@@ -116,7 +143,7 @@ def predict(
     run: Run,
     start: Start | None = None,
     mj_model: mujoco.MjModel | None = None,
-    study: Study = Study(),  # noqa: B008  (frozen)
+    study: Study = Study(),
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 

@@ -20,8 +20,7 @@ from mecanum_env.model.file import model_to_dict
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
-from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, sensor_readings
-from sysid.compare.study import Study
+from sysid.compare.prediction import Motion, Study, compile_for, in_run_frame, motion_of, sensor_readings
 
 REMEMBERED: Final = 8
 """Number of models whose motions are kept; those of one model take some megabytes."""

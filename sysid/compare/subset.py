@@ -18,8 +18,7 @@ BEFORE_S: Final = 0.5
 """Time before a change of command at which a piece begins [s], so that the robot has settled."""
 SMALL: Final = 0.5
 """Largest of the small commands, relative to the largest command."""
-_BANDS: Final = 4
-"""Bands of commanded speed in each direction that pieces are to cover."""
+_BANDS: Final = 4  # bands of commanded speed in each direction that pieces are to cover
 
 Bands = frozenset[tuple[int, int]]
 

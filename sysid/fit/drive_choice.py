@@ -26,12 +26,9 @@ from sysid.logs.runs import SPLITS
 
 LONGEST_DELAY_S: Final = 0.25
 """Longest transport delay that is tried [s]."""
-_EVIDENCE: Final = 10.0
-"""Difference of BIC: "very strong" on the scale of Kass and Raftery (1995)."""
-_WORTH: Final = 0.02
-"""Least relative decrease of the validation error for which a parameter is adopted."""
-_ENOUGH_TICKS: Final = 30_000
-"""Number of ticks that suffice to compare structures."""
+_EVIDENCE: Final = 10.0  # difference of BIC: "very strong" on the scale of Kass and Raftery (1995)
+_WORTH: Final = 0.02  # least relative decrease of the validation error for which a parameter is adopted
+_ENOUGH_TICKS: Final = 30_000  # number of ticks that suffice to compare structures
 VAGUE: Final = 0.5
 """Relative standard error above which a delay counts as unknown."""
 _WORTH_SAYING: Final = 0.02

@@ -42,10 +42,8 @@ ROLLER_SECONDS: Final = 10.0
 """Duration of the logs that are simulated on rollers again and again [s]."""
 _PROFILE_SECONDS: Final = 30.0
 _GRIPS: Final = (0.15, 0.25, 0.4, 0.6, 0.8, 1.1)
-_STEP: Final = 0.05
-"""Step of the profile, in the logarithm of the grip."""
-_HALF: Final = 4
-"""Steps of the profile to each side of its minimum."""
+_STEP: Final = 0.05  # step of the profile, in the logarithm of the grip
+_HALF: Final = 4  # steps of the profile to each side of its minimum
 _RECENTRINGS: Final = 3
 
 

@@ -42,8 +42,7 @@ SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
 SECONDS: Final = 30.0
 """Duration of the logs of each split that the last stage simulates [s]."""
 _SIMULATIONS: Final = 20
-_AGREE: Final = 0.05
-"""Relative change of the grip below which it and the law agree."""
+_AGREE: Final = 0.05  # relative change of the grip below which it and the law agree
 _PLANAR_SECONDS: Final = 60.0
 _LEAST_SIGMA: Final = 1e-6
 

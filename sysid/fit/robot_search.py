@@ -25,14 +25,12 @@ from sysid.compare.prediction import commands_of
 from sysid.logs import Run
 
 BODY_VELOCITY: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-_RANGE: Final = math.log(30.0)
-"""Largest change of the logarithm of a robot's parameter."""
+_RANGE: Final = math.log(30.0)  # largest change of the logarithm of a robot's parameter
 _LAW_SIZE: Final = 5  # coordinates of a law of given DC gain
 _FASTER: Final = (1.5, 2.5)
 """Exponents of the poles of further initial laws: the fitted one contains the load's lag."""
 _EVALUATIONS_PER_START: Final = 8
-_EVALUATIONS: Final = 30
-"""Evaluations of the search from the best start."""
+_EVALUATIONS: Final = 30  # evaluations of the search from the best start
 _EVALUATIONS_ON_ROLLERS: Final = 4
 """Evaluations on the roller plant, whose contacts make further ones useless."""
 

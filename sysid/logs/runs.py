@@ -52,8 +52,7 @@ REST: Final[Mapping[str, float]] = {
 Split: TypeAlias = Literal["fit", "validation", "test"]
 Level: TypeAlias = Literal["bench", "robot"]
 SPLITS: Final[tuple[Split, ...]] = get_args(Split)
-_ROUNDING: Final = 1e-6
-"""Rounding error of stamps that a program has converted, in command periods."""
+_ROUNDING: Final = 1e-6  # rounding error of stamps that a program has converted, in command periods
 
 
 @dataclass(frozen=True, eq=False)

@@ -47,8 +47,7 @@ _FORGETTING_PER_INFORMATION: Final = 2.0
 """Largest g relative to psi' R^-1 psi / 5, which averages g under steady excitation: binds if it is poor."""
 _LARGEST_CONDITION: Final = 1e13
 """Ratio of R to the prior up to which samples have full weight, so that double precision can invert R."""
-_TO_SIX: Final = np.insert(np.eye(_N), 4, -1.0, axis=0)
-"""d(A..F)/d(A, B, C, D, F), shape (6, 5)."""
+_TO_SIX: Final = np.insert(np.eye(_N), 4, -1.0, axis=0)  # d(A..F)/d(A, B, C, D, F), shape (6, 5)
 
 
 _MEDIAN_OF_THREE: Final = 0.70346

@@ -22,13 +22,10 @@ from sysid.online.projection import OnlineOptions
 from sysid.online.replay import WheelHistory
 
 FORMAT: Final = "mecanum-online-history/1"
-_METRIC_TICKS: Final = 400
-"""Metrics are computed at about this many ticks of a replay."""
+_METRIC_TICKS: Final = 400  # metrics are computed at about this many ticks of a replay
 _TABLE_ROWS: Final = 10
-_MISFIT: Final = 5.0
-"""Innovations above this multiple of the expected noise at the end are reported."""
-_MOST_POINTS: Final = 4000
-"""Largest number of points in a curve of the plot."""
+_MISFIT: Final = 5.0  # innovations above this multiple of the expected noise at the end are reported
+_MOST_POINTS: Final = 4000  # largest number of points in a curve of the plot
 _BAND_SIGMAS: Final = 2.0
 _LEGEND: Final[dict[str, Any]] = {
     "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2, "frameon": False, "fontsize": "small"

@@ -36,13 +36,11 @@ CHANGE_TOLERANCE: Final = 1e-6
 CHANGE_WINDOW: Final = 50
 GRADIENT_TOLERANCE: Final = 1e-12
 """Stop when a step of the rate `alpha` would move the coefficients by less than this."""
-_LARGEST: Final = 1e3
-"""Coefficients beyond this have diverged."""
+_LARGEST: Final = 1e3  # coefficients beyond this have diverged
 _ARMIJO: Final = 1e-4
 _SHRINK: Final = 0.25
 _GROW: Final = 4.0
-_SAFEGUARD: Final = 1e10
-"""Largest factor between the lengths of successive steps."""
+_SAFEGUARD: Final = 1e10  # largest factor between the lengths of successive steps
 
 
 @dataclass(frozen=True)

@@ -28,8 +28,7 @@ from sysid.fit.estimators.batch import BatchCost, batch_cost
 from sysid.fit.estimators.interface import Estimate, Options, WheelRun
 from sysid.fit.estimators.problem import single_estimate, stack
 
-_CHUNK: Final = 2000
-"""Number of laws simulated together: small enough for the cache."""
+_CHUNK: Final = 2000  # number of laws simulated together: small enough for the cache
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from scipy.stats import f as fisher
 
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Estimate, WheelRun
-from sysid.fit.statistics.linearised import Linearised, linearise
+from sysid.fit.statistics.identifiability import Linearised, linearise
 
 _RANK_TOLERANCE: Final = 1e-9
 

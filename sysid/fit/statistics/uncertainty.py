@@ -17,13 +17,17 @@ from mecanum_env.law.metrics import step_response
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Estimate, WheelRun
 from sysid.fit.estimators.order import lower_order, noise_gain
-from sysid.fit.statistics.identifiability import Quantity, weak_combinations
-from sysid.fit.statistics.linearised import Linearised, linearise, second_order_bias
+from sysid.fit.statistics.identifiability import (
+    Linearised,
+    Quantity,
+    linearise,
+    second_order_bias,
+    weak_combinations,
+)
 
 _DIFFERENCE: Final = 0.1
 """Step of the finite differences of the metrics, in standard deviations of a direction."""
-_LARGEST_MOVE: Final = 1e-4
-"""Largest change of a coefficient in these finite differences."""
+_LARGEST_MOVE: Final = 1e-4  # largest change of a coefficient in these finite differences
 _METRICS: Final = (
     ("dc_gain", ""),
     ("rise_time_s", "s"),

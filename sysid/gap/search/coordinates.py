@@ -117,7 +117,7 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float =
         base: model whose value is neutral; that of the effect if the model has the effect already.
         effect: definition in the catalogue.
         parameter: of the effect.
-        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
+        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.problem.speed_scale`.
     """
     present = base.effects.get(effect.name, {})
     neutral = present.get(parameter.name, parameter.neutral_in(base))

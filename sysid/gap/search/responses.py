@@ -164,7 +164,7 @@ def growths(
         base: model whose values are neutral.
         parent: the fitted set.
         library: responses of the effects to consider.
-        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
+        scale: factor on bounds in rpm and rpm/s, from `sysid.compare.problem.speed_scale`.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)

@@ -47,12 +47,9 @@ _INFLATION: Final = 1.5
 class ResidualProblem:
     """Residuals of models on some observations.
 
-    On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth.
-
-    Args:
-        base: the model under study, whose own error and parameter uncertainty are marginalised.
-        whitener: of the observations.
-        study: settings of the simulations; its `scale` is replaced by that of the model and the runs.
+    On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth. The
+    error and the parameter uncertainty that the `base` model states are marginalised. The `scale` of the
+    study is replaced by that of the model and the runs.
     """
 
     def __init__(self, base: Model, whitener: Whitener, study: Study | None = None) -> None:
@@ -118,11 +115,7 @@ class ResidualProblem:
         return self._planar is not None and all(effect.fully_in("planar") for effect in known)
 
     def surrogate_mask(self, owners: Sequence[str]) -> Mask:
-        """Return the parameters whose influence the surrogate shows, (p,).
-
-        Args:
-            owners: the effect that each parameter belongs to, (p,).
-        """
+        """Return which parameters' influence the surrogate shows, (p,), by their effects `owners`, (p,)."""
         return np.array([self.surrogate_covers([owner]) for owner in owners], bool)
 
     def probe_step(self, effects: Sequence[str]) -> float:
@@ -135,10 +128,7 @@ class ResidualProblem:
     ) -> list[FloatArray | None]:
         """Return how the marginal residual (N,) of each model differs from that of the reference.
 
-        Args:
-            models: `study.jobs` of them are simulated at a time; None for one that cannot be simulated.
-            surrogate: whether to simulate with `surrogate_residual`.
-            reference: the model that the others are compared with.
+        It is None for a model that cannot be simulated. `surrogate`: simulate with `surrogate_residual`.
         """
         simulated = self.surrogate_residual if surrogate else self.residual
         unchanged = simulated(reference) if models else None
@@ -159,19 +149,15 @@ class ResidualProblem:
 
     def _scaled(self, residual: FloatArray, factors: FloatArray) -> FloatArray:
         along = self._directions.T @ residual
-        scaled: FloatArray = residual + self._directions @ (
-            factors * along if residual.ndim == 1 else factors[:, None] * along
-        )
-        return scaled
+        scaled = factors * along if residual.ndim == 1 else factors[:, None] * along
+        return np.asarray(residual + self._directions @ scaled)
 
     def roller_scatter(self, model: Model) -> FloatArray:
         """Return what the rollers' contacts change at random in the marginal residual: columns (N, k).
 
         It is what invisibly small changes of the wheel speed do on the rollers beyond what they do on the
-        planar plant, and the ripple of unknown initial wheel angles. Without rollers there are no columns.
-
-        Args:
-            model: where it is measured; once per model.
+        planar plant, and the ripple of unknown initial wheel angles. Without rollers there are no columns. It
+        is measured once per model.
         """
         if self._ripple is None:
             return np.zeros((self.size, 0))
@@ -194,14 +180,9 @@ class ResidualProblem:
         return None if full is None or surrogate is None else full - surrogate
 
     def update_angle_uncertainty(self, model: Model, residual: FloatArray) -> bool:
-        """Find out from a residual how unknown the initial wheel angles are; `roller_scatter` then counts it.
+        """Find out from a model's marginal `residual` (N,) how unknown the initial wheel angles are.
 
-        Args:
-            model: the best model found.
-            residual: its marginal residual (N,).
-
-        Returns:
-            Whether they are less known than assumed so far.
+        `roller_scatter` then counts it. Return whether they are less known than assumed so far.
         """
         return self._ripple is not None and self._ripple.update(model, residual)
 
@@ -216,19 +197,17 @@ class ResidualProblem:
             return None if changed is None else self.base_residual - changed
 
         columns = [c for c in self.study.map(column, plausible_models(self.base)) if c is not None]
-        for parts in shape_columns(self.base, self.whitener.error, self.observations):
-            columns.append(self.whitener.whiten(parts))
+        shapes = shape_columns(self.base, self.whitener.error, self.observations)
+        columns += [self.whitener.whiten(parts) for parts in shapes]
         return np.stack(columns, axis=1) if columns else np.zeros((self.size, 0))
 
 
 class WheelAngleRipple:
     """What unknown initial wheel angles change in the residual of a model.
 
-    Args:
-        simulator: of the robot on rollers, at the nominal initial angles.
-        whitener: of its observations.
-        residual: whitened residual (N,) of a model by a simulator, None if it cannot be simulated.
-        marginal: marginalises a residual (N,) over the model's own error.
+    A log does not say at which angles its wheels started, so when each roller touches the floor is unknown,
+    too. The ripple that this causes is simulated with other initial angles than those of the nominal
+    `simulator`, recognised in the residual, and then counted as noise.
     """
 
     def __init__(
@@ -252,11 +231,7 @@ class WheelAngleRipple:
 
         Let d be the change of the residual when the wheels start at other angles. The residual of a right
         model is uncorrelated with d if the logs' angles are the simulated ones, and contains -d / 2 on
-        average if they are any others.
-
-        Args:
-            model: the best model found.
-            residual: its marginal residual (N,).
+        average if they are any others. `residual` is the marginal one of the model, (N,).
         """
         ripple, rest = self._second_differences(self._changes(model)), self._second_differences(residual)
         power = float(np.sum(ripple**2))
@@ -270,8 +245,7 @@ class WheelAngleRipple:
         """Return what unknown angles may add to a right model's marginal residual: columns (N, k)."""
         blocks = self._nominal.observations.blocks
         repeats = np.concatenate([np.full(block.value.size, float(block.repeats)) for block in blocks])
-        # Two draws differ by twice the variance of one; measured is the mean of the repeats, simulated one
-        # draw.
+        # Two draws differ by twice the variance of one. Measured is the mean of the repeats; simulated, one.
         variance = self.uncertainty * 0.5 * (1.0 + 1.0 / repeats) * _INFLATION
         changes = self._changes(model)
         return np.asarray(changes * np.sqrt(variance)[:, None] / math.sqrt(max(1, changes.shape[1])))
@@ -294,10 +268,6 @@ def speed_scale(model: Model, runs: Sequence[Run]) -> float:
     The catalogue is made for the packaged wheel, whose ceiling is `Wheel.saturation_rpm`. The speed of
     another wheel is its model's ceiling or, if the model has none, the largest command or speed in the logs.
     The ratio is rounded to a power of two, about one step of the scan grids.
-
-    Args:
-        model: gives the ceiling.
-        runs: bench or robot logs.
     """
     top = model.wheel.saturation_rpm
     if not math.isfinite(top):

@@ -53,10 +53,7 @@ class PlantData:
     def variance(self, cost: float, samples: int, parameters: int = 0) -> float:
         """Return the residual variance relative to that of the noise; at least 1 if the noise is known.
 
-        Args:
-            cost: half the sum of squared residuals, in variances of the noise.
-            samples: number of residuals.
-            parameters: number of fitted parameters.
+        `cost` is half the sum of squares of so many `samples`, after a fit of so many `parameters`.
         """
         ratio = 2.0 * cost / max(1, samples - parameters)
         return max(1.0, ratio) if self.sigma_known else max(ratio, 1e-300)
@@ -105,13 +102,7 @@ class FoundRobot:
 
 
 class RobotSearch:
-    """Least squares of law and robot parameters on the output of the simulated robot.
-
-    Args:
-        model: the start: law and robot.
-        data: robot logs.
-        plant: simulated robot.
-    """
+    """Least squares of law and robot parameters on the output of the simulated robot, from a model's."""
 
     def __init__(self, model: Model, data: PlantData, plant: RobotPlant = "planar") -> None:
         self._model, self.data, self._plant = model, data, plant

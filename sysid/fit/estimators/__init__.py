@@ -52,12 +52,7 @@ __all__ = [
 def estimate(
     runs: Sequence[WheelRun], method: str = DEFAULT_METHOD, options: Options | None = None
 ) -> Estimate:
-    """Identify the wheel law.
-
-    Args:
-        runs: the runs of one wheel, or of several wheels to be pooled into one law.
-        method: a name in `METHODS`.
-        options: how to estimate; each method reads what concerns it.
+    """Identify the wheel law by a `method` of `METHODS`; runs of several wheels are pooled into one law.
 
     Raises:
         InputError: an unknown method, or data that cannot be fitted; the message says why.

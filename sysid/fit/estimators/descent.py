@@ -82,15 +82,15 @@ def descend(
     constraint: Constraint | None = None,
     unit_gain: bool = False,
 ) -> Descent:
-    """Descend from every start until a stop criterion, divergence or the limit.
+    """Descend the `cost` from all `starts` A-F, shape (S, 6), until a stop criterion, divergence or a limit.
 
     Args:
         cost: H and its gradient.
-        starts: A-F, shape (S, 6).
+        starts: pulled back into the constraint before the first step.
         rate: alpha of the fixed rule; the spectral rule uses it for the stop criterion only.
         iterations: largest number of iterations of each start.
         rule: length of the steps.
-        constraint: None for plain descent. A start outside is pulled back before the first step.
+        constraint: None for plain descent.
         unit_gain: keep A+B+C+D+E+F = 1; the gradient's mean is removed, which is its exact projection.
     """
     x = _admitted(np.array(starts, float), constraint, unit_gain)

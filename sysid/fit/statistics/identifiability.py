@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -112,7 +112,9 @@ def linearise(runs: Sequence[WheelRun], estimate: Estimate) -> Linearised:
     norms = np.linalg.norm(jacobian, axis=0)
     norms = np.where(norms > 0.0, norms, 1.0)
     # The full right factor is needed if there are fewer samples than parameters; the left one never is.
-    singular, right = _singular(jacobian / norms)
+    triangle = np.linalg.qr(jacobian / norms, mode="r")
+    _, singular, right = np.linalg.svd(triangle, full_matrices=True)
+    singular = np.concatenate([singular, np.zeros(len(right) - len(singular))])
     rank = int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
     return Linearised(
         problem=problem,
@@ -128,13 +130,6 @@ def linearise(runs: Sequence[WheelRun], estimate: Estimate) -> Linearised:
         samples=len(problem.group),
         fixed_gain="E" not in estimate.free,
     )
-
-
-def _singular(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return all p singular values and right vectors (rows), shapes (p,) and (p, p), of an (M, p) matrix."""
-    triangle = np.linalg.qr(matrix, mode="r")
-    _, singular, right = np.linalg.svd(triangle, full_matrices=True)
-    return np.concatenate([singular, np.zeros(len(right) - len(singular))]), right
 
 
 def second_order_bias(at: Linearised) -> FloatArray:
@@ -186,24 +181,17 @@ def weak_combinations(
 ) -> tuple[str, ...]:
     """Return warnings, none if every coefficient is well determined.
 
-    They name unknown coefficients, pairs that trade off, the least known combination, and those `metrics` of
-    the law that are well determined nevertheless.
-
-    Args:
-        at: the fit linearised at the estimate.
-        parameters: the estimated coefficients.
-        metrics: what the law means for the wheel.
-        second_order_suffices: a law without C and F predicts as well.
+    They name unknown `parameters`, pairs that trade off, the least known combination, and those `metrics` of
+    the law that are well determined nevertheless. If `second_order_suffices`, C and F are superfluous.
     """
-    warnings = _held(at) + _unknown(at, parameters, second_order_suffices)
+    warnings = list(_unknown(at, parameters, second_order_suffices))
     vague = {q.name for q in parameters if math.isfinite(q.high) and q.high - q.low > abs(q.value)}
     warnings += _pairs(at, parameters, vague)
     if not (warnings or vague):
         return ()
     if vague:
-        shown = ", ".join(
-            f"{q.name} = {q.value:.3g} +- {q.high - q.value:.2g}" for q in parameters if q.name in vague
-        )
+        wide = [q for q in parameters if q.name in vague]
+        shown = ", ".join(f"{q.name} = {q.value:.3g} +- {q.high - q.value:.2g}" for q in wide)
         warnings.append(f"95 % interval wider than the value: {shown}; {_REMEDY}")
     if at.rank == len(at.singular) and not second_order_suffices:
         warnings.append(
@@ -217,29 +205,25 @@ def weak_combinations(
     return tuple(warnings)
 
 
-def _held(at: Linearised) -> list[str]:
+def _unknown(at: Linearised, parameters: Sequence[Quantity], second_order_suffices: bool) -> Iterator[str]:
+    """Name coefficients that are held at 0, and those without an interval."""
     held = [name for name, row in zip(at.names, at.spread, strict=True) if name in "BCF" and not row.any()]
-    if not held:
-        return []
-    order = 3 - len(set(held) & {"B", "C"})
-    return [
-        f"{', '.join(held)} held at 0: a law of order {order} explains these data as well, and a further "
-        f"pole would follow the noise; {_REMEDY}"
-    ]
-
-
-def _unknown(at: Linearised, parameters: Sequence[Quantity], second_order_suffices: bool) -> list[str]:
+    if held:
+        order = 3 - len(set(held) & {"B", "C"})
+        yield (
+            f"{', '.join(held)} held at 0: a law of order {order} explains these data as well, and a further "
+            f"pole would follow the noise; {_REMEDY}"
+        )
+    names = ", ".join(q.name for q in parameters if not math.isfinite(q.standard_error))
     if second_order_suffices:
-        return [
+        yield (
             "a second-order law explains these data as well as the third-order one, so A-F have no interval "
             f"of their own: any third pole that a zero cancels fits as well; {_REMEDY}"
-        ]
-    names = [q.name for q in parameters if not math.isfinite(q.standard_error)]
-    if not names:
-        return []
-    if at.rank == len(at.singular):
-        return [f"too few samples for an interval of {', '.join(names)}; record longer runs"]
-    return [f"these inputs say nothing about {', '.join(names)} on their own; {_REMEDY}"]
+        )
+    elif names and at.rank == len(at.singular):
+        yield f"too few samples for an interval of {names}; record longer runs"
+    elif names:
+        yield f"these inputs say nothing about {names} on their own; {_REMEDY}"
 
 
 def _pairs(at: Linearised, parameters: Sequence[Quantity], vague: set[str]) -> list[str]:
@@ -254,11 +238,8 @@ def _pairs(at: Linearised, parameters: Sequence[Quantity], vague: set[str]) -> l
             continue
         correlation = float(factor[i] @ factor[j] / (size[i] * size[j]))
         if abs(correlation) > _CORRELATION:
-            text = (
-                f"{one} and {other} can hardly be told apart: correlation {correlation:.4f}, "
-                f"95 % interval wider than the value for {wide}"
-            )
-            found.append((-abs(correlation), text))
+            text = f"{one} and {other} can hardly be told apart: correlation {correlation:.4f}"
+            found.append((-abs(correlation), f"{text}, 95 % interval wider than the value for {wide}"))
     return [text for _, text in sorted(found)]
 
 
@@ -267,9 +248,5 @@ def _combination(at: Linearised) -> str:
     direction = at.factor[:, -1]
     relative = direction / np.max(np.abs(direction))
     relative = relative / relative[np.argmax(np.abs(relative))]
-    terms = [
-        f"{weight:+.2f} {name}"
-        for weight, name in zip(relative, at.names, strict=True)
-        if abs(weight) > _MEMBER
-    ]
-    return " ".join(terms).removeprefix("+")
+    weights = zip(relative, at.names, strict=True)
+    return " ".join(f"{w:+.2f} {name}" for w, name in weights if abs(w) > _MEMBER).removeprefix("+")

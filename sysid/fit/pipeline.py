@@ -92,7 +92,9 @@ class Fit:
 
 
 def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: Progress = silent) -> Fit:
-    """Fit the wheel law to bench logs, or robot logs with wheel speeds; `progress` hears of each long step.
+    """Fit the wheel law to a dataset.
+
+    These are bench logs, or robot logs with wheel speeds. `progress` is called before each long step.
 
     Raises:
         InputError: no run to fit, no wheel speed, or data to which no law can be fitted.

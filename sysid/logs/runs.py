@@ -179,9 +179,6 @@ class Run:
         A log shows a command in the first row after it was given, and stamps are never quite even. The robot
         looks for a command at multiples of its period. The first row after such a time is taken to show what
         the robot found then: otherwise a command logged 20 us late would be replayed 0.1 s late.
-
-        Args:
-            command_period_s: interval at which the robot looks for a command, from the run's start on.
         """
         looked = np.floor(self.time_s / command_period_s + _ROUNDING) * command_period_s
         before = np.concatenate([[-np.inf], self.time_s[:-1]])

@@ -81,17 +81,15 @@ def online_json(
     metrics: Sequence[LawMetrics],
 ) -> dict[str, Any]:
     """Return the contents of online.json; `metrics` are those of the `wheels`, in the same order."""
-    value: dict[str, Any] = plain_json(
-        {
-            "format": FORMAT,
-            "dataset": dataset.name,
-            "data_sha256": dataset.sha256,
-            "notes": path.notes,
-            "options": options,
-            "wheels": {w.wheel: _wheel_json(w, m) for w, m in zip(wheels, metrics, strict=True)},
-        }
-    )
-    return value
+    value = {
+        "format": FORMAT,
+        "dataset": dataset.name,
+        "data_sha256": dataset.sha256,
+        "notes": path.notes,
+        "options": options,
+        "wheels": {w.wheel: _wheel_json(w, m) for w, m in zip(wheels, metrics, strict=True)},
+    }
+    return dict(plain_json(value))
 
 
 def _wheel_json(wheel: WheelHistory, metrics: LawMetrics) -> dict[str, Any]:
@@ -118,14 +116,7 @@ def _wheel_json(wheel: WheelHistory, metrics: LawMetrics) -> dict[str, Any]:
 
 
 def save_plot(target: Path, title: str, wheel: WheelHistory, metrics: LawMetrics) -> None:
-    """Write a PNG with four panels over time; bands are two standard errors.
-
-    Args:
-        target: file to write.
-        title: text above the panels.
-        wheel: what was known at every tick.
-        metrics: metrics of the same wheel's laws.
-    """
+    """Write a PNG with a `title` and four panels over time; bands are two standard errors."""
     history = wheel.history
     time = history.time_s
     every = max(1, -(-len(time) // _MOST_POINTS))

@@ -52,7 +52,9 @@ __all__ = [
 def estimate(
     runs: Sequence[WheelRun], method: str = DEFAULT_METHOD, options: Options | None = None
 ) -> Estimate:
-    """Identify the wheel law by a `method` of `METHODS`; runs of several wheels are pooled into one law.
+    """Identify the wheel law.
+
+    `method` is a name in `METHODS`; runs of several wheels are pooled into one law.
 
     Raises:
         InputError: an unknown method, or data that cannot be fitted; the message says why.

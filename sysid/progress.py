@@ -24,11 +24,7 @@ def silent(message: str) -> None:
 
 @contextmanager
 def stage_bar(stages: int) -> Iterator[Progress]:
-    """Show stages on stderr: a bar on a terminal, else (a log file, CI) one line per stage.
-
-    Args:
-        stages: largest number of stages.
-    """
+    """Show up to `stages` stages on stderr: a bar on a terminal, else (a log file, CI) one line per stage."""
     if not sys.stderr.isatty():
         began = time.perf_counter()
         yield lambda text: print(f"[{time.perf_counter() - began:6.1f} s] {text}", file=sys.stderr)

@@ -48,19 +48,13 @@ class Feature:
 def features(
     channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
 ) -> dict[str, Feature]:
-    """Return the features of a channel by name.
+    """Return the features of a channel, as `predicted` at two or more times, by name.
 
-    Args:
-        channel: column of a log; a wheel's speed follows that wheel's command, a velocity the body's.
-        time_s: times of the samples [s], shape (n,), n >= 2.
-        wheels: commands of the wheels.
-        predicted: the channel predicted by the model, in its unit, shape (n,).
+    A wheel's speed follows that wheel's command, a velocity the body's. Times [s] and values have shape (n,).
     """
-    found = _general(time_s, wheels, UNITS[channel], predicted)
-    if wheels.level_rpm.shape[1] == 1 or wheel_of(channel):
-        found = (*found, *_of_a_wheel(channel, time_s, wheels, predicted))
-    else:
-        found = (*found, *_of_the_body(time_s, wheels))
+    of_a_wheel = wheels.level_rpm.shape[1] == 1 or wheel_of(channel)
+    more = _of_a_wheel(channel, time_s, wheels, predicted) if of_a_wheel else _of_the_body(time_s, wheels)
+    found = (*_general(time_s, wheels, UNITS[channel], predicted), *more)
     return {feature.name: feature for feature in found}
 
 
@@ -88,8 +82,7 @@ def _of_a_wheel(
     channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
 ) -> Iterator[Feature]:
     own = wheels
-    wheel = wheel_of(channel)
-    if wheel is not None:
+    if wheel := wheel_of(channel):
         index = WHEELS.index(wheel)
         own = HeldCommand(wheels.change_s, wheels.level_rpm[:, index : index + 1])
     command = own.at(time_s)[:, 0]
@@ -104,7 +97,8 @@ def _of_a_wheel(
     for decay_s in DECAYS_S:
         fading = (command - previous) * np.exp(-since / decay_s)
         yield _column(f"change of the command x exp(-time since / {decay_s:g} s)", "rpm", fading)
-    angle = RAD_S_PER_RPM * np.concatenate([[0.0], np.cumsum(_trapezia(time_s, predicted))])
+    turned = np.diff(time_s) * 0.5 * (predicted[1:] + predicted[:-1])
+    angle = RAD_S_PER_RPM * np.concatenate([[0.0], np.cumsum(turned)])
     for n in HARMONICS:
         pair = np.stack([np.sin(n * angle), np.cos(n * angle)], axis=1)
         turns = "wheel angle" if n == 1 else f"{n} x wheel angle"
@@ -133,10 +127,6 @@ def _clean(values: FloatArray) -> FloatArray:
     return np.where(np.abs(values) > 1e-3 * largest, values, 0.0)
 
 
-def _trapezia(time_s: FloatArray, values: FloatArray) -> FloatArray:
-    return np.diff(time_s) * 0.5 * (values[1:] + values[:-1])
-
-
 @dataclass(frozen=True)
 class Term:
     """A feature with its coefficient, or its two of sine and cosine."""
@@ -157,13 +147,9 @@ class Correction:
     def added(
         self, channel: str, time_s: FloatArray, wheels: HeldCommand, predicted: FloatArray
     ) -> FloatArray:
-        """Return a predicted channel with the correction, shape (n,).
+        """Return a `predicted` channel, shape (n,), with the correction; unchanged if it has no terms.
 
-        Args:
-            channel: column of a log; one without terms is returned unchanged.
-            time_s: times of the samples from the start of the run [s], shape (n,).
-            wheels: commands of the wheels.
-            predicted: prediction without the correction, in the channel's unit, shape (n,).
+        The times [s] are counted from the start of the run, shape (n,).
 
         Raises:
             InputError: a term with an unknown feature.
@@ -182,12 +168,7 @@ class Correction:
         return total
 
     def added_to(self, run: Run, predicted: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-        """Return all predicted channels of a run with the correction.
-
-        Args:
-            run: gives the commands and the times.
-            predicted: channel -> values at the run's rows, shape (n,).
-        """
+        """Return all `predicted` channels of a run, each of shape (n,), with the correction."""
         wheels = HeldCommand(*run.command_changes())
         return {name: self.added(name, run.time_s, wheels, values) for name, values in predicted.items()}
 
@@ -227,12 +208,7 @@ def correction_of(model: Model) -> Correction | None:
 
 
 def formula(channel: str, terms: Sequence[Term]) -> str:
-    """Return a sum of terms with units, such as "-0.03 x command + 3.9 rpm x sin(wheel angle + 12 deg)".
-
-    Args:
-        channel: gives the unit of the sum.
-        terms: at least one.
-    """
+    """Return terms in a channel's unit, as in "-0.03 x command + 3.9 rpm x sin(wheel angle + 12 deg)"."""
     still = HeldCommand(np.zeros(1), np.zeros((1, 4 if channel != "speed_rpm" else 1)))
     known = features(channel, np.array([0.0, 1.0]), still, np.zeros(2))
     text = " + ".join(_term_text(UNITS[channel], known[term.feature], term) for term in terms)

@@ -57,14 +57,10 @@ def descend(
     jacobian: FloatArray | None = None,
     most: int = 12,
 ) -> Minimum | None:
-    """Minimise |residual|^2 within 0..1; None if the start has no residual.
+    """Minimise |function|^2 within 0..1 from a `place` (p,); None if there is no residual there.
 
-    Args:
-        function: the residual.
-        place: the start (p,).
-        residual: at the start (N,), if it is known.
-        jacobian: an approximation at the start (N, p), if one is known.
-        most: largest number of evaluations after those at the start.
+    `residual` (N,) and `jacobian` (N, p), an approximation, are those at the start, if they are known. After
+    them the function is evaluated at `most` so many times.
     """
     used = 0
     if residual is None:
@@ -92,12 +88,9 @@ def descend(
 
 
 def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
-    """Return the minimum with a Jacobian by finite differences over about one standard error each.
+    """Return the minimum of a `function` with a Jacobian by finite differences over about a standard error.
 
-    Args:
-        function: the residual.
-        minimum: from `descend`.
-        least_step: smallest step of a difference; below it the simulation is not smooth.
+    Below the `least_step` of a difference the simulation is not smooth.
     """
     p = minimum.place.size
     normal = minimum.jacobian.T @ minimum.jacobian
@@ -108,13 +101,7 @@ def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:
 
 
 def compass_search(function: Function, minimum: Minimum, along: Mask) -> Minimum:
-    """Return the minimum after a compass search, which needs no derivative, along some coordinates.
-
-    Args:
-        function: the residual.
-        minimum: from `descend`.
-        along: mask of the coordinates, (p,).
-    """
+    """Return the minimum of a `function` after a compass search, without derivatives, `along` a mask (p,)."""
     place, residual, used = minimum.place, minimum.residual, minimum.evaluations
     for i in np.flatnonzero(along):
         for step in _COMPASS_STEPS:
@@ -134,15 +121,9 @@ def derivative_free(minimum: Minimum, stepwise: Sequence[bool]) -> Mask:
 
 
 def reach(function: Function, minimum: Minimum, index: int, rise: float) -> tuple[float, float]:
-    """Return how far one coordinate alone can move down and up before the cost rises by `rise`.
+    """Return how far the coordinate `index` can move down and up before the cost rises by `rise`.
 
-    It replaces the standard error of a coordinate without an informative derivative.
-
-    Args:
-        function: the residual.
-        minimum: where it starts.
-        index: of the coordinate.
-        rise: of the cost.
+    It replaces the standard error of a coordinate in which the `function` has no informative derivative.
     """
     ends = []
     for sign in (-1.0, 1.0):
@@ -169,14 +150,10 @@ def differences(
     step: FloatArray | float = STEP,
     along: Mask | None = None,
 ) -> FloatArray:
-    """Return the Jacobian (N, p) by one-sided finite differences that stay within 0..1.
+    """Return the Jacobian (N, p) of a `function` by one-sided finite differences that stay within 0..1.
 
-    Args:
-        function: the residual.
-        place: where the Jacobian is taken, (p,).
-        residual: at that place, (N,).
-        step: of each coordinate, (p,) or one for all.
-        along: mask of the coordinates (p,); the columns of the others are 0.
+    It is taken at a `place` (p,) of known `residual` (N,), with one `step` or one per coordinate, (p,), and
+    `along` those of a mask (p,); the columns of the others are 0.
     """
     columns = np.zeros((residual.size, place.size))
     steps = np.broadcast_to(np.asarray(step, float), place.shape)

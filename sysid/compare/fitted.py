@@ -98,12 +98,7 @@ class Fitted(Generic[C]):
 
 
 def base_fit(problem: ResidualProblem, empty: C) -> Fitted[C]:
-    """Return the base model as the fit of a candidate without parameters.
-
-    Args:
-        problem: the model and the logs.
-        empty: the candidate.
-    """
+    """Return the base model as the fit of a candidate that is `empty`: without parameters."""
     residual = problem.marginal(problem.base_residual)
     return Fitted(empty, np.zeros(0), residual, np.zeros((problem.size, 0)))
 
@@ -112,13 +107,8 @@ def fit(problem: ResidualProblem, candidate: C, place: FloatArray, *, most: int 
     """Fit a candidate; None if it cannot be simulated at the start.
 
     Where the problem has a surrogate, `function_near` is minimised instead and corrected by full simulation
-    at each minimum, until the cost no longer decreases.
-
-    Args:
-        problem: the model and the logs.
-        candidate: what to fit.
-        place: the start (p,).
-        most: largest number of simulations in a descent beyond those for derivatives.
+    at each minimum, until the cost no longer decreases. It starts at a `place` (p,), and a descent takes at
+    `most` so many simulations beyond those for derivatives.
     """
     full = marginal_function(problem, candidate)
     place = np.asarray(place, float)
@@ -173,12 +163,7 @@ def _minimum(
 
 
 def marginal_function(problem: ResidualProblem, candidate: Candidate) -> Function:
-    """Return the marginal residual (N,) of a candidate as a function of its place (p,).
-
-    Args:
-        problem: the model and the logs.
-        candidate: what is fitted.
-    """
+    """Return the marginal residual (N,) of a candidate as a function of its place (p,)."""
 
     def marginal_residual(place: FloatArray) -> FloatArray | None:
         residual = problem.residual(candidate.model(problem.base, place))
@@ -198,14 +183,8 @@ def function_near(
 
     Without a surrogate it is exact everywhere. Else changes away from that place are those of the surrogate
     (additive correction: Alexandrov et al., Journal of Aircraft 38:1093, 2001), and linear in the parameters
-    that the surrogate does not cover.
-
-    Args:
-        problem: the model and the logs.
-        candidate: what is fitted.
-        place: where the function is exact (p,).
-        residual: marginal residual at that place (N,).
-        jacobian: its derivative at that place (N, p), if it is known.
+    that the surrogate does not cover. At the `place` of exactness the marginal `residual` (N,) is known and,
+    where it is given, its derivative, the `jacobian` (N, p).
     """
     full = marginal_function(problem, candidate)
     surrogate = (
@@ -263,16 +242,14 @@ class RefittedLaw:
         """Return the `base` model with the law and the robot's parameters at a place `unit`, (p,)."""
         places = np.asarray(unit, float)
         factors = _ROBOT_RANGE ** (2.0 * places[len(_LAW_RANGE) :] - 1.0)
-        changed: dict[str, Any] = {
-            name: getattr(base.robot, name) * float(factor)
-            for name, factor in zip(self.robot, factors, strict=True)
-        }
+        scaled = zip(self.robot, factors.tolist(), strict=True)
+        changed: dict[str, Any] = {name: getattr(base.robot, name) * factor for name, factor in scaled}
         base = replace(base, robot=replace(base.robot, **changed))
-        law = self.base.wheel.law
-        c = law.coefficients
         moved = (places[: len(_LAW_RANGE)] - 0.5) * 2.0 * _LAW_RANGE
         if not np.any(moved):
             return base
+        law = self.base.wheel.law
+        c = law.coefficients
         abc = stable_abc(free_coordinates(c[:3]) + moved[:3])
         gain = float(np.sum(c[3:]) / (1.0 - np.sum(c[:3])))
         d, e = c[3:5] + moved[3:]

@@ -82,12 +82,7 @@ def activity_rpm(run: Run, time_s: FloatArray) -> FloatArray:
 
 
 def estimate_model_error(residuals: Sequence[Residual], data_sha256: str = "") -> ModelError:
-    """Estimate a model's error from its residuals on the logs it was fitted to.
-
-    Args:
-        residuals: of all channels; the variance of their noise is subtracted.
-        data_sha256: hash of the logs.
-    """
+    """Estimate a model's error from its residuals on the logs of its fit, whose hash is `data_sha256`."""
     channels = {}
     for name in dict.fromkeys(residual.channel for residual in residuals):
         parts = [residual for residual in residuals if residual.channel == name]
@@ -109,17 +104,14 @@ def _squares(columns: FloatArray, excess: FloatArray, noise: FloatArray) -> Floa
         # Columns of one norm, for the conditioning of the solver.
         scale = np.maximum(np.linalg.norm(weighted, axis=0), 1e-300)
         squares = nnls(weighted / scale, excess * weight)[0] / scale
-    # The square of a normal value of variance v has standard deviation sqrt(2) v: no smaller error is
-    # detectable.
+    # The square of a normal value of variance v has standard deviation sqrt(2) v: less is not detectable.
     detectable = np.sqrt(2.0 * np.diag(np.linalg.pinv(weighted.T @ weighted)))
     return np.maximum(squares, detectable)
 
 
 def _correlation_s(parts: Sequence[Residual]) -> float:
     """Return the time [s] in which the residual's autocovariance without noise falls to 1/e."""
-    interval = float(
-        np.median(np.concatenate([np.diff(part.time_s) for part in parts if part.time_s.size > 1]))
-    )
+    interval = float(np.median(np.concatenate([np.diff(part.time_s) for part in parts])))
     variance = sum(float(np.sum(part.value**2 - part.noise_variance)) for part in parts)
     if variance <= 0.0:
         return _LEAST_CORRELATION_S
@@ -146,8 +138,6 @@ def model_error_of(model: Model) -> ModelError | None:
 
 def with_model_error(model: Model, error: ModelError) -> Model:
     """Return the `model` with its own `error` among the stated uncertainties."""
-    stated: dict[str, Any] = {
-        "channels": {name: asdict(channel) for name, channel in error.channels.items()},
-        "data_sha256": error.data_sha256,
-    }
+    channels = {name: asdict(channel) for name, channel in error.channels.items()}
+    stated: dict[str, Any] = {"channels": channels, "data_sha256": error.data_sha256}
     return replace(model, uncertainty={**model.uncertainty, "model_error": stated})

@@ -82,10 +82,6 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     It is from the repeats among the observations. Where these are too few, since stamps differ or only some
     of the runs are observed, it is from the repeats among the dataset's fit and validation runs, else from
     neighbouring samples of held commands. Repeats of test runs count only if test runs are observed.
-
-    Args:
-        dataset: bench or robot logs.
-        observations: made from all or some of its runs.
     """
     sigma: dict[str, float] = {}
     source: dict[str, Source] = {}
@@ -115,8 +111,7 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
         if sigma[name] < _BLURRED * resolution:
             rounding[name] = resolution / math.sqrt(12.0)
         sigma[name] = max(sigma[name], least)
-        found = _correlated(blocks)
-        if found is not None:
+        if found := _correlated(blocks):
             correlated[name] = found
     known = freedom_of_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
     return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding)
@@ -168,8 +163,7 @@ def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, in
     found = np.concatenate(settled_squares)
     if found.size < _LEAST_SAMPLES:
         found = np.concatenate(all_squares)
-    # The median, as a few second differences are motion: for squared normal values it is 0.4549 times the
-    # mean.
+    # The median, as a few second differences are motion: for squared normal values it is 0.4549 of the mean.
     return (math.sqrt(float(np.median(found)) / 0.4549) if found.size else 0.0), found.size
 
 

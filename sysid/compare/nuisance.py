@@ -33,16 +33,12 @@ _TIMES_S: Final = (0.0, 0.02, 0.06, 0.11, 0.18, 0.30, 0.50)
 """Corners of the hat functions of time [s]; the first and the last have no hat of their own."""
 _SIZES_RPM: Final = (0.0, 30.0, 80.0, 130.0)
 """Corners of the hat functions of the size of a change and, without 0, of the speed reached [rpm]."""
-_KINDS: Final = ("wheels", "vx_m_s", "vy_m_s", "yaw_rate_rad_s")
+_BODY: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
 _NEGLIGIBLE: Final = 1e-10  # relative to the largest eigenvalue of a covariance: rounding errors
 
 
 def plausible_models(model: Model) -> list[Model]:
-    """Return models one standard deviation away along each principal axis of the stated covariance.
-
-    Args:
-        model: its `uncertainty` counts; none are returned if it states none.
-    """
+    """Return models one standard deviation away along each axis of the covariance that the model states."""
     found: list[Model] = []
     stated = model.uncertainty.get("wheel") or {}
     covariance = stated.get("covariance")
@@ -79,10 +75,7 @@ def shape_columns(
 ) -> list[list[FloatArray]]:
     """Return the columns for the response's shape and the speed reached: one array (m,) per block each.
 
-    Args:
-        model: gives the ceiling of the wheel commands.
-        error: the model's own error, which scales the columns; None gives no column.
-        observations: the blocks that the columns are for.
+    The model's own error scales them; None gives no column.
     """
     if error is None:
         return []
@@ -110,7 +103,9 @@ def _block_columns(
 ) -> dict[tuple[str, int, int], FloatArray]:
     """Return (kind, time hat, size hat) -> column of a block, for a model error of size 1."""
     times, commands = _command_levels(model, situation, block.channel)
-    at = block.time_s[:, None] + _averaging_times_s(block)[None, :]
+    # A displacement spans a window, over which its column is averaged.
+    around = np.linspace(-0.5 * WINDOW_S, 0.5 * WINDOW_S, 21) if block.channel in VELOCITY_OF else np.zeros(1)
+    at = block.time_s[:, None] + around
     columns = {}
     steps = np.diff(commands)
     held = commands[np.clip(np.searchsorted(times, at, side="right") - 1, 0, None)]
@@ -126,13 +121,6 @@ def _block_columns(
     return columns
 
 
-def _averaging_times_s(block: Block) -> FloatArray:
-    """Return the times [s] about a sample over which a column is averaged; a displacement spans a window."""
-    if block.channel not in VELOCITY_OF:
-        return np.zeros(1)
-    return np.linspace(-0.5 * WINDOW_S, 0.5 * WINDOW_S, 21)
-
-
 def _hat(value: FloatArray | float, corners: Sequence[float], index: int) -> FloatArray:
     """Return a hat function: 1 at one corner, 0 at its neighbours; the last one stays 1 beyond its corner."""
     heights = np.zeros(len(corners))
@@ -145,9 +133,6 @@ def _command_levels(model: Model, situation: Situation, channel: str) -> tuple[F
     times, wheels = situation.runs[0].command_changes()
     limit = model.wheel.saturation_rpm
     wheels = np.clip(wheels, -limit, limit)
-    if channel == "speed_rpm":
-        return times, wheels[:, 0]
-    if channel in WHEEL_SPEEDS:
-        return times, wheels[:, WHEEL_SPEEDS.index(channel)]
-    body = wheels_to_body(wheels)
-    return times, body[:, _KINDS.index(_kind(channel)) - 1]
+    if _kind(channel) == "wheels":
+        return times, wheels[:, WHEEL_SPEEDS.index(channel) if channel in WHEEL_SPEEDS else 0]
+    return times, wheels_to_body(wheels)[:, _BODY.index(_kind(channel))]

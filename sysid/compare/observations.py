@@ -114,17 +114,14 @@ def observe(dataset: Dataset) -> Observations:
         grouped.setdefault(_key(run), []).append(run)
     situations: list[Situation] = []
     blocks: list[Block] = []
-    for runs in grouped.values():
-        situation = Situation(tuple(runs), start_of(runs[0]))
+    for index, runs in enumerate(grouped.values()):
+        situations.append(Situation(tuple(runs), start_of(runs[0])))
         for name in UNITS:
-            with_it = [run for run in runs if name in run.channels]
-            if name == "battery_v" or not with_it:
-                continue
+            with_it = [run for run in runs if name in run.channels and name != "battery_v"]
             parts = [_masked(run, name, (run.file, name) in held) for run in with_it]
-            block = _block(len(situations), name, with_it, parts)
+            block = _block(index, name, with_it, parts) if with_it else None
             if block is not None:
                 blocks.append(block)
-        situations.append(situation)
     if not blocks:
         raise InputError(f"{dataset.name}: no measured sample in any run")
     return Observations(tuple(situations), tuple(blocks))
@@ -166,7 +163,9 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
     rows: tuple[Rows, ...] = (used,)
     row_weights: tuple[FloatArray, ...] = ()
     if name not in POSE:
-        parts_of = _thinned(used.size)
+        # One sample makes a value, or as many as leave at most MOST_SAMPLES values.
+        together = -(-used.size // MOST_SAMPLES)
+        parts_of = [slice(first, first + together) for first in range(0, used.size, together)]
         rows = tuple(used[part] for part in parts_of)
         row_weights = tuple(count[part] / count[part][0] for part in parts_of)
         mean = np.array([np.average(mean[part], weights=count[part]) for part in parts_of])
@@ -185,12 +184,6 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
         rows=rows,
         row_weights=row_weights,
     )
-
-
-def _thinned(size: int) -> list[slice]:
-    """Return the samples that make each value: one, or as many as leave at most MOST_SAMPLES values."""
-    together = -(-size // MOST_SAMPLES)
-    return [slice(first, first + together) for first in range(0, size, together)]
 
 
 def _means(values: FloatArray, rows: Sequence[Rows], weights: Sequence[FloatArray]) -> FloatArray:

@@ -10,12 +10,12 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import ModelError, Residual, estimate_model_error, with_model_error
+from sysid.compare.model_error import Residual, estimate_model_error, with_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import Observations, observe
+from sysid.compare.prediction import Study
 from sysid.compare.simulator import Simulator
-from sysid.compare.study import Study
 from sysid.compare.subset import most_active_runs
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
@@ -30,11 +30,6 @@ def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -
 
     The error of all channels is multiplied by the smallest factor of 1 to 4 with which the cost, counted as
     in a study of the gap, is no larger than the number of samples.
-
-    Args:
-        model: as fitted.
-        dataset: the logs it was fitted to.
-        study: settings of the simulations.
     """
     observations = observe(replace(dataset, runs=most_active_runs(dataset.runs, SECONDS[dataset.level])))
     noise = measure_noise(dataset, observations)
@@ -45,7 +40,11 @@ def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -
     plausible = [simulator.predictions(other) for other in plausible_models(model)]
     changes = [[p - q for p, q in zip(parts, predicted, strict=True)] for parts in plausible]
     for factor in _FACTORS:
-        error = _scaled(found, factor)
+        channels = {
+            name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
+            for name, e in found.channels.items()
+        }
+        error = replace(found, channels=channels)
         whitener = Whitener(observations, noise, error)
         columns = [*changes, *shape_columns(model, error, observations)]
         if _marginal_cost(whitener, residual, columns) <= whitener.size:
@@ -54,13 +53,7 @@ def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -
 
 
 def block_residuals(observations: Observations, noise: Noise, parts: Sequence[FloatArray]) -> list[Residual]:
-    """Return residuals together with their runs and the variance of their noise.
-
-    Args:
-        observations: the blocks that the residuals belong to.
-        noise: of each channel.
-        parts: measured minus predicted, one array (m,) per block.
-    """
+    """Return residuals, one of the `parts` (m,) for each block, with their runs and noise variances."""
     return [
         Residual(
             observations.situations[block.situation].runs[0],
@@ -71,14 +64,6 @@ def block_residuals(observations: Observations, noise: Noise, parts: Sequence[Fl
         )
         for block, part in zip(observations.blocks, parts, strict=True)
     ]
-
-
-def _scaled(error: ModelError, factor: float) -> ModelError:
-    channels = {
-        name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
-        for name, e in error.channels.items()
-    }
-    return replace(error, channels=channels)
 
 
 def _marginal_cost(

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Final
+from typing import Final, TypeVar
 
 import mujoco
 import numpy as np
@@ -16,6 +17,7 @@ from mecanum_env.model import Model
 from mecanum_env.simulator import (
     BodyCommands,
     Commands,
+    RobotPlant,
     WheelCommands,
     compile_bench,
     compile_plant,
@@ -24,7 +26,6 @@ from mecanum_env.simulator import (
 from mecanum_env.simulator.bench import bench_motion
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
-from sysid.compare.study import Study
 from sysid.logs import BodyCommand, Run
 from sysid.logs.runs import REST
 
@@ -34,10 +35,36 @@ FIRST_S: Final = 0.05
 """The samples of this first time [s], or the first three, show how a run starts."""
 _LATE: Final = 3.5
 """Sampling intervals after which a sample no longer shows how a run starts, if earlier cells are empty."""
-_CLEAR: Final = 4.0
-"""Standard deviations of the first samples' mean above which it is taken for motion."""
+_CLEAR: Final = 4.0  # standard deviations of the first samples' mean above which it is taken for motion
 _TOO_FEW: Final = 20  # samples to measure a channel's noise
 POSE: Final = ("x_m", "y_m", "yaw_rad")
+
+T = TypeVar("T")
+U = TypeVar("U")
+
+
+@dataclass(frozen=True)
+class Study:
+    """The settings of every simulation in a study: search, held-out comparison, design of experiments."""
+
+    plant: RobotPlant = "rollers"
+    """How a robot is simulated; the bench has one plant only."""
+    jobs: int = 1
+    """Simulations that run at the same time; results do not depend on it."""
+    timestep_s: float | None = None
+    """Upper bound of the physics step [s]; None: the choice of the MJCF generator."""
+    seed: int = 0
+    """Seed of simulated thresholds, of the bootstrap and of the design of experiments."""
+    scale: float = 1.0
+    """Factor on the catalogue's bounds and scan grids in rpm and rpm/s, from `speed_scale`."""
+
+    def map(self, work: Callable[[T], U], items: Iterable[T]) -> list[U]:
+        """Return `work` of each of the `items`, in order, `jobs` at a time."""
+        if self.jobs == 1:
+            return [work(item) for item in items]
+        # MuJoCo releases the interpreter lock while it steps, so threads suffice.
+        with ThreadPoolExecutor(self.jobs) as pool:
+            return list(pool.map(work, items))
 
 
 @dataclass(frozen=True)
@@ -81,14 +108,10 @@ class Motion:
     """Time simulated before the log starts [s]."""
 
 
-def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjModel:  # noqa: B008  (frozen)
-    """Compile what `predict` simulates: the bench or the robot, without visuals.
+def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjModel:
+    """Compile what `predict` simulates, by the `level` "bench" or "robot", without visuals.
 
-    Args:
-        model: wheel, robot and effects.
-        level: "bench" or "robot".
-        study: gives the plant and the time step; where that is None, the planar plant takes
-            `TRAINING_TIMESTEP_S`, which is accurate enough there.
+    If the study gives no time step, the planar plant takes `TRAINING_TIMESTEP_S`, accurate enough there.
 
     Raises:
         InputError: an effect that the plant cannot simulate.
@@ -102,12 +125,7 @@ def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjMo
 
 
 def in_run_frame(model: Model, start: Start) -> Model:
-    """Return the model with a sloping floor's heading relative to the initial yaw, where simulations start.
-
-    Args:
-        model: wheel, robot and effects.
-        start: gives the initial yaw.
-    """
+    """Return the model with a sloping floor's heading relative to the initial yaw."""
     return in_turned_axes(model, start.yaw_rad)
 
 
@@ -116,18 +134,12 @@ def predict(
     run: Run,
     start: Start | None = None,
     mj_model: mujoco.MjModel | None = None,
-    study: Study = Study(),  # noqa: B008  (frozen)
+    study: Study = Study(),
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 
-    A robot's predicted pose starts at the measured one.
-
-    Args:
-        model: wheel, robot and effects.
-        run: gives the commands and the times.
-        start: how it starts; default: `start_of` the run.
-        mj_model: `compile_for` of `in_run_frame` of the model without sensors, if it is compiled already.
-        study: gives the plant and the time step, unless `mj_model` is given.
+    A robot's predicted pose starts at the measured one. The default start is `start_of` the run; `mj_model`
+    is `compile_for` of `in_run_frame` of the model without sensors, if it is compiled already.
 
     Raises:
         InputError: an effect that cannot be simulated.
@@ -142,14 +154,9 @@ def predict(
 def motion_of(
     model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()
 ) -> Motion:
-    """Return the true motion in a run.
+    """Return the true motion in a run of a model that is `in_run_frame` and has no effects of sensors.
 
-    Args:
-        model: `in_run_frame`, without the effects of sensors.
-        run: gives the commands.
-        start: how it starts.
-        mj_model: `compile_for` of the model.
-        turned_rad: initial angles of the wheels of a robot on rollers [rad].
+    `mj_model` is `compile_for` of it; a robot's wheels on rollers start at the angles `turned_rad` [rad].
     """
     if run.level == "bench":
         since = run.held_since(model.wheel.command_period_s)
@@ -165,14 +172,7 @@ def motion_of(
 
 
 def sensor_readings(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
-    """Return what a model's sensors measure of a motion: channel -> values at a run's rows, shape (n,).
-
-    Args:
-        model: gives the effects of the sensors.
-        run: gives the times and the channels.
-        start: gives the initial pose.
-        motion: true motion in the run.
-    """
+    """Return what a model's sensors measure of a motion: channel -> values at a run's rows, shape (n,)."""
     clock = motion.time_s
     channels = measured(model, clock, motion.channels)
     at = {name: np.interp(run.time_s + motion.lead_s, clock, values) for name, values in channels.items()}
@@ -188,18 +188,14 @@ def sensor_readings(model: Model, run: Run, start: Start, motion: Motion) -> dic
 
 
 def commands_of(run: Run, command_period_s: float, lead_s: float = 0.0) -> Commands:
-    """Return a robot log's commands for the simulator, without rows that repeat.
+    """Return a robot log's commands, without rows that repeat, held as by `Run.held_since`.
 
-    Args:
-        run: a robot log.
-        command_period_s: period of the robot's command clock [s], see `Run.held_since`.
-        lead_s: time for which the first command has been held when the run starts [s].
+    When the run starts, the first command has been held for `lead_s` [s].
     """
     command = run.command
+    rows = command.wheels_rpm
     if isinstance(command, BodyCommand):
         rows = np.stack([command.v_rpm, command.theta_deg, command.vc_rpm], axis=1)
-    else:
-        rows = command.wheels_rpm
     keep = np.concatenate([[True], np.any(rows[1:] != rows[:-1], axis=1)])
     time, rows = run.held_since(command_period_s)[keep] + lead_s, rows[keep]
     time[0] = 0.0
@@ -227,8 +223,6 @@ def _noise(run: Run, name: str) -> float:
     values = run.channels[name][run.finite(name)]
     if values.size < _TOO_FEW:
         return 0.0
-    # The median ignores motion; for |normal| values it is 0.6745. A second difference has 1 + 4 + 1 = 6
-    # variances.
-    return float(np.median(np.abs(np.diff(values, 2)))) / (
-        0.6745 * math.sqrt(6.0 * max(1, _first(run, name).size))
-    )
+    # The median ignores motion; of |normal| values it is 0.6745. Second differences have 1 + 4 + 1 variances.
+    size = 0.6745 * math.sqrt(6.0 * max(1, _first(run, name).size))
+    return float(np.median(np.abs(np.diff(values, 2)))) / size

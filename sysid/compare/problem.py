@@ -7,7 +7,8 @@ of squares that remains after the model's own error has explained what it can.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -15,14 +16,14 @@ import numpy as np
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
-from mecanum_env.model import Model
+from mecanum_env.model import Model, Wheel
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Mask
 from sysid.compare.nuisance import plausible_models, shape_columns
-from sysid.compare.rollers import WheelAngleRipple
+from sysid.compare.prediction import Study
 from sysid.compare.simulator import Simulator, model_key
-from sysid.compare.study import Study, speed_scale
 from sysid.compare.whitening import Whitener
+from sysid.logs import Run
 
 UNUSABLE: Final = (MecanumError, ValueError)
 """Exceptions of a model that cannot be simulated; MuJoCo raises ValueError for too long a latency."""
@@ -37,16 +38,18 @@ ROLLER_PROBE: Final = 0.15
 _GAIN_CHANGES: Final = (1e-3, -1e-3, 2e-3)
 """Relative changes of the wheel speeds, far below what logs show, that change when rollers meet the floor."""
 
+_DRAWS: Final = 4  # sets of initial wheel angles that are simulated
+_ANGLE_STEP: Final = 0.1  # least increase of the uncertainty that is taken over
+_INFLATION: Final = 1.5
+"""Factor on the ripple's variance: over few wheels and runs it varies by about a third between draws."""
+
 
 class ResidualProblem:
     """Residuals of models on some observations.
 
-    On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth.
-
-    Args:
-        base: the model under study, whose own error and parameter uncertainty are marginalised.
-        whitener: of the observations.
-        study: settings of the simulations; its `scale` is replaced by that of the model and the runs.
+    On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth. The
+    error and the parameter uncertainty that the `base` model states are marginalised. The `scale` of the
+    study is replaced by that of the model and the runs.
     """
 
     def __init__(self, base: Model, whitener: Whitener, study: Study | None = None) -> None:
@@ -112,11 +115,7 @@ class ResidualProblem:
         return self._planar is not None and all(effect.fully_in("planar") for effect in known)
 
     def surrogate_mask(self, owners: Sequence[str]) -> Mask:
-        """Return the parameters whose influence the surrogate shows, (p,).
-
-        Args:
-            owners: the effect that each parameter belongs to, (p,).
-        """
+        """Return which parameters' influence the surrogate shows, (p,), by their effects `owners`, (p,)."""
         return np.array([self.surrogate_covers([owner]) for owner in owners], bool)
 
     def probe_step(self, effects: Sequence[str]) -> float:
@@ -129,10 +128,7 @@ class ResidualProblem:
     ) -> list[FloatArray | None]:
         """Return how the marginal residual (N,) of each model differs from that of the reference.
 
-        Args:
-            models: `study.jobs` of them are simulated at a time; None for one that cannot be simulated.
-            surrogate: whether to simulate with `surrogate_residual`.
-            reference: the model that the others are compared with.
+        It is None for a model that cannot be simulated. `surrogate`: simulate with `surrogate_residual`.
         """
         simulated = self.surrogate_residual if surrogate else self.residual
         unchanged = simulated(reference) if models else None
@@ -153,19 +149,15 @@ class ResidualProblem:
 
     def _scaled(self, residual: FloatArray, factors: FloatArray) -> FloatArray:
         along = self._directions.T @ residual
-        scaled: FloatArray = residual + self._directions @ (
-            factors * along if residual.ndim == 1 else factors[:, None] * along
-        )
-        return scaled
+        scaled = factors * along if residual.ndim == 1 else factors[:, None] * along
+        return np.asarray(residual + self._directions @ scaled)
 
     def roller_scatter(self, model: Model) -> FloatArray:
         """Return what the rollers' contacts change at random in the marginal residual: columns (N, k).
 
         It is what invisibly small changes of the wheel speed do on the rollers beyond what they do on the
-        planar plant, and the ripple of unknown initial wheel angles. Without rollers there are no columns.
-
-        Args:
-            model: where it is measured; once per model.
+        planar plant, and the ripple of unknown initial wheel angles. Without rollers there are no columns. It
+        is measured once per model.
         """
         if self._ripple is None:
             return np.zeros((self.size, 0))
@@ -188,14 +180,9 @@ class ResidualProblem:
         return None if full is None or surrogate is None else full - surrogate
 
     def update_angle_uncertainty(self, model: Model, residual: FloatArray) -> bool:
-        """Find out from a residual how unknown the initial wheel angles are; `roller_scatter` then counts it.
+        """Find out from a model's marginal `residual` (N,) how unknown the initial wheel angles are.
 
-        Args:
-            model: the best model found.
-            residual: its marginal residual (N,).
-
-        Returns:
-            Whether they are less known than assumed so far.
+        `roller_scatter` then counts it. Return whether they are less known than assumed so far.
         """
         return self._ripple is not None and self._ripple.update(model, residual)
 
@@ -210,6 +197,84 @@ class ResidualProblem:
             return None if changed is None else self.base_residual - changed
 
         columns = [c for c in self.study.map(column, plausible_models(self.base)) if c is not None]
-        for parts in shape_columns(self.base, self.whitener.error, self.observations):
-            columns.append(self.whitener.whiten(parts))
+        shapes = shape_columns(self.base, self.whitener.error, self.observations)
+        columns += [self.whitener.whiten(parts) for parts in shapes]
         return np.stack(columns, axis=1) if columns else np.zeros((self.size, 0))
+
+
+class WheelAngleRipple:
+    """What unknown initial wheel angles change in the residual of a model.
+
+    A log does not say at which angles its wheels started, so when each roller touches the floor is unknown,
+    too. The ripple that this causes is simulated with other initial angles than those of the nominal
+    `simulator`, recognised in the residual, and then counted as noise.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        whitener: Whitener,
+        residual: Callable[[Simulator, Model], FloatArray | None],
+        marginal: Callable[[FloatArray], FloatArray],
+    ) -> None:
+        self._nominal, self._whitener = simulator, whitener
+        self._residual, self._marginal = residual, marginal
+        self._others = [
+            Simulator(simulator.observations, simulator.study, wheel_angle_seed=seed)
+            for seed in range(1, _DRAWS + 1)
+        ]
+        self.uncertainty = 0.0
+        """How unknown the initial angles are: 0 as in the simulation .. 1 entirely."""
+
+    def update(self, model: Model, residual: FloatArray) -> bool:
+        """Estimate from a residual how unknown the initial angles are; return whether it is more than before.
+
+        Let d be the change of the residual when the wheels start at other angles. The residual of a right
+        model is uncorrelated with d if the logs' angles are the simulated ones, and contains -d / 2 on
+        average if they are any others. `residual` is the marginal one of the model, (N,).
+        """
+        ripple, rest = self._second_differences(self._changes(model)), self._second_differences(residual)
+        power = float(np.sum(ripple**2))
+        unknown = min(1.0, -2.0 * float(np.sum(ripple * rest[:, None])) / power) if power > 0.0 else 0.0
+        if unknown < max(_ANGLE_STEP, self.uncertainty + _ANGLE_STEP):
+            return False
+        self.uncertainty = unknown
+        return True
+
+    def columns(self, model: Model) -> FloatArray:
+        """Return what unknown angles may add to a right model's marginal residual: columns (N, k)."""
+        blocks = self._nominal.observations.blocks
+        repeats = np.concatenate([np.full(block.value.size, float(block.repeats)) for block in blocks])
+        # Two draws differ by twice the variance of one. Measured is the mean of the repeats; simulated, one.
+        variance = self.uncertainty * 0.5 * (1.0 + 1.0 / repeats) * _INFLATION
+        changes = self._changes(model)
+        return np.asarray(changes * np.sqrt(variance)[:, None] / math.sqrt(max(1, changes.shape[1])))
+
+    def _changes(self, model: Model) -> FloatArray:
+        """Return how the marginal residual changes when the wheels start at other angles, (N, k)."""
+        nominal = self._residual(self._nominal, model)
+        others = self._nominal.study.map(lambda simulator: self._residual(simulator, model), self._others)
+        found = [self._marginal(one - nominal) for one in others if one is not None and nominal is not None]
+        return np.stack(found, axis=1) if found else np.zeros((self._whitener.size, 0))
+
+    def _second_differences(self, values: FloatArray) -> FloatArray:
+        """Return the second differences within each block, which keep the ripple and remove slow changes."""
+        return np.concatenate([np.diff(values[rows], 2, axis=0) for rows in self._whitener.slices])
+
+
+def speed_scale(model: Model, runs: Sequence[Run]) -> float:
+    """Return the factor on bounds and scan grids in rpm and rpm/s: 1 for a wheel as fast as the packaged one.
+
+    The catalogue is made for the packaged wheel, whose ceiling is `Wheel.saturation_rpm`. The speed of
+    another wheel is its model's ceiling or, if the model has none, the largest command or speed in the logs.
+    The ratio is rounded to a power of two, about one step of the scan grids.
+    """
+    top = model.wheel.saturation_rpm
+    if not math.isfinite(top):
+        top = max((_largest_rpm(run) for run in runs), default=0.0)
+    return 2.0 ** round(math.log2(top / Wheel.saturation_rpm)) if top > 0.0 else 1.0
+
+
+def _largest_rpm(run: Run) -> float:
+    speeds = [values[np.isfinite(values)] for name, values in run.channels.items() if name.endswith("_rpm")]
+    return max(float(np.max(np.abs(v), initial=0.0)) for v in (run.command.wheels_rpm, *speeds))

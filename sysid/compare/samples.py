@@ -117,21 +117,17 @@ class Samples:
     def errors(self) -> tuple[FloatArray, FloatArray]:
         """Return measured minus predicted before and after, each of shape (n,); angles within half a turn."""
         before, after = self.measured - self.before, self.measured - self.after
-        if self.channel != "yaw_rad":
-            return before, after
-        return _half_turn(before), _half_turn(after)
+        if self.channel == "yaw_rad":
+            before, after = (np.remainder(error + np.pi, 2.0 * np.pi) - np.pi for error in (before, after))
+        return before, after
 
 
 def samples_of(
     run: Run, before: Mapping[str, FloatArray], after: Mapping[str, FloatArray], repeat: int = 0
 ) -> tuple[Samples, ...]:
-    """Return the measured channels of a run with their predictions.
+    """Return the measured channels of a run, which is one `repeat` of its command sequence, counted from 0.
 
-    Args:
-        run: bench or robot log.
-        before: channel -> prediction of the given model at the run's rows, shape (n,).
-        after: the same of the improved model.
-        repeat: number of the repeat of its command sequence, from 0.
+    `before` and `after` are channel -> prediction of the given and the improved model, each of shape (n,).
     """
     wheels = HeldCommand(*run.command_changes())
     return tuple(
@@ -155,8 +151,3 @@ def samples_of(
 def wheel_of(channel: str) -> str | None:
     """Return which of fl, fr, rl, rr a `channel` measures; None for the body and the bench."""
     return WHEELS[WHEEL_SPEEDS.index(channel)] if channel in WHEEL_SPEEDS else None
-
-
-def _half_turn(angle_rad: FloatArray) -> FloatArray:
-    wrapped: FloatArray = np.remainder(angle_rad + np.pi, 2.0 * np.pi) - np.pi
-    return wrapped

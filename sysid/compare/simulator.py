@@ -20,11 +20,9 @@ from mecanum_env.model.file import model_to_dict
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
-from sysid.compare.prediction import Motion, compile_for, in_run_frame, motion_of, sensor_readings
-from sysid.compare.study import Study
+from sysid.compare.prediction import Motion, Study, compile_for, in_run_frame, motion_of, sensor_readings
 
-REMEMBERED: Final = 8
-"""Number of models whose motions are kept; those of one model take some megabytes."""
+_REMEMBERED: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
 
 
 @contextmanager
@@ -39,13 +37,7 @@ def without_engine_warnings() -> Iterator[None]:
 
 
 class Simulator:
-    """Predicts the blocks of some observations.
-
-    Args:
-        observations: give the commands and the times.
-        study: gives the plant and the time step.
-        wheel_angle_seed: seed of random initial wheel angles; 0: those of the MJCF model.
-    """
+    """Predicts the blocks of observations; initial wheel angles are drawn if `wheel_angle_seed` is not 0."""
 
     def __init__(
         self,
@@ -65,16 +57,11 @@ class Simulator:
             SimulationDivergedError: the state stopped being finite.
         """
         situations = self.observations.situations
-        channels = [
-            sensor_readings(model, situation.runs[0], situation.start, motion)
-            for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True)
-        ]
         correction = correction_of(model)
-        if correction is not None:
-            channels = [
-                correction.added_to(situation.runs[0], one)
-                for situation, one in zip(situations, channels, strict=True)
-            ]
+        channels = []
+        for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True):
+            read = sensor_readings(model, situation.runs[0], situation.start, motion)
+            channels.append(correction.added_to(situation.runs[0], read) if correction else read)
         return [
             block.of(situations[block.situation].runs[0], channels[block.situation])
             for block in self.observations.blocks
@@ -89,7 +76,7 @@ class Simulator:
         found = self._simulate(model)
         with self._lock:
             self._motions[key] = found
-            while len(self._motions) > REMEMBERED:
+            while len(self._motions) > _REMEMBERED:
                 self._motions.popitem(last=False)
         return found
 
@@ -124,10 +111,6 @@ def _motion_key(situation: Situation, command_period_s: float) -> Hashable:
 
 
 def model_key(model: Model) -> str:
-    """Return a key of what a model's motion depends on.
-
-    Args:
-        model: wheel, robot and effects.
-    """
+    """Return a key of what a model's motion depends on."""
     physics = replace(model, uncertainty={}, provenance={}, extra={})
     return json.dumps(model_to_dict(physics), sort_keys=True)

@@ -18,8 +18,7 @@ BEFORE_S: Final = 0.5
 """Time before a change of command at which a piece begins [s], so that the robot has settled."""
 SMALL: Final = 0.5
 """Largest of the small commands, relative to the largest command."""
-_BANDS: Final = 4
-"""Bands of commanded speed in each direction that pieces are to cover."""
+_BANDS: Final = 4  # bands of commanded speed in each direction that pieces are to cover
 
 Bands = frozenset[tuple[int, int]]
 
@@ -29,12 +28,8 @@ def select_runs(runs: Sequence[Run], seconds: float, command_period_s: float) ->
 
     If all are too long together, runs longer than two pieces are cut. Pieces that add most bands of speed
     come first, those with larger changes of command first among equals. If no run is that long, whole groups
-    are selected as by `most_active_runs`.
-
-    Args:
-        runs: of a dataset.
-        seconds: total duration, with one run of each group counted [s].
-        command_period_s: period of the robot's command clock [s], whose phase is kept in the pieces.
+    are selected as by `most_active_runs`. Of each group one run counts. The pieces keep the phase of the
+    robot's command clock, of period `command_period_s`.
     """
     groups = {run.group: max(r.duration_s for r in runs if r.group == run.group) for run in runs}
     long = [run for run in runs if run.duration_s > 2.0 * PIECE_S]
@@ -45,12 +40,7 @@ def select_runs(runs: Sequence[Run], seconds: float, command_period_s: float) ->
 
 
 def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
-    """Yield pieces of a run, each at least `PIECE_S` long.
-
-    Args:
-        run: at least `PIECE_S` long.
-        command_period_s: pieces begin at whole multiples of it [s].
-    """
+    """Yield pieces of a run, each at least `PIECE_S` long, that begin at multiples of a period [s]."""
     edges = [0.0]
     for change in run.command_changes()[0][1:]:
         edge = math.floor((change - BEFORE_S) / command_period_s + 1e-6) * command_period_s
@@ -75,10 +65,6 @@ def small_command_runs(dataset: Dataset, command_period_s: float) -> Dataset:
 
     A linear law is fitted best where no limit of speed acts. A study of the gap then finds what differs at
     larger commands. If no fit run is left, the dataset is returned unchanged.
-
-    Args:
-        dataset: bench or robot logs.
-        command_period_s: as for `pieces` [s].
     """
     runs = dataset.split("fit") + dataset.split("validation")
     cut = [p for r in runs for p in (pieces(r, command_period_s) if r.duration_s > 2.0 * PIECE_S else (r,))]
@@ -93,11 +79,7 @@ def most_active_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:
     """Return whole groups of runs with at most so many seconds of distinct commands, in their own order.
 
     The splits take turns, each with its group of the largest changes of command that is left. At least one
-    group of each split is returned.
-
-    Args:
-        runs: of a dataset.
-        seconds: total duration, with one run of each group counted [s].
+    group of each split is returned. Of each group one run counts.
     """
     lengths, activity, queues = _groups(runs)
     queues = [sorted(groups, key=lambda g: (-activity[g], g)) for groups in queues]

@@ -37,13 +37,7 @@ VELOCITY_OF: Final = {"x_m": "vx_m_s", "y_m": "vy_m_s", "yaw_rad": "yaw_rate_rad
 
 
 class Whitener:
-    """Whitens residuals, or differences of predictions, of some observations.
-
-    Args:
-        observations: the blocks that are compared.
-        noise: of each channel.
-        error: the model's own error; None if it is not known.
-    """
+    """Whitens residuals, or differences of predictions; the model's own error is None if it is not known."""
 
     def __init__(self, observations: Observations, noise: Noise, error: ModelError | None) -> None:
         self.observations, self.noise, self.error = observations, noise, error
@@ -103,12 +97,7 @@ class Whitener:
 
 
 def error_of(error: ModelError | None, channel: str) -> ChannelError | None:
-    """Return the model's error in a channel, None if it is not known; for a pose that of its displacements.
-
-    Args:
-        error: the model's own error.
-        channel: column of a log.
-    """
+    """Return the model's error in a channel, for a pose that of its displacements; None if unknown."""
     if error is None:
         return None
     if channel in error.channels or channel not in POSE:

@@ -60,13 +60,9 @@ def infer_command_path(
 ) -> CommandPath:
     """Return the command path with the given values, and the others from a dataset.
 
-    Args:
-        dataset: bench or robot logs.
-        sample_period_s: period of the law [s]; default: the whole fraction of the command period nearest
-            1/120 s, or nearest the log's own interval where samples are more than two such ticks apart.
-        command_period_s: shortest time between commands [s]; default 0.1, unless commands change faster.
-        quantum_rpm: rounding of commands [rpm]; default 1, unless commands are not whole.
-        saturation_rpm: ceiling [rpm]; default 135, unless speeds exceed it.
+    The default period of the law is the whole fraction of the command period nearest 1/120 s, or nearest the
+    log's own interval where samples are more than two such ticks apart. The defaults of the others are 0.1 s,
+    1 rpm and 135 rpm, unless commands change faster, are not whole, or speeds exceed the ceiling.
 
     Raises:
         InputError: a value that is not positive, or a law slower than the commands.
@@ -75,9 +71,8 @@ def infer_command_path(
     for name, value in (("sample_period_s", sample_period_s), ("command_period_s", command_period_s)):
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{name} = {value:g}, must be above 0 and finite")
-    if command_period_s is not None:
-        period, latched = command_period_s, True
-    else:
+    period, latched = command_period_s, True
+    if period is None:
         period, latched = _command_clock(dataset, sample_period_s, notes)
     if sample_period_s is None:
         sample_period_s = period / max(1, round(period * _law_rate_hz(dataset, notes)))
@@ -166,18 +161,12 @@ def _law_rate_hz(dataset: Dataset, notes: list[str]) -> float:
 
 
 def _is_whole(run: Run, quantum_rpm: float) -> bool:
-    command = run.command
-    values = (
-        np.stack([command.v_rpm, command.vc_rpm]) if isinstance(command, BodyCommand) else command.wheels_rpm
-    )
+    c = run.command
+    values = np.stack([c.v_rpm, c.vc_rpm]) if isinstance(c, BodyCommand) else c.wheels_rpm
     return bool(np.allclose(values, np.rint(values / quantum_rpm) * quantum_rpm, rtol=0.0, atol=1e-6))
 
 
 def _reached_rpm(run: Run) -> float:
     """Return the largest speed [rpm] that a wheel of the run holds for longer than an overshoot lasts."""
-    speeds = [
-        np.abs(values[np.isfinite(values)])
-        for name, values in run.channels.items()
-        if name.startswith("speed_")
-    ]
+    speeds = [np.abs(x[np.isfinite(x)]) for name, x in run.channels.items() if name.startswith("speed_")]
     return max((float(np.quantile(speed, _BRIEF)) for speed in speeds if speed.size), default=0.0)

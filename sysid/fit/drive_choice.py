@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.statistics import rms
+from mecanum_env.units import FloatArray
 from sysid.fit.command_path import COMMAND_PERIOD_S, CommandPath
 from sysid.fit.estimators import Estimate, Options, WheelRun, estimate
 from sysid.fit.metrics import Runs, residual
@@ -26,12 +27,9 @@ from sysid.logs.runs import SPLITS
 
 LONGEST_DELAY_S: Final = 0.25
 """Longest transport delay that is tried [s]."""
-_EVIDENCE: Final = 10.0
-"""Difference of BIC: "very strong" on the scale of Kass and Raftery (1995)."""
-_WORTH: Final = 0.02
-"""Least relative decrease of the validation error for which a parameter is adopted."""
-_ENOUGH_TICKS: Final = 30_000
-"""Number of ticks that suffice to compare structures."""
+_EVIDENCE: Final = 10.0  # difference of BIC: "very strong" on the scale of Kass and Raftery (1995)
+_WORTH: Final = 0.02  # least relative decrease of the validation error for which a parameter is adopted
+_ENOUGH_TICKS: Final = 30_000  # number of ticks that suffice to compare structures
 VAGUE: Final = 0.5
 """Relative standard error above which a delay counts as unknown."""
 _WORTH_SAYING: Final = 0.02
@@ -61,17 +59,10 @@ class Search:
         initial: Sequence[Sequence[float]] = (),
         unit_gain: bool | None = None,
     ) -> Estimate:
-        """Estimate the law and, if they are free, the delay and the ceiling.
+        """Estimate the law from `starts` starting points, or from the `initial` ones A-F.
 
-        Args:
-            data: runs of one or several wheels.
-            method: name of the method; default: that of the search.
-            starts: number of starting points.
-            delay_s: transport delay [s], unless it is free.
-            saturation_rpm: ceiling [rpm], unless it is free.
-            free: which of "delay_s" and "saturation_rpm" are estimated.
-            initial: starting points A-F instead of those of the method.
-            unit_gain: whether the DC gain is held at 1; default: as in the search.
+        "delay_s" [s] and "saturation_rpm" [rpm] are held, unless `free` names them. `method` and `unit_gain`
+        (whether the DC gain is held at 1) default to those of the search.
         """
         held_delay = 0.0 if "delay_s" in free else delay_s
         held_limit = math.inf if "saturation_rpm" in free else saturation_rpm
@@ -104,16 +95,10 @@ def runs_by_split(dataset: Dataset, path: CommandPath, sigma_rpm: Mapping[str, f
 def choose_clock(
     dataset: Dataset, search: Search, sigma_rpm: Mapping[str, float], given: bool
 ) -> tuple[Search, Estimate, Runs, str | None]:
-    """Fit with the clock that the times of the log suggest and with the platform's; return the better.
+    """Fit with the clock that the times of the log suggest and, unless it is `given`, with the platform's.
 
-    Args:
-        dataset: bench or robot logs.
-        search: contains the inferred command path.
-        sigma_rpm: noise of each wheel-speed column [rpm].
-        given: whether the user stated the command period, so that only that one is tried.
-
-    Returns:
-        The search with the better command path, its estimate, its runs, and a note if it is the platform's.
+    Return the search with the better command path, its estimate, its runs with the noise `sigma_rpm` of each
+    column [rpm], and a note if the clock is the platform's.
     """
     path = search.path
     paths = [path]
@@ -138,11 +123,7 @@ def choose_clock(
 def choose_drive(runs: Runs, search: Search, plain: Estimate, *, delay: bool) -> Estimate:
     """Return the estimate with those of a transport delay and a ceiling that are worth having.
 
-    Args:
-        runs: by split and wheel.
-        search: settings of the fits; a ceiling is tried if `search.path.seek_ceiling`.
-        plain: the estimate with neither.
-        delay: whether a delay is tried.
+    `plain`, fitted to all `runs`, has neither. A delay is tried if `delay`, a ceiling if the path seeks one.
     """
     data = representative(pooled(runs["fit"]))
     best = plain if len(data) == len(pooled(runs["fit"])) else search.run(data, delay_s=plain.delay_s)
@@ -165,15 +146,9 @@ def worth_having(
 ) -> bool:
     """Return whether `other`, with one parameter more, is worth adopting over `found`.
 
-    The difference of BIC is taken with the variance of the residual if that exceeds the noise, since the
-    model's error limits what the data can tell.
-
-    Args:
-        runs: by split and wheel; the validation runs must agree.
-        data: the runs that both were fitted to.
-        found: the simpler estimate.
-        other: the estimate with one parameter more.
-        effective_share: share of the samples that are independent.
+    Both were fitted to `data`, of which only the `effective_share` is independent, and the validation `runs`
+    must agree. The difference of BIC is taken with the variance of the residual if that exceeds the noise,
+    since the model's error limits what the data can tell.
     """
     if len(_drive(other)) <= len(_drive(found)):
         return False
@@ -212,29 +187,19 @@ def _held_out_agrees(runs: Runs, found: Estimate, other: Estimate) -> bool:
 
     A ceiling, for example, only changes the samples beyond it, and a validation run may have none.
     """
-    data = pooled(runs["validation"]) or pooled(runs["fit"])
-    before, after = (np.concatenate([residual(run, e) for run in data]) for e in (found, other))
+    before, after = _held_out_residual(runs, found), _held_out_residual(runs, other)
     differ = np.abs(after - before) > _WORTH * rms(before)
-    if not differ.any():
-        return True
-    return rms(after[differ]) < (1.0 - _WORTH) * rms(before[differ])
+    return not differ.any() or rms(after[differ]) < (1.0 - _WORTH) * rms(before[differ])
 
 
-def held_out_rms(runs: Runs, found: Estimate) -> float:
-    """Return the residual rms [rpm] on the validation runs, or on the fit runs if there are none."""
+def _held_out_residual(runs: Runs, found: Estimate) -> FloatArray:
+    """Return the residual [rpm] on the validation runs, or on the fit runs if there are none."""
     data = pooled(runs["validation"]) or pooled(runs["fit"])
-    return rms(np.concatenate([residual(run, found) for run in data]))
+    return np.concatenate([residual(run, found) for run in data])
 
 
 def drive_notes(dataset: Dataset, path: CommandPath, found: Estimate, sought_delay: bool) -> list[str]:
-    """Return notes on the delay and the ceiling.
-
-    Args:
-        dataset: bench or robot logs.
-        path: how commands reach the law.
-        found: the estimate.
-        sought_delay: whether the delay was estimated.
-    """
+    """Return notes on the delay, if it was sought (`sought_delay`), and the ceiling that were `found`."""
     notes = []
     if sought_delay and found.delay_s > 0.0:
         exactly = "" if "delay_s" in found.free else " (in whole ticks)"
@@ -268,17 +233,11 @@ def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
     """Return notes on logs that contradict the unit DC gain that the law is given.
 
     A law of unit gain can imitate another gain by a pole so slow that it does not settle while any command is
-    held; rise and settling times are meaningless then.
-
-    Args:
-        runs: by split and wheel.
-        search: settings of the fits.
-        found: the estimate.
+    held; rise and settling times are meaningless then. The `runs` are those that the law was `found` with.
     """
     notes = []
-    period = found.law.sample_period_s
     slowest = abs(found.law.poles[0])
-    constant_s = -period / math.log(slowest) if 0.0 < slowest < 1.0 else 0.0
+    constant_s = -found.law.sample_period_s / math.log(slowest) if 0.0 < slowest < 1.0 else 0.0
     held_s = _longest_hold_s(runs)
     if constant_s > held_s:
         notes.append(
@@ -288,7 +247,6 @@ def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
     if not search.unit_gain:
         return notes
     # An estimated ceiling may only imitate a gain below 1.
-    limits = {found.saturation_rpm, math.inf}
     others = [
         search.run(
             representative(pooled(runs["fit"])),
@@ -297,10 +255,10 @@ def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
             initial=[found.coefficients.tolist()],
             unit_gain=False,
         )
-        for limit in limits
+        for limit in {found.saturation_rpm, math.inf}
     ]
-    free = min(others, key=lambda other: held_out_rms(runs, other))
-    before, after = held_out_rms(runs, found), held_out_rms(runs, free)
+    before = rms(_held_out_residual(runs, found))
+    after, free = min(((rms(_held_out_residual(runs, o)), o) for o in others), key=lambda pair: pair[0])
     if abs(free.law.dc_gain - 1.0) > _WORTH_SAYING and after < (1.0 - _WORTH_SAYING) * before:
         notes.append(
             f"unit DC gain is assumed, but a gain of {free.law.dc_gain:.3g} lowers the held-out error from "

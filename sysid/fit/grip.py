@@ -42,10 +42,8 @@ ROLLER_SECONDS: Final = 10.0
 """Duration of the logs that are simulated on rollers again and again [s]."""
 _PROFILE_SECONDS: Final = 30.0
 _GRIPS: Final = (0.15, 0.25, 0.4, 0.6, 0.8, 1.1)
-_STEP: Final = 0.05
-"""Step of the profile, in the logarithm of the grip."""
-_HALF: Final = 4
-"""Steps of the profile to each side of its minimum."""
+_STEP: Final = 0.05  # step of the profile, in the logarithm of the grip
+_HALF: Final = 4  # steps of the profile to each side of its minimum
 _RECENTRINGS: Final = 3
 
 
@@ -63,15 +61,11 @@ class GripProfile:
 
 
 def profile_grip(model: Model, data: PlantData) -> GripProfile:
-    """Find the grip from a profile of the cost around the model's grip, everything else held.
+    """Find the grip from a profile of the cost of runs from rest, around the model's grip, the rest held.
 
     The standard error is by the jackknife over runs, widened so that 1.96 of it are the 95 % point of
     Student's t with one degree of freedom less than there are runs. A step of the profile is added in
     quadrature for the law's own error, which all runs share, so that the jackknife does not contain it.
-
-    Args:
-        model: gives the initial grip.
-        data: runs that start at rest.
     """
     few = replace(data, runs=largest_command_runs(data.runs, _PROFILE_SECONDS))
     ends = np.cumsum([replace(few, runs=(run,)).measured().size for run in few.runs])[:-1]
@@ -101,8 +95,7 @@ def profile_grip(model: Model, data: PlantData) -> GripProfile:
         return GripProfile(
             math.exp(start + centre * _STEP), math.nan, here, "the cost over grip has no clear minimum"
         )
-    value = math.exp(start + vertex * _STEP)
-    count = len(few.runs)
+    value, count = math.exp(start + vertex * _STEP), len(few.runs)
     if count < 2:
         return GripProfile(value, math.nan, height, "one run alone does not tell how sure it is")
     without = np.array([_vertex(at, np.delete(table, i, axis=1).sum(axis=1))[0] for i in range(count)])
@@ -123,19 +116,12 @@ def _vertex(at: FloatArray, cost: FloatArray) -> tuple[float, float]:
 
 
 def scan_grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
-    """Scan the friction of a model on the roller plant, everything else held.
-
-    Args:
-        model: law and robot.
-        given: whether the friction was measured, so that it is not fitted.
-        data: runs that start at rest.
-    """
-    nominal = model.robot.friction
+    """Scan the friction on the roller plant, by runs from rest, unless it is `given` (measured)."""
+    nominal, blind = model.robot.friction, "left: without body velocities slip does not show"
     if given:
         return RobotParameter("friction", nominal, math.nan, False, "given, so not fitted")
     if not any(name in data.channels for name in BODY_VELOCITY):
-        reason = "left: without body velocities slip does not show"
-        return RobotParameter("friction", nominal, math.inf, False, reason)
+        return RobotParameter("friction", nominal, math.inf, False, blind)
     few = replace(data, runs=largest_command_runs(data.runs, ROLLER_SECONDS))
     measured = few.measured()
 
@@ -143,16 +129,15 @@ def scan_grip(model: Model, given: bool, data: PlantData) -> RobotParameter:
         robot = replace(model.robot, friction=math.exp(log_friction))
         return few.predicted(replace(model, robot=robot), "rollers") - measured
 
-    costs = {grip: 0.5 * float(np.sum(residual(math.log(grip)) ** 2)) for grip in {*_GRIPS, nominal}}
+    def cost(log_friction: float) -> float:
+        return 0.5 * float(np.sum(residual(log_friction) ** 2))
+
+    costs = {grip: cost(math.log(grip)) for grip in {*_GRIPS, nominal}}
     grips = sorted(costs)
     place = grips.index(min(grips, key=lambda grip: costs[grip]))
     low, high = grips[max(place - 1, 0)], grips[min(place + 1, len(grips) - 1)]
-    best = minimize_scalar(
-        lambda x: 0.5 * float(np.sum(residual(x) ** 2)),
-        bounds=(math.log(low), math.log(high)),
-        method="bounded",
-        options={"xatol": 0.02, "maxiter": 12},
-    )
+    bounds = math.log(low), math.log(high)
+    best = minimize_scalar(cost, bounds=bounds, method="bounded", options={"xatol": 0.02, "maxiter": 12})
     variance = few.variance(float(best.fun), measured.size)
     slope = (residual(best.x + 0.1) - residual(best.x - 0.1)) / 0.2
     power = float(slope @ slope)

@@ -70,13 +70,7 @@ class MethodMetrics:
 
 
 def method_metrics(estimate: Estimate, runs: Runs, peak_memory_mib: float) -> MethodMetrics:
-    """Evaluate an estimate on all splits.
-
-    Args:
-        estimate: result of the method.
-        runs: split -> wheel name -> data.
-        peak_memory_mib: memory that the method needed [MiB].
-    """
+    """Evaluate an estimate, which needed `peak_memory_mib` [MiB] of memory, on the `runs` of all splits."""
     errors = {}
     for split in SPLITS:
         data = [run for wheel in runs[split].values() for run in wheel]

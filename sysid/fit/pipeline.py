@@ -94,10 +94,7 @@ class Fit:
 def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: Progress = silent) -> Fit:
     """Fit the wheel law to a dataset.
 
-    Args:
-        dataset: bench logs, or robot logs with wheel speeds.
-        options: methods, starts and assumptions.
-        progress: called with a message before each long step.
+    These are bench logs, or robot logs with wheel speeds. `progress` is called before each long step.
 
     Raises:
         InputError: no run to fit, no wheel speed, or data to which no law can be fitted.
@@ -187,12 +184,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
 
 
 def wheel_model(path: CommandPath, found: Estimate) -> Wheel:
-    """Return the wheel of a model.
-
-    Args:
-        path: how commands reach the law.
-        found: gives the law and the ceiling.
-    """
+    """Return the wheel of a model: the law that was `found`, with its ceiling, behind the command `path`."""
     return Wheel(
         law=found.law,
         command_period_s=path.command_period_s,
@@ -202,7 +194,7 @@ def wheel_model(path: CommandPath, found: Estimate) -> Wheel:
 
 
 def latency(found: Estimate) -> dict[str, dict[str, float]]:
-    """Return the effects of a model: the delay of the estimate `found`, if there is one."""
+    """Return the effects of a model: the delay that was `found`, if there is one."""
     return {"command_latency": {"delay_s": found.delay_s}} if found.delay_s > 0.0 else {}
 
 
@@ -218,9 +210,8 @@ def independent_share(dataset: Dataset) -> float:
         for column in wheel_columns(run).values():
             count = float(run.finite(column).sum())
             total += count
-            independent += (
-                0.0 if (run.file, column) in copies else count * (1.0 - held.get((run.file, column), 0.0))
-            )
+            if (run.file, column) not in copies:
+                independent += count * (1.0 - held.get((run.file, column), 0.0))
     return independent / total if independent > 0.0 else 1.0
 
 
@@ -263,5 +254,4 @@ def _other_method(
             data, method=name, starts=starts, delay_s=found.delay_s, saturation_rpm=found.saturation_rpm
         )
 
-    estimate = run(options.starts)
-    return method_metrics(estimate, runs, peak_memory_mib(lambda: run(1)))
+    return method_metrics(run(options.starts), runs, peak_memory_mib(lambda: run(1)))

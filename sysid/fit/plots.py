@@ -39,12 +39,7 @@ class BenchReplay:
 
 
 def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
-    """Replay the held-out bench run that the law predicts worst; None for robot logs.
-
-    Args:
-        fit: the fitted wheel with its runs.
-        model: the model of the fit.
-    """
+    """Replay the held-out bench run that a fit predicts worst with its model; None for robot logs."""
     if fit.dataset.level != "bench":
         return None
     split = next(split for split in HELD_OUT_FIRST if pooled(fit.runs[split]))
@@ -107,18 +102,19 @@ def _views(fit: Fit, split: Split) -> list[RunView]:
         simulated = simulate(run, found.law, found.delay_s, found.saturation_rpm)
         command = run.command(found.delay_s, found.saturation_rpm)
         error = residual(run, found)
-        view = RunView(
-            name=run.name,
-            split=split,
-            rms_rpm=rms(error),
-            time_s=np.asarray(run.sample_tick * tau),
-            measured_rpm=run.speed_rpm,
-            residual_rpm=error,
-            tick_s=np.asarray(np.arange(len(simulated)) * tau, float),
-            simulated_rpm=simulated,
-            command_rpm=np.append(command, command[-1]),
+        views.append(
+            RunView(
+                name=run.name,
+                split=split,
+                rms_rpm=rms(error),
+                time_s=np.asarray(run.sample_tick * tau),
+                measured_rpm=run.speed_rpm,
+                residual_rpm=error,
+                tick_s=np.asarray(np.arange(len(simulated)) * tau, float),
+                simulated_rpm=simulated,
+                command_rpm=np.append(command, command[-1]),
+            )
         )
-        views.append(view)
     return views
 
 

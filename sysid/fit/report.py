@@ -13,10 +13,8 @@ import mecanum_env
 from mecanum_env.law.metrics import step_response
 from mecanum_env.model import Model
 from mecanum_env.report import figure, report_available, write_page
-from sysid.fit.metrics import MethodMetrics
 from sysid.fit.pipeline import Fit
 from sysid.fit.plots import HELD_OUT_FIRST, BenchReplay, RunView, replay_worst, run_views
-from sysid.fit.statistics import Quantity
 
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
 _GREY, _RED, _BLUE = "#8a8a8a", "#c8102e", "#1f4e79"
@@ -50,15 +48,37 @@ def fit_table(fit: Fit) -> str:
 
 def method_table(fit: Fit) -> list[tuple[str, ...]]:
     """Return the metrics of a `fit`'s methods as rows of cells, the head first."""
-    return [_METHOD_HEAD, *(_method_row(name, metrics) for name, metrics in fit.methods.items())]
+    rows: list[tuple[str, ...]] = [
+        ("method", "rms fit", "validation", "test rpm", "worst", "rise s", "settling s", "dc gain - 1",
+         "stable", "starts ok", "seconds", "MiB")
+    ]  # fmt: skip
+    for name, m in fit.methods.items():
+        found = m.estimate
+        errors = [m.errors.get(split) for split in ("fit", "validation", "test")]
+        row = (
+            name,
+            *(f"{e.rms_rpm:.3f}" if e else "-" for e in errors),
+            f"{max((e.max_rpm for e in errors if e), default=math.nan):.2f}",
+            f"{m.metrics.rise_time_s:.4f}",
+            f"{m.metrics.settling_time_s:.4f}",
+            f"{found.law.dc_gain - 1.0:.1e}",
+            "yes" if found.law.is_stable else "NO",
+            f"{found.success_share:.0%} of {len(found.starts)}",
+            f"{found.seconds:.2f}",
+            f"{m.peak_memory_mib:.1f}",
+        )
+        rows.append(row)
+    return rows
 
 
-def quantity_table(fit: Fit) -> list[tuple[str, ...]]:
+def quantity_table(fit: Fit) -> list[tuple[str, str, str, str, str]]:
     """Return the coefficients of a `fit` and what follows from them as rows of cells, the head first."""
-    return [
-        _QUANTITY_HEAD,
-        *(_quantity_row(q) for q in (*fit.uncertainty.parameters, *fit.uncertainty.metrics)),
-    ]
+    rows = [("", "value", "standard error", "Cramer-Rao", "95 % interval")]
+    for q in (*fit.uncertainty.parameters, *fit.uncertainty.metrics):
+        value = f"{q.value:.5g}{' ' + q.unit if q.unit else ''}"
+        errors = f"{q.standard_error:.2g}", f"{q.cramer_rao:.2g}"
+        rows.append((q.name, value, *errors, f"{q.low:.5g} .. {q.high:.5g}"))
+    return rows
 
 
 def robot_table(fit: Fit) -> list[tuple[str, ...]]:
@@ -68,40 +88,6 @@ def robot_table(fit: Fit) -> list[tuple[str, ...]]:
         error = f"{p.standard_error:.2g}" if p.fitted and math.isfinite(p.standard_error) else "-"
         rows.append((p.name, f"{p.value:.4g}", error, p.reason))
     return rows
-
-
-_METHOD_HEAD = ("method", "rms fit", "validation", "test rpm", "worst", "rise s", "settling s", "dc gain - 1",
-                "stable", "starts ok", "seconds", "MiB")  # fmt: skip
-_QUANTITY_HEAD = ("", "value", "standard error", "Cramer-Rao", "95 % interval")
-
-
-def _method_row(name: str, m: MethodMetrics) -> tuple[str, ...]:
-    found = m.estimate
-    errors = [m.errors.get(split) for split in ("fit", "validation", "test")]
-    worst = max((e.max_rpm for e in errors if e), default=math.nan)
-    return (
-        name,
-        *(f"{e.rms_rpm:.3f}" if e else "-" for e in errors),
-        f"{worst:.2f}",
-        f"{m.metrics.rise_time_s:.4f}",
-        f"{m.metrics.settling_time_s:.4f}",
-        f"{found.law.dc_gain - 1.0:.1e}",
-        "yes" if found.law.is_stable else "NO",
-        f"{found.success_share:.0%} of {len(found.starts)}",
-        f"{found.seconds:.2f}",
-        f"{m.peak_memory_mib:.1f}",
-    )
-
-
-def _quantity_row(q: Quantity) -> tuple[str, ...]:
-    unit = f" {q.unit}" if q.unit else ""
-    return (
-        q.name,
-        f"{q.value:.5g}{unit}",
-        f"{q.standard_error:.2g}",
-        f"{q.cramer_rao:.2g}",
-        f"{q.low:.5g} .. {q.high:.5g}",
-    )
 
 
 def _passed(what: str, passed: bool, p_value: float) -> str:
@@ -115,19 +101,12 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
-    """Write the page of a fit; return False, writing nothing, if the `report` extra is not installed.
-
-    Args:
-        fit: the fitted wheel.
-        model: the model of the fit, which is replayed in MuJoCo.
-        path: file to write.
-    """
+    """Write the page of a fit, whose model is replayed; False if the `report` extra is not installed."""
     if not report_available():
         return False
     views = run_views(fit, most=6)
     overlays = {f"run{i}": _overlay(view) for i, view in enumerate(views)}
     tests = fit.residual_tests
-    findings = fit.dataset.findings[:_MOST_FINDINGS]
     write_page(
         path,
         _TEMPLATE,
@@ -160,7 +139,7 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
             + f" (F test p = {tests.input_correlation.p_value:.2g})."
         ),
         mujoco=_mujoco(replay_worst(fit, model)),
-        findings=findings,
+        findings=fit.dataset.findings[:_MOST_FINDINGS],
         provenance=f"mecanum-tankendo {mecanum_env.__version__}, seed {fit.options.seed}, "
         f"data sha256 {fit.dataset.sha256[:16]}",
     )
@@ -171,8 +150,7 @@ def _verdict(fit: Fit) -> str:
     found = fit.methods[fit.estimate.method]
     split = next(split for split in HELD_OUT_FIRST if split in found.errors)
     error, sigma = found.errors[split], float(np.mean(list(fit.sigma_rpm.values())))
-    free = fit.estimate.free
-    order = ("first", "second", "third")[("B" in free) + ("C" in free)]
+    order = ("first", "second", "third")[("B" in fit.estimate.free) + ("C" in fit.estimate.free)]
     against = (
         f"against {sigma:.2f} rpm of noise" if fit.sigma_from_repeats else "with no repeats to tell the noise"
     )

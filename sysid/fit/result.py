@@ -11,7 +11,6 @@ import numpy as np
 
 import mecanum_env
 from mecanum_env.files import plain_json
-from mecanum_env.law import WheelLaw
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, Robot
 from sysid.compare.own_error import with_own_error
@@ -26,11 +25,8 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     """Return the model of a fit.
 
     Its `uncertainty` holds the covariance of the coefficients and the model's own error on the logs
-    (`sysid.compare.model_error`). Its effect "command_latency" is the fitted delay, if there is one.
-
-    Args:
-        fit: the fitted wheel.
-        robot: robot parameters around it; default: those that the fit was given.
+    (`sysid.compare.model_error`). Its effect "command_latency" is the fitted delay, if there is one. The
+    `robot` around the wheel is by default the one that the fit was given.
     """
     found, path = fit.estimate, fit.path
     wheel = wheel_model(path, found)
@@ -66,47 +62,45 @@ def fit_json(fit: Fit) -> dict[str, Any]:
     """Return the object of `fit.json`; numbers that are not finite or not known are null."""
     sure, tests = fit.uncertainty, fit.residual_tests
     robot = fit.robot.parameters if fit.robot else ()
-    content = {
-        "format": FORMAT,
-        "dataset": fit.dataset.name,
-        "method": fit.estimate.method,
-        "methods": {name: metrics.as_json() for name, metrics in fit.methods.items()},
-        "parameters": {q.name: _quantity(q) for q in sure.parameters},
-        "functionals": {q.name: _quantity(q) for q in sure.metrics},
-        "wheels": {wheel: _law(estimate.law) for wheel, estimate in fit.wheels.items()},
-        "robot": {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in robot},
-        "noise": {
-            "sigma_rpm": fit.sigma_rpm,
-            "source": "repeats" if fit.sigma_from_repeats else "residuals of the fit",
-            "residual_over_sigma": sure.noise_ratio,
-        },
-        "identifiability": {
-            "condition_number": sure.condition_number,
-            "samples": sure.samples,
-            "effective_samples": sure.effective_samples,
-            "warnings": sure.warnings,
-        },
-        "residual_tests": {
-            "level": tests.whiteness.level,
-            **{
-                name: {"passed": test.passed, "p_value": test.p_value, "statistic": test.statistic}
-                for name, test in (
-                    ("whiteness", tests.whiteness),
-                    ("input_correlation", tests.input_correlation),
-                )
+    content: dict[str, Any] = plain_json(
+        {
+            "format": FORMAT,
+            "dataset": fit.dataset.name,
+            "method": fit.estimate.method,
+            "methods": {name: metrics.as_json() for name, metrics in fit.methods.items()},
+            "parameters": {q.name: _quantity(q) for q in sure.parameters},
+            "functionals": {q.name: _quantity(q) for q in sure.metrics},
+            "wheels": {wheel: estimate.law for wheel, estimate in fit.wheels.items()},
+            "robot": {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in robot},
+            "noise": {
+                "sigma_rpm": fit.sigma_rpm,
+                "source": "repeats" if fit.sigma_from_repeats else "residuals of the fit",
+                "residual_over_sigma": sure.noise_ratio,
             },
-        },
-        "command_path": {name: value for name, value in asdict(fit.path).items() if name != "notes"},
-        "notes": fit.notes,
-        "findings": [finding.to_json() for finding in fit.dataset.findings],
-        "provenance": {
-            "version": mecanum_env.__version__,
-            "data_sha256": fit.dataset.sha256,
-            "seed": fit.options.seed,
-        },
-    }
-    plain: dict[str, Any] = plain_json(content)
-    return plain
+            "identifiability": {
+                "condition_number": sure.condition_number,
+                "samples": sure.samples,
+                "effective_samples": sure.effective_samples,
+                "warnings": sure.warnings,
+            },
+            "residual_tests": {
+                "level": tests.whiteness.level,
+                **{
+                    name: {"passed": test.passed, "p_value": test.p_value, "statistic": test.statistic}
+                    for name, test in vars(tests).items()
+                },
+            },
+            "command_path": {name: value for name, value in asdict(fit.path).items() if name != "notes"},
+            "notes": fit.notes,
+            "findings": [finding.to_json() for finding in fit.dataset.findings],
+            "provenance": {
+                "version": mecanum_env.__version__,
+                "data_sha256": fit.dataset.sha256,
+                "seed": fit.options.seed,
+            },
+        }
+    )
+    return content
 
 
 def _robot_errors(fit: Fit) -> dict[str, float]:
@@ -117,9 +111,7 @@ def _robot_errors(fit: Fit) -> dict[str, float]:
 
 def _covariance(fit: Fit) -> dict[str, Any]:
     """Return the names and the covariance of A-F; no matrix if the logs do not determine a coefficient."""
-    covariance = np.asarray(fit.uncertainty.covariance)[:6, :6]
-    if fit.robot is not None:
-        covariance = fit.robot.covariance
+    covariance = fit.robot.covariance if fit.robot else np.asarray(fit.uncertainty.covariance)[:6, :6]
     known = bool(np.all(np.isfinite(covariance)))
     return {
         "names": list(COEFFICIENTS),
@@ -137,8 +129,3 @@ def _quantity(q: Quantity) -> dict[str, Any]:
         "low": q.low,
         "high": q.high,
     }
-
-
-def _law(law: WheelLaw) -> dict[str, float]:
-    coefficients = dict(zip(COEFFICIENTS, law.coefficients.tolist(), strict=True))
-    return {**coefficients, "sample_period_s": law.sample_period_s}

@@ -42,8 +42,7 @@ SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
 SECONDS: Final = 30.0
 """Duration of the logs of each split that the last stage simulates [s]."""
 _SIMULATIONS: Final = 20
-_AGREE: Final = 0.05
-"""Relative change of the grip below which it and the law agree."""
+_AGREE: Final = 0.05  # relative change of the grip below which it and the law agree
 _PLANAR_SECONDS: Final = 60.0
 _LEAST_SIGMA: Final = 1e-6
 
@@ -74,16 +73,10 @@ def robot_of(
 ) -> tuple[RobotFit | None, str]:
     """Fit the law behind the robot's servo and the robot parameters that the logs show (stages 1 and 2).
 
-    Args:
-        dataset: robot logs.
-        runs: their data on the law's clock.
-        model: the law fitted to the wheel speeds, and the robot as far as it is known.
-        given: names of robot parameters that were measured.
-        sigma_rpm: noise of each wheel-speed column [rpm].
-        sigma_known: whether that noise is from repeats.
-
-    Returns:
-        The fit, None if it does not improve the model, and a note.
+    The `runs` are those of the dataset on the law's clock, with the noise `sigma_rpm` [rpm] of each column,
+    which is from repeats if `sigma_known`. The model holds the law fitted to the wheel speeds, and the robot
+    as far as it is known; parameters that are `given` are not fitted. Return the fit, None if it does not
+    improve the model, and a note.
     """
     at_rest = _starting_at_rest(dataset, runs, "fit")
     if not at_rest:
@@ -130,24 +123,17 @@ def _with_body_velocities(dataset: Dataset, data: PlantData, model: Model) -> Pl
     repeats = noise_from_repeats(dataset.runs) or {}
     sigma = dict(data.sigma)
     for name in names:
-        if name in repeats:
-            sigma[name] = max(repeats[name].std, _LEAST_SIGMA)
-        else:
-            alone = replace(data, channels=(name,), sigma={name: 1.0})
-            error = alone.predicted(model) - alone.measured()
-            sigma[name] = max(float(np.std(error)), _LEAST_SIGMA)
+        alone = replace(data, channels=(name,), sigma={name: 1.0})
+        std = repeats[name].std if name in repeats else np.std(alone.predicted(model) - alone.measured())
+        sigma[name] = max(float(std), _LEAST_SIGMA)
     return replace(data, channels=(*data.channels, *names), sigma=sigma)
 
 
 def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
-    """Fit law, servo stiffness and yaw inertia to robot logs together, then grip.
+    """Fit law, servo stiffness and yaw inertia together, then grip, except those parameters that are `given`.
 
-    The law has full order here, even if a lower one sufficed for the wheel speeds alone.
-
-    Args:
-        model: the law fitted to the wheel speeds, and the robot as far as it is known.
-        given: names of robot parameters that were measured and are not fitted.
-        data: runs that start at rest; body velocities among the channels are used for the grip only.
+    The law has full order here, even if a lower one sufficed for the wheel speeds alone. The runs start at
+    rest; body velocities among their channels are used for the grip only.
     """
     wheels = replace(
         data,
@@ -180,8 +166,7 @@ def _in_turns(
 ) -> tuple[FoundRobot, list[str], dict[str, float], RobotParameter]:
     """Fit law and robot on rollers at a grip, then the grip with them, until they agree.
 
-    Returns:
-        The three results of `_shown`, and the grip.
+    Return the three results of `_shown`, and the grip.
     """
     used = replace(data, runs=largest_command_runs(data.runs, ROLLER_SECONDS))
 
@@ -211,8 +196,7 @@ def _in_turns(
 def _shown(search: RobotSearch, sought: Sequence[str]) -> tuple[FoundRobot, list[str], dict[str, float]]:
     """Fit the parameters sought, without the least certain until the logs show all that are left.
 
-    Returns:
-        The best fit, the names of its parameters, and the last standard errors of all logarithms sought.
+    Return the best fit, the names of its parameters, and the last standard errors of all logarithms sought.
     """
     names = list(sought)
     found = simplest = search.fit([])
@@ -244,15 +228,10 @@ def _parameter(name: str, robot: Robot, fitted: bool, given: bool, log_error: fl
 
 
 def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Model, str]:
-    """Fit law and robot parameters again on the rollers (stage 3).
+    """Fit the law and some parameters of the `robot` again on the rollers (stage 3).
 
-    Args:
-        model: fitted on the planar plant.
-        dataset: robot logs; the fit runs are fitted, the validation runs decide.
-        robot: names of the robot's parameters that are fitted.
-
-    Returns:
-        The fitted model, or the given one if it predicts the validation runs as well, and a note.
+    Return the model fitted to the fit runs, or the given one if that predicts the validation runs as well,
+    and a note.
     """
     runs = dataset.split("fit")
     candidate = RefittedLaw(model, tuple(robot))

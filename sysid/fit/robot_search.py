@@ -25,14 +25,12 @@ from sysid.compare.prediction import commands_of
 from sysid.logs import Run
 
 BODY_VELOCITY: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-_RANGE: Final = math.log(30.0)
-"""Largest change of the logarithm of a robot's parameter."""
+_RANGE: Final = math.log(30.0)  # largest change of the logarithm of a robot's parameter
 _LAW_SIZE: Final = 5  # coordinates of a law of given DC gain
 _FASTER: Final = (1.5, 2.5)
 """Exponents of the poles of further initial laws: the fitted one contains the load's lag."""
 _EVALUATIONS_PER_START: Final = 8
-_EVALUATIONS: Final = 30
-"""Evaluations of the search from the best start."""
+_EVALUATIONS: Final = 30  # evaluations of the search from the best start
 _EVALUATIONS_ON_ROLLERS: Final = 4
 """Evaluations on the roller plant, whose contacts make further ones useless."""
 
@@ -55,10 +53,7 @@ class PlantData:
     def variance(self, cost: float, samples: int, parameters: int = 0) -> float:
         """Return the residual variance relative to that of the noise; at least 1 if the noise is known.
 
-        Args:
-            cost: half the sum of squared residuals, in variances of the noise.
-            samples: number of residuals.
-            parameters: number of fitted parameters.
+        `cost` is half the sum of squares of so many `samples`, after a fit of so many `parameters`.
         """
         ratio = 2.0 * cost / max(1, samples - parameters)
         return max(1.0, ratio) if self.sigma_known else max(ratio, 1e-300)
@@ -107,13 +102,7 @@ class FoundRobot:
 
 
 class RobotSearch:
-    """Least squares of law and robot parameters on the output of the simulated robot.
-
-    Args:
-        model: the start: law and robot.
-        data: robot logs.
-        plant: simulated robot.
-    """
+    """Least squares of law and robot parameters on the output of the simulated robot, from a model's."""
 
     def __init__(self, model: Model, data: PlantData, plant: RobotPlant = "planar") -> None:
         self._model, self.data, self._plant = model, data, plant

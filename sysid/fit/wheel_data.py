@@ -40,13 +40,8 @@ def wheel_columns(run: Run) -> dict[str, str]:
     return found
 
 
-def wheel_commands(run: Run, path: CommandPath) -> dict[str, FloatArray]:
-    """Return wheel name -> commanded speed [rpm] at the run's rows, shape (n,), rounded but not limited.
-
-    Args:
-        run: bench or robot log.
-        path: gives the rounding.
-    """
+def _wheel_commands(run: Run, path: CommandPath) -> dict[str, FloatArray]:
+    """Return wheel name -> commanded speed [rpm] at the run's rows, shape (n,), rounded but not limited."""
     command = run.command
     if isinstance(command, BodyCommand):
         rounded = round_command(command.v_rpm, command.theta_deg, command.vc_rpm, path.quantum_rpm)
@@ -58,13 +53,9 @@ def wheel_commands(run: Run, path: CommandPath) -> dict[str, FloatArray]:
 
 
 def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> WheelRun | None:
-    """Return one wheel of a run on the law's clock, None if it has no sample.
+    """Return a run's `wheel` (see `wheel_columns`), with noise of `sigma_rpm` [rpm], on the law's clock.
 
-    Args:
-        run: a bench or robot log.
-        wheel: a key of `wheel_columns`.
-        path: how commands reach the law.
-        sigma_rpm: standard deviation of the speed's noise [rpm].
+    None if it has no sample.
     """
     speed = run.channels[wheel_columns(run)[wheel]]
     finite = np.isfinite(speed)
@@ -73,10 +64,9 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
     tau = path.sample_period_s
     ticks = run.time_s[finite] / tau
     n_ticks = max(1, math.ceil(float(ticks[-1]) - 1e-6))
-    command = wheel_commands(run, path)[wheel]
+    command = _wheel_commands(run, path)[wheel]
     drive = _drive(path)
     since = run.held_since(drive.command_period_s)
-
     initial = _initial_speed(ticks, speed[finite], sigma_rpm)
 
     def source(delay_s: float, saturation_rpm: float) -> FloatArray:

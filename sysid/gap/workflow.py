@@ -15,9 +15,9 @@ from mecanum_env.model.file import model_to_dict
 from sysid.compare.correction import KEY
 from sysid.compare.model_error import ModelError, estimate_model_error
 from sysid.compare.own_error import block_residuals
+from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
-from sysid.compare.study import Study
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment

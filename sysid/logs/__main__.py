@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -12,6 +12,8 @@ import tyro
 from mecanum_env.cli import run as run_command
 from mecanum_env.errors import InputError
 from sysid.logs.bags import Clock, Unit
+from sysid.logs.findings import KINDS
+from sysid.logs.runs import SPLITS, UNITS, Dataset, Run
 
 
 def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> None:
@@ -23,7 +25,6 @@ def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> No
         logs: A folder of runs, or one run.
         all_findings: Print every finding of every run instead of one per kind.
     """
-    from sysid.logs.describe import describe
     from sysid.logs.reader import read_dataset
 
     print(describe(read_dataset(logs), all_findings=all_findings))
@@ -55,7 +56,6 @@ def import_bags(
     from mecanum_env.files import write_text
     from mecanum_env.model import Robot, read_robot
     from sysid.logs.bags import import_bag
-    from sysid.logs.describe import describe
     from sysid.logs.reader import read_dataset
     from sysid.logs.settings import FILE_NAME
     from sysid.logs.writer import quoted, write_columns
@@ -82,6 +82,71 @@ def import_bags(
     if not (out / FILE_NAME).exists():
         write_text(out / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
     print(describe(read_dataset(out)))
+
+
+def describe(dataset: Dataset, *, all_findings: bool = False) -> str:
+    """Return a table of the runs, then findings (one per kind, or `all_findings`), then the noise floor."""
+    from sysid.logs.noise import noise_from_repeats
+
+    count = {name: len(dataset.split(name)) for name in SPLITS}
+    split = ", ".join(f"{number} {name}" for name, number in count.items() if number)
+    runs = "1 run" if len(dataset.runs) == 1 else f"{len(dataset.runs)} runs"
+    sequences = f"{len(dataset.groups())} command sequences"
+    lines = [f"{dataset.name}: {dataset.level} log, {runs} ({split}), {sequences}"]
+    lines += [*_channels(dataset.runs), "", *_table(dataset.runs), ""]
+    lines += [*_findings(dataset, all_findings), ""]
+    noise = noise_from_repeats(dataset.runs)
+    if noise is None:
+        lines.append("noise floor: unknown, no two runs have the same commands (record repeats to get one)")
+    else:
+        for name, item in noise.items():
+            lines.append(
+                f"noise floor of {name}: {item.std:.3g} {UNITS[name]} +- {100 * item.relative_error:.2g} % "
+                f"(repeats of {item.groups} sequences)"
+            )
+    return "\n".join(lines)
+
+
+def _channels(runs: Sequence[Run]) -> list[str]:
+    """Return one line per set of measured channels."""
+    sets: dict[tuple[str, ...], list[str]] = {}
+    for run in runs:
+        sets.setdefault(tuple(run.channels), []).append(run.file)
+    if len(sets) == 1:
+        return ["measured: " + ", ".join(runs[0].channels)]
+    return [f"measured in {len(f)} runs ({f[0]} ...): {', '.join(names)}" for names, f in sets.items()]
+
+
+def _table(runs: Sequence[Run]) -> list[str]:
+    rows = [("run", "group", "split", "rows", "seconds", "Hz", "commands")]
+    for run in runs:
+        numbers = str(run.time_s.size), f"{run.duration_s:.2f}", f"{1.0 / run.median_interval_s:.4g}"
+        rows.append((run.file, run.group, run.split, *numbers, str(len(run.command_rows()))))
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    align = (str.ljust, str.ljust, str.ljust, str.rjust, str.rjust, str.rjust, str.rjust)
+    return [
+        "  ".join(place(cell, w) for place, cell, w in zip(align, row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
+
+
+def _findings(dataset: Dataset, every: bool) -> list[str]:
+    if not dataset.findings:
+        return ["nothing odd found"]
+    lines = ["noticed:"]
+    for kind in KINDS:
+        found = [finding for finding in dataset.findings if finding.kind == kind]
+        if not found:
+            continue
+        files = {finding.file for finding in found if finding.file}
+        where = f" [{len(files)} of {len(dataset.runs)} runs]" if files else ""
+        lines.append(f"- {kind}: {KINDS[kind]}{where}")
+        lines += [
+            f"    {f.file + ': ' if f.file else ''}{f.message}" for f in (found if every else found[:1])
+        ]
+        if len(found) > 1 and not every:
+            lines.append(f"    and {len(found) - 1} more (--all-findings)")
+    return lines
 
 
 COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"check": check, "import": import_bags}

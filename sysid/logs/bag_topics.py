@@ -73,12 +73,9 @@ def parse_map(items: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
 
 
 def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> TopicChoice:
-    """Return the topic chosen for each role.
+    """Return the topic chosen for each role, from the message `types` by topic and the `items` of a map.
 
-    Args:
-        bag: name of the bag, for error messages.
-        types: message type by topic.
-        items: the user's map; ``ROLE=none`` leaves a role out.
+    ``ROLE=none`` leaves a role out. Error messages name the `bag`.
 
     Raises:
         InputError: no topic or several for a role that is needed, or a mapped topic that is absent or of
@@ -98,9 +95,8 @@ def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> T
         chosen[role] = topic
     bench = any(role in chosen for role in BENCH_ROLES)
     for role, wanted_types in AUTOMATIC.items():
-        if role in mapped or (bench and role != "battery"):
-            continue
-        if role == "command" and "wheel_commands" in chosen:
+        no_body_command = role == "command" and "wheel_commands" in chosen
+        if role in mapped or (bench and role != "battery") or no_body_command:
             continue
         found = sorted(topic for topic, kind in types.items() if kind in wanted_types)
         if len(found) > 1:
@@ -137,20 +133,15 @@ def _require_complete(bag: str, chosen: Mapping[str, str], bench: bool, listing:
 def match_joints(where: str, names: Sequence[str], stated: Mapping[str, str]) -> dict[str, int]:
     """Return the index of each wheel's joint by its name, such as front_left_wheel, wheel_fl or lf_joint.
 
-    Args:
-        where: bag and topic, for error messages.
-        names: all joints of the topic.
-        stated: joint by wheel, where the user gave one.
+    `names` are all joints of the topic, and `stated` those that the user gave by wheel.
 
     Raises:
-        InputError: no joint or several match a wheel; the message lists the names.
+        InputError: no joint or several match a wheel; the message says `where`, and lists the names.
     """
     found = {}
     for wheel in WHEELS:
-        if wheel in stated:
-            hits = [i for i, name in enumerate(names) if name == stated[wheel]]
-        else:
-            hits = [i for i, name in enumerate(names) if _wheel_of(name) == wheel]
+        given = stated.get(wheel)
+        hits = [i for i, name in enumerate(names) if (name == given if given else _wheel_of(name) == wheel)]
         if len(hits) != 1:
             count = f"{len(hits)} joints" if hits else "no joint"
             raise InputError(
@@ -165,8 +156,7 @@ _ABBREVIATIONS: Final = {"lf": "fl", "rf": "fr", "lr": "rl", "bl": "rl", "lb": "
 
 def _wheel_of(name: str) -> str | None:
     text = name.lower()
-    front = "front" in text or "fore" in text
-    rear = "rear" in text or "back" in text
+    front, rear = "front" in text or "fore" in text, "rear" in text or "back" in text
     left, right = "left" in text, "right" in text
     if front != rear and left != right:
         return ("f" if front else "r") + ("l" if left else "r")

@@ -60,8 +60,7 @@ def import_bag(
         topic_map: items such as ``command=/cmd_vel``, ``imu=none``, ``fl=left_front``; see `bag_topics`.
         unit: unit of std_msgs numbers, which state none.
         clock: stamp samples by the message's header or by the time of receipt; ``auto`` uses the headers
-            unless their clock differs from that of the times of receipt. Messages without a header (Twist)
-            are always stamped by receipt.
+            unless their clock differs from that of the receipt, by which a Twist is always stamped.
         progress: show a progress bar.
 
     Raises:
@@ -70,9 +69,8 @@ def import_bag(
     """
     types, messages = _read_messages(bag, topic_map, progress)
     choice = choose_topics(str(bag), types, topic_map)
-    used: Literal["header", "receive"] = "receive"
-    if clock == "header" or (clock == "auto" and _clocks_agree(messages)):
-        used = "header"
+    by_header = clock == "header" or (clock == "auto" and _clocks_agree(messages))
+    used: Literal["header", "receive"] = "header" if by_header else "receive"
     parts = []
     for role, topic in choice.topics.items():
         received = messages[topic]
@@ -139,9 +137,8 @@ def _clocks_agree(messages: Mapping[str, _Messages]) -> bool:
 
 
 def _stamps(received: _Messages, clock: Literal["header", "receive"]) -> _Stamps:
-    return np.array(
-        [(_header_stamp(message) if clock == "header" else None) or at for at, message in received], np.int64
-    )
+    stamps = [(_header_stamp(message) if clock == "header" else None) or at for at, message in received]
+    return np.array(stamps, np.int64)
 
 
 def _merge(parts: Sequence[tuple[_Stamps, _Columns]]) -> _Columns:

@@ -49,8 +49,7 @@ def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
     names = ("speed_rpm",) if runs[0].level == "bench" else WHEEL_SPEEDS
     for index, name in enumerate(names):
         pairs = [_settled_pairs(run, name, index) for run in runs if name in run.channels]
-        command = np.concatenate([pair[0] for pair in pairs]) if pairs else np.empty(0)
-        speed = np.concatenate([pair[1] for pair in pairs]) if pairs else np.empty(0)
+        command, speed = (np.concatenate([pair[i] for pair in pairs] or [np.empty(0)]) for i in range(2))
         power = float(command @ command)
         if command.size < 5 or power == 0.0:
             continue
@@ -65,9 +64,8 @@ def _wrong_gain(gain: float, name: str) -> Iterator[Finding]:
     for unit, scale in (("rad/s", RAD_S_PER_RPM), ("turns/s", 1.0 / 60.0)):
         for factor, suspect in ((scale, name), (1.0 / scale, "the command")):
             if abs(abs(gain) / factor - 1.0) < 0.15:
-                yield Finding(
-                    "", "units", gain, name, "gain", {"suspect": suspect, "unit": unit, "scale": 1.0 / scale}
-                )
+                details: dict[str, float | str] = {"suspect": suspect, "unit": unit, "scale": 1.0 / scale}
+                yield Finding("", "units", gain, name, "gain", details)
                 return
     if gain < 0.0:
         yield Finding("", "units", gain, name, "sign")
@@ -75,7 +73,7 @@ def _wrong_gain(gain: float, name: str) -> Iterator[Finding]:
 
 def _settled_pairs(run: Run, name: str, index: int) -> tuple[FloatArray, FloatArray]:
     """Return wheel commands and speeds [rpm] where the command has been held for `SETTLED_S`."""
-    times, _ = run.command_changes()
+    times = run.command_changes()[0]
     since = run.time_s - times[np.searchsorted(times, run.time_s, side="right") - 1]
     use = (since >= SETTLED_S) & run.finite(name)
     return run.command.wheels_rpm[use, index], run.channel(name)[use]
@@ -107,11 +105,9 @@ def _stamps(run: Run) -> Iterator[Finding]:
 
 def _held(run: Run) -> Iterator[Finding]:
     for name, values in run.channels.items():
-        if name == "battery_v":
-            continue
         x = values[np.isfinite(values)]
         moving = _moving(x)
-        if moving.sum() < 10:
+        if name == "battery_v" or moving.sum() < 10:
             continue
         share = float(np.mean(x[1:][moving] == x[:-1][moving]))
         if share > HELD_SHARE:
@@ -123,11 +119,9 @@ def _moving(x: FloatArray) -> npt.NDArray[np.bool_]:
 
     Rounding also makes neighbours equal, but not where five samples span many times the smallest step.
     """
-    if x.size < 6:
-        return np.zeros(max(x.size - 1, 0), bool)
     steps = np.abs(np.diff(x))
-    if not np.any(steps > 0.0):
-        return np.zeros(x.size - 1, bool)
+    if x.size < 6 or not np.any(steps > 0.0):
+        return np.zeros(steps.size, bool)
     # The tenth percentile, not the smallest step, which rounding to two decimals may make tiny.
     resolution = float(np.percentile(steps[steps > 0.0], 10.0))
     window = np.lib.stride_tricks.sliding_window_view(np.pad(x, 2, mode="edge"), 5)
@@ -202,23 +196,17 @@ def _commands(run: Run) -> Iterator[Finding]:
 def _limit(run: Run) -> Iterator[Finding]:
     speeds = [v for n, v in run.channels.items() if n == "speed_rpm" or n in WHEEL_SPEEDS]
     # Noise on a wheel at its limit does not exceed the limit.
-    for quantity, values, limit in (
-        ("command", [run.command.wheels_rpm], LIMIT_RPM),
-        ("measured speed", speeds, 1.02 * LIMIT_RPM),
-    ):
+    checked = (("command", [run.command.wheels_rpm], 1.0), ("measured speed", speeds, 1.02))
+    for quantity, values, tolerance in checked:
         fastest = max((float(np.nanmax(np.abs(v), initial=0.0)) for v in values), default=0.0)
-        if fastest > limit:
-            yield Finding(
-                run.file, "beyond_limit", fastest, details={"quantity": quantity, "limit_rpm": LIMIT_RPM}
-            )
+        if fastest > tolerance * LIMIT_RPM:
+            details: dict[str, float | str] = {"quantity": quantity, "limit_rpm": LIMIT_RPM}
+            yield Finding(run.file, "beyond_limit", fastest, details=details)
 
 
 def _start(run: Run) -> Iterator[Finding]:
     for name, rest in REST.items():
-        values = run.channels.get(name)
-        if values is None:
-            continue
-        x = values[np.isfinite(values)]
+        x = run.channels[name][run.finite(name)] if name in run.channels else np.empty(0)
         if x.size < 3:
             continue
         # The mean of three samples, since one may be noise; the first command has hardly acted by then.

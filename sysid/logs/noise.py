@@ -47,12 +47,12 @@ def noise_from_repeats(runs: Sequence[Run]) -> dict[str, ChannelNoise] | None:
         groups.setdefault(run.group, []).append(run)
     sums: dict[str, tuple[float, float, int, int]] = {}
     for members in groups.values():
-        names = [n for n in members[0].channels if sum(n in run.channels for run in members) >= 2]
-        for name in names if len(members) >= 2 else []:
-            squares, weight, freedom = _spread([run for run in members if name in run.channels], name)
+        for name in members[0].channels:
+            repeats = [run for run in members if name in run.channels]
+            squares, weight, freedom = _spread(repeats, name) if len(repeats) >= 2 else (0.0, 0.0, 0)
             if freedom:
-                before = sums.get(name, (0.0, 0.0, 0, 0))
-                sums[name] = (before[0] + squares, before[1] + weight, before[2] + freedom, before[3] + 1)
+                s, w, f, count = sums.get(name, (0.0, 0.0, 0, 0))
+                sums[name] = (s + squares, w + weight, f + freedom, count + 1)
     if not sums:
         return None
     return {n: ChannelNoise(float(np.sqrt(s / w)), freedom, g) for n, (s, w, freedom, g) in sums.items()}

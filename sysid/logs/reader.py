@@ -46,10 +46,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     """Read all runs of a folder, or one run, with the `dataset.toml` beside them where there is one.
 
     Every file of the folder that ends in .csv, .csv.gz or .parquet is a run, whether `dataset.toml` lists it
-    or not; other files, and names that start with a dot, are ignored.
-
-    Args:
-        path: a folder, one log file in it, or its `dataset.toml`.
+    or not; other files, and names that start with a dot, are ignored. `path` may also be that `dataset.toml`.
 
     Raises:
         InputError: the input cannot be used; the message names the file, the line (the header is line 1), the
@@ -65,11 +62,8 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
         _check_listed(settings, folder, files)
     tables = [read_table(file) for file in files]
     _check_sources(settings, tables)
-    runs, findings = [], []
-    for table in tables:
-        run, noticed = _read_run(table, settings)
-        runs.append(run)
-        findings += noticed
+    read = [_read_run(table, settings) for table in tables]
+    runs, findings = [run for run, _ in read], [finding for _, noticed in read for finding in noticed]
     for run in runs[1:]:
         if run.level != runs[0].level:
             raise InputError(
@@ -190,9 +184,8 @@ def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
 def _check_stamps(table: Table, time: FloatArray) -> None:
     missing = np.flatnonzero(np.isnan(time))
     if missing.size:
-        raise InputError(
-            f"{table.where(int(missing[0]))}: time_s is missing; every row needs a stamp in seconds"
-        )
+        where = table.where(int(missing[0]))
+        raise InputError(f"{where}: time_s is missing; every row needs a stamp in seconds")
     if len(time) < 2:
         raise InputError(f"{table.where(0)}: the only row; a run needs at least 2")
     backwards = np.flatnonzero(np.diff(time) <= 0.0)
@@ -221,14 +214,11 @@ def _check_stamps(table: Table, time: FloatArray) -> None:
 def _check_columns(table: Table, data: dict[str, FloatArray]) -> None:
     where = table.header
     commands = [name for name in COMMANDS if name in data]
-    measured = [name for name in UNITS if name in data]
     bench = [name for name in (*BENCH_COMMAND, "speed_rpm") if name in data]
     robot = [n for n in (*BODY_COMMAND, *WHEEL_COMMAND, *ROBOT_MOTION) if n in data]
     if bench and robot:
-        raise InputError(
-            f"{where}: {bench[0]} belongs to a bench log and {robot[0]} to a robot log; "
-            "keep the columns of one"
-        )
+        both = f"{bench[0]} belongs to a bench log and {robot[0]} to a robot log"
+        raise InputError(f"{where}: {both}; keep the columns of one")
     if not commands:
         wanted = "command_rpm" if bench else f"{', '.join(BODY_COMMAND)} (or {WHEEL_COMMAND[0]} ...)"
         raise InputError(f"{where}: no command column; a {'bench' if bench else 'robot'} log needs {wanted}")
@@ -237,14 +227,11 @@ def _check_columns(table: Table, data: dict[str, FloatArray]) -> None:
         raise InputError(
             f"{where}: both command sets ({', '.join(commands)}); keep V, theta, VC or the four wheels"
         )
-    lacking = [name for name in (sets[0] if sets else BENCH_COMMAND) if name not in data]
+    lacking = [name for name in (sets[0] if sets else (*BENCH_COMMAND, "speed_rpm")) if name not in data]
     if lacking:
-        raise InputError(
-            f"{where}: column {', '.join(lacking)} is missing; the file has {', '.join(table.names)}"
-        )
-    if bench and "speed_rpm" not in data:
-        raise InputError(f"{where}: column speed_rpm is missing; the file has {', '.join(table.names)}")
-    if not [name for name in measured if name != "battery_v"]:
+        columns = ", ".join(lacking)
+        raise InputError(f"{where}: column {columns} is missing; the file has {', '.join(table.names)}")
+    if not bench and not any(name in data for name in ROBOT_MOTION):
         raise InputError(f"{where}: no measured column; a robot log needs one of {', '.join(ROBOT_MOTION)}")
 
 

@@ -52,8 +52,7 @@ REST: Final[Mapping[str, float]] = {
 Split: TypeAlias = Literal["fit", "validation", "test"]
 Level: TypeAlias = Literal["bench", "robot"]
 SPLITS: Final[tuple[Split, ...]] = get_args(Split)
-_ROUNDING: Final = 1e-6
-"""Rounding error of stamps that a program has converted, in command periods."""
+_ROUNDING: Final = 1e-6  # rounding error of stamps that a program has converted, in command periods
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,9 +179,6 @@ class Run:
         A log shows a command in the first row after it was given, and stamps are never quite even. The robot
         looks for a command at multiples of its period. The first row after such a time is taken to show what
         the robot found then: otherwise a command logged 20 us late would be replayed 0.1 s late.
-
-        Args:
-            command_period_s: interval at which the robot looks for a command, from the run's start on.
         """
         looked = np.floor(self.time_s / command_period_s + _ROUNDING) * command_period_s
         before = np.concatenate([[-np.inf], self.time_s[:-1]])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NoReturn
@@ -136,8 +136,7 @@ class _Parser:
         line = f", line {found[-1 if last else 0]}" if found else ""
         raise InputError(f"{self.path}{line}: {message}")
 
-    def keys(self, value: Mapping[str, Any], known: Iterable[str], where: str) -> None:
-        known = tuple(known)
+    def keys(self, value: Mapping[str, Any], known: Sequence[str], where: str) -> None:
         for key in value:
             if key not in known:
                 hint = did_you_mean(key, known)

@@ -63,21 +63,15 @@ def are_repeats(one: CommandSequence, other: CommandSequence) -> bool:
 def group_names(runs: Sequence[Run], stated: Mapping[str, str]) -> tuple[list[str], list[Finding]]:
     """Return the group of each run, and a finding for each run whose commands differ from its stated group's.
 
-    Args:
-        runs: the runs to group; their own `group` is ignored.
-        stated: group by file name, where the user stated one. Any other run takes the group of a run with the
-            same commands; a new group is named after its first file.
+    A run whose file has no group `stated` takes that of a run with the same commands; a new group is named
+    after its first file.
     """
     sequences = [command_sequence(run) for run in runs]
     findings = []
     members: dict[str, CommandSequence] = {}
     for run, sequence in zip(runs, sequences, strict=True):
         group = stated.get(run.file)
-        if group is None:
-            continue
-        if group not in members:
-            members[group] = sequence
-        elif not are_repeats(members[group], sequence):
+        if group is not None and not are_repeats(members.setdefault(group, sequence), sequence):
             findings.append(Finding(run.file, "group", 1.0, details={"group": group}))
     names = []
     for run, sequence in zip(runs, sequences, strict=True):
@@ -99,10 +93,7 @@ def group_names(runs: Sequence[Run], stated: Mapping[str, str]) -> tuple[list[st
 def assign_splits(runs: Sequence[Run], stated: Mapping[str, Split]) -> tuple[list[Split], list[Finding]]:
     """Return the split of each run, and findings about what is held out.
 
-    Args:
-        runs: the runs with their groups; their own `split` is ignored.
-        stated: split by file name, where the user stated one. The other runs of a group take the split that
-            is stated most often in it.
+    Runs whose file has no split `stated` take the one that is stated most often in their group.
     """
     splits: dict[str, Split] = dict(stated)
     groups: dict[str, list[Run]] = {}
@@ -124,10 +115,8 @@ def assign_splits(runs: Sequence[Run], stated: Mapping[str, Split]) -> tuple[lis
 
 def _by_size(groups: Mapping[str, Sequence[Run]]) -> list[list[Run]]:
     """Return the groups ordered by the rms of their command, then by name."""
-    return [
-        list(groups[name])
-        for name in sorted(groups, key=lambda name: (rms(groups[name][0].command.wheels_rpm), name))
-    ]
+    names = sorted(groups, key=lambda name: (rms(groups[name][0].command.wheels_rpm), name))
+    return [list(groups[name]) for name in names]
 
 
 def _split_groups(groups: Mapping[str, Sequence[Run]]) -> dict[str, Split]:

@@ -8,7 +8,6 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 
@@ -31,7 +30,11 @@ def write_dataset(dataset: Dataset, folder: str | os.PathLike[str]) -> None:
     folder = Path(folder)
     for run in dataset.runs:
         write_run(run, folder / run.file)
-    write_text(folder / FILE_NAME, settings_text(dataset))
+    lines = ["[dataset]", f"name = {quoted(dataset.name)}"]
+    for run in dataset.runs:
+        lines += ["", "[[runs]]", f"file = {quoted(run.file)}"]
+        lines += [f"group = {quoted(run.group)}", f"split = {quoted(run.split)}"]
+    write_text(folder / FILE_NAME, "\n".join(lines) + "\n")
 
 
 def write_run(run: Run, path: str | os.PathLike[str]) -> None:
@@ -50,8 +53,10 @@ def write_columns(columns: Mapping[str, FloatArray], path: str | os.PathLike[str
         InputError: another suffix than .csv, .csv.gz or .parquet, or the folder cannot be written.
     """
     path = Path(path)
-    kind = _kind(path)
-    if kind == "parquet":
+    if not has_table_suffix(path):
+        raise InputError(f"{path}: a log's name must end in .csv, .csv.gz or .parquet")
+    suffix = path.name.lower().rsplit(".", 1)[-1]
+    if suffix == "parquet":
         import pyarrow as pa
         import pyarrow.parquet as pq
 
@@ -65,23 +70,7 @@ def write_columns(columns: Mapping[str, FloatArray], path: str | os.PathLike[str
     data = text.getvalue().encode()
     with atomic_path(path) as temporary:
         # The gzip header has no time stamp, so that equal runs make equal files.
-        temporary.write_bytes(gzip.compress(data, mtime=0) if kind == "gz" else data)
-
-
-def settings_text(dataset: Dataset) -> str:
-    """Return the `dataset.toml` of a dataset."""
-    lines = ["[dataset]", f"name = {quoted(dataset.name)}"]
-    for run in dataset.runs:
-        lines += ["", "[[runs]]", f"file = {quoted(run.file)}"]
-        lines += [f"group = {quoted(run.group)}", f"split = {quoted(run.split)}"]
-    return "\n".join(lines) + "\n"
-
-
-def _kind(path: Path) -> Literal["csv", "gz", "parquet"]:
-    if not has_table_suffix(path):
-        raise InputError(f"{path}: a log's name must end in .csv, .csv.gz or .parquet")
-    suffix = path.name.lower().rsplit(".", 1)[-1]
-    return "gz" if suffix == "gz" else "parquet" if suffix == "parquet" else "csv"
+        temporary.write_bytes(gzip.compress(data, mtime=0) if suffix == "gz" else data)
 
 
 def _shortest(value: float) -> str:

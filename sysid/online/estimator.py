@@ -47,10 +47,7 @@ _FORGETTING_PER_INFORMATION: Final = 2.0
 """Largest g relative to psi' R^-1 psi / 5, which averages g under steady excitation: binds if it is poor."""
 _LARGEST_CONDITION: Final = 1e13
 """Ratio of R to the prior up to which samples have full weight, so that double precision can invert R."""
-_TO_SIX: Final = np.insert(np.eye(_N), 4, -1.0, axis=0)
-"""d(A..F)/d(A, B, C, D, F), shape (6, 5)."""
-
-
+_TO_SIX: Final = np.insert(np.eye(_N), 4, -1.0, axis=0)  # d(A..F)/d(A, B, C, D, F), shape (6, 5)
 _MEDIAN_OF_THREE: Final = 0.70346
 """E m^2 for m the median of three |z|, z standard normal: 6 int z^2 G (1 - G) g dz, G and g those of |z|."""
 _FASTEST_GROWTH: Final = (25.0, 6.0)
@@ -172,14 +169,9 @@ class OnlineEstimator:
         self._commands = np.zeros(3)  # r(k), r(k-1), r(k-2)
 
     def update(self, command_rpm: float, speed_rpm: float) -> OnlineEstimate:
-        """Process one sample period: the speed measured at tick k, and the command held from k to k + 1.
+        """Process one sample: the speed [rpm] measured at tick k, and the command [rpm] held from k to k + 1.
 
-        Args:
-            command_rpm: r(k) [rpm]; if not finite, the previous command is held.
-            speed_rpm: measured speed at tick k [rpm]; if not finite, there is no measurement.
-
-        Returns:
-            The estimate after this sample.
+        If the speed is not finite, there is no measurement; if the command is not, the previous one is held.
         """
         measured = _usable(speed_rpm)
         if not self._started:

@@ -83,11 +83,8 @@ def track(
 ) -> History:
     """Pass samples to `estimator` one by one and record its estimates.
 
-    Args:
-        estimator: is updated by the samples; call its `restart` first if they begin another run.
-        command_rpm: r(0..N-1) at the law's ticks [rpm], shape (N,).
-        speed_rpm: speed measured at the same ticks [rpm], shape (N,); NaN where there was none.
-        progress: wraps the iteration, such as `tqdm`.
+    Call its `restart` first if they begin another run. Commands and speeds [rpm], at the ticks, have shape
+    (N,); a speed is NaN where none was measured. `progress` wraps the iteration, such as `tqdm`.
 
     Raises:
         InputError: the two are not rows of equal length, of at least one sample.

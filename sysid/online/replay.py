@@ -90,12 +90,8 @@ def replay(
 ) -> tuple[WheelHistory, ...]:
     """Pass all runs in order to one estimator per wheel, which keeps its law from run to run.
 
-    Args:
-        dataset: bench or robot logs with wheel speeds.
-        options: settings of the estimators.
-        initial_law: law to start from, converted to the path's period; default: a first-order lag.
-        path: default: `replay_path` of the dataset.
-        progress: wraps the iteration over the ticks of one run of one wheel, such as `tqdm`.
+    It starts from `initial_law`, converted to the period of the path, or from a first-order lag. The default
+    path is `replay_path` of the dataset. `progress` wraps the iteration over the ticks of a run, as `tqdm`.
 
     Raises:
         InputError: no wheel was ever measured.
@@ -103,7 +99,11 @@ def replay(
     options = options or OnlineOptions()
     path = path or replay_path(dataset)
     period = path.sample_period_s
-    start = first_order_law(period) if initial_law is None else _at_period(initial_law, period)
+    start = initial_law or first_order_law(period)
+    if math.isclose(start.sample_period_s, period, rel_tol=1e-9):
+        start = replace(start, sample_period_s=period)
+    else:
+        start = convert_law(start, period, approximate=True)
     wheels = dict.fromkeys(wheel for run in dataset.runs for wheel in wheel_columns(run))
     result = []
     for wheel in wheels:
@@ -125,12 +125,6 @@ def replay(
             f"{dataset.name}: no wheel speed was measured in any run, so there is nothing to learn from"
         )
     return tuple(result)
-
-
-def _at_period(law: WheelLaw, period_s: float) -> WheelLaw:
-    if math.isclose(law.sample_period_s, period_s, rel_tol=1e-9):
-        return replace(law, sample_period_s=period_s)
-    return convert_law(law, period_s, approximate=True)
 
 
 def _joined(parts: list[History]) -> History:

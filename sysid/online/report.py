@@ -22,13 +22,10 @@ from sysid.online.projection import OnlineOptions
 from sysid.online.replay import WheelHistory
 
 FORMAT: Final = "mecanum-online-history/1"
-_METRIC_TICKS: Final = 400
-"""Metrics are computed at about this many ticks of a replay."""
+_METRIC_TICKS: Final = 400  # metrics are computed at about this many ticks of a replay
 _TABLE_ROWS: Final = 10
-_MISFIT: Final = 5.0
-"""Innovations above this multiple of the expected noise at the end are reported."""
-_MOST_POINTS: Final = 4000
-"""Largest number of points in a curve of the plot."""
+_MISFIT: Final = 5.0  # innovations above this multiple of the expected noise at the end are reported
+_MOST_POINTS: Final = 4000  # largest number of points in a curve of the plot
 _BAND_SIGMAS: Final = 2.0
 _LEGEND: Final[dict[str, Any]] = {
     "bbox_to_anchor": (1.0, 1.0), "borderaxespad": 0.2, "frameon": False, "fontsize": "small"
@@ -84,17 +81,15 @@ def online_json(
     metrics: Sequence[LawMetrics],
 ) -> dict[str, Any]:
     """Return the contents of online.json; `metrics` are those of the `wheels`, in the same order."""
-    value: dict[str, Any] = plain_json(
-        {
-            "format": FORMAT,
-            "dataset": dataset.name,
-            "data_sha256": dataset.sha256,
-            "notes": path.notes,
-            "options": options,
-            "wheels": {w.wheel: _wheel_json(w, m) for w, m in zip(wheels, metrics, strict=True)},
-        }
-    )
-    return value
+    value = {
+        "format": FORMAT,
+        "dataset": dataset.name,
+        "data_sha256": dataset.sha256,
+        "notes": path.notes,
+        "options": options,
+        "wheels": {w.wheel: _wheel_json(w, m) for w, m in zip(wheels, metrics, strict=True)},
+    }
+    return dict(plain_json(value))
 
 
 def _wheel_json(wheel: WheelHistory, metrics: LawMetrics) -> dict[str, Any]:
@@ -121,14 +116,7 @@ def _wheel_json(wheel: WheelHistory, metrics: LawMetrics) -> dict[str, Any]:
 
 
 def save_plot(target: Path, title: str, wheel: WheelHistory, metrics: LawMetrics) -> None:
-    """Write a PNG with four panels over time; bands are two standard errors.
-
-    Args:
-        target: file to write.
-        title: text above the panels.
-        wheel: what was known at every tick.
-        metrics: metrics of the same wheel's laws.
-    """
+    """Write a PNG with a `title` and four panels over time; bands are two standard errors."""
     history = wheel.history
     time = history.time_s
     every = max(1, -(-len(time) // _MOST_POINTS))

@@ -14,9 +14,8 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.simulator.bench import replay_bench
 from sysid.compare.noise import Noise
 from sysid.compare.observations import observe
-from sysid.compare.prediction import Start, predict
+from sysid.compare.prediction import Start, Study, predict
 from sysid.compare.problem import ResidualProblem
-from sysid.compare.study import Study
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Rival, design_separating, power, separation, what_to_measure
 from sysid.gap.design.next_experiment import conditions_of, design_for_untestable

@@ -54,10 +54,7 @@ def estimate(
 ) -> Estimate:
     """Identify the wheel law.
 
-    Args:
-        runs: the runs of one wheel, or of several wheels to be pooled into one law.
-        method: a name in `METHODS`.
-        options: how to estimate; each method reads what concerns it.
+    `method` is a name in `METHODS`; runs of several wheels are pooled into one law.
 
     Raises:
         InputError: an unknown method, or data that cannot be fitted; the message says why.

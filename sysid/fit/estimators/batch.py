@@ -83,11 +83,9 @@ class BatchCost:
 
 
 def all_pole(abc: FloatArray, drive: FloatArray) -> FloatArray:
-    """Return y(k) = drive(k) + A y(k-1) + B y(k-2) + C y(k-3) from rest for S laws.
+    """Return y(k) = drive(k) + A y(k-1) + B y(k-2) + C y(k-3) from rest, `drive` and y of shape (K, R, S).
 
-    Args:
-        abc: shape (S, 3).
-        drive: shape (K, R, S), any R.
+    A, B, C have shape (S, 3).
     """
     ticks, rank, count = drive.shape
     if count <= _FEW:

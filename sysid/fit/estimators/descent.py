@@ -36,13 +36,11 @@ CHANGE_TOLERANCE: Final = 1e-6
 CHANGE_WINDOW: Final = 50
 GRADIENT_TOLERANCE: Final = 1e-12
 """Stop when a step of the rate `alpha` would move the coefficients by less than this."""
-_LARGEST: Final = 1e3
-"""Coefficients beyond this have diverged."""
+_LARGEST: Final = 1e3  # coefficients beyond this have diverged
 _ARMIJO: Final = 1e-4
 _SHRINK: Final = 0.25
 _GROW: Final = 4.0
-_SAFEGUARD: Final = 1e10
-"""Largest factor between the lengths of successive steps."""
+_SAFEGUARD: Final = 1e10  # largest factor between the lengths of successive steps
 
 
 @dataclass(frozen=True)
@@ -84,15 +82,15 @@ def descend(
     constraint: Constraint | None = None,
     unit_gain: bool = False,
 ) -> Descent:
-    """Descend from every start until a stop criterion, divergence or the limit.
+    """Descend the `cost` from all `starts` A-F, shape (S, 6), until a stop criterion, divergence or a limit.
 
     Args:
         cost: H and its gradient.
-        starts: A-F, shape (S, 6).
+        starts: pulled back into the constraint before the first step.
         rate: alpha of the fixed rule; the spectral rule uses it for the stop criterion only.
         iterations: largest number of iterations of each start.
         rule: length of the steps.
-        constraint: None for plain descent. A start outside is pulled back before the first step.
+        constraint: None for plain descent.
         unit_gain: keep A+B+C+D+E+F = 1; the gradient's mean is removed, which is its exact projection.
     """
     x = _admitted(np.array(starts, float), constraint, unit_gain)

@@ -28,8 +28,7 @@ from sysid.fit.estimators.batch import BatchCost, batch_cost
 from sysid.fit.estimators.interface import Estimate, Options, WheelRun
 from sysid.fit.estimators.problem import single_estimate, stack
 
-_CHUNK: Final = 2000
-"""Number of laws simulated together: small enough for the cache."""
+_CHUNK: Final = 2000  # number of laws simulated together: small enough for the cache
 
 
 @dataclass(frozen=True)
@@ -72,11 +71,8 @@ def exhaustive(
 ) -> Estimate:
     """Estimate the three parameters by alternating exhaustive search on the runs nearest to 60 rpm.
 
-    Args:
-        runs: one or more runs. Those whose largest command is nearest to `SearchGrid.speed_rpm` are fitted;
-            the start's `kind` states their speed. The rms is that of all runs.
-        options: ignored; the law has unit DC gain by its structure.
-        search: ranges, steps and first value; None: the defaults.
+    Those whose largest command is nearest to the speed of the `search` are fitted; the `kind` of the start
+    states that speed. The rms is that of all runs. The options are ignored: the structure has unit DC gain.
 
     Raises:
         InputError: no usable data, or every law of the grid diverges.
@@ -91,30 +87,22 @@ def exhaustive(
     kp = ki = np.nan
     constant = search.first_time_constant_s
     grid = np.meshgrid(_axis(search.proportional), _axis(search.integral_per_s), indexing="ij")
-    pairs = np.stack([values.ravel() for values in grid], axis=1)
+    pairs = np.stack([values.ravel() for values in grid])
     constants = _axis(search.time_constant_s)
-    evaluations = search.rounds * (len(pairs) + len(constants))
+    evaluations = search.rounds * (pairs.shape[1] + len(constants))
     best = np.inf
     for _ in range(search.rounds):
-        index, best = _lowest(cost, pairs[:, 0], pairs[:, 1], np.full(len(pairs), constant), period)
-        kp, ki = pairs[index]
-        gains = np.full((2, len(constants)), [[kp], [ki]])
-        index, best = _lowest(cost, gains[0], gains[1], constants, period)
+        index, best = _lowest(cost, pairs, np.full(pairs.shape[1], constant), period)
+        kp, ki = pairs[:, index]
+        index, best = _lowest(cost, np.full((2, len(constants)), [[kp], [ki]]), constants, period)
         constant = float(constants[index])
     if not np.isfinite(best):
         raise InputError(
             f"exhaustive: every one of {evaluations} laws diverges at {period:g} s a tick; "
             "widen the ranges of the search"
         )
-    return single_estimate(
-        problem,
-        pi_law(kp, ki, constant, period),
-        method="exhaustive",
-        kind=f"grid at {speed:g} rpm",
-        free=("A", "B", "D"),
-        iterations=evaluations,
-        began=began,
-    )
+    law, kind = pi_law(kp, ki, constant, period), f"grid at {speed:g} rpm"
+    return single_estimate(problem, law, "exhaustive", kind, ("A", "B", "D"), evaluations, began)
 
 
 def pi_law(
@@ -147,14 +135,12 @@ def _axis(limits: tuple[float, float, float]) -> FloatArray:
     return np.asarray(low + step * np.arange(int(np.floor((high - low) / step + 1e-9)) + 1))
 
 
-def _lowest(
-    cost: BatchCost, proportional: FloatArray, integral: FloatArray, constant: FloatArray, period: float
-) -> tuple[int, float]:
-    """Simulate every combination and return the index and H of the best."""
+def _lowest(cost: BatchCost, gains: FloatArray, constant: FloatArray, period: float) -> tuple[int, float]:
+    """Simulate all (Kp, Ki), shape (2, n), with T, shape (n,), and return the index and H of the best."""
     index, best = 0, np.inf
     for first in range(0, len(constant), _CHUNK):
         part = slice(first, first + _CHUNK)
-        values = cost.value(pi_law(proportional[part], integral[part], constant[part], period))
+        values = cost.value(pi_law(gains[0, part], gains[1, part], constant[part], period))
         lowest = int(np.argmin(values))
         if values[lowest] < best:
             index, best = first + lowest, float(values[lowest])

@@ -52,12 +52,8 @@ _SMALLEST_SLOPE: Final = 1e-9
 def gradient(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
     """Estimate by unconstrained gradient descent (section 3.2 of the paper, its method of comparison).
 
-    Nothing keeps the result stable: the start with the smallest error is returned, whether stable or not.
-
-    Args:
-        runs: one or more runs.
-        options: `starts`, `seed`, `first_starts`, `initial`, `unit_gain` and `max_iterations` are used. Delay
-            and saturation are not estimated, and the loss is linear.
+    Nothing keeps the result stable: the start with the smallest error is returned, whether stable or not. Of
+    the options `starts`, `seed`, `first_starts`, `initial`, `unit_gain` and `max_iterations` are used.
 
     Raises:
         InputError: no usable data, or no start whose error stays finite.
@@ -70,11 +66,7 @@ def kkt(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
 
     KKT multipliers press on violated conditions, and an unstable update is projected to the nearest stable
     law, so that every result is stable. The multipliers have the signs that work (see `descent`), not those
-    printed.
-
-    Args:
-        runs: one or more runs.
-        options: as for `gradient`.
+    printed. The options used are those of `gradient`.
 
     Raises:
         InputError: no usable data.
@@ -89,11 +81,7 @@ def pole_discrimination(runs: Sequence[WheelRun], options: Options | None = None
     other constraints: g_i = |z_i| - limit <= 0 for the three poles z_i, and an unstable update is brought
     back by moving each offending pole radially to the limit. Two things differ from Routh-Hurwitz: d|z|/d(A,
     B, C) is infinite at a double pole, and the radial move does not lead to the nearest point and may raise
-    H.
-
-    Args:
-        runs: one or more runs.
-        options: as for `gradient`.
+    H. The options used are those of `gradient`.
 
     Raises:
         InputError: no usable data.
@@ -201,8 +189,8 @@ def _results(
         results.append(
             StartResult(
                 kind=kind,
-                initial=tuple(float(x) for x in starts[i]),
-                coefficients=tuple(float(x) for x in law),
+                initial=tuple(starts[i].tolist()),
+                coefficients=tuple(law.tolist()),
                 rms_rpm=rms,
                 stable=finite and WheelLaw.from_coefficients(law, problem.sample_period_s).is_stable,
                 converged=bool(descent.converged[i]),

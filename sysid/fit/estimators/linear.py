@@ -24,11 +24,7 @@ def one_step(runs: Sequence[WheelRun], options: Options | None = None) -> Estima
 
     Linear least squares needs no starting point and has no local minimum. However, noise in the regressors
     biases it (Ljung, "System Identification", section 7.3), and it may be unstable. Delay and saturation are
-    not estimated.
-
-    Args:
-        runs: one or more runs.
-        options: only `unit_gain` is used.
+    not estimated; of the options only `unit_gain` is used.
 
     Raises:
         InputError: no usable data (see `problem.require_excitation`).
@@ -37,15 +33,7 @@ def one_step(runs: Sequence[WheelRun], options: Options | None = None) -> Estima
     began = time.perf_counter()
     problem = stack(runs)
     coefficients = one_step_coefficients(runs, unit_gain=options.unit_gain)
-    return single_estimate(
-        problem,
-        coefficients,
-        method="one-step",
-        kind="one-step",
-        free=options.free_coefficients,
-        iterations=1,
-        began=began,
-    )
+    return single_estimate(problem, coefficients, "one-step", "one-step", options.free_coefficients, 1, began)
 
 
 def one_step_coefficients(runs: Sequence[WheelRun], *, unit_gain: bool = True) -> FloatArray:
@@ -68,12 +56,8 @@ def steiglitz_mcbride_coefficients(
 
     K. Steiglitz and L. E. McBride, "A technique for the identification of linear systems", IEEE Trans.
     Automatic Control 10 (1965). A few rounds come close to the free-running optimum, without a derivative.
-
-    Args:
-        runs: one or more runs.
-        unit_gain: make the six sum to 1.
-        rounds: largest number of rounds. Each filters with 1/(denominator) of the law before.
-        filtered_by: (A, B, C) of the first filter, shape (3,); None: those of the one-step law.
+    Each of at most `rounds` filters with 1/(denominator) of the law before, the first with (A, B, C), shape
+    (3,), `filtered_by` or else of the one-step law. With `unit_gain` the six sum to 1.
     """
     series = [_on_ticks(run) for run in runs]
     if filtered_by is None:
@@ -122,12 +106,10 @@ def _on_ticks(run: WheelRun) -> tuple[FloatArray, FloatArray]:
     order = np.argsort(run.sample_tick, kind="stable")
     time, speed = run.sample_tick[order], run.speed_rpm[order]
     last = int(np.floor(time[-1]))
-    w = np.interp(
-        np.arange(last + 1), np.concatenate([[-1.0], time]), np.concatenate([[run.initial_rpm], speed])
-    )
-    past = np.zeros(3)
+    known, past = (np.append(-1.0, time), np.append(run.initial_rpm, speed)), np.zeros(3)
+    w = np.interp(np.arange(last + 1), *known) - run.initial_rpm
     command = run.command()[:last] - run.initial_rpm
-    return np.concatenate([past, w - run.initial_rpm]), np.concatenate([past, command])
+    return np.concatenate([past, w]), np.concatenate([past, command])
 
 
 def _regression(series: Sequence[tuple[FloatArray, ...]], unit_gain: bool) -> tuple[FloatArray, FloatArray]:

@@ -22,8 +22,7 @@ from sysid.fit.estimators.problem import LawProblem, Traces
 FREE_BY_ORDER: Final = {1: ("A", "D", "E"), 2: ("A", "B", "D", "E"), 3: ("A", "B", "C", "D", "E", "F")}
 """Coefficients that a law of each order has; the others are 0. With unit gain, E follows from the rest."""
 
-_FEW: Final = 30
-"""Degrees of freedom below which the stated noise is preferred to a smaller residual."""
+_FEW: Final = 30  # degrees of freedom below which the stated noise is preferred to a smaller residual
 _START_POLES: Final = (0.5, 0.9)
 
 

@@ -67,12 +67,7 @@ class _Reached:
 def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Estimate:
     """Estimate the law by output error from several starts and keep the best.
 
-    Args:
-        runs: one or more runs of one wheel, or of several to be pooled.
-        options: all of them are used.
-
-    Returns:
-        A stable law, always; of unit DC gain unless `options.unit_gain` is off.
+    The law is always stable, and of unit DC gain unless `options.unit_gain` is off. All options are used.
 
     Raises:
         InputError: no usable data (see `problem.require_excitation`).
@@ -87,15 +82,15 @@ def output_error(runs: Sequence[WheelRun], options: Options | None = None) -> Es
         start_began = time.perf_counter()
         reached = _fit_from(problem, _Point(initial, delay, limit), options)
         seconds = time.perf_counter() - start_began
-        law = WheelLaw.from_coefficients(reached.point.coefficients, problem.sample_period_s)
+        coefficients = reached.point.coefficients
         results.append(reached)
         starts.append(
             StartResult(
                 kind=kind,
-                initial=tuple(float(x) for x in initial),
-                coefficients=tuple(float(x) for x in reached.point.coefficients),
+                initial=tuple(initial.tolist()),
+                coefficients=tuple(coefficients.tolist()),
                 rms_rpm=reached.point.rms(problem),
-                stable=law.is_stable,
+                stable=WheelLaw.from_coefficients(coefficients, problem.sample_period_s).is_stable,
                 converged=reached.converged,
                 iterations=reached.iterations,
                 seconds=seconds,

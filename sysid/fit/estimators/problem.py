@@ -247,23 +247,17 @@ def require_excitation(runs: Sequence[WheelRun]) -> None:
 def single_estimate(
     problem: LawProblem,
     coefficients: FloatArray,
-    *,
     method: str,
     kind: str,
     free: tuple[str, ...],
     iterations: int,
     began: float,
 ) -> Estimate:
-    """Return the estimate of a method that does not search from starting points.
+    """Return the estimate of a `method` that does not search from starting points.
 
-    Args:
-        problem: all runs, also those that the method did not fit.
-        coefficients: A-F found, shape (6,).
-        method: name of the method.
-        kind: `StartResult.kind` of the only start.
-        free: names of the estimated coefficients.
-        iterations: number of laws that were evaluated.
-        began: `time.perf_counter()` when the method began.
+    The `problem` has all runs, also those that were not fitted; of the `coefficients` A-F, shape (6,), those
+    named in `free` were estimated. `kind` and `iterations` are those of its only `StartResult`; the method
+    `began` at that `time.perf_counter()`.
     """
     law = WheelLaw.from_coefficients(coefficients, problem.sample_period_s)
     predicted = problem.predict(coefficients, problem.traces())
@@ -272,8 +266,7 @@ def single_estimate(
         residual = (predicted - problem.speed_rpm) * problem.weight
         cost = 0.5 * float(residual @ residual) + problem.within_cost
     seconds = time.perf_counter() - began
-    found = tuple(float(x) for x in coefficients)
-    start = StartResult(kind, (), found, rms, law.is_stable, True, iterations, seconds)
+    start = StartResult(kind, (), tuple(coefficients.tolist()), rms, law.is_stable, True, iterations, seconds)
     return Estimate(method, law, rms, cost if np.isfinite(cost) else np.inf, free, (start,), seconds)
 
 

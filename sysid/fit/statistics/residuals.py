@@ -12,7 +12,7 @@ from scipy.stats import f as fisher
 
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Estimate, WheelRun
-from sysid.fit.statistics.linearised import Linearised, linearise
+from sysid.fit.statistics.identifiability import Linearised, linearise
 
 _RANK_TOLERANCE: Final = 1e-9
 
@@ -51,12 +51,7 @@ class ResidualTests:
 
 
 def residual_tests(
-    runs: Sequence[WheelRun],
-    estimate: Estimate,
-    *,
-    lags: int = 30,
-    level: float = 0.01,
-    fitted: bool = True,
+    runs: Sequence[WheelRun], estimate: Estimate, *, lags: int = 30, level: float = 0.01, fitted: bool = True
 ) -> ResidualTests:
     """Test the residuals of a law.
 
@@ -64,11 +59,10 @@ def residual_tests(
 
     Args:
         runs: the runs that the estimate was fitted to, or held-out runs.
-        estimate: result of any method; its law must be stable.
+        estimate: result of any method.
         lags: largest lag of the tests [samples or ticks].
         level: probability that a correct law fails.
-        fitted: False if `estimate` does not minimise the error of these runs (held-out runs, another method's
-            law), so that the fit has not removed any of the misfit.
+        fitted: False for held-out runs or another method's law, where the fit has removed none of the misfit.
 
     Raises:
         InputError: data without excitation.
@@ -99,8 +93,7 @@ def _whiteness(runs: Sequence[WheelRun], predicted: FloatArray, lags: int, level
     used = counts > 0
     if power <= 0.0 or not np.any(used):
         return CorrelationTest(np.zeros(lags), np.inf, 0.0, 1.0, level)
-    # For white residuals, each lag's mean product over the mean square, times sqrt(pairs), is standard
-    # normal.
+    # For white residuals, each lag's mean product over the mean square times sqrt(pairs) is standard normal.
     correlation = np.where(used, products / np.maximum(counts, 1.0), 0.0) / (power / samples)
     statistic = float(np.sum(counts * correlation**2))
     p_value = float(chi2.sf(statistic, int(np.sum(used))))
@@ -124,8 +117,7 @@ def _input_correlation(at: Linearised, lags: int, level: float, fitted: bool) ->
     index = problem.row * stride + lags + newest
     columns = np.stack([padded.ravel()[np.maximum(index - lag, 0)] for lag in range(lags)], axis=1)
     columns[newest < 0] = 0.0
-    # change * |change| shows responses whose shape depends on the step's size, as an acceleration limit's
-    # does.
+    # change * |change| shows responses whose shape depends on the step's size, such as acceleration limits.
     largest = max(float(np.max(np.abs(change))), 1e-300)
     regressors = np.hstack([columns, columns * np.abs(columns) / largest]) * problem.weight[:, None]
     outside = regressors - at.basis @ (at.basis.T @ regressors) if fitted else regressors

@@ -17,13 +17,17 @@ from mecanum_env.law.metrics import step_response
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators.interface import Estimate, WheelRun
 from sysid.fit.estimators.order import lower_order, noise_gain
-from sysid.fit.statistics.identifiability import Quantity, weak_combinations
-from sysid.fit.statistics.linearised import Linearised, linearise, second_order_bias
+from sysid.fit.statistics.identifiability import (
+    Linearised,
+    Quantity,
+    linearise,
+    second_order_bias,
+    weak_combinations,
+)
 
 _DIFFERENCE: Final = 0.1
 """Step of the finite differences of the metrics, in standard deviations of a direction."""
-_LARGEST_MOVE: Final = 1e-4
-"""Largest change of a coefficient in these finite differences."""
+_LARGEST_MOVE: Final = 1e-4  # largest change of a coefficient in these finite differences
 _METRICS: Final = (
     ("dc_gain", ""),
     ("rise_time_s", "s"),
@@ -80,16 +84,11 @@ def uncertainty(
     level: float = 0.95,
     effective_samples: float | None = None,
 ) -> Uncertainty:
-    """Return standard errors, intervals, bounds and warnings for an estimate.
+    """Return standard errors, intervals of a `level`, bounds and warnings for an estimate from its runs.
 
     The covariance is (J^T J)^-1 with J = d(prediction)/d(parameters)/sigma, exact at the estimate. It gives
-    the Cramer-Rao bound, and scaled by the residual variance the standard errors.
-
-    Args:
-        runs: the runs that the estimate was fitted to.
-        estimate: result of any method; its law must be stable.
-        level: level of the intervals.
-        effective_samples: number of independent samples, if a slow sensor repeats samples; None: all.
+    the Cramer-Rao bound, and scaled by the residual variance the standard errors. `effective_samples` is the
+    number of independent samples, if a slow sensor repeats samples; None: all.
 
     Raises:
         InputError: data without excitation, a level outside (0, 1), a bad `effective_samples`.

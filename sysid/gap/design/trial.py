@@ -28,8 +28,7 @@ from sysid.compare.model_error import ModelError
 from sysid.compare.noise import Noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import observe
-from sysid.compare.prediction import POSE, Start, compile_for, motion_of, sensor_readings
-from sysid.compare.study import Study
+from sysid.compare.prediction import POSE, Start, Study, compile_for, motion_of, sensor_readings
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand

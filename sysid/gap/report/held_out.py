@@ -18,11 +18,10 @@ from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import observe
-from sysid.compare.prediction import POSE, predict
+from sysid.compare.prediction import POSE, Study, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
-from sysid.compare.study import Study
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
 from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.coordinates import EffectSet

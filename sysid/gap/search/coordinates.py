@@ -113,7 +113,7 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float =
     """Return a parameter of an effect as a coordinate.
 
     Neutral is the base model's value: that of the effect if the model has it already. `scale` is the factor
-    on bounds in rpm and rpm/s, from `sysid.compare.study.speed_scale`.
+    on bounds in rpm and rpm/s, from `sysid.compare.problem.speed_scale`.
     """
     present = base.effects.get(effect.name, {})
     neutral = present.get(parameter.name, parameter.neutral_in(base))

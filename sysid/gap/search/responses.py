@@ -156,7 +156,7 @@ def growths(
     """Return the growths of a fitted set by one effect each, the most promising first.
 
     `library` holds the responses of the effects to consider. `scale` is the factor on bounds in rpm and
-    rpm/s, from `sysid.compare.study.speed_scale`.
+    rpm/s, from `sysid.compare.problem.speed_scale`.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)

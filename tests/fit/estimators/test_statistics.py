@@ -9,7 +9,7 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.law.metrics import law_step_metrics
 from sysid.fit.estimators import Options, estimate
 from sysid.fit.statistics import noise_sigma, residual_tests, uncertainty
-from sysid.fit.statistics.linearised import linearise
+from sysid.fit.statistics.identifiability import linearise
 from sysid.studies.synthetic import step_runs
 
 ONE = Options(starts=1)

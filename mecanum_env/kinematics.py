@@ -10,7 +10,7 @@ Applications 113(3), 2015):
 
 The command of the robot is V [rpm], theta [deg], VC [rpm]: vx = V cos(theta) and vy = V sin(theta) in wheel
 rpm, and VC is added as -, +, -, +. The paper does not print its Eq. 1, so whether its V carries a factor
-sqrt(2) is unknown; `COMMAND_GAIN` is the one place to change that.
+sqrt(2) is unknown; `_COMMAND_GAIN` is the one place to change that.
 
 All functions work on arrays with any leading axes.
 """
@@ -25,7 +25,7 @@ import numpy.typing as npt
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 WHEELS: Final = ("fl", "fr", "rl", "rr")
-COMMAND_GAIN: Final = 1.0
+_COMMAND_GAIN: Final = 1.0
 """Wheel speed per V [rpm/rpm]; an assumption of this project, see the module docstring."""
 
 # Rows fl, fr, rl, rr; columns: forward, left, counter-clockwise.
@@ -58,7 +58,7 @@ def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: np
     v, theta, vc = np.broadcast_arrays(
         np.asarray(v_rpm, float), np.deg2rad(np.asarray(theta_deg, float)), np.asarray(vc_rpm, float)
     )
-    body = np.stack([COMMAND_GAIN * v * np.cos(theta), COMMAND_GAIN * v * np.sin(theta), vc], axis=-1)
+    body = np.stack([_COMMAND_GAIN * v * np.cos(theta), _COMMAND_GAIN * v * np.sin(theta), vc], axis=-1)
     return body_to_wheels(body)
 
 
@@ -83,7 +83,7 @@ def wheels_to_command(wheels_rpm: npt.ArrayLike) -> tuple[FloatArray, FloatArray
     Wheel motion that the body cannot follow is dropped, see `wheels_to_body`. If V is 0, so is theta.
     """
     body = wheels_to_body(wheels_rpm)
-    v = np.hypot(body[..., 0], body[..., 1]) / COMMAND_GAIN
+    v = np.hypot(body[..., 0], body[..., 1]) / _COMMAND_GAIN
     # Adding 0.0 turns -0.0 into 0.0; arctan2 would give it a direction (-180 or 180 degrees).
     theta = np.rad2deg(np.arctan2(body[..., 1] + 0.0, body[..., 0] + 0.0))
     return v, theta, body[..., 2]

@@ -23,7 +23,7 @@ ENVIRONMENTS: Final = {
 """Name of the environment -> its task."""
 
 
-def register_environments() -> None:
+def _register_environments() -> None:
     """Register every environment; Gymnasium must be loaded."""
     from gymnasium.envs.registration import register, registry
 
@@ -36,7 +36,7 @@ def register_environments() -> None:
 def register_when_gymnasium_is_there() -> None:
     """Register now if Gymnasium is loaded, else as soon as its last module, `gymnasium.envs`, is."""
     if "gymnasium.envs" in sys.modules:
-        register_environments()
+        _register_environments()
     else:
         sys.meta_path.insert(0, _GymnasiumHook())
 
@@ -60,7 +60,7 @@ class _GymnasiumHook:
 
         def load_and_register(module: ModuleType) -> None:
             load(module)
-            register_environments()
+            _register_environments()
 
         spec.loader.exec_module = load_and_register  # type: ignore[method-assign]
         return spec

@@ -29,7 +29,7 @@ from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
 """Share of its period by which a clock may be early; it absorbs the rounding of n h."""
-ABSURD_RPM: Final = 1e10
+_ABSURD_RPM: Final = 1e10
 """Commands beyond this [rpm], and NaN, count as 0, as they do for MuJoCo's own actuators."""
 RING: Final = 32
 """Number of latched commands that a drive remembers; it bounds the delay, see `longest_delay_s`."""
@@ -109,7 +109,7 @@ def received_command(
     `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
     """
     command = np.asarray(command_rpm, float)
-    command = np.where(np.abs(command) <= ABSURD_RPM, command, 0.0)
+    command = np.where(np.abs(command) <= _ABSURD_RPM, command, 0.0)
     if parameters.command_quantum_rpm > 0.0:
         command = np.rint(command / parameters.command_quantum_rpm) * parameters.command_quantum_rpm
     command = np.where(np.abs(command) < parameters.deadband_rpm, 0.0, command)

@@ -15,7 +15,7 @@ from mecanum_env.model import Robot
 
 SWORD_M = 0.53
 """Length of the sword [m]."""
-SWORD_RISE_RAD = math.radians(32)
+_SWORD_RISE_RAD = math.radians(32)
 """Angle of the sword above the horizontal [rad]."""
 
 
@@ -82,7 +82,7 @@ def _torso(base: mujoco.MjsBody, deck: float, robot: Robot) -> None:
     shapes.ellipsoid(base, "shell", (0.062 * s, 0.056 * s, 0.066 * s), (x, 0, head))
     visor = (x + 0.042 * s, 0, head + 0.008 * s)
     shapes.ellipsoid(base, "lens", (0.028 * s, 0.046 * s, 0.026 * s), visor)
-    along = (math.cos(SWORD_RISE_RAD), 0.0, math.sin(SWORD_RISE_RAD))
+    along = (math.cos(_SWORD_RISE_RAD), 0.0, math.sin(_SWORD_RISE_RAD))
     grip = (x + 0.21 * s, 0.0, shoulder - 0.12 * s)
     _sword(base, grip, along)
     for side, back in ((-1, 0.10), (1, 0.02)):

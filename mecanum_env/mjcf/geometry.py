@@ -33,7 +33,7 @@ from mecanum_env.units import FloatArray
 
 ROLLER_SIDE = {"fl": -1.0, "fr": 1.0, "rl": 1.0, "rr": -1.0}
 """s in the axis (1, s, 0) / sqrt 2 of the roller on the floor; seen from above, the four axes form an X."""
-PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
+_PHASE_SHARE = {"fl": 0.875, "fr": 0.375, "rl": 0.625, "rr": 0.125}
 """Initial angle of each wheel's first roller, relative to the angle between rollers.
 
 Wheels in phase would pass their loads from roller to roller at the same moments and bounce the body; a
@@ -137,7 +137,7 @@ def wheels_on_body(robot: Robot, per_wheel: float) -> tuple[float, float]:
 
 def roller_angle(geometry: WheelGeometry, wheel: str, index: int) -> float:
     """Return the angle [rad] of roller `index` from the lowest point, at wheel angle 0."""
-    return 2 * math.pi / geometry.rollers * (index + PHASE_SHARE[wheel])
+    return 2 * math.pi / geometry.rollers * (index + _PHASE_SHARE[wheel])
 
 
 def roller_pose(geometry: WheelGeometry, side: float, phi: float) -> tuple[list[float], list[float]]:

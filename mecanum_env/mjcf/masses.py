@@ -11,11 +11,11 @@ from mecanum_env.kinematics import WHEELS
 from mecanum_env.mjcf.geometry import WheelGeometry, wheel_geometry, wheel_position
 from mecanum_env.model import Robot
 
-HUB_SHARE = 0.02
+_HUB_SHARE = 0.02
 """Mass of one hub over that of the robot: 0.4 kg of 20 kg. The shares are estimates, like the mass."""
-ROLLERS_SHARE = 0.02
+_ROLLERS_SHARE = 0.02
 """Mass of the rollers of one wheel over that of the robot: 40 g each at 20 kg, as rubber of 1 g/cm^3 has."""
-ROCKER_SHARE = 0.025
+_ROCKER_SHARE = 0.025
 """Mass of the front rocker over that of the robot."""
 
 
@@ -53,12 +53,12 @@ def robot_masses(robot: Robot) -> Masses:
     """
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)
     total = robot.mass_kg
-    hub = _cylinder_y(HUB_SHARE * total, geometry.roller_circle, 0.6 * geometry.half_width)
+    hub = _cylinder_y(_HUB_SHARE * total, geometry.roller_circle, 0.6 * geometry.half_width)
     roller = _ellipsoid(
-        ROLLERS_SHARE * total / geometry.rollers, geometry.roller_radius, geometry.roller_half_length
+        _ROLLERS_SHARE * total / geometry.rollers, geometry.roller_radius, geometry.roller_half_length
     )
     thickness = 0.3 * robot.wheel_radius_m
-    rocker = _box(ROCKER_SHARE * total, thickness, robot.half_track_m, thickness)
+    rocker = _box(_ROCKER_SHARE * total, thickness, robot.half_track_m, thickness)
     masses = Masses(hub, roller, rocker, Inertia(0.0, (0.0, 0.0, 0.0)))
     others = rocker.moments[2] + rocker.mass * robot.half_wheelbase_m**2
     for wheel in WHEELS:
@@ -67,7 +67,7 @@ def robot_masses(robot: Robot) -> Masses:
         others += _wheel_yaw(masses, geometry)
     left = robot.yaw_inertia_kg_m2 - others
     # The base's centre of mass is behind the robot's centre, where it balances the rocker.
-    mass = total * (1 - ROCKER_SHARE - 4 * (HUB_SHARE + ROLLERS_SHARE))
+    mass = total * (1 - _ROCKER_SHARE - 4 * (_HUB_SHARE + _ROLLERS_SHARE))
     left -= mass * base_offset(robot) ** 2
     if left <= 0.0:
         raise InputError(
@@ -85,8 +85,8 @@ def robot_masses(robot: Robot) -> Masses:
 
 def base_offset(robot: Robot) -> float:
     """Return x [m] of the base's centre of mass, behind the robot's centre, where it balances the rocker."""
-    base_share = 1 - ROCKER_SHARE - 4 * (HUB_SHARE + ROLLERS_SHARE)
-    return -ROCKER_SHARE / base_share * robot.half_wheelbase_m
+    base_share = 1 - _ROCKER_SHARE - 4 * (_HUB_SHARE + _ROLLERS_SHARE)
+    return -_ROCKER_SHARE / base_share * robot.half_wheelbase_m
 
 
 def _wheel_yaw(masses: Masses, geometry: WheelGeometry) -> float:

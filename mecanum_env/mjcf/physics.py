@@ -21,7 +21,7 @@ TRAINING_TIMESTEP_S: Final = 1 / 240
 """Physics step of training [s], at half the cost. Over 10 s of commands like the paper's, held for 0.2 and
 0.8 s, the path differs from that at 1/960 s by up to 1 %. With a new random command every 0.1 s the path on
 rollers differs by 2 to 6 % (at 1/480 s by 0.4 to 1.1 %), that of the planar plant by 0.3 %."""
-CONTACT_IMPEDANCE: Final = (0.99, 0.999, 0.001, 0.5, 2.0)
+_CONTACT_IMPEDANCE: Final = (0.99, 0.999, 0.001, 0.5, 2.0)
 """solimp of the floor contact; MuJoCo's default bounces by 2 mm and loses a tenth of sideways motion."""
 
 Drive = Literal["plugin", "servo"]
@@ -74,7 +74,7 @@ def add_floor_pair(spec: mujoco.MjSpec, roller: str, friction: float) -> None:
     pair.condim = 3
     pair.friction = [friction, friction, 0.005, 0.0001, 0.0001]
     pair.solref = [2 * spec.option.timestep, 1.0]
-    pair.solimp = CONTACT_IMPEDANCE
+    pair.solimp = _CONTACT_IMPEDANCE
 
 
 def prepare_drives(spec: mujoco.MjSpec, model: Model) -> None:

@@ -10,7 +10,7 @@ from mecanum_env.model import Robot
 
 FIELD_M = 9.0
 """Side of the square field [m]."""
-LINE_M = 0.05
+_LINE_M = 0.05
 """Width of the lines on the mat [m]."""
 
 
@@ -32,8 +32,8 @@ def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
     floor.castshadow = 0
     ground = shapes.add_visual(world, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05), (0, 0, -0.01))
     ground.castshadow = 0
-    edge = half - LINE_M / 2
-    wide, up = LINE_M / 2, 0.001 / 2  # half the width and height of a line
+    edge = half - _LINE_M / 2
+    wide, up = _LINE_M / 2, 0.001 / 2  # half the width and height of a line
     edges = ((half, wide, 0, edge), (half, wide, 0, -edge), (wide, half, edge, 0), (wide, half, -edge, 0))
     centre = ((0.15, wide, 0.0, 0.0), (wide, 0.15, 0.0, 0.0))
     starts = ((wide, 0.4, 1.4, 0.0), (wide, 0.4, -1.4, 0.0))
@@ -95,12 +95,12 @@ def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
         ("side", (0.0, -2.4 * s, 0.45 * s), (0.05 * s, 0.0, 0.22 * s), 30.0),
     ):
         follows = mujoco.mjtCamLight.mjCAMLIGHT_TRACK
-        base.add_camera(name=name, mode=follows, pos=position, quat=look_at(position, target), fovy=fovy)
+        base.add_camera(name=name, mode=follows, pos=position, quat=_look_at(position, target), fovy=fovy)
     for name, position, target, fovy in (
         ("overview", (-1.5, -8.6, 6.2), (0.0, -0.35, 0.0), 46.0),
         ("top", (0.0, -0.001, 12.0), (0.0, 0.0, 0.0), 46.0),
     ):
-        spec.worldbody.add_camera(name=name, pos=position, quat=look_at(position, target), fovy=fovy)
+        spec.worldbody.add_camera(name=name, pos=position, quat=_look_at(position, target), fovy=fovy)
 
 
 def add_bench_view(spec: mujoco.MjSpec, radius: float) -> None:
@@ -116,10 +116,10 @@ def add_bench_view(spec: mujoco.MjSpec, radius: float) -> None:
     )
     shapes.add_visual(spec.worldbody, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05))
     position, target = (4.0 * radius, -5.5 * radius, 4.0 * radius), (0.0, 0.7 * radius, 1.5 * radius)
-    spec.worldbody.add_camera(name="track", pos=position, quat=look_at(position, target), fovy=36.0)
+    spec.worldbody.add_camera(name="track", pos=position, quat=_look_at(position, target), fovy=36.0)
 
 
-def look_at(position: tuple[float, float, float], target: tuple[float, float, float]) -> list[float]:
+def _look_at(position: tuple[float, float, float], target: tuple[float, float, float]) -> list[float]:
     """Return the quaternion of a camera at `position` that looks at `target` with z up."""
     back = np.subtract(position, target)
     back /= np.linalg.norm(back)

@@ -11,9 +11,9 @@ from collections.abc import Sequence
 
 import mujoco
 
-VISUAL_GROUP = 2
+_VISUAL_GROUP = 2
 """MuJoCo's geom group of what is only seen."""
-_ONLY_SEEN = {"contype": 0, "conaffinity": 0, "group": VISUAL_GROUP}
+_ONLY_SEEN = {"contype": 0, "conaffinity": 0, "group": _VISUAL_GROUP}
 _MATERIALS: dict[str, tuple[tuple[float, float, float], float, float, float, float]] = {
     "mat": ((1.0, 1.0, 1.0), 0.2, 0.2, 0.06, 0.0),
     "ground": ((0.50, 0.54, 0.60), 0.0, 0.0, 0.0, 0.0),

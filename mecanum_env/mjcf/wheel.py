@@ -10,9 +10,9 @@ from mecanum_env.mjcf import shapes
 from mecanum_env.mjcf.geometry import ROLLER_SIDE, WheelGeometry, roller_angle, roller_pose
 from mecanum_env.mjcf.masses import Inertia, Masses
 
-ROLLER_GROUP = 1
+_ROLLER_GROUP = 1
 """MuJoCo's geom group of the rollers, which touch the floor."""
-BOLTS = 5
+_BOLTS = 5
 """Visible bolts on each side of a hub; one is red, to show the wheel turning."""
 
 
@@ -38,7 +38,7 @@ def add_wheel(
     set_inertia(hub, masses.hub)
     hub.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, 1, 0])
     if visuals:
-        add_hub(hub, geometry)
+        _add_hub(hub, geometry)
     b, c = geometry.roller_radius, geometry.roller_half_length
     rollers = []
     for i in range(geometry.rollers):
@@ -54,10 +54,10 @@ def add_wheel(
             size=[b, b, c],
             contype=0,
             conaffinity=0,
-            group=ROLLER_GROUP,
+            group=_ROLLER_GROUP,
         )
         if visuals:
-            geom.material = roller_material(i)
+            geom.material = _roller_material(i)
         rollers.append(roller_name)
     return rollers
 
@@ -70,7 +70,7 @@ def set_inertia(
     body.mass, body.ipos, body.inertia = inertia.mass, position, inertia.moments
 
 
-def add_hub(
+def _add_hub(
     body: mujoco.MjsBody, geometry: WheelGeometry, centre: tuple[float, float, float] = (0, 0, 0)
 ) -> None:
     """Add core, side plates and bolts of a wheel's hub about a centre in the body's frame [m]."""
@@ -81,15 +81,15 @@ def add_hub(
         face = y + side * plate
         shapes.disc_y(body, "metal", 0.98 * geometry.roller_circle, 0.03 * geometry.radius, (x, face, z))
         shapes.disc_y(body, "dark_metal", 0.30 * geometry.radius, 0.06 * geometry.radius, (x, face, z))
-        for i in range(BOLTS):
-            angle = 2 * math.pi * i / BOLTS
+        for i in range(_BOLTS):
+            angle = 2 * math.pi * i / _BOLTS
             out = 0.55 * geometry.radius
             place = (x + out * math.sin(angle), face, z + out * math.cos(angle))
             material = "accent" if i == 0 else "dark_metal"
             shapes.disc_y(body, material, 0.075 * geometry.radius, 0.05 * geometry.radius, place)
 
 
-def roller_material(index: int) -> str:
+def _roller_material(index: int) -> str:
     """Return the material of roller `index`; one roller of each wheel is marked, to show it turning."""
     return "roller_marked" if index == 0 else "roller"
 
@@ -98,13 +98,13 @@ def add_still_wheel(
     body: mujoco.MjsBody, wheel: str, geometry: WheelGeometry, centre: tuple[float, float, float]
 ) -> None:
     """Add the look of the wheel fl, fr, rl or rr as a rigid part of `body`, about a centre [m]."""
-    add_hub(body, geometry, centre)
+    _add_hub(body, geometry, centre)
     b, c = geometry.roller_radius, geometry.roller_half_length
     for i in range(geometry.rollers):
         position, quaternion = roller_pose(geometry, ROLLER_SIDE[wheel], roller_angle(geometry, wheel, i))
         place = [p + q for p, q in zip(position, centre, strict=True)]
         kind = mujoco.mjtGeom.mjGEOM_ELLIPSOID
-        shapes.add_visual(body, kind, roller_material(i), [b, b, c], place, quaternion)
+        shapes.add_visual(body, kind, _roller_material(i), [b, b, c], place, quaternion)
 
 
 def dress_bench(world: mujoco.MjsBody, wheel: mujoco.MjsBody, geometry: WheelGeometry) -> None:

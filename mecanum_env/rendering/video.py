@@ -25,7 +25,7 @@ from mecanum_env.files import atomic_path
 from mecanum_env.rendering.view import Frame, View, draw_caption
 from mecanum_env.simulator.trajectory import Trajectory
 
-FPS = 30.0
+_FPS = 30.0
 """Default number of frames per second of simulated time, and of the video."""
 STILL_SUFFIXES = (".png", ".jpg", ".jpeg")
 """Endings of the names of pictures."""
@@ -44,7 +44,7 @@ def render_frames(
 ) -> Iterator[Frame]:
     """Yield pictures (height, width, 3) of a drive, seen as `View()` by default.
 
-    `rows` are the physics steps to draw, as from `frame_rows`; `FPS` frames per second when None.
+    `rows` are the physics steps to draw, as from `frame_rows`; `_FPS` frames per second when None.
 
     Raises:
         InputError: the model has no such camera.
@@ -69,14 +69,14 @@ def render_frames(
             yield frame
 
 
-def frame_rows(time_s: npt.NDArray[np.float64], fps: float = FPS) -> npt.NDArray[np.intp]:
+def frame_rows(time_s: npt.NDArray[np.float64], fps: float = _FPS) -> npt.NDArray[np.intp]:
     """Return the rows of increasing times (n,) [s] nearest to the frame times 0, 1/fps ... within the drive.
 
     Raises:
         InputError: `fps` is not a number above 0.
     """
     if not (math.isfinite(fps) and fps > 0.0):
-        raise InputError(f"fps = {fps}, must be a number above 0, such as {FPS:g}")
+        raise InputError(f"fps = {fps}, must be a number above 0, such as {_FPS:g}")
     n = int(np.floor((time_s[-1] - time_s[0]) * fps + 1e-6)) + 1
     return nearest_rows(time_s, time_s[0] + np.arange(n) / fps)
 
@@ -87,7 +87,7 @@ def nearest_rows(time_s: npt.NDArray[np.float64], wanted_s: npt.ArrayLike) -> np
     return np.asarray(np.searchsorted(midpoints, wanted_s))
 
 
-def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: float = FPS) -> int:
+def write_video(path: str | os.PathLike[str], frames: Iterable[Frame], fps: float = _FPS) -> int:
     """Encode frames as H.264 in an mp4 file, whole or not at all, and return how many there were.
 
     The path ends in .mp4; all frames have one size (height, width, 3), both even, and are shown `fps` a

@@ -133,7 +133,7 @@ class Arena:
         self.step_count += 1
         end_s = self.time_s()
         fighter.aim(end_s)
-        shares = command_shares(commands)
+        shares = _command_shares(commands)
         change = shares - self._shares
         effort = np.sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
         self._shares, self.commands = shares, commands
@@ -170,7 +170,7 @@ class Arena:
         }
 
 
-def command_shares(commands: FloatArray) -> FloatArray:
+def _command_shares(commands: FloatArray) -> FloatArray:
     """Return commands (n, 3) as shares of the full ones: forward, left, turn, shape (3, n)."""
     v, angle = commands[:, 0] / FULL_V_RPM, np.deg2rad(commands[:, 1])
     return np.array([v * np.cos(angle), v * np.sin(angle), commands[:, 2] / FULL_VC_RPM])

@@ -48,7 +48,7 @@ def require_number(
     raise InputError(f"{name} = {value!r}, must be {allowed}")
 
 
-def require_numbers(
+def _require_numbers(
     constants: DataclassInstance,
     *,
     positive: Collection[str] = (),
@@ -110,7 +110,7 @@ class Technique:
     """Height of the tip when the sword is drawn back [m]."""
 
     def __post_init__(self) -> None:
-        require_numbers(self, signed=("target_m",))
+        _require_numbers(self, signed=("target_m",))
 
 
 TECHNIQUES: Final = (
@@ -163,7 +163,9 @@ class Opponent:
     """Its techniques, each equally probable."""
 
     def __post_init__(self) -> None:
-        require_numbers(self, signed=("lead", "extra_reach_m", "extra_size_m"), shares=("feint_probability",))
+        _require_numbers(
+            self, signed=("lead", "extra_reach_m", "extra_size_m"), shares=("feint_probability",)
+        )
         if not self.techniques or not all(isinstance(one, Technique) for one in self.techniques):
             raise InputError(f"Opponent.techniques = {self.techniques!r}, must be at least one Technique")
 
@@ -252,7 +254,7 @@ class Rules:
     def __post_init__(self) -> None:
         times = ("dodge_time_s", "track_time_s", "duel_time_s")
         positive = ("maai_m", "band_m", "facing_rad", "field_m", "duel_points", *times)
-        require_numbers(self, positive=positive, shares=("track_share",))
+        _require_numbers(self, positive=positive, shares=("track_share",))
 
     def at_maai(self, distance_m: FloatArray, bearing_rad: FloatArray) -> BoolArray:
         """Return whether the robot is at maai and faces the opponent, in the shape of the arguments."""
@@ -285,7 +287,7 @@ class Sensors:
     """Noise of the cosine and sine of its own heading [rad]."""
 
     def __post_init__(self) -> None:
-        require_numbers(self)
+        _require_numbers(self)
 
 
 @dataclass(frozen=True)
@@ -309,7 +311,7 @@ class RewardWeights:
     """Penalty of leaving the field or clashing."""
 
     def __post_init__(self) -> None:
-        require_numbers(self, signed=[field.name for field in fields(self)])
+        _require_numbers(self, signed=[field.name for field in fields(self)])
 
     def replaced(self, values: Mapping[str, float]) -> RewardWeights:
         """Return a copy with some values replaced by name.

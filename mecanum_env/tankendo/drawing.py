@@ -40,7 +40,7 @@ _SHOWN_S = 0.25  # a strike is shown for this long after its end
 _KINDS = {"ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID, "rod": mujoco.mjtGeom.mjGEOM_CAPSULE}
 
 
-def drawn_model(arena: Arena, plant: RobotPlant) -> mujoco.MjModel:
+def _drawn_model(arena: Arena, plant: RobotPlant) -> mujoco.MjModel:
     """Compile the robot in an arena's first row, on the arena's plant, with all that is seen."""
     return compile_plant(arena.robots.model_of(0), plant)
 
@@ -166,7 +166,7 @@ class Painter:
     def __init__(self, arena: Arena, plant: RobotPlant, width: int = 640, height: int = 480) -> None:
         use_backend()
         self._arena = arena
-        self._model = drawn_model(arena, plant)
+        self._model = _drawn_model(arena, plant)
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         lighten(self._model)
         self._data = mujoco.MjData(self._model)
@@ -184,7 +184,7 @@ class Painter:
         _place(self._model, self._data, self._arena.robots.qpos(0) if qpos is None else qpos)
         _aim(self._camera, self._arena.scenes.ago(ago_s)[:, 0])
         self._renderer.update_scene(self._data, self._camera)
-        add_shapes(self._renderer.scene, opponent_shapes(self._arena, ago_s=ago_s))
+        _add_shapes(self._renderer.scene, opponent_shapes(self._arena, ago_s=ago_s))
         frame: Frame = self._renderer.render()
         draw_caption(frame, score_lines(self._arena), _WIDEST)
         return frame
@@ -201,7 +201,7 @@ class Window:
         from mujoco import viewer
 
         self._arena = arena
-        self._model = drawn_model(arena, plant)
+        self._model = _drawn_model(arena, plant)
         self._data = mujoco.MjData(self._model)
         self._viewer: Any = viewer.launch_passive(
             self._model, self._data, show_left_ui=False, show_right_ui=False
@@ -214,7 +214,7 @@ class Window:
         with self._viewer.lock():
             _place(self._model, self._data, self._arena.robots.qpos(0))
             self._viewer.user_scn.ngeom = 0
-            add_shapes(self._viewer.user_scn, opponent_shapes(self._arena))
+            _add_shapes(self._viewer.user_scn, opponent_shapes(self._arena))
         self._viewer.set_texts((None, None, "\n".join(score_lines(self._arena)), None))
         self._viewer.sync()
         self._next_s = max(self._next_s + self._arena.step_s, time.monotonic())
@@ -225,7 +225,7 @@ class Window:
         self._viewer.close()
 
 
-def add_shapes(scene: mujoco.MjvScene, shapes: Sequence[Shape]) -> None:
+def _add_shapes(scene: mujoco.MjvScene, shapes: Sequence[Shape]) -> None:
     """Append shapes to a scene that is about to be rendered; those beyond its capacity are left out."""
     for shape in shapes[: scene.maxgeom - scene.ngeom]:
         geom = scene.geoms[scene.ngeom]

@@ -19,7 +19,7 @@ from mecanum_env.simulator.body_limits import BodyLimits, limits_body
 from mecanum_env.simulator.robot import at_rest
 from mecanum_env.units import FloatArray
 
-DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
+_DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
 """Upper bound of the physics step [s]. For the planar plant it is the time step of the paper's wheel law."""
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _BATCH_FIELDS: Final = ("_batch", "_qpos", "_qvel", "_ctrl")
@@ -39,13 +39,13 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
     """Compile a robot without what is only seen, and without sensors, which are read off the state.
 
     `plant` is "rollers" or "planar", `timestep_s` the upper bound of the physics step [s], by default that in
-    `DEFAULT_TIMESTEP_S`.
+    `_DEFAULT_TIMESTEP_S`.
 
     Raises:
         InputError: no such plant, or a model that it cannot simulate.
     """
-    require_one_of("plant", plant, DEFAULT_TIMESTEP_S)
-    at_most = DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
+    require_one_of("plant", plant, _DEFAULT_TIMESTEP_S)
+    at_most = _DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
     mj_model = compile_plant(model, plant, at_most, visuals=False)
     mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
     rest = np.empty(mujoco.mj_stateSize(mj_model, _STATE))

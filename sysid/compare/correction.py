@@ -23,13 +23,13 @@ from sysid.logs.runs import UNITS
 
 KEY: Final = "empirical"
 """Field of a model file that holds an adopted correction."""
-LABEL: Final = "added to the predicted channel; found by regression on what was left over, not physics"
+_LABEL: Final = "added to the predicted channel; found by regression on what was left over, not physics"
 """Explanation that the model file gives with it."""
-HARMONICS: Final = tuple(range(1, 13))
+_HARMONICS: Final = tuple(range(1, 13))
 """Harmonics of the wheel angle: the first is an uneven wheel or encoder, the tenth the ten rollers."""
-DECAYS_S: Final = (0.1, 0.5)
+_DECAYS_S: Final = (0.1, 0.5)
 """Time constants of the memory of a change of command [s]."""
-LONGEST_MEMORY_S: Final = 10.0
+_LONGEST_MEMORY_S: Final = 10.0
 """Largest value of the time since a change of command [s]."""
 
 
@@ -74,7 +74,7 @@ def _general(
         _column("time in the run", "s", time_s),
         _column("prediction x time in the run", f"{unit} s", predicted * time_s),
         _column("time since the command changed", "s",
-                np.minimum(wheels.since_change_s(time_s), LONGEST_MEMORY_S)),
+                np.minimum(wheels.since_change_s(time_s), _LONGEST_MEMORY_S)),
     )  # fmt: skip
 
 
@@ -94,12 +94,12 @@ def _of_a_wheel(
     yield _column("command^2", "rpm^2", command**2)
     yield _column("previous command", "rpm", previous)
     since = own.since_change_s(time_s)
-    for decay_s in DECAYS_S:
+    for decay_s in _DECAYS_S:
         fading = (command - previous) * np.exp(-since / decay_s)
         yield _column(f"change of the command x exp(-time since / {decay_s:g} s)", "rpm", fading)
     turned = np.diff(time_s) * 0.5 * (predicted[1:] + predicted[:-1])
     angle = RAD_S_PER_RPM * np.concatenate([[0.0], np.cumsum(turned)])
-    for n in HARMONICS:
+    for n in _HARMONICS:
         pair = np.stack([np.sin(n * angle), np.cos(n * angle)], axis=1)
         turns = "wheel angle" if n == 1 else f"{n} x wheel angle"
         yield Feature(turns, "", pair)
@@ -175,7 +175,7 @@ class Correction:
     def as_json(self) -> dict[str, Any]:
         """Return the value of the model file's field `KEY`."""
         return {
-            "what": LABEL,
+            "what": _LABEL,
             "channels": {
                 channel: [{"feature": t.feature, "coefficients": list(t.coefficients)} for t in terms]
                 for channel, terms in self.terms.items()

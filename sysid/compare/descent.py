@@ -19,7 +19,7 @@ from mecanum_env.units import FloatArray
 STEP: Final = 0.02
 """Step of a finite difference on the 0..1 scale of a parameter."""
 _GAIN: Final = 0.02  # decrease of the cost that is worth a simulation
-FLAT: Final = 2.0
+_FLAT: Final = 2.0
 """Norm of a derivative [sigma per whole range] below which it carries no information."""
 _SHORTEST: Final = 0.005  # resolution of `reach`
 _COMPASS_STEPS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.0125)
@@ -117,7 +117,7 @@ def compass_search(function: Function, minimum: Minimum, along: Mask) -> Minimum
 def derivative_free(minimum: Minimum, stepwise: Sequence[bool]) -> Mask:
     """Return which coordinates have no informative derivative: `stepwise` or flat ones, (p,)."""
     lengths = np.linalg.norm(minimum.jacobian, axis=0)
-    return np.asarray((lengths < FLAT) | np.asarray(stepwise, bool))
+    return np.asarray((lengths < _FLAT) | np.asarray(stepwise, bool))
 
 
 def reach(function: Function, minimum: Minimum, index: int, rise: float) -> tuple[float, float]:

@@ -24,9 +24,9 @@ from sysid.logs.runs import UNITS
 
 WINDOW_S: Final = 0.4
 """Length of the windows in which displacements are compared [s]."""
-EDGE_S: Final = 0.05
+_EDGE_S: Final = 0.05
 """The pose at a window's edge is the mean of the samples within this time [s]."""
-LAGS: Final = 40
+_LAGS: Final = 40
 """Number of lags of the repeats' autocovariance."""
 MOST_SAMPLES: Final = 600
 """Largest number of values in a block; more samples are averaged in pairs, triples ..."""
@@ -73,7 +73,7 @@ class Block:
     degrees_of_freedom: int
     """Degrees of freedom of `repeat_squares`."""
     lagged_products: FloatArray
-    """Sum of the products of each deviation with the one 0, 1 ... samples later, shape (LAGS,)."""
+    """Sum of the products of each deviation with the one 0, 1 ... samples later, shape (_LAGS,)."""
     repeats: int
     """Number of runs that are averaged."""
     rows: tuple[Rows, ...]
@@ -156,8 +156,8 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
     time, values, present, count = time[used], values[:, used], present[:, used], count[used]
     mean = np.where(present, values, 0.0).sum(axis=0) / count
     deviation = np.where(present, values - mean, 0.0)
-    products = np.zeros(LAGS)
-    for lag in range(min(LAGS, mean.size)):
+    products = np.zeros(_LAGS)
+    for lag in range(min(_LAGS, mean.size)):
         products[lag] = float(np.sum(deviation[:, lag:] * deviation[:, : mean.size - lag]))
     weight = count.astype(float)
     rows: tuple[Rows, ...] = (used,)
@@ -195,8 +195,8 @@ def _means(values: FloatArray, rows: Sequence[Rows], weights: Sequence[FloatArra
 def _displacements(time_s: FloatArray, channels: Channels) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return per pose channel the middle of each window and the displacement in it, in the robot's frame."""
     edges = np.arange(0.0, float(time_s[-1]) + 1e-9, WINDOW_S)
-    low = np.searchsorted(time_s, edges - EDGE_S - 1e-9)
-    high = np.searchsorted(time_s, edges + EDGE_S + 1e-9)
+    low = np.searchsorted(time_s, edges - _EDGE_S - 1e-9)
+    high = np.searchsorted(time_s, edges + _EDGE_S + 1e-9)
     at = {name: _edge_means(_unwrapped(name, channels[name]), low, high) for name in POSE if name in channels}
     middle = edges[:-1] + 0.5 * WINDOW_S
     found = {}

@@ -29,9 +29,9 @@ from mecanum_env.units import FloatArray
 from sysid.logs import BodyCommand, Run
 from sysid.logs.runs import REST
 
-LEAD_S: Final = 1.5
+_LEAD_S: Final = 1.5
 """Time for which a robot that moves when its log starts is assumed to have had its first command [s]."""
-FIRST_S: Final = 0.05
+_FIRST_S: Final = 0.05
 """The samples of this first time [s], or the first three, show how a run starts."""
 _LATE: Final = 3.5
 """Sampling intervals after which a sample no longer shows how a run starts, if earlier cells are empty."""
@@ -164,7 +164,7 @@ def motion_of(
             mj_model, since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm
         )
         return Motion(clock, {"speed_rpm": speed})
-    lead = LEAD_S if start.moving else 0.0
+    lead = _LEAD_S if start.moving else 0.0
     commands = commands_of(run, model.wheel.command_period_s, lead)
     path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, turned_rad=turned_rad)
     columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
@@ -211,11 +211,11 @@ def _first(run: Run, name: str) -> FloatArray:
     """Return the samples of a channel that show how a run starts; there may be none, except of a pose."""
     finite = run.finite(name)
     time, values = run.time_s[finite], run.channels[name][finite]
-    first = values[: max(3, int(np.sum(time <= FIRST_S)))]
+    first = values[: max(3, int(np.sum(time <= _FIRST_S)))]
     if name in POSE:
         return first
     # If the first cells are empty, the wheel may have been started before the first sample.
-    return first[time[: first.size] <= max(FIRST_S, _LATE * run.median_interval_s)]
+    return first[time[: first.size] <= max(_FIRST_S, _LATE * run.median_interval_s)]
 
 
 def _noise(run: Run, name: str) -> float:

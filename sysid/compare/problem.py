@@ -25,15 +25,15 @@ from sysid.compare.simulator import Simulator, model_key
 from sysid.compare.whitening import Whitener
 from sysid.logs import Run
 
-UNUSABLE: Final = (MecanumError, ValueError)
+_UNUSABLE: Final = (MecanumError, ValueError)
 """Exceptions of a model that cannot be simulated; MuJoCo raises ValueError for too long a latency."""
 SMOOTH_STEP: Final = 1e-3
 """Step of a finite difference on the 0..1 scale of a parameter, where the simulation is smooth."""
 ROLLER_STEP: Final = 0.02
 """The same on rollers: a smaller step shows mostly rollers that meet the floor a little earlier or later."""
-SMOOTH_PROBE: Final = 0.03
+_SMOOTH_PROBE: Final = 0.03
 """Step to the first response of an effect on the 0..1 scale, where the simulation is smooth."""
-ROLLER_PROBE: Final = 0.15
+_ROLLER_PROBE: Final = 0.15
 """The same on rollers."""
 _GAIN_CHANGES: Final = (1e-3, -1e-3, 2e-3)
 """Relative changes of the wheel speeds, far below what logs show, that change when rollers meet the floor."""
@@ -94,7 +94,7 @@ class ResidualProblem:
     def _residual(self, simulator: Simulator, model: Model) -> FloatArray | None:
         try:
             predictions = simulator.predictions(model)
-        except UNUSABLE:
+        except _UNUSABLE:
             return None
         return self.measured - self.whitener.whiten(predictions)
 
@@ -121,7 +121,7 @@ class ResidualProblem:
     def probe_step(self, effects: Sequence[str]) -> float:
         """Return the step to the first response of some `effects`, on the 0..1 scale of a parameter."""
         smooth = self._planar is None or self.surrogate_covers(effects)
-        return SMOOTH_PROBE if smooth else ROLLER_PROBE
+        return _SMOOTH_PROBE if smooth else _ROLLER_PROBE
 
     def changes(
         self, models: Sequence[Model], *, surrogate: bool, reference: Model

@@ -2,12 +2,12 @@
 
 The covariance of a block's residual is
 
-    C(i, j) = delta(i, j) sigma^2 / weight(i) + SHARE^2 e(i) e(j) exp(-|t(i) - t(j)| / T),
+    C(i, j) = delta(i, j) sigma^2 / weight(i) + _SHARE^2 e(i) e(j) exp(-|t(i) - t(j)| / T),
 
 with e(t) and the correlation time T of `sysid.compare.model_error`. If the noise is correlated, that share of
 sigma^2 decays with its own correlation time. If a sensor's resolution is coarse compared with its noise, the
 variance of the rounding that all repeats share is added twice: once white and once correlated over
-`ROUNDING_S`. With C = L L', the residual L^-1 (measured - predicted) of a right model is white with unit
+`_ROUNDING_S`. With C = L L', the residual L^-1 (measured - predicted) of a right model is white with unit
 variance. The part of the model's error that is the same after every change of command is not in C: it is a
 column of `sysid.compare.nuisance`.
 """
@@ -27,9 +27,9 @@ from sysid.compare.noise import Noise
 from sysid.compare.observations import WINDOW_S, Block, Observations
 from sysid.compare.prediction import POSE
 
-SHARE: Final = 0.5
+_SHARE: Final = 0.5
 """Share of the model's error that differs from one change of command to the next."""
-ROUNDING_S: Final = 0.3
+_ROUNDING_S: Final = 0.3
 """Correlation time of the rounding error [s]: about how long a speed stays near the same value."""
 _LEAST_WHITE: Final = 1e-3  # share of correlated noise that is made white, so that C is positive definite
 VELOCITY_OF: Final = {"x_m": "vx_m_s", "y_m": "vy_m_s", "yaw_rad": "yaw_rate_rad_s"}
@@ -87,10 +87,10 @@ class Whitener:
             variance = (1.0 - correlated.share) * variance + _LEAST_WHITE * common
         if rounding:
             variance = variance + rounding**2
-            covariance += rounding**2 * np.exp(-lag_s / ROUNDING_S)
+            covariance += rounding**2 * np.exp(-lag_s / _ROUNDING_S)
         if error is not None and not exact:
             run = self.observations.situations[block.situation].runs[0]
-            size = SHARE * np.hypot(error.settled, error.transient * activity_rpm(run, block.time_s))
+            size = _SHARE * np.hypot(error.settled, error.transient * activity_rpm(run, block.time_s))
             covariance += np.outer(size, size) * np.exp(-lag_s / error.correlation_s)
         covariance[np.diag_indices_from(covariance)] += variance
         return np.asarray(np.linalg.cholesky(covariance))

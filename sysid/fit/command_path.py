@@ -19,9 +19,9 @@ from mecanum_env.units import FloatArray
 from sysid.logs import BodyCommand, Dataset, Run
 
 COMMAND_PERIOD_S: Final = Wheel.command_period_s
-COMMAND_QUANTUM_RPM: Final = Wheel.command_quantum_rpm
-SATURATION_RPM: Final = Wheel.saturation_rpm
-LAW_RATE_HZ: Final = 120.0
+_COMMAND_QUANTUM_RPM: Final = Wheel.command_quantum_rpm
+_SATURATION_RPM: Final = Wheel.saturation_rpm
+_LAW_RATE_HZ: Final = 120.0
 """Default rate of the law: the published rise and settling times fit a period of 1/120 s."""
 _CEILING_MARGIN: Final = 1.05
 _FEW_CHANGES: Final = 5  # fewer changes of command do not show a period
@@ -82,20 +82,20 @@ def infer_command_path(
             "the law would miss commands; choose a shorter one"
         )
     if quantum_rpm is None:
-        quantum_rpm = COMMAND_QUANTUM_RPM
+        quantum_rpm = _COMMAND_QUANTUM_RPM
         if not all(_is_whole(run, quantum_rpm) for run in dataset.runs):
             quantum_rpm = 0.0
             notes.append("commands are not whole rpm: command_quantum_rpm is 0 (no rounding)")
     seek = False
     if saturation_rpm is None:
-        saturation_rpm = SATURATION_RPM
+        saturation_rpm = _SATURATION_RPM
         reached = max(_reached_rpm(run) for run in dataset.runs)
         asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
-        seek = asked > SATURATION_RPM or asked > _CEILING_MARGIN * reached > 0.0
-        if reached > SATURATION_RPM:
+        seek = asked > _SATURATION_RPM or asked > _CEILING_MARGIN * reached > 0.0
+        if reached > _SATURATION_RPM:
             saturation_rpm = math.inf
             notes.append(
-                f"speeds stay at up to {reached:.0f} rpm, beyond the robot's ceiling of {SATURATION_RPM:g} "
+                f"speeds stay at up to {reached:.0f} rpm, beyond the robot's ceiling of {_SATURATION_RPM:g} "
                 "rpm: the ceiling is not assumed"
             )
     return CommandPath(sample_period_s, period, quantum_rpm, saturation_rpm, seek, latched, tuple(notes))
@@ -129,10 +129,10 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
         return COMMAND_PERIOD_S, True
     said = f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run"
     row = float(np.median(rows))
-    if 1.0 / LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):
+    if 1.0 / _LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):
         notes.append(f"{said}, but on the log's own of {row:g} s, which is taken as command_period_s")
         return row, True
-    period = sample_period_s or 1.0 / LAW_RATE_HZ
+    period = sample_period_s or 1.0 / _LAW_RATE_HZ
     notes.append(
         f"{said}: the log's own stamps are taken as the moments at which they took effect, and the model "
         f"takes commands at every tick of the law (command_period_s = {period:.4g})"
@@ -152,8 +152,8 @@ def _law_rate_hz(dataset: Dataset, notes: list[str]) -> float:
     A faster law could alternate from tick to tick between samples, and a fit would use that freedom.
     """
     interval = min(run.median_interval_s for run in dataset.runs)
-    if interval * LAW_RATE_HZ <= _UNSEEN_TICKS * (1.0 + 1e-6):
-        return LAW_RATE_HZ
+    if interval * _LAW_RATE_HZ <= _UNSEEN_TICKS * (1.0 + 1e-6):
+        return _LAW_RATE_HZ
     notes.append(
         f"samples come every {interval * 1e3:.3g} ms, and so does the law's tick: a faster one is not seen"
     )

@@ -25,12 +25,12 @@ from sysid.fit.wheel_data import driven, longest_delay_s, wheel_runs
 from sysid.logs import Dataset
 from sysid.logs.runs import SPLITS
 
-LONGEST_DELAY_S: Final = 0.25
+_LONGEST_DELAY_S: Final = 0.25
 """Longest transport delay that is tried [s]."""
 _EVIDENCE: Final = 10.0  # difference of BIC: "very strong" on the scale of Kass and Raftery (1995)
 _WORTH: Final = 0.02  # least relative decrease of the validation error for which a parameter is adopted
 _ENOUGH_TICKS: Final = 30_000  # number of ticks that suffice to compare structures
-VAGUE: Final = 0.5
+_VAGUE: Final = 0.5
 """Relative standard error above which a delay counts as unknown."""
 _WORTH_SAYING: Final = 0.02
 """Least difference of a free gain from 1, and relative decrease of the validation error by it, for a note."""
@@ -71,7 +71,7 @@ class Search:
             seed=self.seed,
             unit_gain=self.unit_gain if unit_gain is None else unit_gain,
             fit_delay="delay_s" in free,
-            max_delay_s=min(LONGEST_DELAY_S, longest_delay_s(self.path)),
+            max_delay_s=min(_LONGEST_DELAY_S, longest_delay_s(self.path)),
             fit_saturation="saturation_rpm" in free,
             initial=tuple(tuple(float(x) for x in row) for row in initial),
         )
@@ -125,7 +125,7 @@ def choose_drive(runs: Runs, search: Search, plain: Estimate, *, delay: bool) ->
 
     `plain`, fitted to all `runs`, has neither. A delay is tried if `delay`, a ceiling if the path seeks one.
     """
-    data = representative(pooled(runs["fit"]))
+    data = _representative(pooled(runs["fit"]))
     best = plain if len(data) == len(pooled(runs["fit"])) else search.run(data, delay_s=plain.delay_s)
     candidates = ["delay_s"] * delay + ["saturation_rpm"] * search.path.seek_ceiling
     while True:
@@ -135,13 +135,13 @@ def choose_drive(runs: Runs, search: Search, plain: Estimate, *, delay: bool) ->
             for name in candidates
             if name not in free
         ]
-        worthy = [other for other in others if worth_having(runs, data, best, other, search.effective_share)]
+        worthy = [other for other in others if _worth_having(runs, data, best, other, search.effective_share)]
         if not worthy:
             return best
         best = min(worthy, key=lambda other: other.cost)
 
 
-def worth_having(
+def _worth_having(
     runs: Runs, data: Sequence[WheelRun], found: Estimate, other: Estimate, effective_share: float
 ) -> bool:
     """Return whether `other`, with one parameter more, is worth adopting over `found`.
@@ -163,10 +163,10 @@ def delay_is_vague(data: Sequence[WheelRun], found: Estimate) -> bool:
     """Return whether the estimated delay cannot be told from the law's zeros."""
     if "delay_s" not in found.free or found.delay_s <= 0.0:
         return False
-    return uncertainty(data, found)["delay_s"].relative_error > VAGUE
+    return uncertainty(data, found)["delay_s"].relative_error > _VAGUE
 
 
-def representative(data: Sequence[WheelRun]) -> list[WheelRun]:
+def _representative(data: Sequence[WheelRun]) -> list[WheelRun]:
     """Return runs spread evenly over the data, with that of the largest command, to compare structures."""
     ticks = sum(len(run.command_rpm) for run in data)
     if ticks <= _ENOUGH_TICKS:
@@ -207,7 +207,7 @@ def drive_notes(dataset: Dataset, path: CommandPath, found: Estimate, sought_del
             f"a transport delay of {found.delay_s * 1e3:.1f} ms was estimated{exactly} and is in the model "
             "as command_latency; wheel speeds alone cannot tell it from sensor_latency"
         )
-        longest = min(LONGEST_DELAY_S, longest_delay_s(path))
+        longest = min(_LONGEST_DELAY_S, longest_delay_s(path))
         if found.delay_s > 0.99 * longest:
             notes.append(f"that delay is the longest tried, {longest * 1e3:.0f} ms: it may be longer")
     asked = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in dataset.runs)
@@ -249,7 +249,7 @@ def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
     # An estimated ceiling may only imitate a gain below 1.
     others = [
         search.run(
-            representative(pooled(runs["fit"])),
+            _representative(pooled(runs["fit"])),
             delay_s=found.delay_s,
             saturation_rpm=limit,
             initial=[found.coefficients.tolist()],

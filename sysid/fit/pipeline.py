@@ -115,7 +115,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     repeats = noise_from_repeats(dataset.runs) or {}
     known = all(column in repeats for column in columns)
     sigma = {c: max(repeats[c].std, _LEAST_SIGMA) if c in repeats else 1.0 for c in columns}
-    share = independent_share(dataset)
+    share = _independent_share(dataset)
     method, given_s = options.methods[0], options.delay_s or 0.0
     search = Search(method, options.seed, options.unit_gain, path, share)
 
@@ -198,7 +198,7 @@ def latency(found: Estimate) -> dict[str, dict[str, float]]:
     return {"command_latency": {"delay_s": found.delay_s}} if found.delay_s > 0.0 else {}
 
 
-def independent_share(dataset: Dataset) -> float:
+def _independent_share(dataset: Dataset) -> float:
     """Return the share of independent samples among the wheel speeds of a `dataset`'s fit runs, above 0 to 1.
 
     Values that a slow sensor repeats, and channels that copy another, are not independent.

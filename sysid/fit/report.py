@@ -29,9 +29,9 @@ def fit_table(fit: Fit) -> str:
     lines = [
         f"{fit.dataset.name}: {len(fit.dataset.runs)} runs; noise {noise} rpm ({source})",
         "",
-        *_columns(method_table(fit)),
+        *_columns(_method_table(fit)),
         "",
-        *_columns(quantity_table(fit)),
+        *_columns(_quantity_table(fit)),
         "",
         *([*_columns(robot_table(fit)), ""] if fit.robot else []),
         f"residuals: {_passed('white', tests.whiteness.passed, tests.whiteness.p_value)}; "
@@ -46,7 +46,7 @@ def fit_table(fit: Fit) -> str:
     return "\n".join(lines)
 
 
-def method_table(fit: Fit) -> list[tuple[str, ...]]:
+def _method_table(fit: Fit) -> list[tuple[str, ...]]:
     """Return the metrics of a `fit`'s methods as rows of cells, the head first."""
     rows: list[tuple[str, ...]] = [
         ("method", "rms fit", "validation", "test rpm", "worst", "rise s", "settling s", "dc gain - 1",
@@ -71,7 +71,7 @@ def method_table(fit: Fit) -> list[tuple[str, ...]]:
     return rows
 
 
-def quantity_table(fit: Fit) -> list[tuple[str, str, str, str, str]]:
+def _quantity_table(fit: Fit) -> list[tuple[str, str, str, str, str]]:
     """Return the coefficients of a `fit` and what follows from them as rows of cells, the head first."""
     rows = [("", "value", "standard error", "Cramer-Rao", "95 % interval")]
     for q in (*fit.uncertainty.parameters, *fit.uncertainty.metrics):
@@ -122,8 +122,8 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
         warnings=list(fit.uncertainty.warnings),
         notes=list(fit.notes),
         overlays=list(overlays),
-        methods=method_table(fit),
-        quantities=quantity_table(fit),
+        methods=_method_table(fit),
+        quantities=_quantity_table(fit),
         robot=robot_table(fit),
         period_ms=f"{fit.law.sample_period_s * 1e3:.4g}",
         noise_source="repeats" if fit.sigma_from_repeats else "the residuals too, as there are no repeats",

@@ -37,7 +37,7 @@ from sysid.fit.robot_search import BODY_VELOCITY, FoundRobot, PlantData, RobotSe
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats
 
-SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
+_SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
 """Parameters that are fitted together with the law."""
 SECONDS: Final = 30.0
 """Duration of the logs of each split that the last stage simulates [s]."""
@@ -141,7 +141,7 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
         channels=tuple(name for name in data.channels if name.startswith("speed_")),
     )
     before = wheels.residual_rms(model)
-    sought = [name for name in SOUGHT if name not in given]
+    sought = [name for name in _SOUGHT if name not in given]
     grip = scan_grip(model, "friction" in given, data)
     if grip.fitted:
         found, shown, errors, grip = _in_turns(model, sought, grip, data)
@@ -149,7 +149,7 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
         found, shown, errors = _shown(RobotSearch(model, wheels), sought)
     parameters = [
         _parameter(name, found.model.robot, name in shown, name in given, errors.get(name, math.nan))
-        for name in SOUGHT
+        for name in _SOUGHT
     ]
     return RobotFit(
         law=found.model.wheel.law,

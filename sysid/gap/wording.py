@@ -12,9 +12,9 @@ from sysid.gap.result import Difference, GapReport, Interval, Region
 
 NEXT_FILE: Final = "next_experiment.csv"
 """File with the commands of the next experiment."""
-WHEEL_LAW: Final = "wheel_law"
+_WHEEL_LAW: Final = "wheel_law"
 """Name among the sets of effects that stands for the wheel law, fitted again."""
-SURE: Final = 0.01
+_SURE: Final = 0.01
 """p-value below which a difference is significant, however small it is."""
 _CONCENTRATED: Final = 0.1
 """A region stands out if its share of the error exceeds its share of the samples by this."""
@@ -39,7 +39,7 @@ def verdict_sentence(report: GapReport) -> str:
     """Return what a study found, in one sentence."""
     gap = report.gap
     differ = f"model and measurement differ by {with_share(gap.before, gap)}"
-    if report.verdict == "no_gap" and report.p_value <= SURE:
+    if report.verdict == "no_gap" and report.p_value <= _SURE:
         return (
             f"No gap worth a name: {differ}; what the effects could remove is significant "
             f"(p = {report.p_value:.2g}) but too little to matter."
@@ -54,7 +54,7 @@ def verdict_sentence(report: GapReport) -> str:
             f"No gap: {differ}, which noise and the model's own uncertainty explain "
             f"(p = {report.p_value:.2g})."
         )
-    if report.verdict == "unexplained" and law_is_best(report):
+    if report.verdict == "unexplained" and _law_is_best(report):
         return (
             "There is a gap that the wheel law fitted again explains better than any effect of the catalogue "
             f"does: {differ}{_noise(gap)}."
@@ -94,7 +94,7 @@ def next_step(report: GapReport) -> str:
         return "use the new model.json; study again with it to see whether anything is left"
     if report.verdict == "ambiguous":
         return "record other commands; these cannot tell the candidates apart"
-    if law_is_best(report):
+    if _law_is_best(report):
         return "fit the wheel again with these logs (python -m sysid.fit), then study the new model"
     return "look at the worst runs on the page; the regions say what the robot was doing"
 
@@ -104,9 +104,9 @@ def compared_runs(report: GapReport) -> str:
     return "unseen test runs" if report.unseen else f"{report.held_out} runs (also used to decide)"
 
 
-def law_is_best(report: GapReport) -> bool:
+def _law_is_best(report: GapReport) -> bool:
     """Return whether the wheel's own law, fitted again, did better than every set of effects."""
-    return bool(report.evidence) and report.evidence[0].effects == (WHEEL_LAW,)
+    return bool(report.evidence) and report.evidence[0].effects == (_WHEEL_LAW,)
 
 
 def closure(gap: Difference) -> float | None:
@@ -166,7 +166,7 @@ def place_name(region: Region) -> str:
 
 def set_name(effects: Sequence[str]) -> str:
     """Return the name of a set of effects: joined by " + "; of none, "the model as it is"."""
-    if tuple(effects) == (WHEEL_LAW,):
+    if tuple(effects) == (_WHEEL_LAW,):
         return "the wheel law fitted again"
     return " + ".join(effects) if effects else "the model as it is"
 

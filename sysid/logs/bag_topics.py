@@ -27,7 +27,7 @@ ROLES: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Message types that each role accepts; the last two roles make a bench log."""
 
-AUTOMATIC: Final[Mapping[str, tuple[str, ...]]] = {
+_AUTOMATIC: Final[Mapping[str, tuple[str, ...]]] = {
     "command": _TWISTS,
     "wheel_speeds": _JOINTS,
     "odometry": ROLES["odometry"],
@@ -36,8 +36,8 @@ AUTOMATIC: Final[Mapping[str, tuple[str, ...]]] = {
 }
 """Roles that the message type alone decides. Plain numbers do not state their meaning and need a map."""
 
-BENCH_ROLES: Final = ("command_rpm", "speed_rpm")
-NONE: Final = "none"
+_BENCH_ROLES: Final = ("command_rpm", "speed_rpm")
+_NONE: Final = "none"
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class TopicChoice:
     """Joint name by wheel (`fl` ... `rr`, or `joint` on the bench), where the user gave one."""
 
 
-def parse_map(items: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
+def _parse_map(items: Sequence[str]) -> tuple[dict[str, str], dict[str, str]]:
     """Return topics by role and joints by wheel from items such as ``command=/cmd_vel`` or ``fl=front_left``.
 
     Raises:
@@ -82,10 +82,10 @@ def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> T
             another type; the message lists the topics with their types.
     """
     listing = "; topics: " + (", ".join(f"{t} ({types[t]})" for t in sorted(types)) or "none")
-    mapped, joints = parse_map(items)
+    mapped, joints = _parse_map(items)
     chosen = {}
     for role, topic in mapped.items():
-        if topic == NONE:
+        if topic == _NONE:
             continue
         if topic not in types:
             raise InputError(f"{bag}: no topic {topic}{did_you_mean(topic, types)}{listing}")
@@ -93,8 +93,8 @@ def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> T
             wanted = " or ".join(ROLES[role])
             raise InputError(f"{bag}: {topic} is {types[topic]}, but {role} must be {wanted}{listing}")
         chosen[role] = topic
-    bench = any(role in chosen for role in BENCH_ROLES)
-    for role, wanted_types in AUTOMATIC.items():
+    bench = any(role in chosen for role in _BENCH_ROLES)
+    for role, wanted_types in _AUTOMATIC.items():
         no_body_command = role == "command" and "wheel_commands" in chosen
         if role in mapped or (bench and role != "battery") or no_body_command:
             continue
@@ -102,7 +102,7 @@ def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> T
         if len(found) > 1:
             raise InputError(
                 f"{bag}: {len(found)} topics could be {role}; choose with --map {role}={found[0]} "
-                f"(or {role}={NONE}){listing}"
+                f"(or {role}={_NONE}){listing}"
             )
         if found:
             chosen[role] = found[0]
@@ -112,7 +112,7 @@ def choose_topics(bag: str, types: Mapping[str, str], items: Sequence[str]) -> T
 
 def _require_complete(bag: str, chosen: Mapping[str, str], bench: bool, listing: str) -> None:
     if bench:
-        missing = [role for role in BENCH_ROLES if role not in chosen]
+        missing = [role for role in _BENCH_ROLES if role not in chosen]
         if missing:
             raise InputError(
                 f"{bag}: a bench log needs {missing[0]} too; give --map {missing[0]}=TOPIC{listing}"

@@ -24,7 +24,7 @@ from sysid.logs.runs import BODY_COMMAND, KNOWN, TIME, WHEEL_COMMAND, WHEEL_SPEE
 
 Unit: TypeAlias = Literal["rpm", "rad_s"]
 Clock: TypeAlias = Literal["auto", "header", "receive"]
-CLOCKS_AGREE_S: Final = 1.0
+_CLOCKS_AGREE_S: Final = 1.0
 """Header stamps and times of receipt that differ by less than this [s] belong to the same clock."""
 
 _Columns: TypeAlias = dict[str, FloatArray]
@@ -131,7 +131,7 @@ def _header_stamp(message: Any) -> int | None:
 def _clocks_agree(messages: Mapping[str, _Messages]) -> bool:
     for received in messages.values():
         offsets = [abs(stamp - at) for at, m in received if (stamp := _header_stamp(m)) is not None]
-        if offsets and np.median(offsets) > CLOCKS_AGREE_S * 1e9:
+        if offsets and np.median(offsets) > _CLOCKS_AGREE_S * 1e9:
             return False
     return True
 

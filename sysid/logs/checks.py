@@ -17,13 +17,13 @@ from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.findings import Finding
 from sysid.logs.runs import REST, TIME, WHEEL_SPEEDS, BodyCommand, Run
 
-UNEVEN: Final = 0.05
+_UNEVEN: Final = 0.05
 """Spread (5th to 95th percentile) of the sample intervals over their median above which stamps are uneven."""
-GAP_INTERVALS: Final = 5.0
+_GAP_INTERVALS: Final = 5.0
 """A gap is longer than this many median sample intervals ..."""
-GAP_S: Final = 0.05
+_GAP_S: Final = 0.05
 """... and longer than this [s]."""
-HELD_SHARE: Final = 0.2
+_HELD_SHARE: Final = 0.2
 """Share of repeated samples during motion above which a channel is held; chance repeats stay far below."""
 COMMAND_PERIOD_S: Final = Wheel.command_period_s
 """Time between two commands that the robot accepts [s]."""
@@ -88,9 +88,9 @@ def _stamps(run: Run) -> Iterator[Finding]:
             continue
         median = float(np.median(interval))
         low, high = (float(x) for x in np.percentile(interval, (5.0, 95.0)))
-        gaps = interval[interval > max(GAP_INTERVALS * median, GAP_S)]
+        gaps = interval[interval > max(_GAP_INTERVALS * median, _GAP_S)]
         found = []
-        if high - low > UNEVEN * median:
+        if high - low > _UNEVEN * median:
             details = {"low_ms": 1000.0 * low, "high_ms": 1000.0 * high, "median_ms": 1000.0 * median}
             found.append(Finding(run.file, "uneven_stamps", (high - low) / median, name, details=details))
         if gaps.size:
@@ -110,7 +110,7 @@ def _held(run: Run) -> Iterator[Finding]:
         if name == "battery_v" or moving.sum() < 10:
             continue
         share = float(np.mean(x[1:][moving] == x[:-1][moving]))
-        if share > HELD_SHARE:
+        if share > _HELD_SHARE:
             yield Finding(run.file, "held_samples", share, name)
 
 

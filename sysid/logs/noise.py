@@ -12,7 +12,7 @@ from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
 from sysid.logs.runs import Run
 
-BRIDGED_INTERVALS: Final = 3.0
+_BRIDGED_INTERVALS: Final = 3.0
 """Longest gap across which samples are interpolated, in median sample intervals."""
 
 
@@ -101,7 +101,7 @@ def _interpolated(run: Run, name: str, times: FloatArray) -> tuple[FloatArray, F
     equal = np.abs(fraction - np.rint(fraction)) * interval < 1e-3 * median
     fraction = np.where(equal, np.rint(fraction), fraction)
     exact = (fraction == 0.0) | (fraction == 1.0)
-    near = interval <= BRIDGED_INTERVALS * median
+    near = interval <= _BRIDGED_INTERVALS * median
     usable = (fraction >= 0.0) & (fraction <= 1.0) & (near | exact)
     values = (1.0 - fraction) * x[left] + fraction * x[left + 1]
     variance = (1.0 - fraction) ** 2 + fraction**2

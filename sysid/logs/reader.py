@@ -35,10 +35,10 @@ from sysid.logs.runs import (
 from sysid.logs.settings import FILE_NAME, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
 
-LONGEST_JUMP_S: Final = 3600.0
+_LONGEST_JUMP_S: Final = 3600.0
 """Longest time between two rows [s]. A run is simulated from its first stamp to its last, so a single wrong
 stamp could exhaust the memory."""
-LONGEST_RUN_S: Final = 86400.0
+_LONGEST_RUN_S: Final = 86400.0
 """Longest time from the first row to the last [s]: ten million ticks of the law still fit into memory."""
 
 
@@ -195,19 +195,19 @@ def _check_stamps(table: Table, time: FloatArray) -> None:
             f"{table.where(row)}: time_s = {time[row]!s} after {time[row - 1]!s}, must be larger than the "
             "stamp before; cut the file where the clock jumps, and remove rows that appear twice"
         )
-    far = np.flatnonzero(np.diff(time) > LONGEST_JUMP_S)
+    far = np.flatnonzero(np.diff(time) > _LONGEST_JUMP_S)
     if far.size:
         row = int(far[0]) + 1
         raise InputError(
             f"{table.where(row)}: time_s jumps from {time[row - 1]!s} to {time[row]!s} s, by more than "
-            f"{LONGEST_JUMP_S:g} s; split the run there, or correct the stamp"
+            f"{_LONGEST_JUMP_S:g} s; split the run there, or correct the stamp"
         )
-    late = np.flatnonzero(time - time[0] > LONGEST_RUN_S)
+    late = np.flatnonzero(time - time[0] > _LONGEST_RUN_S)
     if late.size:
         row = int(late[0])
         raise InputError(
             f"{table.where(row)}: time_s = {time[row]!s} is {time[row] - time[0]:g} s after the first stamp, "
-            f"must be at most {LONGEST_RUN_S:g} s; split the run, or correct stamps that are not in seconds"
+            f"must be at most {_LONGEST_RUN_S:g} s; split the run, or correct stamps that are not in seconds"
         )
 
 

@@ -25,9 +25,9 @@ from mecanum_env.units import FloatArray
 from sysid.logs.findings import Finding
 from sysid.logs.runs import SPLITS, Run, Split
 
-VALUE_TOLERANCE_RPM: Final = 1e-6
+_VALUE_TOLERANCE_RPM: Final = 1e-6
 """Commands of repeats differ by no more than this [rpm]."""
-TIME_TOLERANCE_S: Final = 0.02
+_TIME_TOLERANCE_S: Final = 0.02
 """Command changes of repeats may always differ by this [s]."""
 
 
@@ -47,14 +47,14 @@ def command_sequence(run: Run) -> CommandSequence:
     """Return the command sequence of a run."""
     times, wheels = run.command_changes()
     after = times[1:] - times[1] if len(times) > 1 else np.empty(0)
-    return CommandSequence(after, wheels, max(TIME_TOLERANCE_S, 2.0 * run.median_interval_s))
+    return CommandSequence(after, wheels, max(_TIME_TOLERANCE_S, 2.0 * run.median_interval_s))
 
 
 def are_repeats(one: CommandSequence, other: CommandSequence) -> bool:
     """Return whether two runs were given the same commands at the same times."""
     if one.wheels_rpm.shape != other.wheels_rpm.shape:
         return False
-    if np.max(np.abs(one.wheels_rpm - other.wheels_rpm)) > VALUE_TOLERANCE_RPM:
+    if np.max(np.abs(one.wheels_rpm - other.wheels_rpm)) > _VALUE_TOLERANCE_RPM:
         return False
     difference_s = np.abs(one.after_s - other.after_s)
     return bool(np.all(difference_s <= max(one.tolerance_s, other.tolerance_s)))

@@ -38,7 +38,7 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.units import FloatArray
 from sysid.online.projection import OnlineOptions, feasible_start, feasible_step, free_parameters, law_of
 
-STATE_FORMAT: Final = "mecanum-online/1"
+_STATE_FORMAT: Final = "mecanum-online/1"
 
 _N: Final = 5
 _ABSURD_RPM: Final = 1e6
@@ -188,7 +188,7 @@ class OnlineEstimator:
     def state(self) -> dict[str, Any]:
         """Return the complete state as JSON values; `from_state` makes an equal estimator of it."""
         return {
-            "format": STATE_FORMAT,
+            "format": _STATE_FORMAT,
             "options": {k: None if math.isinf(v) else v for k, v in asdict(self._options).items()},
             "sample_period_s": self._period,
             "started": self._started,
@@ -203,8 +203,8 @@ class OnlineEstimator:
         Raises:
             InputError: another format, or a value that is missing, misshapen or out of range.
         """
-        if state.get("format") != STATE_FORMAT:
-            raise InputError(f'online state: "format" is {state.get("format")!r}, must be "{STATE_FORMAT}"')
+        if state.get("format") != _STATE_FORMAT:
+            raise InputError(f'online state: "format" is {state.get("format")!r}, must be "{_STATE_FORMAT}"')
         try:
             options = {k: math.inf if v is None else float(v) for k, v in state["options"].items()}
             arrays = {name: np.array(state[name], float) for name in _ARRAYS}

@@ -11,9 +11,9 @@ from mecanum_env.law import LawState, WheelLaw
 from mecanum_env.units import FloatArray
 from sysid.fit.estimators import WheelRun
 
-STEPS_RPM = (10.0, 40.0, 80.0, 130.0)
+_STEPS_RPM = (10.0, 40.0, 80.0, 130.0)
 NOISE_RPM = 0.5
-HOLD_TICKS = 12
+_HOLD_TICKS = 12
 LIMIT_RPM = 135
 
 
@@ -25,7 +25,7 @@ def step_runs(
     quantum_rpm: float = 1.0,
     repeats: int = 3,
     seconds: float = 2.0,
-    steps_rpm: Sequence[float] = STEPS_RPM,
+    steps_rpm: Sequence[float] = _STEPS_RPM,
 ) -> list[WheelRun]:
     """Return one run per step and repeat: 0.1 s at rest, then the step, sampled at every tick.
 
@@ -72,7 +72,7 @@ def random_samples(
     *,
     noise_rpm: float = NOISE_RPM,
     quantum_rpm: float = 1.0,
-    hold_ticks: int = HOLD_TICKS,
+    hold_ticks: int = _HOLD_TICKS,
 ) -> Samples:
     """Return random whole commands within +-135 rpm and the response of several laws, one after the other.
 

@@ -106,7 +106,7 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
     write_page(
         path,
         _TEMPLATE,
-        {"warning": warning_figure(c), "plants": plants_figure(c), "techniques": techniques_figure(c)},
+        {"warning": warning_figure(c), "plants": _plants_figure(c), "techniques": _techniques_figure(c)},
         controller=c.controller,
         passed=c.passed,
         verdict=verdict(c),
@@ -168,7 +168,7 @@ def warning_figure(certificate: Certificate) -> dict[str, Any]:
     return figure(traces, x=x_title, height=380, layout=layout)
 
 
-def plants_figure(certificate: Certificate) -> dict[str, Any]:
+def _plants_figure(certificate: Certificate) -> dict[str, Any]:
     """Return a certificate's success by plant as a Plotly figure; the worst plant is red."""
     plants, limits = certificate.plants[::-1], certificate.thresholds
     trace = _points([one.success.value for one in plants], [one.success for one in plants], "", across=True)
@@ -185,7 +185,7 @@ def plants_figure(certificate: Certificate) -> dict[str, Any]:
     return figure([trace], height=_MARGIN_PX + _ROW_PX * len(plants), layout=layout)
 
 
-def techniques_figure(certificate: Certificate) -> dict[str, Any]:
+def _techniques_figure(certificate: Certificate) -> dict[str, Any]:
     """Return a certificate's success by technique, on the nominal and the worst plant, as a Plotly figure."""
     traces = []
     shown = [("nominal", certificate.nominal, _BLUE), (certificate.worst.name, certificate.worst, _RED)]

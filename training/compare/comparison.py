@@ -35,7 +35,7 @@ from training.certify.warning import RANGE_S, WarningCurve
 from training.evaluate import Job, Setup, Share, controller_factory, evaluate_controller, play_jobs
 from training.evaluate.play import Progress, require_jobs
 
-ROLLERS: Final = "rollers"
+_ROLLERS: Final = "rollers"
 """Name of the setting with every roller on the floor, level normal."""
 GROUPS: Final = ("robot-level", "latency")
 """Groups of a certificate's plants that are compared, beside the model itself."""
@@ -124,8 +124,8 @@ def _settings(model: Model, rollers: bool) -> tuple[dict[str, Setup], dict[str, 
     about: dict[str, str] = {level: f"planar plant, level {level}" for level in DIFFICULTIES}
     normal = setups["normal"]
     if rollers:
-        setups[ROLLERS] = replace(normal, physics="rollers")
-        about[ROLLERS] = "every roller on the floor, level normal"
+        setups[_ROLLERS] = replace(normal, physics="rollers")
+        about[_ROLLERS] = "every roller on the floor, level normal"
     for variant in robot_variants(model):
         if variant.group in GROUPS:
             setups[variant.name] = replace(normal, model=variant.model, physics=variant.physics, known=model)

@@ -48,7 +48,7 @@ class Weights:
                 raise InputError(f"LQR weight {name} = {value}, must be a finite number above 0")
 
 
-TRANSLATION = Weights(place=0.03, command=0.3)
+_TRANSLATION = Weights(place=0.03, command=0.3)
 """Weights along each axis of the floor [m], [m/s]."""
 TURN = Weights(place=0.06, command=0.6)
 """Weights in yaw [rad], [rad/s]."""
@@ -96,7 +96,7 @@ class Lqr:
         self._robot, self._limit_rpm = model.robot, model.wheel.saturation_rpm
         self._distance_m = distance_m
         dynamics = axis_dynamics(model.wheel.law, model.wheel.command_period_s)
-        self._gains = np.array([riccati_gain(*dynamics, w) for w in (TRANSLATION, TRANSLATION, TURN)])
+        self._gains = np.array([riccati_gain(*dynamics, w) for w in (_TRANSLATION, _TRANSLATION, TURN)])
         self._motion = ObservationPredictor(model)
 
     def reset(self) -> None:

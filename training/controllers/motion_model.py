@@ -60,7 +60,7 @@ class MotionModel:
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
         self.drives = wheel_drives(model)
-        robot, load = changed_robot(model), added_load(model)
+        robot, load = _changed_robot(model), added_load(model)
         robot = replace(robot, mass_kg=robot.mass_kg + load.mass_kg)
         self._coulomb_n_m, self._damping = load.coulomb_n_m, load.damping_n_m_s_rad
         self._has_friction = self._coulomb_n_m > 0.0 or self._damping > 0.0
@@ -127,7 +127,7 @@ def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, s
     return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
 
 
-def changed_robot(model: Model) -> Robot:
+def _changed_robot(model: Model) -> Robot:
     """Return the robot of a model with the effects that change its parameters, without added mass."""
     for effect, values in active_effects(model):
         if effect.change_model is not None:

@@ -36,7 +36,7 @@ from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
 
 FORMAT: Final = "mecanum-policy/1"
-DEFAULT: Final = "robust"
+_DEFAULT: Final = "robust"
 """Name of the default bundled policy."""
 _FOLDER: Final = Path(__file__).parent.parent / "policies"
 _UNREADABLE: Final = (OSError, EOFError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
@@ -95,7 +95,7 @@ def stack_features(memory: FloatArray | None, newest: FloatArray, stack: int) ->
     return np.concatenate([memory[..., newest.shape[-1] :], newest], axis=-1)
 
 
-ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {
+_ACTIVATIONS: Final[Mapping[str, Callable[[FloatArray], FloatArray]]] = {
     "tanh": np.tanh,
     "relu": lambda x: np.maximum(x, 0.0),
 }
@@ -122,7 +122,7 @@ class Network:
     biases: tuple[FloatArray, ...]
     """b of each layer, shape (outputs,)."""
     activation: str
-    """Name of the function between the layers, from `ACTIVATIONS`."""
+    """Name of the function between the layers, from `_ACTIVATIONS`."""
     squashes: bool
     """Whether tanh, instead of a clip, keeps actions within [-1, 1]."""
     action_mode: ActionMode
@@ -139,7 +139,7 @@ class Network:
         """Return actions within [-1, 1], shape (..., 3), of stacked features, shape (..., stack * k)."""
         x = np.clip((np.asarray(stacked, float) - self.mean) / self.scale, -self.clip, self.clip)
         for layer, (weight, bias) in enumerate(zip(self.weights, self.biases, strict=True)):
-            x = (ACTIVATIONS[self.activation](x) if layer else x) @ weight.T + bias
+            x = (_ACTIVATIONS[self.activation](x) if layer else x) @ weight.T + bias
         return np.tanh(x) if self.squashes else np.clip(x, -1.0, 1.0)
 
 
@@ -179,7 +179,7 @@ class Policy:
         return round(float(v)), round(float(theta)), round(float(vc))
 
 
-def bundled(name: str = DEFAULT) -> Path:
+def bundled(name: str = _DEFAULT) -> Path:
     """Return a policy file that comes with the package; its card is beside it (`.md`).
 
     Raises:
@@ -255,9 +255,9 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
         stack=int(about["stack"]),
     )
     check_mode(network.action_mode)
-    if network.activation not in ACTIVATIONS:
+    if network.activation not in _ACTIVATIONS:
         raise InputError(
-            f"activation = {network.activation!r}, must be {', '.join(ACTIVATIONS)}; export the policy again"
+            f"activation = {network.activation!r}, must be {', '.join(_ACTIVATIONS)}; export the policy again"
         )
     sizes = [len(network.mean), *map(len, network.biases)]
     shapes = [weight.shape for weight in network.weights]

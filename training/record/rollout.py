@@ -25,7 +25,7 @@ from training.evaluate.play import body_velocity
 
 WINDOW_S: Final = 4.0
 """Length of the plotted past [s]."""
-STRIP_SHARE: Final = 0.32
+_STRIP_SHARE: Final = 0.32
 """Share of the frame's height that the plots take."""
 AFTER_S: Final = 1.0
 """Time that the last frame stays [s]."""
@@ -177,7 +177,7 @@ def rollout_frames(
     require_at_least(0, seed=seed)
     if not 1.0 <= fps <= 240.0:
         raise InputError(f"fps = {fps}, must be 1 to 240")
-    strip_height = 2 * round(STRIP_SHARE * height / 2)
+    strip_height = 2 * round(_STRIP_SHARE * height / 2)
     strip = Strip(_panels(known), width, strip_height, title)
 
     def frames() -> Iterator[Frame]:

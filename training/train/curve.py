@@ -57,7 +57,7 @@ def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[s
     return figure
 
 
-def retreat_success(settings: TrainingSettings) -> float:
+def _retreat_success(settings: TrainingSettings) -> float:
     """Return the success of the scripted retreat on the development seeds, with the settings of a run."""
     model = model_of(settings)
     setup = Setup(model, settings.plant, settings.task, settings.difficulty)
@@ -79,7 +79,7 @@ def main(folders: tyro.conf.Positional[tuple[Path, ...]], /, out: Path = Path("c
     runs = {folder.name: read_run(folder)[0] for folder in folders}
     curves = {folder.name: read_curve(folder) for folder in folders}
     on_levels = [name for name, settings in runs.items() if settings.randomize == "levels"]
-    figure = draw(curves, retreat_success(next(iter(runs.values()))), on_levels)
+    figure = draw(curves, _retreat_success(next(iter(runs.values()))), on_levels)
     with atomic_path(out) as path:
         figure.savefig(path, dpi=120)
     print(f"wrote {out}")

@@ -23,11 +23,11 @@ from training.certify.plants import EXTRA_LATENCY_S, robot_level
 from training.controllers.policy import EXTRA_FEATURES, features, stack_features
 from training.train.settings import TrainingSettings
 
-HALF_LATENCY_S: Final = EXTRA_LATENCY_S / 2
+_HALF_LATENCY_S: Final = EXTRA_LATENCY_S / 2
 """Extra latency of the robot "a little late" [s]: half of that in a certificate."""
-REDUCED_SPEED: Final = 0.85
+_REDUCED_SPEED: Final = 0.85
 """Maximum wheel speed of the robot "a little slow", relative to the model's; this project's choice."""
-CLIP: Final = 10.0
+_CLIP: Final = 10.0
 """Largest absolute value of a normalised observation."""
 _FIRST_SEED: Final = 2**40
 """Training seeds are at least this, so that no evaluated episode has been trained on."""
@@ -41,10 +41,10 @@ def level_models(model: Model) -> dict[str, Model]:
     They are the model itself, with latency, with the losses that the paper measured, and in between.
     """
     own = model.effects.get("command_latency", {}).get("delay_s", 0.0)
-    limit = REDUCED_SPEED * min(model.wheel.saturation_rpm, FULL_V_RPM)
+    limit = _REDUCED_SPEED * min(model.wheel.saturation_rpm, FULL_V_RPM)
     return {
         "nominal": model,
-        "a little late": model.with_effect("command_latency", delay_s=own + HALF_LATENCY_S),
+        "a little late": model.with_effect("command_latency", delay_s=own + _HALF_LATENCY_S),
         "late": model.with_effect("command_latency", delay_s=own + EXTRA_LATENCY_S),
         "a little slow": model.with_effect("speed_saturation", limit_rpm=limit, softness_rpm=40.0),
         "robot-level": robot_level(model),
@@ -214,7 +214,7 @@ def bare_env(settings: TrainingSettings) -> VecEnv:
 
 def training_env(settings: TrainingSettings) -> VecNormalize:
     """Return the environments with monitor and normaliser."""
-    return VecNormalize(VecMonitor(bare_env(settings)), gamma=settings.gamma, clip_obs=CLIP)
+    return VecNormalize(VecMonitor(bare_env(settings)), gamma=settings.gamma, clip_obs=_CLIP)
 
 
 def episode_seeds(settings: TrainingSettings, steps_done: int) -> list[int]:

@@ -116,7 +116,7 @@ def resume(
     return _learn(Run(settings, folder, facts["commands"], *learner, state), development_seeds, None, quiet)
 
 
-def development_score(
+def _development_score(
     network: Network, settings: TrainingSettings, seeds: Sequence[int]
 ) -> tuple[float, float]:
     """Return the share of successes on the robots that are trained on: over all, and on the worst one.
@@ -165,7 +165,7 @@ class _Checkpoints(BaseCallback):  # type: ignore[misc]
         run, agent = self._run, self._run.agent
         spent = time.perf_counter() - self._wall, time.process_time() - self._processor
         network = network_of(agent, run.normaliser, run.settings)
-        success, worst = development_score(network, run.settings, self._seeds)
+        success, worst = _development_score(network, run.settings, self._seeds)
         # Scoring does not count as training time.
         self._start_clocks(*spent)
         point = Point(agent.num_timesteps, success, worst, *spent)

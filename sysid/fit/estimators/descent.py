@@ -31,10 +31,10 @@ fixed: constant alpha, as in the paper. spectral: the Barzilai-Borwein lengths (
 and cut to a quarter otherwise.
 """
 
-CHANGE_TOLERANCE: Final = 1e-6
-"""Stop when H fell by less than this share of itself in `CHANGE_WINDOW` iterations."""
-CHANGE_WINDOW: Final = 50
-GRADIENT_TOLERANCE: Final = 1e-12
+_CHANGE_TOLERANCE: Final = 1e-6
+"""Stop when H fell by less than this share of itself in `_CHANGE_WINDOW` iterations."""
+_CHANGE_WINDOW: Final = 50
+_GRADIENT_TOLERANCE: Final = 1e-12
 """Stop when a step of the rate `alpha` would move the coefficients by less than this."""
 _LARGEST: Final = 1e3  # coefficients beyond this have diverged
 _ARMIJO: Final = 1e-4
@@ -136,10 +136,10 @@ def descend(
             h[active[too_large]] = np.inf
         pulled = np.any(trial[:, :3] != unprojected[:, :3], axis=1)
         length = np.max(np.where(pulled[:, None], np.abs(moved) / alpha, np.abs(slope)), axis=1)
-        stopped = ~too_large & (length * rate <= GRADIENT_TOLERANCE)
-        if i % CHANGE_WINDOW == 0:
+        stopped = ~too_large & (length * rate <= _GRADIENT_TOLERANCE)
+        if i % _CHANGE_WINDOW == 0:
             with np.errstate(invalid="ignore"):
-                stopped |= np.abs(checked[active] - h[active]) <= CHANGE_TOLERANCE * h[active]
+                stopped |= np.abs(checked[active] - h[active]) <= _CHANGE_TOLERANCE * h[active]
             checked[active] = h[active]
         converged[active] = stopped & ~diverged
         active = active[~(diverged | stopped)]

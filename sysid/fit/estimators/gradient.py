@@ -37,11 +37,11 @@ from sysid.fit.estimators.linear import (
 )
 from sysid.fit.estimators.problem import LawProblem, stack
 
-ITERATIONS_PER_EVALUATION: Final = 25
+_ITERATIONS_PER_EVALUATION: Final = 25
 """Iterations of a descent for each of `Options.max_iterations`, since they are many and cheap."""
-RATE_SHARE: Final = 1.9
+_RATE_SHARE: Final = 1.9
 """Constant learning rate in units of 1/L_h; the paper allows 0 to 2."""
-REFINING_ROUNDS: Final = 10
+_REFINING_ROUNDS: Final = 10
 """Rounds of Steiglitz-McBride that turn a random start into an informed one."""
 ROUTH_HURWITZ: Final = Constraint(violations, violation_gradients, nearest_feasible)
 """The four Routh-Hurwitz conditions, and the nearest stable point for an update that violates them."""
@@ -86,7 +86,7 @@ def pole_discrimination(runs: Sequence[WheelRun], options: Options | None = None
     Raises:
         InputError: no usable data.
     """
-    return _estimate_by_descent("poles", runs, options or Options(), POLE_MAGNITUDES)
+    return _estimate_by_descent("poles", runs, options or Options(), _POLE_MAGNITUDES)
 
 
 def random_starts(count: int, seed: int) -> FloatArray:
@@ -109,7 +109,7 @@ def _estimate_by_descent(
         cost,
         starts,
         rate=_learning_rate(problem, _refined(runs, _one_step_law(runs, options), options, cost)),
-        iterations=ITERATIONS_PER_EVALUATION * options.max_iterations,
+        iterations=_ITERATIONS_PER_EVALUATION * options.max_iterations,
         rule="fixed" if options.first_starts == "random" else "spectral",
         constraint=constraint,
         unit_gain=options.unit_gain,
@@ -156,12 +156,12 @@ def _one_step_law(runs: Sequence[WheelRun], options: Options) -> FloatArray:
 
 
 def _refined(runs: Sequence[WheelRun], law: FloatArray, options: Options, cost: BatchCost) -> FloatArray:
-    """Return the best of `REFINING_ROUNDS` rounds of Steiglitz-McBride that start with the poles of `law`.
+    """Return the best of `_REFINING_ROUNDS` rounds of Steiglitz-McBride that start with the poles of `law`.
 
     The best and not the last: the rounds do not minimise H, and with a slow pole in the data they may cycle.
     """
     rounds = []
-    for _ in range(REFINING_ROUNDS):
+    for _ in range(_REFINING_ROUNDS):
         law = steiglitz_mcbride_coefficients(runs, unit_gain=options.unit_gain, rounds=1, filtered_by=law[:3])
         rounds.append(law)
         if len(rounds) > 1 and np.max(np.abs(law - rounds[-2])) < 1e-9:
@@ -173,7 +173,7 @@ def _learning_rate(problem: LawProblem, law: FloatArray) -> float:
     """Return alpha = 1.9/L_h; L_h is the largest eigenvalue of the Gauss-Newton matrix at a good law A-F."""
     jacobian = problem.predict_with_jacobian(law, problem.traces())[1][:, :6] * problem.weight[:, None]
     largest = float(np.linalg.eigvalsh(2.0 * jacobian.T @ jacobian / np.sum(problem.weight**2))[-1])
-    return RATE_SHARE / largest
+    return _RATE_SHARE / largest
 
 
 def _results(
@@ -238,5 +238,5 @@ def radially_stable(abc: FloatArray) -> FloatArray:
     return np.where(outside[:, None], moved, abc)
 
 
-POLE_MAGNITUDES: Final = Constraint(magnitude_excess, magnitude_gradients, radially_stable)
+_POLE_MAGNITUDES: Final = Constraint(magnitude_excess, magnitude_gradients, radially_stable)
 """The three pole magnitudes, and the radial move for an update that violates them."""

@@ -70,7 +70,7 @@ def simplest_law(problem: LawProblem, traces: Traces, third: FittedOrder, *, uni
     """
     c, samples = third.coefficients, len(problem.group)
     gain = 1.0 if unit_gain else float(np.sum(c[3:]) / (1.0 - np.sum(c[:3])))
-    correlated = correlation_factor(problem.measured_rpm - problem.predict(c, traces)[problem.group])
+    correlated = _correlation_factor(problem.measured_rpm - problem.predict(c, traces)[problem.group])
     best = third
     for order in (2, 1):
         lower = lower_order(problem, traces, order, unit_gain=unit_gain, gain=gain)
@@ -103,7 +103,7 @@ def noise_gain(samples: int) -> float:
     return 2.0 * math.log(samples) + 6.0
 
 
-def correlation_factor(residual: FloatArray) -> float:
+def _correlation_factor(residual: FloatArray) -> float:
     """Return the number of residuals per independent one, >= 1, from their autocorrelation in time order.
 
     1 + 2 (rho_1 + rho_2 + ...) up to the first insignificant one (after Geyer's initial positive sequence): 1

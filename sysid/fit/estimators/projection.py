@@ -33,15 +33,15 @@ def project(problem: LawProblem, traces: Traces, abc: FloatArray) -> tuple[Float
     escapes them: it starts from the best single pole of those reached, with the other two at zero.
     """
     projection = Projection(problem, traces)
-    reached, used = search_poles(projection, free_coordinates(abc))
+    reached, used = _search_poles(projection, free_coordinates(abc))
     poles = np.roots([1.0, *(-stable_abc(reached))])
     singles = [free_coordinates([p, 0.0, 0.0]) for p in np.sign(poles.real) * np.abs(poles)]
-    again, more = search_poles(projection, min(singles, key=projection.cost))
+    again, more = _search_poles(projection, min(singles, key=projection.cost))
     best = min(reached, again, key=projection.cost)
     return projection.at(best)[0], used + more + len(singles)
 
 
-def search_poles(projection: Projection, t: FloatArray) -> tuple[FloatArray, int]:
+def _search_poles(projection: Projection, t: FloatArray) -> tuple[FloatArray, int]:
     """Return the pole coordinates, shape (3,), of a local minimum near `t`, and the evaluations used."""
     found = least_squares(
         lambda t: projection.at(t)[1],
@@ -117,7 +117,7 @@ def gain_start(problem: LawProblem, command: np.ndarray) -> float:
 
 def _cost(problem: LawProblem, delay_s: float, limit: float) -> float:
     projection = Projection(problem, problem.traces(delay_s, limit))
-    return projection.cost(search_poles(projection, _BENIGN)[0])
+    return projection.cost(_search_poles(projection, _BENIGN)[0])
 
 
 def _delay_start(problem: LawProblem, longest_s: float, limit: float) -> float:

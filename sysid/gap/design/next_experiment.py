@@ -58,7 +58,7 @@ def design_next_experiment(
     `threshold` the fall of the cost that counts as seen.
     """
     conditions = conditions_of(problem, decision.facts.inflation)
-    limits = limits_of(problem.base, problem.observations)
+    limits = _limits_of(problem.base, problem.observations)
     if decision.verdict == "ambiguous":
         return _separating(problem.base, decision, conditions, limits)
     names = [effect.name for effect in untestable] if decision.verdict in ("named", "no_gap") else []
@@ -81,7 +81,7 @@ def design_for_untestable(
     visible: list[int] = []
 
     def judge(trial: Trial, thorough: bool) -> FloatArray | None:
-        return visibility(trial, rivals, threshold, thorough=thorough)
+        return _visibility(trial, rivals, threshold, thorough=thorough)
 
     def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
         best_z = np.max([one.z for one in judged], axis=0)
@@ -100,7 +100,7 @@ def design_for_untestable(
     return Design(experiment_of(model, best.rows, drawn, conditions, (), power, why), why)
 
 
-def visibility(
+def _visibility(
     trial: Trial, rivals: Sequence[Rival], threshold: float, *, thorough: bool
 ) -> FloatArray | None:
     """Return z (p,) of each effect, which shows with probability Phi(z); None if the model is unpredictable.
@@ -207,7 +207,7 @@ def _kind(run: Run) -> CommandKind:
     return "body" if isinstance(run.command, BodyCommand) else "wheels"
 
 
-def limits_of(model: Model, observations: Observations) -> Limits:
+def _limits_of(model: Model, observations: Observations) -> Limits:
     """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs."""
     limit = model.wheel.saturation_rpm
     runs = [situation.runs[0] for situation in observations.situations]

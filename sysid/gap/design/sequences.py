@@ -20,9 +20,9 @@ from sysid.logs.runs import Level
 
 FIELD_M: Final = 9.0
 """Side of the square field [m]: that of the sport."""
-MARGIN_M: Final = 1.0
+_MARGIN_M: Final = 1.0
 """Least distance of the robot's centre to the edge [m], on the path that the commands ask for."""
-LONGEST_S: Final[dict[Level, float]] = {"bench": 6.0, "robot": 8.0}
+_LONGEST_S: Final[dict[Level, float]] = {"bench": 6.0, "robot": 8.0}
 """Duration of the longest sequence [s]."""
 _REST: Final = 2
 """Command periods at rest before the first command and after the last one, at least."""
@@ -53,10 +53,10 @@ class Limits:
     @property
     def max_rows(self) -> int:
         """Rows of the longest sequence."""
-        return int(LONGEST_S[self.level] / self.period_s + 1e-9)
+        return int(_LONGEST_S[self.level] / self.period_s + 1e-9)
 
 
-def legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
+def _legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
     """Return a sequence that the robot can execute; None if its path leaves the field.
 
     Rows, shape (n, 1) or (n, 3), get rest before and after. Those that ask too much of a wheel are slowed
@@ -67,7 +67,7 @@ def legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
     rows = np.concatenate([rest, _rounded(rows, limits), rest])
     if limits.geometry is not None:
         path = path_m(rows, limits.geometry, limits.period_s)
-        if np.max(np.abs(path)) > 0.5 * FIELD_M - MARGIN_M:
+        if np.max(np.abs(path)) > 0.5 * FIELD_M - _MARGIN_M:
             return None
     return rows
 
@@ -85,18 +85,18 @@ def path_m(rows: FloatArray, geometry: Geometry, period_s: float) -> FloatArray:
 
 
 def library(limits: Limits, rng: np.random.Generator) -> list[FloatArray]:
-    """Return the structured families of sequences and some random ones, all of them legal."""
+    """Return the structured families of sequences and some random ones, all of them _legal."""
     if limits.geometry is None:
         raw = [profile[:, None] for profile in _bench_profiles(limits)]
     else:
         raw = list(_robot_sequences(limits, limits.geometry))
     raw += [_random_sequence(limits, rng) for _ in range(_RANDOM[limits.level])]
-    found = [legal(rows, limits) for rows in raw]
+    found = [_legal(rows, limits) for rows in raw]
     return [rows for rows in found if rows is not None]
 
 
 def changed(rows: FloatArray, limits: Limits, rng: np.random.Generator) -> FloatArray | None:
-    """Return legal rows with one random change: a hold scaled, lengthened, exchanged, split or replaced.
+    """Return _legal rows with one random change: a hold scaled, lengthened, exchanged, split or replaced.
 
     None if the sequence is all rest, or if its path would leave the field.
     """
@@ -119,7 +119,7 @@ def changed(rows: FloatArray, limits: Limits, rng: np.random.Generator) -> Float
         holds[at : at + 1] = [(level, first), (_random_command(limits, level.size, rng), length - first)]
     else:
         holds[at] = _random_command(limits, level.size, rng), length
-    return legal(np.concatenate([np.tile(value, (count, 1)) for value, count in holds]), limits)
+    return _legal(np.concatenate([np.tile(value, (count, 1)) for value, count in holds]), limits)
 
 
 def _rounded(rows: FloatArray, limits: Limits) -> FloatArray:

@@ -36,15 +36,15 @@ from sysid.logs.runs import Level
 
 REPEATS: Final = 3
 """How often an experiment is to be run."""
-CLEARANCE_M: Final = 0.4
+_CLEARANCE_M: Final = 0.4
 """Least distance of the robot's centre to the edge [m], on the path that a model predicts: half the robot's
 diagonal and a margin."""
-FINEST_S: Final = 0.02
+_FINEST_S: Final = 0.02
 """Shortest sample interval that is simulated [s]: finer samples are replaced by their means, for speed."""
-PREDICTABLE: Final = 0.2
+_PREDICTABLE: Final = 0.2
 """Rms change of a prediction, in noise standard deviations, that a change of the robot's mass by 1/1000 may
 cause. Beyond it wheels slip, where details decide and no model is right: differences there tell nothing."""
-GOOD_ENOUGH: Final = 4.0
+_GOOD_ENOUGH: Final = 4.0
 """z from which a sequence is not improved further: its power is 1 but for a few in 100,000."""
 
 CommandKind = Literal["bench", "body", "wheels"]
@@ -92,7 +92,7 @@ class Trial:
         self._study = conditions.study
         if coarse and conditions.level == "robot" and self._study.timestep_s is None:
             self._study = replace(self._study, timestep_s=TRAINING_TIMESTEP_S)
-        step = max(conditions.interval_s, FINEST_S)
+        step = max(conditions.interval_s, _FINEST_S)
         samples = round(len(rows) * base.wheel.command_period_s / step)
         time = np.asarray(np.arange(samples + 1) * step, float)
         self.run = self._run(command_of(rows, base, conditions.kind, time), time, conditions.channels)
@@ -126,7 +126,7 @@ class Trial:
         if run.level == "bench":
             return channels
         farthest = max(float(np.max(np.abs(channels[name]))) for name in ("x_m", "y_m"))
-        return channels if farthest <= 0.5 * FIELD_M - CLEARANCE_M else None
+        return channels if farthest <= 0.5 * FIELD_M - _CLEARANCE_M else None
 
     def whitened(self, model: Model) -> FloatArray | None:
         """Return a model's whitened prediction (N,); None if `predict` returns None."""
@@ -137,12 +137,12 @@ class Trial:
         return self.whitener.whiten([block.of(self.run, measured) for block in self.observations.blocks])
 
     def predictable(self, model: Model, prediction: FloatArray) -> bool:
-        """Return whether a model's whitened prediction (N,) does not depend on details; see `PREDICTABLE`."""
+        """Return whether a model's whitened prediction (N,) is robust to details; see `_PREDICTABLE`."""
         if self.run.level == "bench":
             return True
         robot = replace(model.robot, mass_kg=1.001 * model.robot.mass_kg)
         other = self.whitened(replace(model, robot=robot))
-        return other is not None and float(np.sqrt(np.mean((other - prediction) ** 2))) <= PREDICTABLE
+        return other is not None and float(np.sqrt(np.mean((other - prediction) ** 2))) <= _PREDICTABLE
 
     def add_law_columns(self, prediction: FloatArray) -> None:
         """Add the columns of the base model's uncertain parameters to `nuisance`.
@@ -267,7 +267,7 @@ def best_sequence(
         return None
     best = max(found, key=value)
     for _ in range(effort.rounds):
-        if value(best) >= GOOD_ENOUGH:
+        if value(best) >= _GOOD_ENOUGH:
             break
         tried = [changed(best.rows, limits, rng) for _ in range(effort.changes)]
         best = max([best, *judge_all([rows for rows in tried if rows is not None], True)], key=value)

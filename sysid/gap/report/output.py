@@ -173,13 +173,13 @@ def write_study(report: GapReport, folder: Path) -> tuple[Path, ...]:
         if _PAGE in paths:
             write_gap_report(report, paths[_PAGE])
         if experiment is not None:
-            write_columns(experiment_columns(experiment), paths[NEXT_FILE])
+            write_columns(_experiment_columns(experiment), paths[NEXT_FILE])
     for name in set(FILES) - set(names):
         (folder / name).unlink(missing_ok=True)
     return tuple(folder / name for name in names)
 
 
-def experiment_columns(experiment: Experiment) -> dict[str, FloatArray]:
+def _experiment_columns(experiment: Experiment) -> dict[str, FloatArray]:
     """Return the commands of an experiment as columns of a log, with a last row at its end."""
     columns = {TIME: experiment.time_s, **experiment.columns}
     if experiment.duration_s <= float(experiment.time_s[-1]):

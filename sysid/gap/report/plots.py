@@ -15,7 +15,7 @@ from sysid.gap.wording import number
 from sysid.logs.runs import UNITS
 
 MEASURED, BEFORE, AFTER, COMMAND = "#8a8a8a", "#c8102e", "#0b7a75", "#1f4e79"
-CANDIDATES: Final = ("#0b7a75", "#c8102e", "#1f4e79", "#c58b00", "#6b4c9a")
+_CANDIDATES: Final = ("#0b7a75", "#c8102e", "#1f4e79", "#c58b00", "#6b4c9a")
 """Line colours of the candidates, in their order."""
 _HEAT: Final = [[0.0, "#fbfaf7"], [0.15, "#fdeccb"], [0.4, "#f7b267"], [0.7, "#d1495b"], [1.0, "#6d1a36"]]
 _COMMANDS: Final = (COMMAND, "#c58b00", "#6b4c9a", "#4d8076")
@@ -219,7 +219,7 @@ def _predictions(experiment: Experiment, channel: str, *, legend: bool) -> list[
     time = experiment.predicted_time_s
     return [
         _line(time, values[channel], name, colour, showlegend=legend, legendgroup=name)
-        for (name, values), colour in zip(experiment.predicted.items(), CANDIDATES, strict=False)
+        for (name, values), colour in zip(experiment.predicted.items(), _CANDIDATES, strict=False)
     ]
 
 

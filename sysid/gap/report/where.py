@@ -22,13 +22,13 @@ from sysid.gap.result import Region
 
 SETTLING_S: Final = 0.3
 """Time after a change of command until the motion counts as steady [s]; the published robot needs 0.23 s."""
-SPEED_EDGES_RPM: Final = (20.0, 40.0, 80.0, 120.0, 200.0, 400.0)
+_SPEED_EDGES_RPM: Final = (20.0, 40.0, 80.0, 120.0, 200.0, 400.0)
 """Edges of the speed bands [rpm]; the published losses are at 10, 40, 80 and 130 rpm."""
-PURE: Final = 0.1
+_PURE: Final = 0.1
 """Share of turning up to which a motion counts as straight, and of travelling up to which it is turning."""
-LEAST_SAG_V: Final = 0.1
+_LEAST_SAG_V: Final = 0.1
 """Range of voltages [V] below which the error is not divided by voltage."""
-BATTERY_BANDS: Final = 3
+_BATTERY_BANDS: Final = 3
 """Number of voltage bands."""
 UNKNOWN: Final = "unknown"
 """Region of samples for which a dimension was not logged."""
@@ -115,7 +115,7 @@ def _last_motion(time_s: FloatArray, command: HeldCommand, settling_s: float) ->
 def _speed(command_rpm: FloatArray) -> Labels:
     """Return the band of the fastest wheel's command."""
     size = np.max(np.abs(command_rpm), axis=1)
-    edges = np.array([COMMAND_STEP_RPM, *SPEED_EDGES_RPM])
+    edges = np.array([COMMAND_STEP_RPM, *_SPEED_EDGES_RPM])
     names = ["0 rpm", f"up to {edges[1]:g} rpm"]
     names += [f"{a:g} .. {b:g} rpm" for a, b in pairwise(edges[1:])]
     names.append(f"above {edges[-1]:g} rpm")
@@ -136,7 +136,7 @@ def _direction(wheels_rpm: FloatArray) -> Labels:
     total = travel + turn
     octant = np.rint(np.arctan2(body[:, 1], body[:, 0]) / (np.pi / 4.0)).astype(int) % 8
     return np.select(
-        [total <= COMMAND_STEP_RPM, turn <= PURE * total, travel <= PURE * total],
+        [total <= COMMAND_STEP_RPM, turn <= _PURE * total, travel <= _PURE * total],
         ["at rest", np.array(_AXES)[octant], "turning"],
         "mixed",
     )
@@ -158,9 +158,9 @@ def _battery_edges(samples: Sequence[Samples]) -> FloatArray | None:
     """Return the edges of equally wide voltage bands [V]; None if it was not logged or is constant."""
     logged = [part.battery_v[np.isfinite(part.battery_v)] for part in samples if part.battery_v is not None]
     volts = np.concatenate(logged) if logged else np.zeros(0)
-    if volts.size == 0 or np.ptp(volts) < LEAST_SAG_V:
+    if volts.size == 0 or np.ptp(volts) < _LEAST_SAG_V:
         return None
-    edges: FloatArray = np.linspace(np.min(volts), np.max(volts), BATTERY_BANDS + 1)
+    edges: FloatArray = np.linspace(np.min(volts), np.max(volts), _BATTERY_BANDS + 1)
     return edges
 
 

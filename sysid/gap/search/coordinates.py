@@ -15,7 +15,7 @@ from mecanum_env.units import FloatArray
 
 _LOGARITHMIC: Final = 20.0
 """Ratio of the bounds above which a parameter is searched in the logarithm."""
-INTEGRAL_BOUNDS: Final = (1.0, 500.0)
+_INTEGRAL_BOUNDS: Final = (1.0, 500.0)
 """Bounds of the drive's integral action [N m/rad] when friction is tried on a drive that has one."""
 
 
@@ -159,7 +159,7 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
 
 def integral_action(base: Model) -> Coordinate:
     """Return the drive's integral action as a coordinate whose neutral value is that of the `base` model."""
-    return Coordinate("", "servo_integral_n_m_rad", *INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
+    return Coordinate("", "servo_integral_n_m_rad", *_INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
 
 
 def joined(one: EffectSet, other: EffectSet) -> EffectSet:

@@ -24,9 +24,9 @@ LEFT_OUT: Final = ("wheel_gain_mismatch", "mount_yaw", "battery_sag")
 """Effects that are not considered. Four wheel gains could fit any straight line and turn, but bend the path;
 a sensor turned so far that it loses speed would show a quarter of it sideways; battery sag depends on the
 time, and the paper prints no duration."""
-WIDER: Final = {("speed_saturation", "softness_rpm"): 135.0}
+_WIDER: Final = {("speed_saturation", "softness_rpm"): 135.0}
 """Upper bounds beyond the catalogue's: a knee as wide as the wheel's whole range."""
-HELD: Final = {
+_HELD: Final = {
     ("floor_slope", "heading_deg"): 180.0,
     ("payload", "height_m"): 0.2,
     ("stiction", "stribeck_rpm"): 5.0,
@@ -122,14 +122,16 @@ class Fitter:
         model = chosen.model(self.base, place)
         effects = {name: dict(values) for name, values in model.effects.items()}
         for name in chosen.names:
-            held = {p.name: HELD[name, p.name] for p in CATALOGUE[name].parameters if (name, p.name) in HELD}
+            held = {
+                p.name: _HELD[name, p.name] for p in CATALOGUE[name].parameters if (name, p.name) in _HELD
+            }
             effects[name] = {**held, **effects.get(name, {})}
         return replace(model, effects=effects)
 
     def set_of(self, names: Sequence[str]) -> EffectSet:
         """Return the set of the effects with these `names`, whose fitted parameters are free."""
         full = effect_set(self.base, names)
-        out = (*HELD, *self._neutral)
+        out = (*_HELD, *self._neutral)
         free = tuple(_widened(c) for c in full.coordinates if (c.effect, c.parameter) not in out)
         return EffectSet(full.names, free)
 
@@ -202,5 +204,5 @@ def _starts(chosen: EffectSet, parent: SetFit, name: str) -> Iterator[FloatArray
 
 
 def _widened(coordinate: Coordinate) -> Coordinate:
-    high = WIDER.get((coordinate.effect, coordinate.parameter), coordinate.high)
+    high = _WIDER.get((coordinate.effect, coordinate.parameter), coordinate.high)
     return replace(coordinate, high=max(high, coordinate.high))

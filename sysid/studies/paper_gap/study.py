@@ -19,9 +19,9 @@ from sysid.progress import Progress, silent
 from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, drive_metrics, turn_losses
 from sysid.studies.paper_gap.sets import LEFT_OUT, Fitter, SetFit
 
-BEAM: Final = {1: 3, 2: 4, 3: 5}
+_BEAM: Final = {1: 3, 2: 4, 3: 5}
 """Size -> number of its best sets from which larger sets grow."""
-PROMISING: Final = 7
+_PROMISING: Final = 7
 """Number of most promising effects that are tried as additions to a set."""
 PLANTS: Final[tuple[RobotPlant, ...]] = ("planar", "rollers")
 _SIZES: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
@@ -63,12 +63,12 @@ def reaches(base: Model) -> list[Reach]:
     return found
 
 
-def movers(found: Sequence[Reach]) -> tuple[str, ...]:
+def _movers(found: Sequence[Reach]) -> tuple[str, ...]:
     """Return the effects of the planar plant that change any of the numbers."""
     return tuple(r.name for r in found if r.moves.any() and CATALOGUE[r.name].acts_in("planar"))
 
 
-def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
+def _grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
     """Return all fitted sets, by their names: all single effects, then additions to the best sets.
 
     `names` are the effects to consider; a set has at `most` so many effects.
@@ -77,8 +77,8 @@ def grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[st
     for size in range(1, most + 1):
         # A set that already reproduces the numbers needs no addition.
         parents = [f for f in best(fitted, size - 1) if f.worst > 1.0]
-        for parent in parents[: BEAM.get(size - 1, 1)]:
-            _grow(fitter, fitted, parent, names, len(names) if size == 1 else PROMISING)
+        for parent in parents[: _BEAM.get(size - 1, 1)]:
+            _grow(fitter, fitted, parent, names, len(names) if size == 1 else _PROMISING)
     return fitted
 
 
@@ -130,7 +130,7 @@ def suspects(base: Model) -> dict[str, SetFit]:
     Sensor latency is in none of the larger sets because it changes none of the numbers.
     """
     plain, ceiling = Fitter(base), Fitter(base, neutral=_CEILING)
-    integral = Fitter(with_integral(base))
+    integral = Fitter(_with_integral(base))
     together = ("speed_saturation", "coulomb_friction", "viscous_friction", "payload")
     return {
         "load": plain.built(["payload"]),
@@ -145,7 +145,7 @@ def suspects(base: Model) -> dict[str, SetFit]:
     }
 
 
-def suspects_turning(base: Model) -> Turn:
+def _suspects_turning(base: Model) -> Turn:
     """Fit all suspects, added to a base model, to the straight drives, and predict turns at all speeds."""
     counted = np.ones(PAPER.size)
     counted[TURN] = 0.0
@@ -154,13 +154,13 @@ def suspects_turning(base: Model) -> Turn:
     return Turn(found, turn_losses(fitter.model(found.chosen, found.place), TURN_SPEEDS_RPM))
 
 
-def with_integral(base: Model) -> Model:
+def _with_integral(base: Model) -> Model:
     """Return the model with integral action in its drives."""
     return replace(base, robot=replace(base.robot, servo_integral_n_m_rad=INTEGRAL_N_M_RAD))
 
 
 STAGES: Final = 5
-MOST_EFFECTS: Final = 4
+_MOST_EFFECTS: Final = 4
 """Largest number of effects in a set; with more there are more parameters than numbers."""
 _NEAREST: Final = 5
 """Number of sets of each size in the table, besides those that reproduce all numbers."""
@@ -197,18 +197,18 @@ def paper_gap(progress: Progress = silent) -> PaperGap:
     base = paper_model()
     progress("what each effect can do")
     reach = reaches(base)
-    names = movers(reach)
+    names = _movers(reach)
     progress("the paper's suspects")
     suspected = suspects(base)
-    turn = suspects_turning(base)
+    turn = _suspects_turning(base)
     progress("sets of effects")
     fitter = Fitter(base)
-    fitted = grown_sets(fitter, names, MOST_EFFECTS)
+    fitted = _grown_sets(fitter, names, _MOST_EFFECTS)
     kept = [f for f in fitted.values() if not needless(f, fitted.values())]
     sets = _shown(kept)
     progress("a drive with integral action")
     first = min(kept, key=lambda f: f.misfit)
-    integral = Fitter(with_integral(base)).built(first.names)
+    integral = Fitter(_with_integral(base)).built(first.names)
     progress("on rollers")
     good = [f for f in sets if f.worst <= 1.0]
     rollers = [_on_rollers(fitter.model(f.chosen, f.place)) for f in good]
@@ -233,7 +233,7 @@ def _shown(fitted: list[SetFit]) -> tuple[SetFit, ...]:
     ordered = sorted(fitted, key=lambda f: (f.chosen.parameter_count, f.misfit, f.names))
     nearest = {
         f.names
-        for size in range(1, MOST_EFFECTS + 1)
+        for size in range(1, _MOST_EFFECTS + 1)
         for f in sorted((f for f in fitted if len(f.names) == size), key=lambda f: f.misfit)[:_NEAREST]
     }
     return tuple(f for f in ordered if f.worst <= 1.0 or f.names in nearest)

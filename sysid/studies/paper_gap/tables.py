@@ -31,11 +31,11 @@ def paper_gap_markdown(found: PaperGap) -> str:
         "lose the same share; a ceiling loses nothing below it. None of them alone gives these losses.",
         "## What each effect alone can do",
         "Largest change of each number over the catalogue's bounds; - means below the tolerance.",
-        reach_table(found.reach),
+        _reach_table(found.reach),
         "## What the paper suspects",
         "Each was fitted to all six numbers; bold numbers are missed by more than the tolerance.",
-        suspect_table(found),
-        turn_text(found),
+        _suspect_table(found),
+        _turn_text(found),
         "## Sets of effects",
         f"{found.worsts.size} sets of up to four effects were fitted, each size grown from the best of the "
         "size before: a beam, not all sets. Shown are the nearest of each size and all that reproduce the "
@@ -43,10 +43,10 @@ def paper_gap_markdown(found: PaperGap) -> str:
         "at most 1 where all six are reproduced. "
         f"Half the tolerance would leave {np.sum(found.worsts <= 0.5)} sets, twice the tolerance "
         f"{np.sum(found.worsts <= 2.0)}.",
-        set_table(found),
+        _set_table(found),
         "## The same on rollers",
         "The search runs on the planar plant. The sets that reproduce the numbers there give on rollers:",
-        roller_table(found),
+        _roller_table(found),
     ]
     return "\n\n".join(parts) + "\n"
 
@@ -138,7 +138,7 @@ def speeds() -> str:
     return markdown_table(("commanded rpm", "loss", "reached rpm", "lost rpm"), rows)
 
 
-def reach_table(reach: tuple[Reach, ...]) -> str:
+def _reach_table(reach: tuple[Reach, ...]) -> str:
     """Return how far each effect changes each number."""
     rows = []
     for one in reach:
@@ -150,7 +150,7 @@ def reach_table(reach: tuple[Reach, ...]) -> str:
     return markdown_table(("effect", *_HEAD), rows)
 
 
-def suspect_table(found: PaperGap) -> str:
+def _suspect_table(found: PaperGap) -> str:
     """Return the best predictions of the paper's suspects."""
     fits = [
         (title, sizes(fit), *_predicted(fit), f"{fit.misfit:.1f}") for title, fit in found.suspects.items()
@@ -159,7 +159,7 @@ def suspect_table(found: PaperGap) -> str:
     return markdown_table(("suspect", "effects", *_HEAD, "misfit"), rows)
 
 
-def turn_text(found: PaperGap) -> str:
+def _turn_text(found: PaperGap) -> str:
     """Return what the suspects predict of the turn when it is not fitted."""
     turn = found.turn
     lowest = int(np.argmin(turn.losses))
@@ -174,7 +174,7 @@ def turn_text(found: PaperGap) -> str:
     )
 
 
-def set_table(found: PaperGap) -> str:
+def _set_table(found: PaperGap) -> str:
     """Return the table of sets."""
     integral = f"with integral action of {INTEGRAL_N_M_RAD:g} N m/rad: {sizes(found.integral)}"
     rows = [
@@ -185,7 +185,7 @@ def set_table(found: PaperGap) -> str:
     return markdown_table(("set", "parameters", *_HEAD, "misfit", "worst"), rows)
 
 
-def roller_table(found: PaperGap) -> str:
+def _roller_table(found: PaperGap) -> str:
     """Return the numbers on rollers of the sets that reproduce the paper's."""
     rows = [("the model as it is", *map(_figure, found.base), "")]
     for one, six in zip(found.reproducing, found.on_rollers, strict=True):

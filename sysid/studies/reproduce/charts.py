@@ -22,7 +22,7 @@ from sysid.studies.reproduce.prediction import Response
 
 Style = Literal["line", "points", "stairs", "dashed", "marked"]
 
-COLOURS: Final = {
+_COLOURS: Final = {
     "output-error": "#c8102e",
     "kkt-improved": "#1f4e79",
     "kkt": "#4a90c2",
@@ -104,7 +104,7 @@ def _starts_panel(found: Reproduction) -> Panel:
         x, y = np.concatenate([[0.1], x, [1e3]]), np.concatenate([[0.0], y, y[-1:]])
         within = x < 1e3
         y[~within] = y[within][-1]
-        lines.append(Line(CONTENDERS[name].label, x, y, COLOURS[name], "stairs"))
+        lines.append(Line(CONTENDERS[name].label, x, y, _COLOURS[name], "stairs"))
     for value, label in ((found.best_rms_rpm * 1.05, "success"), (USABLE_RMS_RPM, "usable")):
         lines.append(Line(label, np.full(2, value), np.array([0.0, 1.0]), _BLACK, "dashed"))
     return Panel(
@@ -127,7 +127,7 @@ def _response_panel(shown: Response, title: str = "", limits: tuple[float, float
     for name in _SHOWN:
         speed = shown.models_rpm[name]
         seen = np.where(np.abs(speed) <= 10.0 * top, speed, np.nan)  # An unstable law leaves the chart.
-        lines.append(Line(CONTENDERS[name].label, shown.tick_s, seen, COLOURS[name]))
+        lines.append(Line(CONTENDERS[name].label, shown.tick_s, seen, _COLOURS[name]))
     return Panel(
         title or shown.name,
         "time [s]",
@@ -156,7 +156,9 @@ def _metric_panels(found: Reproduction) -> tuple[Panel, ...]:
         for name in _SHOWN:
             value = factor * getattr(found.models[name], of_law)
             if np.isfinite(value):
-                lines.append(Line(CONTENDERS[name].label, speeds, np.full(len(speeds), value), COLOURS[name]))
+                lines.append(
+                    Line(CONTENDERS[name].label, speeds, np.full(len(speeds), value), _COLOURS[name])
+                )
         average = np.full(2, factor * printed["target"])
         lines.append(Line("paper's robot, average", speeds[[0, -1]], average, _BLACK, "dashed"))
         every = np.concatenate([line.y for line in lines])
@@ -171,8 +173,8 @@ def _robot_panels(found: Reproduction) -> tuple[Panel, ...]:
     panels = []
     for moved in found.robot:
         lines = (
-            Line("law alone", moved.time_s, moved.law, COLOURS["kkt"]),
-            Line("robot on rollers", moved.time_s, moved.body, COLOURS["output-error"]),
+            Line("law alone", moved.time_s, moved.law, _COLOURS["kkt"]),
+            Line("robot on rollers", moved.time_s, moved.body, _COLOURS["output-error"]),
             Line(
                 "steady speed with the paper's loss",
                 moved.time_s[[0, -1]],

@@ -235,7 +235,7 @@ def start_rates(name: str, found: Estimate, best_rms_rpm: float, largest_rpm: fl
     )
 
 
-ORDER_CHOSEN = "output-error, order chosen"
+_ORDER_CHOSEN = "output-error, order chosen"
 """Output error as `sysid.fit` runs it: from its own start, including its choice of the law's order."""
 
 
@@ -277,7 +277,7 @@ def measure_costs(
             effort.exhaustive_repeats if long else effort.cost_repeats,
         )
         if name == OURS:
-            costs[ORDER_CHOSEN] = _cost(
+            costs[_ORDER_CHOSEN] = _cost(
                 "output error, order chosen",
                 lambda _: estimate(data.fit_runs, OURS, Options(starts=1)),
                 effort.cost_repeats,

@@ -16,7 +16,7 @@ NOISE_RPM = 0.5
 """Standard deviation of the white noise on the logged speed, in addition to the encoder's counts [rpm]."""
 LAW_PERIOD_S = 1.0 / 120.0
 """Period of the identified laws: 12 ticks per command, as for the paper's coefficients."""
-LOG_PERIOD_S = 0.01
+_LOG_PERIOD_S = 0.01
 REST_PERIODS = 1
 """Command periods at rest before each step."""
 STEP_PERIODS = 10
@@ -107,9 +107,9 @@ def random_hold_command(rng: np.random.Generator) -> FloatArray:
 def record(name: str, command_rpm: FloatArray, rng: np.random.Generator) -> Recording:
     """Run the target system through one command per 0.1 s, shape (m,), and put the log on the law's clock."""
     system = TargetSystem()
-    log = simulate_target(command_rpm, rng=rng, noise_rpm=NOISE_RPM, sample_period_s=LOG_PERIOD_S)
+    log = simulate_target(command_rpm, rng=rng, noise_rpm=NOISE_RPM, sample_period_s=_LOG_PERIOD_S)
     # Rounding to counts is uniform, and a speed is the difference of two counts.
-    count_rpm = 60.0 / (system.encoder_counts * system.gear_ratio * LOG_PERIOD_S)
+    count_rpm = 60.0 / (system.encoder_counts * system.gear_ratio * _LOG_PERIOD_S)
     sigma = float(np.hypot(NOISE_RPM, count_rpm / np.sqrt(6.0)))
     commands = np.repeat(command_rpm, round(system.command_period_s / LAW_PERIOD_S))
     run = WheelRun(

@@ -45,7 +45,7 @@ class SetErrors:
         return {name: rms * rms for name, rms in self.rms_rpm.items()}
 
 
-def predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -> FloatArray:
+def _predict_ticks(law: WheelLaw, run: WheelRun, ceiling_rpm: float = math.inf) -> FloatArray:
     """Return the speed of a law, stable or not, at every tick of a run that starts at rest, shape (K+1,).
 
     Commands are limited to the ceiling.
@@ -59,7 +59,7 @@ def rms_error(law: WheelLaw, runs: Sequence[WheelRun], ceiling_rpm: float = math
     """Return the rms [rpm] of measured minus predicted by a law, over all samples of the runs."""
     errors = []
     for run in runs:
-        ticks = predict_ticks(law, run, ceiling_rpm)
+        ticks = _predict_ticks(law, run, ceiling_rpm)
         with np.errstate(all="ignore"):
             errors.append(run.speed_rpm - np.interp(run.sample_tick, np.arange(len(ticks)), ticks))
     with np.errstate(all="ignore"):
@@ -96,7 +96,7 @@ def pooled_rms(sets: Sequence[SetErrors], role: str) -> dict[str, float]:
     }
 
 
-STEP_TIME_S = 0.1 * REST_PERIODS
+_STEP_TIME_S = 0.1 * REST_PERIODS
 STEP_S = 0.1 * STEP_PERIODS
 
 
@@ -172,8 +172,8 @@ def target_steps(data: DataSets) -> TargetSteps:
         # A speed is counted over the interval that ends at its stamp, and belongs to its middle.
         middle = time - 0.5 * (time[1] - time[0])
         noise = NOISE_RPM / math.sqrt(len(group))
-        measured.append(step_metrics(middle, mean, 0.0, command, step_time_s=STEP_TIME_S, noise_rpm=noise))
-        true.append(step_metrics(time, inner, 0.0, command, step_time_s=STEP_TIME_S, noise_rpm=0.0))
+        measured.append(step_metrics(middle, mean, 0.0, command, step_time_s=_STEP_TIME_S, noise_rpm=noise))
+        true.append(step_metrics(time, inner, 0.0, command, step_time_s=_STEP_TIME_S, noise_rpm=0.0))
     return TargetSteps(
         tuple(speeds),
         np.array([m.relative_steady_state_error for m in measured]),
@@ -196,7 +196,7 @@ def response(recording: Recording, laws: Mapping[str, WheelLaw], ceiling_rpm: fl
         log.true_speed_rpm,
         np.asarray(np.arange(len(command) + 1) * LAW_PERIOD_S, float),
         np.append(command, command[-1]),
-        {name: predict_ticks(law, run, ceiling_rpm) for name, law in laws.items()},
+        {name: _predict_ticks(law, run, ceiling_rpm) for name, law in laws.items()},
     )
 
 

@@ -16,7 +16,7 @@ from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.studies.reproduce import published
 
 HOLD_S = 3.0
-STOP_S = 1.5
+_STOP_S = 1.5
 _DRAWN_S = 0.01
 
 
@@ -61,16 +61,16 @@ def robot_drives(model: Model, plant: RobotPlant = "rollers") -> list[RobotDrive
     _, _, turn_rpm = twist_to_command([0.0, 0.0, published.ROTATION_RAD_S], model.robot)
     commands = {f"straight {v} rpm": (float(v), 0.0) for v in published.FIT_STEPS_RPM}
     commands[f"turn {published.ROTATION_RAD_S} rad/s"] = (0.0, float(turn_rpm))
-    return [robot_drive(model, name, *command, plant) for name, command in commands.items()]
+    return [_robot_drive(model, name, *command, plant) for name, command in commands.items()]
 
 
-def robot_drive(
+def _robot_drive(
     model: Model, name: str, v_rpm: float, vc_rpm: float, plant: RobotPlant = "rollers"
 ) -> RobotDrive:
     """Simulate one drive, a name in `published.ROBOT_LOSS`, on a plant and return its metrics."""
     v, _, vc = (float(x) for x in round_command(v_rpm, 0.0, vc_rpm, model.wheel.command_quantum_rpm))
     commands = BodyCommands.from_rows([(0.0, v, 0.0, vc), (HOLD_S, 0.0, 0.0, 0.0)])
-    path = drive(model, commands, HOLD_S + STOP_S, plant=plant)
+    path = drive(model, commands, HOLD_S + _STOP_S, plant=plant)
     axis = 2 if v == 0.0 else 0
     scale = 1.0 if axis == 2 else 1.0 / (model.robot.wheel_radius_m * RAD_S_PER_RPM)
     commanded = float(command_to_twist(v, 0.0, vc, model.robot)[axis]) * scale

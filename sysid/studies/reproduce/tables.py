@@ -15,7 +15,7 @@ from sysid.studies.reproduce.experiment import Reproduction
 from sysid.studies.reproduce.prediction import pooled_rms
 from sysid.studies.reproduce.why import Section, comparisons, percent, printed_metrics
 
-EQUAL = 1e-3
+_EQUAL = 1e-3
 """Relative difference below which two rms values count as equal; chance moves one of 300 samples
 by 4 %."""
 
@@ -51,17 +51,17 @@ def verdict(found: Reproduction) -> str:
         f"plain gradient descent from {many['gradient'].success.count}. One identification takes it "
         f"{1e3 * ours.mean_s:.0f} ms of processor time, {ratio(improved, ours.mean_s)} less than the "
         f"improved kkt, {ratio(kkt, ours.mean_s)} less than the published one, {ratio(grid, ours.mean_s)} "
-        f"less than the exhaustive search. {best_on(found)}"
+        f"less than the exhaustive search. {_best_on(found)}"
     )
 
 
-def best_on(found: Reproduction) -> str:
+def _best_on(found: Reproduction) -> str:
     """Return a sentence: on how many data sets output error is best, and how far it is behind elsewhere."""
     behind = [errors.rms_rpm[OURS] / min(errors.rms_rpm.values()) for errors in found.errors]
-    best = sum(excess <= 1.0 + EQUAL for excess in behind)
+    best = sum(excess <= 1.0 + _EQUAL for excess in behind)
     return (
         f"On {best} of {len(behind)} data sets no method is nearer to the measurements by more than "
-        f"{percent(EQUAL, 1)} (at most {percent(max(behind) - 1.0, 3)})."
+        f"{percent(_EQUAL, 1)} (at most {percent(max(behind) - 1.0, 3)})."
     )
 
 
@@ -211,7 +211,7 @@ def error_table(found: Reproduction) -> Table:
     return Table(
         "rms of measured minus simulated [rpm]",
         (head, *rows),
-        f"Free-running simulation. The noise alone is {found.sigma_rpm:.3f} rpm. {best_on(found)}",
+        f"Free-running simulation. The noise alone is {found.sigma_rpm:.3f} rpm. {_best_on(found)}",
     )
 
 

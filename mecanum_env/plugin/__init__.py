@@ -35,13 +35,14 @@ def library_path(mujoco_version: str, folders: Iterable[str] | None = None) -> P
         BackendError: there is no library, or only for another release.
     """
     chosen = [*__path__, *installed_folders()] if folders is None else folders
-    searched = [Path(folder) for folder in chosen]
+    searched = list(dict.fromkeys(Path(folder).resolve() for folder in chosen))
     found = sorted(library for folder in searched for library in folder.glob(f"{_STEM}*.so"))
     for library in found:
         if library.name == f"{_STEM}{mujoco_version}.so":
             return library
     if found:
-        built = ", ".join(library.name.removeprefix(_STEM).removesuffix(".so") for library in found)
+        releases = dict.fromkeys(library.name.removeprefix(_STEM).removesuffix(".so") for library in found)
+        built = ", ".join(releases)
         raise BackendError(
             f"the wheel plugin was compiled for mujoco {built}, but mujoco {mujoco_version} runs; "
             f"install that release of mujoco, or compile the plugin again: {_BUILD}"

@@ -1,8 +1,10 @@
 """Loading at `import mujoco`, from an installed package, for exactly the MuJoCo that it was compiled for."""
 
+import os
 import shutil
 import subprocess
 import sys
+import sysconfig
 from importlib.metadata import entry_points
 from pathlib import Path
 
@@ -26,10 +28,9 @@ XML = """
 """
 
 
-def python(code: str, folder) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, timeout=120, check=False
-    )
+def python(code: str, folder, *options: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, *options, "-c", code]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=120, check=False)
 
 
 def test_import_mujoco_alone_is_enough_to_read_a_file(tmp_path):
@@ -67,7 +68,7 @@ def test_a_missing_library_says_how_to_build_it(tmp_path, monkeypatch):
     with pytest.raises(BackendError, match=r"mecanum_wheel-mujoco-4\.0\.0\.so is not in .*pip install"):
         library_path("4.0.0", [str(tmp_path)])
     monkeypatch.setattr(mecanum_env.plugin, "__path__", [str(tmp_path)])
-    monkeypatch.setattr(mecanum_env, "__version__", "0.0.0")
+    monkeypatch.setattr(mecanum_env.plugin, "__version__", "0.0.0")
     with pytest.raises(BackendError, match="is not in"):
         register()
 
@@ -126,11 +127,13 @@ def test_programs_run_inside_a_checkout_without_a_library(tmp_path, monkeypatch)
     shutil.copytree(Path(mecanum_env.__file__).parent, checkout / "mecanum_env", ignore=without)
     (checkout / "wheel.xml").write_text(XML)
     installed_package(site, mecanum_env.__version__)
-    monkeypatch.setenv("PYTHONPATH", str(site))
+    # Without `site`, which would make an editable install take the place of the copied checkout.
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), sysconfig.get_path("purelib")]))
     done = python(
         "import warnings; warnings.simplefilter('error'); import mujoco, mecanum_env\n"
         "print(mujoco.MjModel.from_xml_path('wheel.xml').nplugin, *mecanum_env.__path__)",
         checkout,
+        "-S",
     )
     assert (done.stdout.split(), done.stderr) == (["1", str(checkout / "mecanum_env")], "")
 

@@ -130,12 +130,10 @@ def rollouts(model: Path) -> dict[str, str]:
     """
     import gymnasium
 
-    import mecanum_env  # noqa: F401
-
     found = {}
     for name in ENVIRONMENTS:
         for plant, randomize in (("planar", "none"), ("planar", "posterior"), ("rollers", "none")):
-            env = gymnasium.make(name, model=model, plant=plant, randomize=randomize)
+            env = gymnasium.make(f"mecanum_env:{name}", model=model, plant=plant, randomize=randomize)
             digest = hashlib.sha256()
             rng = np.random.default_rng(7)
             observation, _ = env.reset(seed=3)
@@ -150,7 +148,10 @@ def rollouts(model: Path) -> dict[str, str]:
             env.close()
             found[f"{name} {plant} {randomize}"] = digest.hexdigest()
         many = gymnasium.make_vec(
-            name, num_envs=5, vectorization_mode="vector_entry_point", autoreset_mode="SameStep"
+            f"mecanum_env:{name}",
+            num_envs=5,
+            vectorization_mode="vector_entry_point",
+            autoreset_mode="SameStep",
         )
         digest = hashlib.sha256(many.reset(seed=3)[0].tobytes())
         for _ in range(150):

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -50,7 +51,7 @@ class Verdict:
         return np.asarray(sum((self.terms[name] for name in TERMS), start=np.zeros(self.outcome.hit.shape)))
 
 
-class Judge:
+class Judge(ABC):
     """The judge of n episodes; subclasses are the tasks."""
 
     extra_observations: int = 0
@@ -62,13 +63,13 @@ class Judge:
         self.n, self.rules, self.weights = n, rules, weights
         self.fighter, self.scenes, self.chance = fighter, scenes, chance
 
+    @abstractmethod
     def restart(self, row: int) -> None:
         """Begin an episode in one row."""
-        raise NotImplementedError
 
+    @abstractmethod
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the opponent may begin a strike at times (n,), shape (n,)."""
-        raise NotImplementedError
 
     def stands(self) -> BoolArray:
         """Return where the opponent does not walk, shape (n,)."""
@@ -105,9 +106,9 @@ class Judge:
         }
         return Verdict(outcome, terms)
 
+    @abstractmethod
     def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
         """Return what the step that ended at `end_s` (n,) led to; `out`: who left the field or clashed."""
-        raise NotImplementedError
 
     def _separation_at(
         self, rows: RowArray, now_s: FloatArray, then_s: FloatArray

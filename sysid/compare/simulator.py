@@ -42,10 +42,11 @@ class Simulator:
     def __init__(
         self,
         observations: Observations,
-        study: Study = Study(),  # noqa: B008  (frozen)
+        study: Study | None = None,
         wheel_angle_seed: int = 0,
     ) -> None:
-        self.observations, self.study, self.wheel_angle_seed = observations, study, wheel_angle_seed
+        self.observations, self.wheel_angle_seed = observations, wheel_angle_seed
+        self.study = study or Study()
         self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
         self._lock = Lock()
 

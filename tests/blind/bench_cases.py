@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sysid.studies.blind.cases import Case, Size
+from sysid.studies.blind.cases import Case, Kind, Size
 
 from .recipes import Fields, Recipe, Truth, drawn, factor
 
@@ -194,7 +194,7 @@ def recipes(seed: int) -> list[Recipe]:
     return made
 
 
-def _hidden(seed: int, kind: str, size: Size, names: tuple[str, ...], number: int) -> Recipe:
+def _hidden(seed: int, kind: Kind, size: Size, names: tuple[str, ...], number: int) -> Recipe:
     index = list(MAKERS).index(names[0])
     rng = np.random.default_rng([seed, 1 if len(names) == 1 else 2, index, size == "clear", number])
     fields: Fields = {}
@@ -207,6 +207,6 @@ def _hidden(seed: int, kind: str, size: Size, names: tuple[str, ...], number: in
     twins = tuple(twin for name in names for twin in TWINS.get(name, ()))
     label = f"bench-{kind}-{'-'.join(names)}-{size}-{number}"
     return Recipe(
-        Case(label, "bench", kind, size, plants[number % len(plants)], names, truth, twins),  # type: ignore[arg-type]
+        Case(label, "bench", kind, size, plants[number % len(plants)], names, truth, twins),
         fields,
     )

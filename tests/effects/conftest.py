@@ -9,6 +9,9 @@ from mecanum_env.effects import CATALOGUE, Effect, PlantKind
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, Trajectory, compile_plant, drive, replay_bench
 from mecanum_env.units import FloatArray
+from tests.gap.conftest import bench_logs
+
+__all__ = ["bench_logs"]
 
 # Starts, reversals and a diagonal, in less than a second.
 ROUND = BodyCommands.from_rows([(0, 70, 0, 0), (0.2, 70, 140, 0), (0.4, 0, 0, -40), (0.6, 20, 45, 10)])

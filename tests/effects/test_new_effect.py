@@ -14,7 +14,6 @@ from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from training.certify.plants import robot_variants
 
-from ..gap.conftest import bench_logs  # noqa: F401  (a fixture)
 from .conftest import BENCH_COMMAND, BENCH_TIME
 
 
@@ -82,7 +81,7 @@ def test_the_simulator_shows_it():
 
 
 @pytest.mark.usefixtures("known")
-def test_the_gap_search_names_it(bench_logs):  # noqa: F811  (the fixture)
+def test_the_gap_search_names_it(bench_logs):
     hidden = paper_model().with_effect("sensor_curvature", per_krpm=1.0)
     only = ("sensor_curvature", "speed_gain", "command_latency")
     options = GapOptions(only=only, max_effects=1, next_experiment=False)

@@ -5,7 +5,6 @@
 # make check      lint, format, types
 # make bench      every benchmark, figures in out/bench/
 # make bench-train  what training reaches over three seeds, half an hour
-# make blind      hidden effects, to be named from logs alone: the whole table, docs/results/blind.md
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
 VENV := .venv
@@ -15,7 +14,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench bench-train blind behaviour system clean FORCE
+.PHONY: demo test test-all test-wheel check bench bench-train behaviour system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
@@ -41,10 +40,6 @@ bench: $(VENV)/train
 # An interrupted run goes on where it was.
 bench-train: $(VENV)/train
 	$(BIN)/python benchmarks/train.py --out out/bench/train.json
-
-# Hours; an interrupted run goes on where it was.
-blind: $(VENV)/installed
-	$(BIN)/python -m sysid.studies.blind --out out/blind --markdown docs/results/blind.md
 
 # Six minutes; `python benchmarks/behaviour.py compare BEFORE AFTER` prints every difference.
 behaviour: $(VENV)/train

@@ -50,7 +50,7 @@ class Thresholds:
     resamples: int = 500
     """Bootstrap resamples: a selection frequency is then right to sqrt(0.25 / 500) = 2 %."""
     interval_level: float = 0.9
-    """Probability that an interval holds the parameter. The blind tests count how many do."""
+    """Probability that an interval holds the parameter. The zoo counts how many do."""
     fewest_groups: int = 4
     """Command sequences from which their disagreement is estimated; the spread of fewer is unknown to a
     factor of two. Assumed."""

@@ -1,3 +1,0 @@
-from .cases import BlindTests, Case
-
-__all__ = ["BlindTests", "Case"]

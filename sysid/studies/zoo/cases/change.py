@@ -47,9 +47,9 @@ class Change:
         """Return the drive with this change at a size from 0 (the drive itself) to 1 (gross)."""
         return self.changed(drive, strength(size), rng) if size > 0.0 else drive
 
-    def hidden(self, before: Drive, after: Drive) -> Hidden:
-        """Return what was hidden, with the true parameters."""
-        return Hidden(self.name, self.form, self.truth(before, after))
+    def hidden(self, before: Drive, after: Drive, signal: float) -> Hidden:
+        """Return what was hidden, with the true parameters and its trace in the logs."""
+        return Hidden(self.name, self.form, self.truth(before, after), signal)
 
 
 def always(_drive: Drive) -> bool:

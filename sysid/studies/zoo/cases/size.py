@@ -158,5 +158,3 @@ def _mean_square(one: Log, other: Log) -> float:
 
 def _rng(*key: int) -> np.random.Generator:
     return np.random.default_rng(key)
-
-

@@ -118,7 +118,7 @@ def _tired_supply(drive: Drive, strength: float, _rng: Rng) -> Drive:
 
 
 def _supply_ceiling(_before: Drive, after: Drive) -> Parameters:
-    """Speed without load at which the back-EMF and the friction's current use up the supply."""
+    """Return the speed without load at which the back-EMF and the friction's current use up the supply."""
     motor = after.motor
     k, ohm, gear = motor.back_emf_v_s, motor.resistance_ohm, after.gear
     coulomb = gear.motor_coulomb_n_m + gear.wheel_coulomb_n_m
@@ -179,7 +179,7 @@ def _current(drive: Drive, strength: float, rng: Rng) -> Drive:
 
 
 def _torque_ramp(_before: Drive, after: Drive) -> Parameters:
-    """Acceleration by the limited current at half of the top speed, friction taken off (or, braking, added)."""
+    """Return the acceleration by the limited current at half of the top speed, with friction."""
     motor, rpm_s = after.motor, 1.0 / (inertia(after) * RAD_S_PER_RPM)
     loss = friction_torque(after, 0.5 * after.top_rpm * RAD_S_PER_RPM)
     brake_a = min(motor.brake_current_a, motor.current_limit_a)
@@ -225,7 +225,7 @@ def _runs_down(drive: Drive, strength: float, _rng: Rng) -> Drive:
 
 
 def _share_per_volt(before: Drive, after: Drive) -> Parameters:
-    """A voltage-driven motor loses speed as the supply does; a reference by the share that was given."""
+    """Return what a volt costs: of a motor at open duty, the supply's share; else that of the reference."""
     reference = after.controller.gain_per_volt - before.controller.gain_per_volt
     return {"per_volt": reference if reference > 0.0 else 1.0 / after.battery.full_v}
 

@@ -159,7 +159,7 @@ def _in_turn(of: Sequence[T], turn: int) -> T:
 
 
 def _level(turn: int) -> float:
-    """Return where in the range of sizes the turn-th case of a kind is, 0 to 1: evenly, by the golden ratio."""
+    """Return where in the range of sizes the turn-th case of a kind is, 0 to 1, spread by the golden ratio."""
     return (0.5 + turn * 0.6180339887498949) % 1.0
 
 
@@ -182,7 +182,7 @@ def _try(
     outsider: Outsider | None,
     level: float,
 ) -> _Try:
-    """Draw a drive that can have the changes, and commands; size the changes so that they leave their traces."""
+    """Draw a drive that can have the changes, and commands; size the changes by their wanted traces."""
     nominal = _drive(seed, attempt, layout, changes, outsider)
     rng = _rng(seed, COMMANDS, 2, attempt)
     name = str(rng.choice((*CASE_PLANS, GENTLE) if kind == "quiet" else CASE_PLANS))

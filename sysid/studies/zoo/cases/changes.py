@@ -24,8 +24,7 @@ UNSEEN_WHEN_GENTLE: Final = (
     ("speed_saturation", "supply"),
     ("acceleration_limit", "set_point"),
     ("acceleration_limit", "drive"),
-    ("command_deadband", "drop"),
-    ("backlash", "coast"),
+    ("acceleration_limit", "s_curve"),
 )
 """(name, form) of changes that slow forward driving below half of the top speed does not show."""
 

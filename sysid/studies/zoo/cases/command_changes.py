@@ -111,11 +111,11 @@ def _clip(drive: Drive, strength: float, rng: Rng) -> Drive:
 
 
 def _tired_supply(drive: Drive, strength: float, _rng: Rng) -> Drive:
-    """Lower the supply, which the firmware knows, from where it just carries the top speed."""
+    """Lower the supply, which the firmware knows, to where it carries a third of the top speed."""
     motor, top = drive.motor, drive.top_rpm * RAD_S_PER_RPM
     volts = motor.back_emf_v_s * top
     volts += motor.resistance_ohm * friction_torque(drive, top) / motor.back_emf_v_s
-    return with_motor(drive, supply_v=min(motor.supply_v, volts * (1.0 - 0.7 * strength)))
+    return with_motor(drive, supply_v=motor.supply_v - max(motor.supply_v - 0.3 * volts, 0.0) * strength)
 
 
 def _supply_ceiling(_before: Drive, after: Drive) -> Parameters:
@@ -213,24 +213,18 @@ def _fall_per_s(before: Drive, after: Drive) -> Parameters:
     return {"drop_per_s": supply + after.controller.gain_fall_per_s - before.controller.gain_fall_per_s}
 
 
-_USUAL_FALL_PER_S: Final = 0.01
-"""Share of its voltage that a battery loses per second where a study looks at that."""
-
-
 def _logs_battery(drive: Drive) -> bool:
     return drive.battery.logged
 
 
-def _runs_down(drive: Drive, strength: float, _rng: Rng) -> Drive:
-    """Let the logged battery of an open-duty drive fall, or the reference of any other go with its volts."""
-    battery = drive.battery
-    if open_duty(drive) and not drive.controller.supply_compensation:
-        fall = battery.fall_v_per_s + _GROSS_FALL_PER_S * strength * battery.full_v
-        return dataclasses.replace(drive, battery=dataclasses.replace(battery, fall_v_per_s=fall))
-    fall = battery.fall_v_per_s or _USUAL_FALL_PER_S * battery.full_v
+def _runs_down(drive: Drive, strength: float, rng: Rng) -> Drive:
+    """Let the logged battery fall, and with it the analogue reference of a drive that is not at open duty."""
+    battery, share = drive.battery, float(np.exp(rng.uniform(np.log(0.5), np.log(2.0))))
+    fall = battery.fall_v_per_s + _GROSS_FALL_PER_S * strength * battery.full_v
     drive = dataclasses.replace(drive, battery=dataclasses.replace(battery, fall_v_per_s=fall))
-    per_volt = drive.controller.gain_per_volt + _GROSS_FALL_PER_S * strength / fall
-    return with_controller(drive, gain_per_volt=per_volt)
+    if open_duty(drive) and not drive.controller.supply_compensation:
+        return drive
+    return with_controller(drive, gain_per_volt=drive.controller.gain_per_volt + share / battery.full_v)
 
 
 def _share_per_volt(before: Drive, after: Drive) -> Parameters:

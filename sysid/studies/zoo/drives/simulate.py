@@ -6,6 +6,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.studies.zoo.drives import kernel
 from sysid.studies.zoo.drives.arrays import FloatArray, compiled
@@ -39,6 +40,7 @@ def _run(
     state: FloatArray,
     p: FloatArray,
     set_points_rad_s: FloatArray,
+    awake: NDArray[np.bool_],
     load_n_m: FloatArray,
     start_s: float,
     steps: int,
@@ -49,7 +51,8 @@ def _run(
     h = p[kernel.TICK_S] / steps
     done = 0
     for n in range(len(set_points_rad_s)):
-        kernel.controller_tick(state, p, set_points_rad_s[n])
+        if awake[n]:
+            kernel.controller_tick(state, p, set_points_rad_s[n])
         for j in range(steps):
             if done % every == 0:
                 row = history[done // every]
@@ -94,7 +97,9 @@ def move(
     every = max(1, round(_HISTORY_S * steps / tick_s))
     history = np.empty((-(-len(ticks_s) * steps // every), 5))
     state = kernel.new_state(p, angle, gap_share)
-    _run(state, p, wanted, load, float(ticks_s[0]), steps, every, history)
+    hangs = rng.random(len(ticks_s)) < drive.controller.freeze_share
+    awake = ~hangs[np.maximum(ticks_s / max(drive.controller.freeze_s, tick_s), 0.0).astype(int)]
+    _run(state, p, wanted, awake, load, float(ticks_s[0]), steps, every, history)
     time_s = ticks_s[0] + np.arange(len(history)) * (every * tick_s / steps)
     return Motion(time_s, *history.T)
 

@@ -76,7 +76,7 @@ class Gear:
 class Controller:
     """The firmware: what it does with a command, its speed loop and its current loop.
 
-    The speed loop computes volts (duty times nominal supply) from rad/s; `current_kp` above 0 makes it compute
+    The speed loop computes volts (duty times nominal supply) from rad/s; with `current_kp` above 0 it computes
     amperes, which a faster current loop turns into volts.
     """
 
@@ -92,7 +92,11 @@ class Controller:
     """Share of the motor's R i drop that an open-loop drive adds (IxR compensation)."""
     supply_compensation: bool = False
     """Whether the duty is divided by the measured supply."""
+    nominal_supply_v: float = 0.0
+    """Supply for which the firmware turns volts into duty; 0: the motor's at the start of a run."""
     anti_windup: bool = True
+    derivative_of_error: bool = False
+    """Whether the derivative sees the set-point too, and not only the measured speed."""
     current_kp: float = 0.0
     """V/A; 0: no current loop."""
     current_ki: float = 0.0
@@ -142,6 +146,8 @@ class Sensor:
     sample_s: float
     counts: int = 0
     """Counts per turn of the wheel; 0: a tachometer with `noise_rpm`."""
+    side: Literal["wheel", "motor"] = "wheel"
+    """Side of the gear's play on which the speed is measured."""
     window_s: float = 0.0
     """Time over which counts are taken; 0: one sample."""
     noise_rpm: float = 0.0

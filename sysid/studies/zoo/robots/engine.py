@@ -9,6 +9,7 @@ first-order lag, the time that tyres and frame need to tilt.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -18,6 +19,7 @@ from sysid.studies.zoo.drives.kernel import (
     GAP,
     LOAD_SLOPE,
     MOTOR_SPEED,
+    SUPPLY,
     WHEEL_ANGLE,
     WHEEL_SPEED,
     controller_tick,
@@ -25,38 +27,53 @@ from sysid.studies.zoo.drives.kernel import (
     pack,
     plant_substep,
 )
+from sysid.studies.zoo.drives.sensor import Motion
 from sysid.studies.zoo.robots.body import FloatArray, Plant, body_rate_per_s, plant_of
 from sysid.studies.zoo.robots.contact import contact_forces, normal_loads
 from sysid.studies.zoo.robots.robot import Robot
-from sysid.studies.zoo.robots.sensors import Motion
 
-_STEP_S: Final = 1e-4
-"""Longest time step."""
+STEP_S: Final = 1e-4
+"""Largest step of the physics."""
 _RATE: Final = 0.5
 """Largest product of step and the rate of the body's contacts; explicit integration is stable below 2."""
-_RECORD_S: Final = 1e-3
+_HISTORY_S: Final = 1e-3
+"""Time between two recorded points of the motion, about."""
 _TILT_S: Final = 0.015
 """Lag of the wheel loads behind the forces that shift them."""
 
 
+@dataclass(frozen=True)
+class RobotMotion:
+    """The true motion on an even clock from a little before time 0, the start of the run."""
+
+    time_s: FloatArray
+    """Shape (n,)."""
+    pose: FloatArray
+    """x, y, yaw of the middle of the wheels in the frame where it is at time 0 (m, m, rad), shape (n, 3)."""
+    twist: FloatArray
+    """Velocity of the middle in the body frame and yaw rate (m/s, m/s, rad/s), shape (n, 3)."""
+    wheels: tuple[Motion, Motion, Motion, Motion]
+    """Of the wheels with their motors."""
+
+
 def drive_robot(
-    robot: Robot, set_points_rad_s: FloatArray, gap_share: FloatArray, wind_phase_rad: float = 0.0,
-    longest_step_s: float = _STEP_S,
-) -> Motion:
-    """Return the motion of a robot from rest.
+    robot: Robot,
+    set_points_rad_s: FloatArray,
+    ticks_s: FloatArray,
+    gap_share: FloatArray,
+    wind_phase_rad: float = 0.0,
+    step_s: float = STEP_S,
+) -> RobotMotion:
+    """Return the motion of a robot from rest, in the frame where it is at time 0.
 
     Args:
-        robot: the robot; `wheels.start_deg` are the wheels' angles at the start.
-        set_points_rad_s: what the drives' speed loops follow, one column per tick of the loop, shape (4, m).
+        robot: the robot; `wheels.start_deg` are the wheels' angles at the first tick.
+        set_points_rad_s: what the drives' speed loops follow, one column per tick, shape (4, m).
+        ticks_s: evenly spaced times at which the loops run; the run starts at 0, shape (m,).
         gap_share: where each motor begins within its gear's play, -1 to 1, shape (4,).
-        wind_phase_rad: phase of the wind at the start.
-        longest_step_s: limit on the time step; the step divides the loop's tick.
-
-    Raises:
-        ValueError: `set_points_rad_s` has another shape.
+        wind_phase_rad: phase of the wind at time 0.
+        step_s: largest step of the physics; it is made to divide the loop's tick.
     """
-    if set_points_rad_s.ndim != 2 or set_points_rad_s.shape[0] != 4:
-        raise ValueError(f"set-points of shape {set_points_rad_s.shape}, must be (4, ticks)")
     p, plant = pack(robot.drive), plant_of(robot)
     states = np.stack(
         [
@@ -65,24 +82,32 @@ def drive_robot(
         ]
     )
     tick_s = 1.0 / robot.drive.controller.loop_hz
-    longest = min(longest_step_s, _RATE / body_rate_per_s(plant))
-    substeps = math.ceil(tick_s / longest * (1.0 - 1e-9))
-    every = max(1, round(_RECORD_S / tick_s * substeps))
-    rows = _run(plant, states, p, np.ascontiguousarray(set_points_rad_s), tick_s / substeps, substeps, every, wind_phase_rad)
-    return Motion(
-        time_s=np.arange(len(rows)) * (every * tick_s / substeps),
-        pose=rows[:, 0:3],
-        twist=rows[:, 3:6],
-        wheel_angle_rad=rows[:, 6:10],
-        wheel_speed_rad_s=rows[:, 10:14],
-        motor_angle_rad=rows[:, 14:18],
-        motor_speed_rad_s=rows[:, 18:22],
+    substeps = math.ceil(tick_s / min(step_s, _RATE / body_rate_per_s(plant)) - 1e-9)
+    every = max(1, round(_HISTORY_S * substeps / tick_s))
+    rows = _run(
+        plant,
+        states,
+        p,
+        set_points_rad_s,
+        float(ticks_s[0]),
+        tick_s / substeps,
+        substeps,
+        every,
+        wind_phase_rad,
     )
+    time_s = ticks_s[0] + np.arange(len(rows)) * (every * tick_s / substeps)
+    start = np.array([np.interp(0.0, time_s, column) for column in rows[:, 0:3].T])
+    cos, sin = math.cos(start[2]), math.sin(start[2])
+    pose = (rows[:, 0:3] - start) @ np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+    fl, fr, rl, rr = (Motion(time_s, *np.ascontiguousarray(rows[:, 6 + i :: 4].T)) for i in range(4))
+    return RobotMotion(time_s, pose=pose, twist=rows[:, 3:6], wheels=(fl, fr, rl, rr))
 
 
 @njit(cache=True)
-def _record(row: FloatArray, plant: Plant, place: FloatArray, velocity: FloatArray, states: FloatArray) -> None:
-    """Write pose and twist of the middle of the wheels, and the wheels' state, shape (22,)."""
+def _record(
+    row: FloatArray, plant: Plant, place: FloatArray, velocity: FloatArray, states: FloatArray
+) -> None:
+    """Write pose and twist of the middle of the wheels, and the wheels' state, shape (26,)."""
     cos, sin = math.cos(place[2]), math.sin(place[2])
     com_x, com_y = plant.com_m[0], plant.com_m[1]
     # The frame of the log begins in the middle of the wheels, the centre of mass beside it.
@@ -97,6 +122,7 @@ def _record(row: FloatArray, plant: Plant, place: FloatArray, velocity: FloatArr
         row[10 + i] = states[i, WHEEL_SPEED]
         row[14 + i] = states[i, WHEEL_ANGLE] + states[i, GAP]
         row[18 + i] = states[i, MOTOR_SPEED]
+        row[22 + i] = states[i, SUPPLY]
 
 
 @njit(cache=True)
@@ -105,6 +131,7 @@ def _run(
     states: FloatArray,
     p: FloatArray,
     set_points: FloatArray,
+    start_s: float,
     h: float,
     substeps: int,
     every: int,
@@ -112,7 +139,7 @@ def _run(
 ) -> FloatArray:
     """Return the rows of `_record` at every `every`th step of `h` seconds, the start included."""
     steps = set_points.shape[1] * substeps
-    rows = np.empty((steps // every + 1, 22))
+    rows = np.empty((steps // every + 1, 26))
     place, velocity = np.zeros(3), np.zeros(3)  # of the centre of mass, in the world frame
     twist, wrench, tilting = np.zeros(3), np.zeros(3), np.zeros(2)
     angles, speeds, loads, wheels = np.zeros(4), np.zeros(4), np.zeros(4), np.zeros((4, 5))
@@ -124,6 +151,7 @@ def _run(
         if step % substeps == 0:
             for i in range(4):
                 controller_tick(states[i], p, set_points[i, step // substeps])
+        time_s = start_s + step * h
         cos, sin = math.cos(place[2]), math.sin(place[2])
         twist[0] = cos * velocity[0] + sin * velocity[1]
         twist[1] = cos * velocity[1] - sin * velocity[0]
@@ -135,13 +163,13 @@ def _run(
         contact_forces(plant, twist, angles, speeds, loads, wheels, wrench)
         for i in range(4):
             states[i, LOAD_SLOPE] = wheels[i, 1]
-            plant_substep(states[i], p, wheels[i, 0], h, step * h)
+            plant_substep(states[i], p, wheels[i, 0], h, max(time_s, 0.0))
             gained = states[i, WHEEL_SPEED] - speeds[i]
             for k in range(3):
                 wrench[k] += wheels[i, 2 + k] * gained
         tilting[0] += lag * (wrench[0] - tilting[0])
         tilting[1] += lag * (wrench[1] - tilting[1])
-        wind = plant.wind_n * math.sin(plant.wind_rad_s * step * h + wind_phase)
+        wind = plant.wind_n * math.sin(plant.wind_rad_s * time_s + wind_phase)
         velocity[0] += h * (cos * wrench[0] - sin * wrench[1] + plant.downhill_n[0] + wind) / plant.mass_kg
         velocity[1] += h * (sin * wrench[0] + cos * wrench[1] + plant.downhill_n[1]) / plant.mass_kg
         velocity[2] += h * wrench[2] / plant.inertia_kg_m2

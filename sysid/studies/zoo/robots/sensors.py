@@ -3,37 +3,37 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import lfilter
 
+from sysid.studies.zoo.drives.sensor import Samples, sample
 from sysid.studies.zoo.robots.body import FloatArray
-from sysid.studies.zoo.robots.robot import BodySensors
+from sysid.studies.zoo.robots.engine import RobotMotion
+from sysid.studies.zoo.robots.robot import BodySensors, Robot
 
 
-@dataclass(frozen=True)
-class Motion:
-    """The true motion on an even clock from time 0; the robot is at rest until then."""
+def wheel_channels(
+    robot: Robot, motion: RobotMotion, duration_s: float, rng: np.random.Generator
+) -> tuple[Samples, dict[str, FloatArray]]:
+    """Return the logger's rows, as the first wheel has them, and the four measured wheel speeds [rpm].
 
-    time_s: FloatArray
-    """Shape (n,)."""
-    pose: FloatArray
-    """x, y, yaw of the middle of the wheels in the frame where it began (m, m, rad), shape (n, 3)."""
-    twist: FloatArray
-    """Velocity of the middle in the body frame and yaw rate (m/s, m/s, rad/s), shape (n, 3)."""
-    wheel_angle_rad: FloatArray
-    """Shape (n, 4)."""
-    wheel_speed_rad_s: FloatArray
-    """Shape (n, 4)."""
-    motor_angle_rad: FloatArray
-    """Of the motors at the wheels' shafts, before the gears' play, shape (n, 4)."""
-    motor_speed_rad_s: FloatArray
-    """Shape (n, 4)."""
+    The wheels share the logger's clock; noise, encoder phases and lost samples are their own.
+    """
+    own, sensors = robot.drive.sensor, robot.sensors
+    sensor = replace(own, late_s=own.late_s + sensors.wheels_late_s, scale=own.scale * sensors.wheel_scale)
+    clock = int(rng.integers(2**63))
+    rows = [
+        sample(sensor, wheel, duration_s, each, np.random.default_rng(clock))
+        for wheel, each in zip(motion.wheels, rng.spawn(4), strict=True)
+    ]
+    names = ("speed_fl_rpm", "speed_fr_rpm", "speed_rl_rpm", "speed_rr_rpm")
+    return rows[0], {name: each.speed_rpm for name, each in zip(names, rows, strict=True)}
 
 
 def velocity_channels(
-    motion: Motion, sensors: BodySensors, stamps_s: FloatArray, rng: np.random.Generator
+    motion: RobotMotion, sensors: BodySensors, stamps_s: FloatArray, rng: np.random.Generator
 ) -> dict[str, FloatArray]:
     """Return vx, vy [m/s] and yaw rate [rad/s] as logged at the stamps, each of shape (m,)."""
     vx, vy, rate = motion.twist.T
@@ -54,7 +54,7 @@ def velocity_channels(
 
 
 def pose_channels(
-    motion: Motion, sensors: BodySensors, stamps_s: FloatArray, rng: np.random.Generator
+    motion: RobotMotion, sensors: BodySensors, stamps_s: FloatArray, rng: np.random.Generator
 ) -> dict[str, FloatArray]:
     """Return x, y [m] and yaw [rad] as logged at the stamps, shape (m,), with NaN where a sample is missing.
 

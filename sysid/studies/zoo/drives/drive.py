@@ -76,8 +76,8 @@ class Gear:
 class Controller:
     """The firmware: what it does with a command, its speed loop and its current loop.
 
-    The speed loop computes volts (duty times nominal supply) from rad/s; with `current_kp` above 0 it computes
-    amperes, which a faster current loop turns into volts.
+    The speed loop computes volts (duty times nominal supply) from rad/s. With `current_kp` above 0 it
+    computes amperes, which a faster current loop turns into volts.
     """
 
     family: Family
@@ -118,6 +118,7 @@ class Controller:
     reverse_gain: float = 1.0
     """Gain of negative commands over that of positive ones."""
     offset_rpm: float = 0.0
+    """Added to every command, also to 0: a reference that is not zeroed."""
     curve_rpm: tuple[tuple[float, float], ...] = ()
     """Points (command, set-point) of an odd, monotone curve in the first quadrant; empty: straight."""
     gain_fall_per_s: float = 0.0

@@ -246,7 +246,7 @@ def _step_current(state: FloatArray, p: FloatArray, h: float, time_s: float) -> 
             state[CURRENT_INTEGRAL] += p[CURRENT_KI] * (wanted - mean) * h
             state[VOLTS] = volts
             state[CURRENT] = after
-            return mean
+            return float(mean)
         volts = math.copysign(supply, volts)
     elif p[SUPPLY_COMPENSATION] > 0.0:
         volts = min(max(state[OUTPUT], -supply), supply)
@@ -258,7 +258,7 @@ def _step_current(state: FloatArray, p: FloatArray, h: float, time_s: float) -> 
         limit = p[BRAKE_CURRENT]
     state[VOLTS] = volts
     state[CURRENT] = min(max(after, -limit), limit)
-    return min(max(mean, -limit), limit)
+    return float(min(max(mean, -limit), limit))
 
 
 @_compiled

@@ -55,7 +55,7 @@ def sample(
     rows = math.floor(duration_s / sensor.sample_s + 1e-9) + 1
     jitter, noise, phase = (clock or rng).standard_normal(rows), rng.standard_normal(rows), rng.random()
     wild, wild_rpm, held = rng.random(rows), rng.uniform(-1.0, 1.0, rows), rng.random(rows)
-    clock_s: FloatArray = sensor.sample_s * np.arange(rows)
+    clock_s: FloatArray = sensor.sample_s * np.arange(rows, dtype=np.float64)
     taken_s: FloatArray = clock_s
     stamps_s: FloatArray = clock_s
     if sensor.stamps == "uneven":

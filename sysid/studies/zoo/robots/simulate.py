@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from sysid.studies.zoo.robots.body import FloatArray
+from sysid.studies.zoo.drives.arrays import FloatArray
 from sysid.studies.zoo.robots.commands import wheel_set_points
 from sysid.studies.zoo.robots.engine import STEP_S, RobotMotion, drive_robot
 from sysid.studies.zoo.robots.robot import Robot

@@ -24,11 +24,14 @@ class Wheels:
     width_m: float = 0.04
     rollers: int = 9
     """Rollers on a wheel, 3 to 12; the point of contact travels along each as the wheel turns."""
+    handover: float = 0.15
+    """Share of a roller's turn over which it shares its load with the next one."""
     angle_deg: float = 45.0
+    """Between the axis of the lowest roller and the rolling direction."""
     start_deg: Four = (0.0, 0.0, 0.0, 0.0)
     """Wheel angles at the start; each run draws its own, because no robot is put down twice alike."""
     toe_deg: Four = (0.0, 0.0, 0.0, 0.0)
-    """Misalignment of the axles."""
+    """Misalignment of the axles, counter-clockwise positive."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class Body:
     half_track_m: float
     mass_kg: float
     yaw_inertia_kg_m2: float
+    """About the vertical axis through the centre of mass, without a payload."""
     com_x_m: float = 0.0
     com_y_m: float = 0.0
     com_height_m: float = 0.1
@@ -58,6 +62,8 @@ class Body:
     payload_height_m: float = 0.2
     payload_x_m: float = 0.0
     payload_y_m: float = 0.0
+    twist: float = 0.0
+    """Share of the weight that the diagonal fl-rr carries beyond half: a stiff frame stands on three feet."""
 
 
 @dataclass(frozen=True)

@@ -40,13 +40,20 @@ class Samples:
     speed_rpm: FloatArray
 
 
-def sample(sensor: Sensor, motion: Motion, duration_s: float, rng: np.random.Generator) -> Samples:
+def sample(
+    sensor: Sensor,
+    motion: Motion,
+    duration_s: float,
+    rng: np.random.Generator,
+    clock: np.random.Generator | None = None,
+) -> Samples:
     """Return what is logged of a run: a row every `sensor.sample_s` from 0 to `duration_s`.
 
-    The random draws depend on the number of rows alone, so sensors of other values see the same luck.
+    The random draws depend on the number of rows alone, so sensors of other values see the same luck. `clock`
+    draws the stamps in place of `rng`: sensors of one logger have it in the same state.
     """
     rows = math.floor(duration_s / sensor.sample_s + 1e-9) + 1
-    jitter, noise, phase = rng.standard_normal(rows), rng.standard_normal(rows), rng.random()
+    jitter, noise, phase = (clock or rng).standard_normal(rows), rng.standard_normal(rows), rng.random()
     wild, wild_rpm, held = rng.random(rows), rng.uniform(-1.0, 1.0, rows), rng.random(rows)
     lost = rng.random(rows) < sensor.blank_share
     clock_s: FloatArray = sensor.sample_s * np.arange(rows)

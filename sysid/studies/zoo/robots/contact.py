@@ -1,11 +1,12 @@
 """Forces between four roller wheels and the floor, for one instant of the motion (compiled).
 
 A roller turns freely about its own axis and grips along it. The floor therefore resists slip along the axis
-with up to `grip N`, and slip across it with the bearing's friction only. Two things change while a wheel turns
-from one roller to the next. The touching roller's axis is straight, so with the roller's centre at the angle
-phi from the lowest point the axis projects on the floor as (cos(angle) cos(phi), +-sin(angle)), longest in the
-middle of a roller. And the contact runs across the wheel from one end of the roller to the other and back
-within the handover, which moves the force's line of action.
+with up to `grip N`, and slip across it with the bearing's friction only.
+
+Two things change while a wheel turns from one roller to the next. The touching roller's axis is straight, so
+with the roller's centre at the angle phi from the lowest point the axis projects on the floor as
+(cos(angle) cos(phi), +-sin(angle)), longest in the middle of a roller. And the contact runs across the wheel
+from one end of the roller to the other and back within the handover, which moves the force's line of action.
 """
 
 from __future__ import annotations

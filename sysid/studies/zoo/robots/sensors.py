@@ -6,6 +6,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import numpy.typing as npt
 from scipy.signal import lfilter
 
 from sysid.studies.zoo.drives.sensor import Samples, sample
@@ -96,10 +97,12 @@ def _averaged(values: FloatArray, step_s: float, window_s: float) -> FloatArray:
         return values
     ends = np.arange(values.size) * step_s
     area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * step_s)])
-    return (area - np.interp(ends - window_s, ends, area)) / window_s
+    return np.asarray((area - np.interp(ends - window_s, ends, area)) / window_s)
 
 
-def _gaps(stamps_s: FloatArray, share: float, gap_s: float, rng: np.random.Generator) -> np.ndarray:
+def _gaps(
+    stamps_s: FloatArray, share: float, gap_s: float, rng: np.random.Generator
+) -> npt.NDArray[np.bool_]:
     """Return which stamps lie in gaps of a length that begin anywhere and fill a share of the time."""
     length = stamps_s[-1] - stamps_s[0] + gap_s
     begins = stamps_s[0] - gap_s + length * rng.random(rng.poisson(share * length / gap_s))

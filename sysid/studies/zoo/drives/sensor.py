@@ -56,7 +56,7 @@ def sample(
     jitter, noise, phase = (clock or rng).standard_normal(rows), rng.standard_normal(rows), rng.random()
     wild, wild_rpm, held = rng.random(rows), rng.uniform(-1.0, 1.0, rows), rng.random(rows)
     lost = rng.random(rows) < sensor.blank_share
-    clock_s: FloatArray = sensor.sample_s * np.arange(rows)
+    clock_s: FloatArray = sensor.sample_s * np.arange(rows, dtype=np.float64)
     taken_s: FloatArray = clock_s
     stamps_s: FloatArray = clock_s
     if sensor.stamps == "uneven":

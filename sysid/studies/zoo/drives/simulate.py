@@ -95,7 +95,8 @@ def move(
     duration_s = len(commands_rpm) * drive.link.period_s
     # Before the run: time to settle, and what the log's window, filter and delay look back on.
     before = math.ceil((_SETTLING_S + drive.sensor.window_s + drive.sensor.late_s) / tick_s) + phase
-    ticks_s: FloatArray = (np.arange(math.ceil(before + duration_s / tick_s) + 2) - before) * tick_s
+    ticks = math.ceil(before + duration_s / tick_s) + 2
+    ticks_s: FloatArray = (np.arange(ticks, dtype=np.float64) - before) * tick_s
     wanted = set_points(drive, commands_rpm, ticks_s, rng)
     load = np.where(ticks_s >= 0.0, load_n_m, 0.0)
     steps = max(1, math.ceil(tick_s / step_s - 1e-9))

@@ -116,6 +116,14 @@ def _gains_truth(before: Robot, after: Robot) -> Parameters:
     return {f"gain_{wheel}": ratio for wheel, ratio in zip(_WHEELS, ratios, strict=True)}
 
 
+def _no_limit(robot: Robot) -> bool:
+    return math.isinf(robot.path.v_limit_rpm) and math.isinf(robot.path.vc_limit_rpm)
+
+
+def _no_ramp(robot: Robot) -> bool:
+    return math.isinf(robot.path.v_ramp_rpm_s) and math.isinf(robot.path.vc_ramp_rpm_s)
+
+
 def _speed_limit(robot: Robot, strength: float, rng: Rng) -> Robot:
     limit = usable_rpm(robot) * (1.0 - 0.9 * strength)
     v, vc = _either_or_both(rng, limit)
@@ -186,8 +194,8 @@ BODY_CHANGES = (
     RobotChange("floor_slope", "", _floor_slope, _slope_truth, lambda robot: robot.floor.slope_deg == 0.0),
     RobotChange("wheel_gain_mismatch", "", _one_wheel_gain, _gains_truth, variant="one"),
     RobotChange("wheel_gain_mismatch", "", _four_wheel_gains, _gains_truth, variant="four"),
-    RobotChange("body_speed_limit", "", _speed_limit, _speed_limit_truth),
-    RobotChange("body_acceleration_limit", "", _acceleration_limit, _acceleration_truth),
+    RobotChange("body_speed_limit", "", _speed_limit, _speed_limit_truth, _no_limit),
+    RobotChange("body_acceleration_limit", "", _acceleration_limit, _acceleration_truth, _no_ramp),
     RobotChange("weak_servo", "", _soft_loop, _stiffness_truth, _has_loop_to_soften, "loop"),
     RobotChange("weak_servo", "", _resistive, _stiffness_truth, _is_open_loop, "winding"),
 )

@@ -95,7 +95,7 @@ def _crosstalk(robot: Robot, share: float, rng: Rng) -> Robot:
 
 
 def _jumps(robot: Robot, share: float, _rng: Rng) -> Robot:
-    return with_sensors(robot, jump_share=0.15, jump_m=share * top_speed_m_s(robot))
+    return with_sensors(robot, jump_m=share * top_speed_m_s(robot))
 
 
 _DRIVES_TOO: Final = (

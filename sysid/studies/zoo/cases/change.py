@@ -41,15 +41,15 @@ class Change:
     changed: Callable[[Drive, float, np.random.Generator], Drive]
     """(drive, strength, rng) -> changed drive; what is drawn does not depend on the strength."""
     truth: Callable[[Drive, Drive], Parameters]
-    """(drive before, drive after) -> parameters of the form in the contract's units, where physics gives them."""
+    """(drive before, drive after) -> parameters in the contract's units, where physics gives them."""
 
     def apply(self, drive: Drive, size: float, rng: np.random.Generator) -> Drive:
         """Return the drive with this change at a size from 0 (the drive itself) to 1 (gross)."""
         return self.changed(drive, strength(size), rng) if size > 0.0 else drive
 
-    def hidden(self, before: Drive, after: Drive) -> Hidden:
-        """Return what was hidden, with the true parameters."""
-        return Hidden(self.name, self.form, self.truth(before, after))
+    def hidden(self, before: Drive, after: Drive, signal: float) -> Hidden:
+        """Return what was hidden, with the true parameters and its trace in the logs."""
+        return Hidden(self.name, self.form, self.truth(before, after), signal)
 
 
 def always(_drive: Drive) -> bool:

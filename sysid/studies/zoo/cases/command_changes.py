@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import Final
 
@@ -30,7 +31,7 @@ def _sign(rng: Rng) -> float:
     return float(rng.choice((-1.0, 1.0)))
 
 
-# --- the link ---------------------------------------------------------------------------------------------------
+# --- the link ---
 
 
 def _later(drive: Drive, strength: float, _rng: Rng) -> Drive:
@@ -51,7 +52,7 @@ def _loss(drive: Drive, strength: float, _rng: Rng) -> Drive:
     return with_link(drive, loss=drive.link.loss + (0.9 - drive.link.loss) * strength)
 
 
-# --- what the firmware makes of a command -----------------------------------------------------------------------
+# --- what the firmware makes of a command ---
 
 
 def _no_dead_zone(drive: Drive) -> bool:
@@ -95,7 +96,7 @@ def _curve(drive: Drive, strength: float, rng: Rng) -> Drive:
     return with_controller(drive, curve_rpm=tuple((float(a), float(b)) for a, b in points))
 
 
-# --- limits -----------------------------------------------------------------------------------------------------
+# --- limits ---
 
 
 def _free_ceiling(drive: Drive) -> bool:
@@ -117,7 +118,7 @@ def _tired_supply(drive: Drive, strength: float, _rng: Rng) -> Drive:
 
 
 def _supply_ceiling(_before: Drive, after: Drive) -> Parameters:
-    """Speed without load at which the back-EMF and the friction's current use up the supply."""
+    """Return the speed without load at which the back-EMF and the friction's current use up the supply."""
     motor = after.motor
     k, ohm, gear = motor.back_emf_v_s, motor.resistance_ohm, after.gear
     coulomb = gear.motor_coulomb_n_m + gear.wheel_coulomb_n_m
@@ -178,7 +179,7 @@ def _current(drive: Drive, strength: float, rng: Rng) -> Drive:
 
 
 def _torque_ramp(_before: Drive, after: Drive) -> Parameters:
-    """Acceleration by the limited current at half of the top speed, friction taken off (or, braking, added)."""
+    """Return the acceleration by the limited current at half of the top speed, with friction."""
     motor, rpm_s = after.motor, 1.0 / (inertia(after) * RAD_S_PER_RPM)
     loss = friction_torque(after, 0.5 * after.top_rpm * RAD_S_PER_RPM)
     brake_a = min(motor.brake_current_a, motor.current_limit_a)
@@ -188,19 +189,53 @@ def _torque_ramp(_before: Drive, after: Drive) -> Parameters:
     }
 
 
-# --- battery and temperature ------------------------------------------------------------------------------------
+# --- battery and temperature ---
+
+
+_GROSS_FALL_PER_S: Final = 0.3
+"""Share that is lost per second; more than half of the speed within a short run."""
 
 
 def _falls(drive: Drive, strength: float, _rng: Rng) -> Drive:
     """Let the supply of an open-duty drive fall, or the analogue reference of any other."""
     if open_duty(drive) and not drive.controller.supply_compensation:
-        return with_motor(drive, supply_fall_per_s=drive.motor.supply_fall_per_s + 0.1 * strength)
-    return with_controller(drive, gain_fall_per_s=drive.controller.gain_fall_per_s + 0.1 * strength)
+        return with_motor(
+            drive, supply_fall_per_s=drive.motor.supply_fall_per_s + _GROSS_FALL_PER_S * strength
+        )
+    return with_controller(
+        drive, gain_fall_per_s=drive.controller.gain_fall_per_s + _GROSS_FALL_PER_S * strength
+    )
 
 
 def _fall_per_s(before: Drive, after: Drive) -> Parameters:
     supply = after.motor.supply_fall_per_s - before.motor.supply_fall_per_s
     return {"drop_per_s": supply + after.controller.gain_fall_per_s - before.controller.gain_fall_per_s}
+
+
+_USUAL_FALL_PER_S: Final = 0.01
+"""Share of its voltage that a battery loses per second where a study looks at that."""
+
+
+def _logs_battery(drive: Drive) -> bool:
+    return drive.battery.logged
+
+
+def _runs_down(drive: Drive, strength: float, _rng: Rng) -> Drive:
+    """Let the logged battery of an open-duty drive fall, or the reference of any other go with its volts."""
+    battery = drive.battery
+    if open_duty(drive) and not drive.controller.supply_compensation:
+        fall = battery.fall_v_per_s + _GROSS_FALL_PER_S * strength * battery.full_v
+        return dataclasses.replace(drive, battery=dataclasses.replace(battery, fall_v_per_s=fall))
+    fall = battery.fall_v_per_s or _USUAL_FALL_PER_S * battery.full_v
+    drive = dataclasses.replace(drive, battery=dataclasses.replace(battery, fall_v_per_s=fall))
+    per_volt = drive.controller.gain_per_volt + _GROSS_FALL_PER_S * strength / fall
+    return with_controller(drive, gain_per_volt=per_volt)
+
+
+def _share_per_volt(before: Drive, after: Drive) -> Parameters:
+    """Return what a volt costs: of a motor at open duty, the supply's share; else that of the reference."""
+    reference = after.controller.gain_per_volt - before.controller.gain_per_volt
+    return {"per_volt": reference if reference > 0.0 else 1.0 / after.battery.full_v}
 
 
 def _warms(drive: Drive, strength: float, rng: Rng) -> Drive:
@@ -272,13 +307,12 @@ COMMAND_CHANGES: Final = (
             "softness_rpm": after.controller.ceiling_softness_rpm,
         },
     ),
-    Change(
-        "speed_saturation", "supply", lambda drive: not open_duty(drive), _tired_supply, _supply_ceiling
-    ),
+    Change("speed_saturation", "supply", lambda drive: not open_duty(drive), _tired_supply, _supply_ceiling),
     Change("acceleration_limit", "set_point", _no_ramp, _ramp, _set_point_ramp),
     Change("acceleration_limit", "drive", always, _current, _torque_ramp),
     Change("acceleration_limit", "s_curve", _no_ramp, _s_curve, _set_point_ramp),
     Change("battery_sag", "time", always, _falls, _fall_per_s),
+    Change("battery_sag", "voltage", _logs_battery, _runs_down, _share_per_volt),
     Change(
         "warm_up",
         "gain",

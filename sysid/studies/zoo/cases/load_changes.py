@@ -24,7 +24,7 @@ from sysid.studies.zoo.drives.drive import Drive
 Rng = np.random.Generator
 
 
-# --- friction ---------------------------------------------------------------------------------------------------
+# --- friction ---
 
 
 def _coulomb(drive: Drive, strength: float, _rng: Rng) -> Drive:
@@ -86,7 +86,7 @@ def _frictions() -> tuple[Change, ...]:
     )
 
 
-# --- inertia, ripple, play --------------------------------------------------------------------------------------
+# --- inertia, ripple, play ---
 
 
 def _heavier(drive: Drive, strength: float, _rng: Rng) -> Drive:
@@ -107,9 +107,9 @@ def _cogging(drive: Drive, strength: float, rng: Rng) -> Drive:
     )
 
 
-def _no_play(drive: Drive) -> bool:
-    """Return whether play can be added where the log's sensor sees it: on the wheel."""
-    return drive.gear.play_deg == 0.0 and drive.sensor.side == "wheel"
+def _seen_play(drive: Drive) -> bool:
+    """Return whether the log's sensor is on the wheel, which alone sees what the forms of play describe."""
+    return drive.sensor.side == "wheel" and drive.gear.play_spring_n_m_rad == 0.0
 
 
 def _wheel_stops_s(drive: Drive) -> float:
@@ -124,19 +124,23 @@ _RESTS_S: Final = 0.15
 
 
 def _rests(drive: Drive) -> bool:
-    return _no_play(drive) and _wheel_stops_s(drive) < _RESTS_S
+    return _seen_play(drive) and _wheel_stops_s(drive) < _RESTS_S
 
 
 def _coasts(drive: Drive) -> bool:
-    return _no_play(drive) and _wheel_stops_s(drive) >= _RESTS_S
+    return _seen_play(drive) and _wheel_stops_s(drive) >= _RESTS_S
 
 
 def _play(drive: Drive, strength: float, _rng: Rng) -> Drive:
-    return with_gear(drive, play_deg=30.0 * strength)
+    return with_gear(drive, play_deg=drive.gear.play_deg + 30.0 * strength)
+
+
+def _tight(drive: Drive) -> bool:
+    return _seen_play(drive) and drive.gear.play_deg == 0.0
 
 
 def _elastic_play(drive: Drive, strength: float, rng: Rng) -> Drive:
-    """Give the gap an elastic filling that the wheel's own inertia compresses half-way as it speeds up."""
+    """Give the gap an elastic filling, on which the wheel alone would swing at some hertz."""
     gear, play_deg = drive.gear, 30.0 * strength
     swing_hz = rng.uniform(2.0, 8.0)
     spring = gear.wheel_inertia_kg_m2 * (2.0 * np.pi * swing_hz) ** 2
@@ -147,7 +151,7 @@ def _gap(_before: Drive, after: Drive) -> Parameters:
     return {"gap_deg": after.gear.play_deg}
 
 
-# --- the sensor -------------------------------------------------------------------------------------------------
+# --- the sensor ---
 
 
 def _late(drive: Drive, strength: float, _rng: Rng) -> Drive:
@@ -204,12 +208,11 @@ LOAD_CHANGES: Final = (
         lambda _, after: {
             "per_turn": float(after.gear.cogging_per_turn),
             "torque_n_m": after.gear.cogging_n_m,
-            "phase_deg": after.gear.cogging_phase_deg,
         },
     ),
     Change("backlash", "rest", _rests, _play, _gap),
     Change("backlash", "coast", _coasts, _play, _gap),
-    Change("backlash", "spring", _no_play, _elastic_play, _gap),
+    Change("backlash", "spring", _tight, _elastic_play, _gap),
 )
 
 SENSOR_CHANGES: Final = (
@@ -221,7 +224,6 @@ SENSOR_CHANGES: Final = (
         lambda _, after: {
             "per_turn": float(after.sensor.eccentricity_per_turn),
             "share": after.sensor.eccentricity,
-            "phase_deg": after.sensor.eccentricity_phase_deg,
         },
     ),
     Change(
@@ -232,7 +234,11 @@ SENSOR_CHANGES: Final = (
         lambda before, after: {"delay_s": after.sensor.late_s - before.sensor.late_s},
     ),
     Change(
-        "sensor_lowpass", "lag", _unfiltered, _lag, lambda _, after: {"time_constant_s": after.sensor.filter_s}
+        "sensor_lowpass",
+        "lag",
+        _unfiltered,
+        _lag,
+        lambda _, after: {"time_constant_s": after.sensor.filter_s},
     ),
     Change("sensor_lowpass", "window", always, _window, lambda _, after: {"window_s": after.sensor.window_s}),
     Change(

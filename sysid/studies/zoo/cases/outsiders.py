@@ -1,4 +1,4 @@
-"""Changes that no name of the contract covers: some as close to a name as physics allows, others far from all."""
+"""Changes that no name of the contract covers: some as close to a name as physics allows, others not."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _seconds(low: float, high: float, rng: Rng) -> float:
     return float(np.exp(rng.uniform(np.log(low), np.log(high))))
 
 
-# --- near -------------------------------------------------------------------------------------------------------
+# --- near ---
 
 
 def _hysteresis(drive: Drive, strength: float, _rng: Rng) -> Drive:
@@ -140,7 +140,7 @@ NEAR_OUTSIDERS: Final = (
 )
 
 
-# --- far --------------------------------------------------------------------------------------------------------
+# --- far ---
 
 
 def _glitches(drive: Drive, strength: float, _rng: Rng) -> Drive:

@@ -52,6 +52,10 @@ _TWINS_WITHOUT_POSE: Final = {
 }
 
 
+MAY_HAVE_TWINS: Final = tuple(_TWINS | _TWINS_WITHOUT_POSE)
+"""Labels of the changes that `twins` has names for, at least without a measured path."""
+
+
 def twins(change: RobotChange, robot: Robot) -> tuple[str, ...]:
     """Return the names that no log of a robot can tell from a change.
 

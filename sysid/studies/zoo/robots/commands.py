@@ -45,7 +45,7 @@ def wheel_set_points(
 
 
 def body_rpm(commands: FloatArray) -> FloatArray:
-    """Return forward, left, turn [rpm of wheels] of `commands` V [rpm], theta [deg], VC [rpm], both (m, 3)."""
+    """Return forward, left and turn in rpm of `commands` V [rpm], theta [deg], VC [rpm], both (m, 3)."""
     v, theta, vc = commands[:, 0], np.radians(commands[:, 1]), commands[:, 2]
     return np.column_stack([v * np.cos(theta), v * np.sin(theta), vc])
 

@@ -46,6 +46,12 @@ class Motor:
     winding_warming: float = 0.0
     """Share by which the resistance rises with time, as 1 - exp(-t / warming_s)."""
     warming_s: float = 60.0
+    current_fade: float = 0.0
+    """Share of both current limits that is lost with time, as 1 - exp(-t / current_fade_s)."""
+    current_fade_s: float = 2.0
+    supply_swing: float = 0.0
+    """Amplitude of a sine on the supply, as a share of it."""
+    supply_swing_hz: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -70,6 +76,11 @@ class Gear:
     friction_warming: float = 0.0
     """Share of all friction that is lost with time, as 1 - exp(-t / friction_warming_s)."""
     friction_warming_s: float = 30.0
+    drag_n_m_s2: float = 0.0
+    """Torque against the wheel per squared rad/s, as a fan makes it."""
+    rub_n_m: float = 0.0
+    """Coulomb friction on the wheel in the first fifth of every period of `rub_hz`."""
+    rub_hz: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -128,6 +139,9 @@ class Controller:
     gain_warming: float = 0.0
     """Share of the set-point that is lost with time, as 1 - exp(-t / gain_warming_s)."""
     gain_warming_s: float = 30.0
+    gain_swing: float = 0.0
+    """Amplitude of a sine in time on the set-point, as a share of it."""
+    gain_swing_hz: float = 1.0
     gain_hysteresis: float = 0.0
     """Share of the set-point that is missing after a command smaller in size than the one before."""
     ceiling_rpm: float = math.inf
@@ -138,6 +152,10 @@ class Controller:
     jerk_rpm_s2: float = math.inf
     filters_s: tuple[float, ...] = ()
     """First-order filters of the set-point."""
+    freeze_share: float = 0.0
+    """Share of the time in which the firmware hangs and its last output goes on."""
+    freeze_s: float = 0.1
+    """How long it hangs."""
 
 
 @dataclass(frozen=True)
@@ -165,6 +183,10 @@ class Sensor:
     outlier_share: float = 0.0
     held_share: float = 0.0
     """Share of samples that repeat the one before, because no new value arrived."""
+    blank_share: float = 0.0
+    """Share of the time in which zero is logged, because the signal is lost."""
+    blank_s: float = 0.1
+    """How long it is lost, at least one sample."""
     resolution_rpm: float = 0.0
     """Rounding of the logged number."""
 

@@ -97,8 +97,15 @@ STATE = RING + RING_LENGTH
     ENCODER_COUNTS,
     ENCODER_TICKS,
     FILTER_SHARE,
-) = range(41)
-PARAMETERS = FILTER_SHARE + 1
+    CURRENT_FADE,
+    CURRENT_FADE_S,
+    SUPPLY_SWING,
+    SUPPLY_SWING_RAD_S,
+    DRAG,
+    RUB,
+    RUB_HZ,
+) = range(48)
+PARAMETERS = RUB_HZ + 1
 """Length of the parameter vector."""
 
 _compiled: Callable[[Any], Any] = numba.njit(cache=True)
@@ -128,6 +135,8 @@ def pack(drive: Drive) -> FloatArray:
     p[BRAKE_CURRENT] = min(motor.brake_current_a, motor.current_limit_a)
     p[WINDING_WARMING] = motor.winding_warming
     p[WINDING_WARMING_S] = motor.warming_s
+    p[CURRENT_FADE], p[CURRENT_FADE_S] = motor.current_fade, motor.current_fade_s
+    p[SUPPLY_SWING], p[SUPPLY_SWING_RAD_S] = motor.supply_swing, 2.0 * math.pi * motor.supply_swing_hz
     p[WHEEL_INERTIA] = gear.wheel_inertia_kg_m2
     p[MOTOR_COULOMB] = gear.motor_coulomb_n_m
     p[MOTOR_VISCOUS] = gear.motor_viscous_n_m_s
@@ -142,6 +151,8 @@ def pack(drive: Drive) -> FloatArray:
     p[COGGING_PHASE] = math.radians(gear.cogging_phase_deg)
     p[FRICTION_WARMING] = gear.friction_warming
     p[FRICTION_WARMING_S] = gear.friction_warming_s
+    p[DRAG] = gear.drag_n_m_s2
+    p[RUB], p[RUB_HZ] = gear.rub_n_m, gear.rub_hz
     p[TICK_S] = tick_s
     p[KP], p[KI], p[KD] = control.kp, control.ki, control.kd
     p[DERIVATIVE_OF_ERROR] = control.derivative_of_error
@@ -227,6 +238,12 @@ def _step_current(state: FloatArray, p: FloatArray, h: float, time_s: float) -> 
     if p[WINDING_WARMING] != 0.0:
         resistance *= 1.0 - p[WINDING_WARMING] * math.expm1(-time_s / p[WINDING_WARMING_S])
     supply = p[SUPPLY_V] * (1.0 - p[SUPPLY_FALL] * time_s) - p[SUPPLY_FALL_V] * time_s
+    if p[SUPPLY_SWING] != 0.0:
+        supply *= 1.0 + p[SUPPLY_SWING] * math.sin(p[SUPPLY_SWING_RAD_S] * time_s)
+    limit, brake = p[CURRENT_LIMIT], p[BRAKE_CURRENT]
+    if p[CURRENT_FADE] != 0.0:
+        left = 1.0 + p[CURRENT_FADE] * math.expm1(-time_s / p[CURRENT_FADE_S])
+        limit, brake = limit * left, brake * left
     # What the motor takes from the battery is its power; what it gives back is burnt elsewhere.
     taken = max(state[CURRENT] * state[VOLTS] / state[SUPPLY], 0.0)
     supply = max(supply - p[SUPPLY_RESISTANCE] * taken, 0.1 * p[SUPPLY_V])
@@ -236,9 +253,9 @@ def _step_current(state: FloatArray, p: FloatArray, h: float, time_s: float) -> 
     if p[CURRENT_KP] > 0.0:
         # A current loop much faster than the speed loop, taken as continuous.
         kp = p[CURRENT_KP]
-        wanted = state[OUTPUT]
+        wanted = min(max(state[OUTPUT], -limit), limit)
         if wanted * state[MOTOR_SPEED] < 0.0:
-            wanted = min(max(wanted, -p[BRAKE_CURRENT]), p[BRAKE_CURRENT])
+            wanted = min(max(wanted, -brake), brake)
         target = (kp * wanted + state[CURRENT_INTEGRAL] - emf) / (resistance + kp)
         after, mean = _relax(i, target, h * (resistance + kp) / p[INDUCTANCE])
         volts = kp * (wanted - mean) + state[CURRENT_INTEGRAL]
@@ -253,9 +270,8 @@ def _step_current(state: FloatArray, p: FloatArray, h: float, time_s: float) -> 
     else:
         volts = min(max(state[OUTPUT] / p[NOMINAL_SUPPLY], -1.0), 1.0) * supply
     after, mean = _relax(i, (volts - emf) / resistance, h * resistance / p[INDUCTANCE])
-    limit = p[CURRENT_LIMIT]
     if mean * state[MOTOR_SPEED] < 0.0:
-        limit = p[BRAKE_CURRENT]
+        limit = brake
     state[VOLTS] = volts
     state[CURRENT] = min(max(after, -limit), limit)
     return float(min(max(mean, -limit), limit))
@@ -292,7 +308,10 @@ def plant_substep(state: FloatArray, p: FloatArray, load_n_m: float, h: float, t
     fm, fw = p[MOTOR_COULOMB] * cold, p[WHEEL_COULOMB] * cold
     if p[WHEEL_STICKING] > 0.0:
         fw += p[WHEEL_STICKING] * cold * math.exp(-((w / p[STICKING_SPEED]) ** 2))
+    if p[RUB] > 0.0 and (time_s * p[RUB_HZ]) % 1.0 < 0.2:
+        fw += p[RUB]
     bm, bw = p[MOTOR_VISCOUS] * cold, p[WHEEL_VISCOUS] * cold + state[LOAD_SLOPE]
+    bw += p[DRAG] * abs(w)
     torque = load_n_m + state[LOAD_SLOPE] * w
     if p[COGGING] != 0.0:
         torque += p[COGGING] * math.sin(p[COGGING_PER_TURN] * state[WHEEL_ANGLE] + p[COGGING_PHASE])

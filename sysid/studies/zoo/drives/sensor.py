@@ -55,7 +55,8 @@ def sample(
     rows = math.floor(duration_s / sensor.sample_s + 1e-9) + 1
     jitter, noise, phase = (clock or rng).standard_normal(rows), rng.standard_normal(rows), rng.random()
     wild, wild_rpm, held = rng.random(rows), rng.uniform(-1.0, 1.0, rows), rng.random(rows)
-    clock_s: FloatArray = sensor.sample_s * np.arange(rows)
+    lost = rng.random(rows) < sensor.blank_share
+    clock_s: FloatArray = sensor.sample_s * np.arange(rows, dtype=np.float64)
     taken_s: FloatArray = clock_s
     stamps_s: FloatArray = clock_s
     if sensor.stamps == "uneven":
@@ -78,6 +79,8 @@ def sample(
         fresh = held >= sensor.held_share
         fresh[0] = True
         speed = speed[np.maximum.accumulate(np.where(fresh, np.arange(rows), 0))]
+    blank_s = max(sensor.blank_s, sensor.sample_s)
+    speed = np.where(lost[(clock_s / blank_s + 1e-9).astype(int)], 0.0, speed)
     if sensor.resolution_rpm > 0.0:
         speed = np.rint(speed / sensor.resolution_rpm) * sensor.resolution_rpm
     return Samples(stamps_s, taken_s, speed)

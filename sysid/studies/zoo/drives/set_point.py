@@ -66,6 +66,7 @@ def target_rpm(
     gain *= 1.0 - control.gain_fall_per_s * time_s
     gain *= 1.0 - control.gain_per_volt * battery.fall_v_per_s * time_s
     gain *= 1.0 + control.gain_warming * np.expm1(-time_s / control.gain_warming_s)
+    gain *= 1.0 + control.gain_swing * np.sin(2.0 * math.pi * control.gain_swing_hz * time_s)
     gain *= 1.0 - control.gain_hysteresis * _fell(value)
     value = np.maximum(gain, 0.0) * value + control.offset_rpm
     return _below_ceiling(control, value)

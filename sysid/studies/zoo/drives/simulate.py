@@ -16,6 +16,7 @@ from sysid.studies.zoo.drives.sensor import Motion, sample
 from sysid.studies.zoo.drives.set_point import set_points
 
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 
 STEP_S = 1e-4
 """Largest step of the physics."""
@@ -45,6 +46,7 @@ def _run(
     state: FloatArray,
     p: FloatArray,
     set_points_rad_s: FloatArray,
+    awake: BoolArray,
     load_n_m: FloatArray,
     start_s: float,
     steps: int,
@@ -55,7 +57,8 @@ def _run(
     h = p[kernel.TICK_S] / steps
     done = 0
     for n in range(len(set_points_rad_s)):
-        kernel.controller_tick(state, p, set_points_rad_s[n])
+        if awake[n]:
+            kernel.controller_tick(state, p, set_points_rad_s[n])
         for j in range(steps):
             if done % every == 0:
                 row = history[done // every]
@@ -92,14 +95,17 @@ def move(
     duration_s = len(commands_rpm) * drive.link.period_s
     # Before the run: time to settle, and what the log's window, filter and delay look back on.
     before = math.ceil((_SETTLING_S + drive.sensor.window_s + drive.sensor.late_s) / tick_s) + phase
-    ticks_s: FloatArray = (np.arange(math.ceil(before + duration_s / tick_s) + 2) - before) * tick_s
+    ticks = math.ceil(before + duration_s / tick_s) + 2
+    ticks_s: FloatArray = (np.arange(ticks, dtype=np.float64) - before) * tick_s
     wanted = set_points(drive, commands_rpm, ticks_s, rng)
     load = np.where(ticks_s >= 0.0, load_n_m, 0.0)
     steps = max(1, math.ceil(tick_s / step_s - 1e-9))
     every = max(1, round(_HISTORY_S * steps / tick_s))
     history = np.empty((-(-len(ticks_s) * steps // every), 5))
     state = kernel.new_state(p, angle, gap_share)
-    _run(state, p, wanted, load, float(ticks_s[0]), steps, every, history)
+    hangs = rng.random(len(ticks_s)) < drive.controller.freeze_share
+    awake = ~hangs[np.maximum(ticks_s / max(drive.controller.freeze_s, tick_s), 0.0).astype(int)]
+    _run(state, p, wanted, awake, load, float(ticks_s[0]), steps, every, history)
     time_s = ticks_s[0] + np.arange(len(history)) * (every * tick_s / steps)
     return Motion(time_s, *history.T)
 

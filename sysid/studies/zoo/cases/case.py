@@ -20,6 +20,8 @@ class Hidden:
     form: str
     parameters: Mapping[str, float] = field(default_factory=dict)
     """The truth in the contract's units, for parameters that physics gives; others are left out."""
+    signal: float = 0.0
+    """Rms of what this effect alone does to the logs, over the noise of repeats."""
 
 
 @dataclass(frozen=True)

@@ -46,6 +46,12 @@ class Motor:
     winding_warming: float = 0.0
     """Share by which the resistance rises with time, as 1 - exp(-t / warming_s)."""
     warming_s: float = 60.0
+    current_fade: float = 0.0
+    """Share of both current limits that is lost with time, as 1 - exp(-t / current_fade_s)."""
+    current_fade_s: float = 2.0
+    supply_swing: float = 0.0
+    """Amplitude of a sine on the supply, as a share of it."""
+    supply_swing_hz: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -70,14 +76,19 @@ class Gear:
     friction_warming: float = 0.0
     """Share of all friction that is lost with time, as 1 - exp(-t / friction_warming_s)."""
     friction_warming_s: float = 30.0
+    drag_n_m_s2: float = 0.0
+    """Torque against the wheel per squared rad/s, as a fan makes it."""
+    rub_n_m: float = 0.0
+    """Coulomb friction on the wheel in the first fifth of every period of `rub_hz`."""
+    rub_hz: float = 1.0
 
 
 @dataclass(frozen=True)
 class Controller:
     """The firmware: what it does with a command, its speed loop and its current loop.
 
-    The speed loop computes volts (duty times nominal supply) from rad/s; `current_kp` above 0 makes it compute
-    amperes, which a faster current loop turns into volts.
+    The speed loop computes volts (duty times nominal supply) from rad/s. With `current_kp` above 0 it
+    computes amperes, which a faster current loop turns into volts.
     """
 
     family: Family
@@ -92,7 +103,11 @@ class Controller:
     """Share of the motor's R i drop that an open-loop drive adds (IxR compensation)."""
     supply_compensation: bool = False
     """Whether the duty is divided by the measured supply."""
+    nominal_supply_v: float = 0.0
+    """Supply for which the firmware turns volts into duty; 0: the motor's at the start of a run."""
     anti_windup: bool = True
+    derivative_of_error: bool = False
+    """Whether the derivative sees the set-point too, and not only the measured speed."""
     current_kp: float = 0.0
     """V/A; 0: no current loop."""
     current_ki: float = 0.0
@@ -114,6 +129,7 @@ class Controller:
     reverse_gain: float = 1.0
     """Gain of negative commands over that of positive ones."""
     offset_rpm: float = 0.0
+    """Added to every command, also to 0: a reference that is not zeroed."""
     curve_rpm: tuple[tuple[float, float], ...] = ()
     """Points (command, set-point) of an odd, monotone curve in the first quadrant; empty: straight."""
     gain_fall_per_s: float = 0.0
@@ -123,6 +139,9 @@ class Controller:
     gain_warming: float = 0.0
     """Share of the set-point that is lost with time, as 1 - exp(-t / gain_warming_s)."""
     gain_warming_s: float = 30.0
+    gain_swing: float = 0.0
+    """Amplitude of a sine in time on the set-point, as a share of it."""
+    gain_swing_hz: float = 1.0
     gain_hysteresis: float = 0.0
     """Share of the set-point that is missing after a command smaller in size than the one before."""
     ceiling_rpm: float = math.inf
@@ -133,6 +152,10 @@ class Controller:
     jerk_rpm_s2: float = math.inf
     filters_s: tuple[float, ...] = ()
     """First-order filters of the set-point."""
+    freeze_share: float = 0.0
+    """Share of the time in which the firmware hangs and its last output goes on."""
+    freeze_s: float = 0.1
+    """How long it hangs."""
 
 
 @dataclass(frozen=True)
@@ -142,6 +165,8 @@ class Sensor:
     sample_s: float
     counts: int = 0
     """Counts per turn of the wheel; 0: a tachometer with `noise_rpm`."""
+    side: Literal["wheel", "motor"] = "wheel"
+    """Side of the gear's play on which the speed is measured."""
     window_s: float = 0.0
     """Time over which counts are taken; 0: one sample."""
     noise_rpm: float = 0.0
@@ -158,6 +183,10 @@ class Sensor:
     outlier_share: float = 0.0
     held_share: float = 0.0
     """Share of samples that repeat the one before, because no new value arrived."""
+    blank_share: float = 0.0
+    """Share of the time in which zero is logged, because the signal is lost."""
+    blank_s: float = 0.1
+    """How long it is lost, at least one sample."""
     resolution_rpm: float = 0.0
     """Rounding of the logged number."""
 

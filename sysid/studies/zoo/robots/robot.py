@@ -24,11 +24,14 @@ class Wheels:
     width_m: float = 0.04
     rollers: int = 9
     """Rollers on a wheel, 3 to 12; the point of contact travels along each as the wheel turns."""
+    handover: float = 0.15
+    """Share of a roller's turn over which it shares its load with the next one."""
     angle_deg: float = 45.0
+    """Between the axis of the lowest roller and the rolling direction."""
     start_deg: Four = (0.0, 0.0, 0.0, 0.0)
     """Wheel angles at the start; each run draws its own, because no robot is put down twice alike."""
     toe_deg: Four = (0.0, 0.0, 0.0, 0.0)
-    """Misalignment of the axles."""
+    """Misalignment of the axles, counter-clockwise positive."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +54,7 @@ class Body:
     half_track_m: float
     mass_kg: float
     yaw_inertia_kg_m2: float
+    """About the vertical axis through the centre of mass, without a payload."""
     com_x_m: float = 0.0
     com_y_m: float = 0.0
     com_height_m: float = 0.1
@@ -58,6 +62,8 @@ class Body:
     payload_height_m: float = 0.2
     payload_x_m: float = 0.0
     payload_y_m: float = 0.0
+    twist: float = 0.0
+    """Share of the weight that the diagonal fl-rr carries beyond half: a stiff frame stands on three feet."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +110,8 @@ class BodySensors:
     lever_x_m: float = 0.0
     lever_y_m: float = 0.0
     """Position of the velocity sensor: it sees the rotation as velocity."""
+    tilt_deg: float = 0.0
+    """Of the velocity sensor about its sideways axis: it sees forward speed and yaw rate times the cosine."""
     crosstalk: float = 0.0
     """Of vx into the yaw rate [rad/m]."""
     late_s: float = 0.0
@@ -125,6 +133,12 @@ class BodySensors:
     drop_outs: float = 0.0
     """Share of pose samples that are missing, in gaps of `drop_out_s`."""
     drop_out_s: float = 0.1
+    jump_m: float = 0.0
+    """Distance by which motion capture is off along x, in stretches of `jump_s`: it takes another marker for
+    the robot's."""
+    jump_share: float = 0.1
+    """Share of the time that such stretches fill."""
+    jump_s: float = 0.3
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,8 @@
 # make check      lint, format, types
 # make bench      every benchmark, figures in out/bench/
 # make bench-train  what training reaches over three seeds, half an hour
+# make zoo        drives and robots drawn at random, with hidden effects: the whole table, docs/results/zoo.md
+# make zoo-quick  the same with sixty cases
 # make blind      hidden effects, to be named from logs alone: the whole table, docs/results/blind.md
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
@@ -15,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench bench-train blind behaviour system clean FORCE
+.PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick blind behaviour system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
@@ -41,6 +43,13 @@ bench: $(VENV)/train
 # An interrupted run goes on where it was.
 bench-train: $(VENV)/train
 	$(BIN)/python benchmarks/train.py --out out/bench/train.json
+
+# Hours; an interrupted run goes on where it was.
+zoo: $(VENV)/installed
+	$(BIN)/python -m sysid.studies.zoo --settle --out out/zoo --markdown docs/results/zoo.md
+
+zoo-quick: $(VENV)/installed
+	$(BIN)/python -m sysid.studies.zoo --quick --out out/zoo
 
 # Hours; an interrupted run goes on where it was.
 blind: $(VENV)/installed

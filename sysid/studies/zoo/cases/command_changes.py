@@ -192,11 +192,19 @@ def _torque_ramp(_before: Drive, after: Drive) -> Parameters:
 # --- battery and temperature ---
 
 
+_GROSS_FALL_PER_S: Final = 0.3
+"""Share that is lost per second; more than half of the speed within a short run."""
+
+
 def _falls(drive: Drive, strength: float, _rng: Rng) -> Drive:
     """Let the supply of an open-duty drive fall, or the analogue reference of any other."""
     if open_duty(drive) and not drive.controller.supply_compensation:
-        return with_motor(drive, supply_fall_per_s=drive.motor.supply_fall_per_s + 0.1 * strength)
-    return with_controller(drive, gain_fall_per_s=drive.controller.gain_fall_per_s + 0.1 * strength)
+        return with_motor(
+            drive, supply_fall_per_s=drive.motor.supply_fall_per_s + _GROSS_FALL_PER_S * strength
+        )
+    return with_controller(
+        drive, gain_fall_per_s=drive.controller.gain_fall_per_s + _GROSS_FALL_PER_S * strength
+    )
 
 
 def _fall_per_s(before: Drive, after: Drive) -> Parameters:
@@ -216,11 +224,11 @@ def _runs_down(drive: Drive, strength: float, _rng: Rng) -> Drive:
     """Let the logged battery of an open-duty drive fall, or the reference of any other go with its volts."""
     battery = drive.battery
     if open_duty(drive) and not drive.controller.supply_compensation:
-        fall = battery.fall_v_per_s + 0.1 * strength * battery.full_v
+        fall = battery.fall_v_per_s + _GROSS_FALL_PER_S * strength * battery.full_v
         return dataclasses.replace(drive, battery=dataclasses.replace(battery, fall_v_per_s=fall))
     fall = battery.fall_v_per_s or _USUAL_FALL_PER_S * battery.full_v
     drive = dataclasses.replace(drive, battery=dataclasses.replace(battery, fall_v_per_s=fall))
-    per_volt = drive.controller.gain_per_volt + 0.1 * strength / fall
+    per_volt = drive.controller.gain_per_volt + _GROSS_FALL_PER_S * strength / fall
     return with_controller(drive, gain_per_volt=per_volt)
 
 

@@ -73,7 +73,7 @@ def draw_bench_case(seed: int) -> tuple[Case, Drive, Drive]:
     changes, outsider = _changes(seed, kind, turn)
     best: _Try | None = None
     for attempt in range(_TRIES):
-        tried = _try(seed, attempt, kind, layout, changes, outsider, _level(turn))
+        tried = _try(seed, attempt, kind, layout, changes, outsider, _level(kind, turn))
         if best is None or tried.miss < best.miss:
             best = tried
         if best.miss == 0.0:
@@ -158,9 +158,9 @@ def _in_turn(of: Sequence[T], turn: int) -> T:
     return of[int(_rng(around, FORMS, len(of)).permutation(len(of))[place])]
 
 
-def _level(turn: int) -> float:
-    """Return where in the range of sizes the turn-th case of a kind is, 0 to 1, spread by the golden ratio."""
-    return (0.5 + turn * 0.6180339887498949) % 1.0
+def _level(kind: Kind, turn: int) -> float:
+    """Return the turn-th case's place in the range of sizes, 0 to 1, spread by the golden ratio."""
+    return (list(SHARES).index(kind) / len(SHARES) + turn * 0.6180339887498949) % 1.0
 
 
 def _wanted(level: float, kind: Kind, member: int) -> float:

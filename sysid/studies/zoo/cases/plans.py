@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Final
 
@@ -21,10 +22,11 @@ def plan(name: str, top_rpm: float, seconds: float, period_s: float, rng: np.ran
         KeyError: `name` is none of `PLANS`.
     """
     count = max(4, round(seconds / period_s))
-    shape = PLANS[name](np.arange(count) * period_s, rng)
+    shape = PLANS[name](period_s * np.arange(count, dtype=np.float64), rng)
     shape[: 1 + int(rng.integers(2))] = 0.0
-    top = np.floor(top_rpm)
-    return np.clip(np.rint(shape * top), -top, top)
+    top = math.floor(top_rpm)
+    commands: Commands = np.clip(np.rint(shape * top), -top, top)
+    return commands
 
 
 def _holds(time_s: Commands, lengths_s: Commands, levels: Commands) -> Commands:
@@ -75,7 +77,8 @@ def _slow_near_zero(time_s: Commands, rng: np.random.Generator) -> Commands:
 
 
 def _signs(count: int, rng: np.random.Generator) -> Commands:
-    return rng.choice((-1.0, 1.0), count)
+    signs: Commands = rng.choice((-1.0, 1.0), count)
+    return signs
 
 
 def _sweep(time_s: Commands, rng: np.random.Generator) -> Commands:
@@ -84,7 +87,8 @@ def _sweep(time_s: Commands, rng: np.random.Generator) -> Commands:
     end = max(time_s[-1], period)
     low, high = 0.3, min(3.0, 0.2 / period)
     phase = 2.0 * np.pi * (low * time_s + 0.5 * (high - low) * time_s**2 / end)
-    return _sign(rng) * rng.uniform(0.4, 0.9) * np.sin(phase)
+    shape: Commands = _sign(rng) * rng.uniform(0.4, 0.9) * np.sin(phase)
+    return shape
 
 
 def _joystick(time_s: Commands, rng: np.random.Generator) -> Commands:
@@ -105,7 +109,8 @@ def _gentle_forward(time_s: Commands, rng: np.random.Generator) -> Commands:
     rise = 0.6 * max(1.2, 0.5 * min(time_s[-1], 5.0))
     level, swing = rng.uniform(0.25, 0.4), rng.uniform(0.02, 0.06)
     slow = swing * np.sin(2.0 * np.pi * rng.uniform(0.15, 0.3) * time_s)
-    return np.minimum(time_s / rise, 1.0) * (level + slow)
+    shape: Commands = np.minimum(time_s / rise, 1.0) * (level + slow)
+    return shape
 
 
 PLANS: Final[Mapping[str, Callable[[Commands, np.random.Generator], Commands]]] = {

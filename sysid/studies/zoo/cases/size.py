@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from sysid.studies.zoo.cases.change import with_controller, with_link, with_sensor
+from sysid.studies.zoo.cases.change import with_controller, with_gear, with_link, with_sensor
 from sysid.studies.zoo.cases.plans import Commands
 from sysid.studies.zoo.drives.drive import Drive
 from sysid.studies.zoo.drives.simulate import Log, simulate
@@ -52,6 +52,15 @@ def signal(before: Drive, after: Drive, commands: Sequence[Commands], seeds: Seq
 
 
 @dataclass(frozen=True, eq=False)
+class _Nominal:
+    """Logs of the nominal drive without noise."""
+
+    logs: list[Log]
+    sensitivity_rpm2: float
+    """Mean square of what an immeasurable change does: play that rattles never rattles twice alike."""
+
+
+@dataclass(frozen=True, eq=False)
 class Yardstick:
     """Measures the traces of changes of one drive in the logs of one study."""
 
@@ -59,18 +68,26 @@ class Yardstick:
     commands: Sequence[Commands]
     seed: int
     _noise_rpm: list[float] = field(default_factory=list)
-    _logs: dict[Drive, list[Log]] = field(default_factory=dict)
+    _nominal: dict[Drive, _Nominal] = field(default_factory=dict)
 
     def __call__(self, after: Drive) -> float:
         """Return the trace of the change from the nominal drive to `after`, over the noise."""
         if not self._noise_rpm:
             self._noise_rpm.append(noise_rpm(self.before, self.commands, self.seed))
         plain, changed = without_common_noise(self.before, after)
-        if plain not in self._logs:
-            self._logs[plain] = self._runs(plain)
-        pairs = zip(self._logs[plain], self._runs(changed), strict=True)
-        square = float(np.mean([_mean_square(a, b) for a, b in pairs]))
-        return math.sqrt(square) / self._noise_rpm[0] if math.isfinite(square) else math.inf
+        if changed == plain:
+            return 0.0
+        if plain not in self._nominal:
+            self._nominal[plain] = self._run_nominal(plain)
+        nominal = self._nominal[plain]
+        square = _difference(nominal.logs, self._runs(changed)) - nominal.sensitivity_rpm2
+        return math.sqrt(max(square, 0.0)) / self._noise_rpm[0] if math.isfinite(square) else math.inf
+
+    def _run_nominal(self, plain: Drive) -> _Nominal:
+        """Run the nominal drive, and once more with a change that no log can show."""
+        logs = self._runs(plain)
+        nearly = with_gear(plain, wheel_inertia_kg_m2=plain.gear.wheel_inertia_kg_m2 * (1.0 + 1e-6))
+        return _Nominal(logs, _difference(logs, self._runs(nearly)))
 
     def _runs(self, drive: Drive) -> list[Log]:
         return [simulate(drive, c, _rng(self.seed, 2, i)) for i, c in enumerate(self.commands)]
@@ -145,6 +162,11 @@ def solve_size(apply: Apply, drive: Drive, target: float, yardstick: Yardstick, 
 def _distance(reached: float, target: float) -> float:
     """Return how far a trace is from the wanted one, as a logarithm."""
     return abs(math.log(max(reached, 1e-9) / target)) if math.isfinite(reached) else math.inf
+
+
+def _difference(some: Sequence[Log], others: Sequence[Log]) -> float:
+    """Return the mean square of the difference of two studies [rpm2]."""
+    return float(np.mean([_mean_square(a, b) for a, b in zip(some, others, strict=True)]))
 
 
 def _mean_square(one: Log, other: Log) -> float:

@@ -14,7 +14,7 @@ _SUPPLIES_V = (6.0, 7.4, 12.0, 12.0, 18.5, 24.0, 24.0, 36.0, 48.0)
 _USUAL_SAMPLES_S = (0.005, 0.01, 0.02, 0.025, 0.04, 0.05)
 _USUAL_PERIODS_S = (0.01, 0.02, 0.025, 0.04, 0.05, 0.1)
 _LARGEST_QUANTUM = 0.1
-"""Share of the top speed that the counts of a window should tell from rest; coarse encoders get long windows."""
+"""Share of the top speed that the counts of a window should tell from rest."""
 _LONGEST_WINDOW_S = 0.15
 
 
@@ -99,7 +99,7 @@ def window_for(
     An encoder of few `counts` per turn gets a window that tells about a tenth of the top speed from rest.
     """
     needed_s = 60.0 / (counts * _LARGEST_QUANTUM * top_rpm)
-    return float(np.clip(needed_s * log_uniform(rng, 0.3, 3.0), shortest_s, longest_s))
+    return float(np.clip(needed_s * log_uniform(rng, 0.5, 5.0), shortest_s, longest_s))
 
 
 def draw_counts(rng: np.random.Generator, top_rpm: float, longest_window_s: float) -> int:

@@ -149,12 +149,19 @@ def set_points(
     """Return the set-point of the speed loop at each of its ticks [rad/s], (n,).
 
     `commands_rpm`, (m,), are sent every `drive.link.period_s` from time 0 on; `ticks_s` are the times of the
-    loop's ticks, evenly spaced. In the order of `drive.Controller`: link, dead zone, quantum, curve, gains,
-    ceiling, ramp and jerk, filters.
+    loop's ticks, evenly spaced.
+    """
+    return followed(drive, received(drive.link, commands_rpm, ticks_s, rng), ticks_s)
+
+
+def followed(drive: Drive, command_rpm: FloatArray, ticks_s: FloatArray) -> FloatArray:
+    """Return the set-point of the speed loop [rad/s] for the command that the drive knows at each tick, (n,).
+
+    In the order of `drive.Controller`: dead zone, quantum, curve, gains, ceiling, ramp and jerk, filters.
     """
     control = drive.controller
     tick_s = 1.0 / control.loop_hz
-    value = target_rpm(control, drive.battery, received(drive.link, commands_rpm, ticks_s, rng), ticks_s)
+    value = target_rpm(control, drive.battery, command_rpm, ticks_s)
     if math.isfinite(control.ramp_rpm_s) or math.isfinite(control.jerk_rpm_s2) or control.brake_rpm_s > 0.0:
         down = control.brake_rpm_s or control.ramp_rpm_s
         value = _ramped(value, tick_s, control.ramp_rpm_s, down, control.jerk_rpm_s2)

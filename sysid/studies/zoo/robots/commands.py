@@ -8,8 +8,7 @@ from typing import Final
 import numpy as np
 from numba import njit
 
-from sysid.studies.zoo.drives.drive import Link
-from sysid.studies.zoo.drives.set_point import received, set_points
+from sysid.studies.zoo.drives.set_point import followed, received
 from sysid.studies.zoo.robots.body import FloatArray
 from sysid.studies.zoo.robots.robot import Robot
 
@@ -37,10 +36,13 @@ def wheel_set_points(
         np.array([path.v_limit_rpm, path.vc_limit_rpm]),
         np.array([path.v_ramp_rpm_s, path.vc_ramp_rpm_s]),
     )
-    wheels = limited @ _MIXING.T * np.array(robot.wheel_gains)
-    # What the computer sends to the drives arrives at once.
-    drive = replace(robot.drive, link=Link(period_s=1.0 / robot.drive.controller.loop_hz))
-    return np.stack([set_points(drive, wheel, ticks_s, rng) for wheel in wheels.T])
+    control = robot.drive.controller
+    drives = [
+        replace(robot.drive, controller=replace(control, gain=gain * control.gain))
+        for gain in robot.wheel_gains
+    ]
+    wheels = (limited @ _MIXING.T).T
+    return np.stack([followed(drive, wheel, ticks_s) for drive, wheel in zip(drives, wheels, strict=True)])
 
 
 def body_rpm(commands: FloatArray) -> FloatArray:

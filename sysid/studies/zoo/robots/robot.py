@@ -110,6 +110,8 @@ class BodySensors:
     lever_x_m: float = 0.0
     lever_y_m: float = 0.0
     """Position of the velocity sensor: it sees the rotation as velocity."""
+    tilt_deg: float = 0.0
+    """Of the velocity sensor about its sideways axis: it sees forward speed and yaw rate times the cosine."""
     crosstalk: float = 0.0
     """Of vx into the yaw rate [rad/m]."""
     late_s: float = 0.0
@@ -131,6 +133,12 @@ class BodySensors:
     drop_outs: float = 0.0
     """Share of pose samples that are missing, in gaps of `drop_out_s`."""
     drop_out_s: float = 0.1
+    jump_m: float = 0.0
+    """Distance by which motion capture is off along x, in stretches of `jump_s`: it takes another marker for
+    the robot's."""
+    jump_share: float = 0.1
+    """Share of the time that such stretches fill."""
+    jump_s: float = 0.3
 
 
 @dataclass(frozen=True)

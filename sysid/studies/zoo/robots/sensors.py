@@ -40,6 +40,8 @@ def velocity_channels(
     vx, vy, rate = motion.twist.T
     vx, vy = vx - rate * sensors.lever_y_m, vy + rate * sensors.lever_x_m
     vx, vy = _turned(vx, vy, sensors.turned_deg)
+    upright = math.cos(math.radians(sensors.tilt_deg))
+    vx, rate = upright * vx, upright * rate
     rate = rate + sensors.crosstalk * vx
     scales = (sensors.linear_scale, sensors.linear_scale, sensors.yaw_scale)
     biases = (sensors.bias_vx_m_s, sensors.bias_vy_m_s, sensors.bias_yaw_rate_rad_s)
@@ -72,6 +74,8 @@ def pose_channels(
         )
     }
     missing = _gaps(stamps_s, sensors.drop_outs, sensors.drop_out_s, rng)
+    if sensors.jump_m != 0.0:
+        shown["x_m"][_gaps(stamps_s, sensors.jump_share, sensors.jump_s, rng)] += sensors.jump_m
     for channel in shown.values():
         channel[missing] = np.nan
     return shown

@@ -1,0 +1,104 @@
+"""A change of a robot: a named effect in one of its forms, in any size."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from sysid.studies.zoo.cases.case import Hidden
+from sysid.studies.zoo.cases.change import Change, Parameters, strength
+from sysid.studies.zoo.robots.robot import Robot
+
+_GRAVITY_M_S2 = 9.81
+Rng = np.random.Generator
+Changed = Callable[[Robot, float, Rng], Robot]
+"""(robot, strength, rng) -> changed robot. The strength is the share of the gross magnitude, above 0 and at most
+1; what is drawn besides (signs, directions, wheels) does not depend on it, so that a size can be searched for."""
+
+
+def always(_robot: Robot) -> bool:
+    """Return True: every robot can have the change."""
+    return True
+
+
+def no_truth(_before: Robot, _after: Robot) -> Parameters:
+    """Return nothing: the contract's parameters do not follow from the physics of this change."""
+    return {}
+
+
+@dataclass(frozen=True)
+class RobotChange:
+    """One name and form of the contract, as something that happens to a robot."""
+
+    name: str
+    form: str
+    """As in the contract; empty for a name without forms."""
+    changed: Changed
+    truth: Callable[[Robot, Robot], Parameters] = no_truth
+    """(before, after) -> parameters in the contract's units, where physics gives them."""
+    possible: Callable[[Robot], bool] = always
+    """Whether a robot can have this change, and its logs have a channel for it."""
+    variant: str = ""
+    """Which of several ways to hide the same form, such as the channel that a scale acts on."""
+
+    @property
+    def label(self) -> str:
+        """Such as "sensor_latency/body" or "sensor_scale/yaw"."""
+        return "/".join(part for part in (self.name, self.form, self.variant) if part)
+
+    def apply(self, robot: Robot, size: float, rng: Rng) -> Robot:
+        """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross)."""
+        return self.changed(robot, strength(size), rng) if size > 0.0 else robot
+
+    def hidden(self, before: Robot, after: Robot) -> Hidden:
+        """Return what was hidden, with the true parameters."""
+        return Hidden(self.name, self.form, self.truth(before, after))
+
+
+def of_drives(change: Change) -> RobotChange:
+    """Return a change of a drive as the same change of all four drives of a robot."""
+    return RobotChange(
+        name=change.name,
+        form=change.form,
+        changed=lambda robot, share, rng: replace(robot, drive=change.changed(robot.drive, share, rng)),
+        truth=lambda before, after: change.truth(before.drive, after.drive),
+        possible=lambda robot: change.possible(robot.drive),
+    )
+
+
+def with_body(robot: Robot, **values: Any) -> Robot:
+    """Return the robot with other values of its body's fields."""
+    return replace(robot, body=replace(robot.body, **values))
+
+
+def with_sensors(robot: Robot, **values: Any) -> Robot:
+    """Return the robot with other values of its sensors' fields."""
+    return replace(robot, sensors=replace(robot.sensors, **values))
+
+
+def with_link(robot: Robot, **values: Any) -> Robot:
+    """Return the robot with other values of its link's fields."""
+    return replace(robot, drive=replace(robot.drive, link=replace(robot.drive.link, **values)))
+
+
+def with_controller(robot: Robot, **values: Any) -> Robot:
+    """Return the robot whose drives' controllers have other values."""
+    return replace(robot, drive=replace(robot.drive, controller=replace(robot.drive.controller, **values)))
+
+
+def wheel_load_n(robot: Robot) -> float:
+    """Return a quarter of the robot's weight [N]."""
+    return robot.body.mass_kg * _GRAVITY_M_S2 / 4.0
+
+
+def sign(rng: Rng) -> float:
+    """Return 1 or -1, at random."""
+    return float(rng.choice([-1.0, 1.0]))
+
+
+def factor(rng: Rng, share: float) -> float:
+    """Return a factor that is off 1 by a share [1] up or down, alike in both directions."""
+    return float((1.0 + share) ** sign(rng))

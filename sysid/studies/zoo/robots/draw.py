@@ -65,7 +65,7 @@ def draw_with_attempts(seed: int, family: Family | None = None) -> tuple[Robot, 
 
 
 def known(robot: Robot, rng: np.random.Generator) -> dict[str, float]:
-    """Return what a ruler and a scale say of a robot, with their errors: keys of a model's `robot` section."""
+    """Return what a ruler and a scale say of a robot: keys of a model's `robot`, with errors."""
 
     def measured(true: float, error: float) -> float:
         return true * (1.0 + error * float(rng.standard_normal()))

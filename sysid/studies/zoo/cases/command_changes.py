@@ -17,6 +17,7 @@ from sysid.studies.zoo.cases.change import (
     inertia,
     no_truth,
     open_duty,
+    spare_torque,
     with_controller,
     with_gear,
     with_link,
@@ -248,8 +249,20 @@ def _cold_gain(drive: Drive) -> bool:
 
 
 def _eases(drive: Drive, strength: float, rng: Rng) -> Drive:
+    """Start with a cold gear, whose friction takes up to the spare torque and falls to what it was."""
+    gear, half = drive.gear, 0.5 * drive.top_rpm * RAD_S_PER_RPM
+    more = 1.0 + 0.9 * spare_torque(drive) / friction_torque(drive, half) * strength
     seconds = float(np.exp(rng.uniform(np.log(0.4), np.log(10.0))))
-    return with_gear(drive, friction_warming=0.95 * strength, friction_warming_s=seconds)
+    return with_gear(
+        drive,
+        motor_coulomb_n_m=more * gear.motor_coulomb_n_m,
+        motor_viscous_n_m_s=more * gear.motor_viscous_n_m_s,
+        wheel_coulomb_n_m=more * gear.wheel_coulomb_n_m,
+        wheel_viscous_n_m_s=more * gear.wheel_viscous_n_m_s,
+        wheel_sticking_n_m=more * gear.wheel_sticking_n_m,
+        friction_warming=1.0 - 1.0 / more,
+        friction_warming_s=seconds,
+    )
 
 
 def _cold_friction(drive: Drive) -> bool:

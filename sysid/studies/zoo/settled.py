@@ -120,7 +120,7 @@ def settled_json(settled: Settled) -> dict[str, Any]:
 
 
 def settled_from_json(entry: Mapping[str, Any]) -> Settled:
-    """Return the settled case of an object that `settled_json` made."""
+    """Return the settled case of an entry that `settled_json` made."""
     rounds = tuple(Round(**{**one, "candidates": _sets(one["candidates"])}) for one in entry["rounds"])
     outcome = from_json(entry["outcome"])
     return Settled(_sets(entry["first"]), rounds, outcome, entry["offered"], entry["why_not"])

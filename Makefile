@@ -5,6 +5,8 @@
 # make check      lint, format, types
 # make bench      every benchmark, figures in out/bench/
 # make bench-train  what training reaches over three seeds, half an hour
+# make zoo        drives and robots drawn at random, with hidden effects: the whole table, docs/results/zoo.md
+# make zoo-quick  the same with sixty cases
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
 VENV := .venv
@@ -14,7 +16,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench bench-train behaviour system clean FORCE
+.PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick behaviour system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
@@ -40,6 +42,13 @@ bench: $(VENV)/train
 # An interrupted run goes on where it was.
 bench-train: $(VENV)/train
 	$(BIN)/python benchmarks/train.py --out out/bench/train.json
+
+# Hours; an interrupted run goes on where it was.
+zoo: $(VENV)/installed
+	$(BIN)/python -m sysid.studies.zoo --settle --out out/zoo --markdown docs/results/zoo.md
+
+zoo-quick: $(VENV)/installed
+	$(BIN)/python -m sysid.studies.zoo --quick --out out/zoo
 
 # Six minutes; `python benchmarks/behaviour.py compare BEFORE AFTER` prints every difference.
 behaviour: $(VENV)/train

@@ -30,7 +30,8 @@ PARTS = {
 PROGRAMS = (
     *("mecanum_env.render", "mecanum_env.mjcf", "mecanum_env.effects"),
     *("sysid.logs", "sysid.fit", "sysid.gap", "sysid.online"),
-    *("sysid.studies.reproduce", "sysid.studies.paper_gap", "sysid.studies.zoo"),
+    *("sysid.studies.reproduce", "sysid.studies.paper_gap"),
+    *("sysid.studies.zoo", "sysid.studies.zoo.calibrate"),
     *("training.train", "training.certify", "training.compare", "training.record"),
 )
 

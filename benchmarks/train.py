@@ -13,12 +13,13 @@ from typing import Any
 
 from tqdm import tqdm
 
+from mecanum_env.checkout import commit
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
 from training.controllers.policy import Policy, load_policy
 from training.evaluate import ControllerFactory, Setup, controller_factory, evaluate_controller, mean
 from training.train import run as training
-from training.train.checkpoint import commit, newest_checkpoint, read_run, read_state, versions
+from training.train.checkpoint import newest_checkpoint, read_run, read_state, versions
 from training.train.environments import model_of
 from training.train.run import DEVELOPMENT_SEEDS
 from training.train.settings import Algorithm, TrainingSettings

@@ -108,6 +108,8 @@ def test_did_you_mean_names_only_what_is_near():
     ("program", "arguments", "message"),
     [
         ("sysid.studies.reproduce", ["--seed", "-1"], "seed = -1, must be at least 0"),
+        ("sysid.studies.zoo", ["--first-seed", "-1"], "first-seed = -1, must be at least 0"),
+        ("sysid.studies.zoo", ["--jobs", "0"], "jobs = 0, must be at least 1"),
     ],
 )
 def test_a_number_that_is_too_small_is_refused_before_the_work(
@@ -132,6 +134,7 @@ LOGS = str(Path(__file__).parents[1] / "examples" / "logs")
             "sysid.gap.workflow.analyse",
             [LOGS, "--model", str(asset_path("models/paper.json"))],
         ),
+        ("sysid.studies.zoo", "main", "sysid.studies.zoo.work.run_tasks", ["--quick"]),
         ("sysid.studies.paper_gap", "main", "sysid.studies.paper_gap.study.paper_gap", []),
         ("sysid.studies.reproduce", "main", "sysid.studies.reproduce.experiment.reproduce", ["--quick"]),
         ("sysid.online", "main", "sysid.online.replay.replay", [LOGS]),

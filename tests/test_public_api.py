@@ -23,7 +23,7 @@ PACKAGES = ("mecanum_env", "sysid", "training")
 HEAVY = ("scipy.signal", "matplotlib", "mujoco", "torch", "plotly")
 PROGRAMS = sorted(
     [
-        "mecanum_env.render",
+        *("mecanum_env.render", "sysid.studies.zoo.calibrate"),
         *(
             ".".join(path.parent.relative_to(ROOT).parts)
             for package in PACKAGES

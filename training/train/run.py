@@ -23,6 +23,7 @@ from stable_baselines3.common.utils import set_random_seed
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 from tqdm import tqdm
 
+from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
 from training.controllers.policy import Network, Policy
@@ -32,7 +33,6 @@ from training.train.checkpoint import (
     Point,
     Run,
     State,
-    commit,
     load_weights,
     newest_checkpoint,
     read_learner,

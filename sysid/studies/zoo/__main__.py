@@ -1,0 +1,146 @@
+"""The zoo: hidden effects in drives and robots drawn at random: `python -m sysid.studies.zoo`."""
+
+from __future__ import annotations
+
+import datetime
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Final
+
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError, require_at_least
+
+if TYPE_CHECKING:
+    from sysid.studies.zoo.cases.case import Level
+    from sysid.studies.zoo.seeds import Block
+
+_BENCH, _ROBOT = 600, 60
+_QUICK_BENCH, _QUICK_ROBOT = 54, 6
+_FILES: Final = ("zoo.json", "zoo.txt")
+
+
+def main(
+    quick: bool = False,
+    bench: int | None = None,
+    robot: int | None = None,
+    first_seed: int | None = None,
+    sealed: bool = False,
+    jobs: int = 2,
+    only: str = "*",
+    settle: bool = False,
+    out: Path = Path("out/zoo"),
+    markdown: Path | None = None,
+) -> None:
+    """Draw cases, fit a model to the nominal logs of each, study its logs, and write zoo.json and zoo.txt.
+
+    Finished cases are kept in the output folder: an interrupted run continues from there, unless the code has
+    changed since.
+
+    Example: python -m sysid.studies.zoo --quick
+
+    Args:
+        quick: A few cases, of seeds evenly spread over those for development.
+        bench: Number of bench cases; default 600, or 54 with --quick.
+        robot: Number of robot cases; default 60, or 6 with --quick.
+        first_seed: Seed of the first case of each level; default 0.
+        sealed: Spend sealed seeds, the next ones or from --first-seed on; the checkout records it.
+        jobs: Number of worker processes; the result does not depend on it.
+        only: Pattern of the cases' names, such as "bench-*-single-backlash".
+        settle: Also drive the next experiments of ambiguous cases, on the same drives and robots.
+        out: Folder to write.
+        markdown: Also write the tables to this file, and the power curves beside it.
+    """
+    require_at_least(1, jobs=jobs)
+    for option, value in (("bench", bench), ("robot", robot), ("first-seed", first_seed)):
+        require_at_least(0, **{option: value or 0})
+    if sealed and (quick or only != "*"):
+        raise InputError("sealed: spends seeds on a whole run; leave out --quick and --only")
+    if quick and first_seed is not None:
+        raise InputError("first-seed: --quick spreads its seeds over all; leave out one of the two")
+    # Imported here, so that --help does not wait for the library.
+    from mecanum_env.files import require_writable, write_json, write_text
+    from sysid.studies.zoo.drives.families import FAMILIES
+    from sysid.studies.zoo.page import page_markdown, provenance_of, run_json, short_text, summary_text
+    from sysid.studies.zoo.power import write_power_plot
+    from sysid.studies.zoo.seeds import development_seeds, finish, spread_seeds
+    from sysid.studies.zoo.settle import settle_cases
+    from sysid.studies.zoo.settled_table import settle_table
+    from sysid.studies.zoo.work import Task, run_tasks
+
+    picture = None if markdown is None else markdown.with_name(f"{markdown.stem}_power.png")
+    require_writable(*(out / name for name in _FILES), *filter(None, (markdown, picture)))
+    counts: dict[Level, int] = {
+        "bench": bench if bench is not None else _QUICK_BENCH if quick else _BENCH,
+        "robot": robot if robot is not None else _QUICK_ROBOT if quick else _ROBOT,
+    }
+    if not any(counts.values()):
+        raise InputError("bench and robot are both 0: give one of them cases")
+    block = _claim(counts, first_seed) if sealed else None
+    seeds: dict[Level, Sequence[int]] = {}
+    for level, count in counts.items():
+        if block is not None:
+            seeds[level] = range(block.first, block.first + count)
+        else:
+            seeds[level] = spread_seeds(count) if quick else development_seeds(count, first_seed or 0)
+    tasks = [Task(level, seed) for level, numbers in seeds.items() for seed in numbers]
+    results = run_tasks(tasks, out, jobs, only)
+    outcomes, undrawn = results.outcomes, results.undrawn
+    if not outcomes:
+        raise InputError(
+            f"only = {only}: no case of these seeds has such a name; try bench-*-single-*"
+            if not undrawn
+            else f"no case could be drawn; the first error: {undrawn[0]}"
+        )
+    settled = settle_table(settle_cases(outcomes, out, jobs)) if settle else ""
+    options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
+    command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)
+    about = provenance_of(outcomes, command, datetime.date.today().isoformat(), block)
+    write_json(out / "zoo.json", run_json(outcomes, undrawn, about))
+    write_text(out / "zoo.txt", summary_text(outcomes, undrawn) + "\n")
+    if markdown is not None and picture is not None:
+        write_power_plot(outcomes, picture)
+        write_text(markdown, page_markdown(outcomes, undrawn, about, FAMILIES, picture.name, settled))
+    if block is not None:
+        finish(_checkout(), block)
+    print(short_text(outcomes, undrawn))
+    print(f"\nwrote {out / 'zoo.json'} and {out / 'zoo.txt'}{f' and {markdown}' if markdown else ''}")
+
+
+def _claim(counts: Mapping[Level, int], first_seed: int | None) -> Block:
+    """Spend sealed seeds, and write that down before anything runs."""
+    from mecanum_env.checkout import commit
+    from sysid.studies.zoo.seeds import Block, claim
+    from sysid.studies.zoo.sources import fingerprint
+
+    wanted = Block(
+        first=first_seed or 0,
+        bench=counts["bench"],
+        robot=counts["robot"],
+        commit=commit() or "unknown",
+        fingerprint=fingerprint(),
+        date=datetime.date.today().isoformat(),
+    )
+    block = claim(_checkout(), wanted, first_seed)
+    print(f"sealed seeds {block.seeds[0]} to {block.seeds[-1]} are spent on commit {block.commit[:12]}")
+    return block
+
+
+def _checkout() -> Path:
+    from mecanum_env.checkout import checkout
+
+    root = checkout()
+    if root is None:
+        raise InputError("sealed: an installation keeps no record of spent seeds; run it in a checkout")
+    return root
+
+
+def _command(flags: Mapping[str, bool], options: Mapping[str, int | None], only: str) -> str:
+    """Return the command line of a run, for its page."""
+    words = [f"--{name}" for name, given in flags.items() if given]
+    words += [f"--{name} {value}" for name, value in options.items() if value is not None]
+    return " ".join(["python -m sysid.studies.zoo", *words, *([] if only == "*" else [f"--only '{only}'"])])
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python -m sysid.studies.zoo"))

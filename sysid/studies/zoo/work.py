@@ -1,0 +1,173 @@
+"""Running cases in worker processes; each outcome is saved as soon as it is there.
+
+Folders are named by the fingerprint of the code, so an interrupted run goes on where it was, and outcomes of
+another version are never taken for those of this one.
+"""
+
+from __future__ import annotations
+
+import fnmatch
+import functools
+import json
+import time
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import as_completed
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Final
+
+from tqdm import tqdm
+
+from mecanum_env.errors import InputError
+from mecanum_env.files import write_json
+from mecanum_env.parallel import process_pool
+from sysid.gap.result import GapOptions
+from sysid.gap.workflow import analyse
+from sysid.logs import read_dataset
+from sysid.studies.zoo.cases.case import Case, Level
+from sysid.studies.zoo.cases.robot_draw import write_robot_case
+from sysid.studies.zoo.cases.write import write_bench_case
+from sysid.studies.zoo.nominal import nominal_model
+from sysid.studies.zoo.outcome import ERROR, Outcome, case_from_json, from_json, outcome_of, to_json
+from sysid.studies.zoo.sources import fingerprint
+
+Writer = Callable[[int, Path], Case]
+"""Writes the case of a seed to a folder: `nominal` and `logs`, of a robot also robot.json."""
+WRITERS: Final[Mapping[Level, Writer]] = {"bench": write_bench_case, "robot": write_robot_case}
+
+
+@dataclass(frozen=True)
+class Task:
+    """One case to run, before it is drawn."""
+
+    level: Level
+    seed: int
+
+    @property
+    def name(self) -> str:
+        """Such as "bench-0042", with which the name of its case begins."""
+        return f"{self.level}-{self.seed:04d}"
+
+
+@dataclass(frozen=True)
+class Results:
+    """The outcomes of some tasks."""
+
+    outcomes: tuple[Outcome, ...]
+    """In the order of the tasks; without those that were not asked for by name."""
+    undrawn: tuple[str, ...]
+    """Name of a task and the error, where no case could be drawn: a fault of the zoo, not of the workflow."""
+
+
+def run_tasks(tasks: Sequence[Task], out: Path, jobs: int, only: str = "*") -> Results:
+    """Run tasks in a number of `jobs` and return what was found; `out` receives FINGERPRINT/cases/NAME.json.
+
+    What is found there is not computed again, and how much that is gets printed. Cases whose names do not
+    match `only` are drawn, but not analysed. No case stops the others.
+
+    Raises:
+        InputError: the code was edited while the workers started.
+    """
+    code = fingerprint()
+    folder = out / code
+    todo = [task for task in tasks if not _is_done(task, folder, only)]
+    print(_reuse(tasks, todo, out, code), flush=True)
+    undrawn = []
+    if todo:
+        with process_pool(jobs) as pool:
+            running = [pool.submit(run_task, task, folder, code, only) for task in todo]
+            with tqdm(total=len(tasks), initial=len(tasks) - len(todo), unit="case") as bar:
+                for future in as_completed(running):
+                    name, error = future.result()
+                    if error:
+                        undrawn.append(f"{name}: {error}")
+                    bar.set_postfix_str(name, refresh=False)
+                    bar.update()
+    found = [read_outcome(path) for task in tasks if (path := saved(task, folder)).is_file()]
+    wanted = tuple(outcome for outcome in found if fnmatch.fnmatch(outcome.case.name, only))
+    return Results(wanted, tuple(sorted(undrawn)))
+
+
+def saved(task: Task, folder: Path) -> Path:
+    """Return the file, in the folder of a fingerprint, that holds the outcome of a task."""
+    return folder / "cases" / f"{task.name}.json"
+
+
+def read_outcome(path: Path) -> Outcome:
+    """Return the outcome in a file that `run_task` saved."""
+    return from_json(json.loads(path.read_text(encoding="utf-8")))
+
+
+def run_task(task: Task, folder: Path, code: str, only: str = "*") -> tuple[str, str]:
+    """Draw the case of a task, analyse it and save the outcome; return its name and an error, if any.
+
+    The error is of the drawing: whatever the fit and the study raise is an outcome. `code` is the fingerprint
+    that `folder` is named by. A case that does not match `only` is not analysed.
+
+    Raises:
+        InputError: the code is another one by now.
+    """
+    _require_same_code(code)
+    with TemporaryDirectory() as made:
+        try:
+            case = WRITERS[task.level](task.seed, Path(made))
+        except Exception as error:
+            return task.name, _text(error)
+        write_json(_drawn(task, folder), asdict(case))
+        if fnmatch.fnmatch(case.name, only):
+            write_json(saved(task, folder), to_json(analysed(case, Path(made))))
+        return case.name, ""
+
+
+def analysed(case: Case, folder: Path) -> Outcome:
+    """Fit a model to the nominal logs in a case's `folder`, study its logs, and return the outcome."""
+    stage, began, fit_s = "fit", time.perf_counter(), 0.0
+    try:
+        model = nominal_model(folder)
+        stage, fit_s = "study", time.perf_counter() - began
+        options = GapOptions(jobs=1, next_experiment=False)
+        report = analyse(read_dataset(folder / "logs"), model, options)
+        return outcome_of(case, report, fit_s, time.perf_counter() - began - fit_s)
+    except Exception as error:
+        # Whatever a user would have seen is an outcome: one case must not stop the others.
+        study_s = time.perf_counter() - began - fit_s
+        return Outcome(case, ERROR, fit_s=fit_s, study_s=study_s, message=f"{stage}: {_text(error)}")
+
+
+@functools.cache
+def _require_same_code(code: str) -> None:
+    """Refuse to work for a run that began with other code; a worker asks once, after its imports."""
+    now = fingerprint()
+    if now != code:
+        raise InputError(f"the code changed from {code} to {now} while the run began; start it again")
+
+
+def _text(error: Exception) -> str:
+    """Return an error as one line; the type of those that the project raises on purpose says nothing more."""
+    text = " ".join(str(error).split())
+    return text if isinstance(error, InputError) else f"{type(error).__name__}: {text}"
+
+
+def _drawn(task: Task, folder: Path) -> Path:
+    """Return the file that holds the case of a task, so that its name is known the next time."""
+    return folder / "drawn" / f"{task.name}.json"
+
+
+def _is_done(task: Task, folder: Path, only: str) -> bool:
+    """Return whether the outcome of a task is saved, or its name known not to be asked for."""
+    if saved(task, folder).is_file():
+        return True
+    path = _drawn(task, folder)
+    if not path.is_file():
+        return False
+    return not fnmatch.fnmatch(case_from_json(json.loads(path.read_text(encoding="utf-8"))).name, only)
+
+
+def _reuse(tasks: Sequence[Task], todo: Sequence[Task], out: Path, code: str) -> str:
+    """Return in words how many outcomes are taken from an earlier run, and which are left alone."""
+    kept, rest = len(tasks) - len(todo), f"{len(todo)} of {len(tasks)} cases to run"
+    said = f"code {code}: {rest}" + (f", {kept} kept from an earlier run of the same code" if kept else "")
+    others = {p.parents[1].name for p in out.glob("*/cases/*.json")} - {code}
+    left = [f"{name} ({len(list((out / name).glob('cases/*.json')))})" for name in sorted(others)]
+    return said + (f"; outcomes of other code in {out} are not used: {', '.join(left)}" if left else "")

@@ -1,0 +1,198 @@
+"""Running cases: what is saved, what is reused, and what an error does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+from contextlib import contextmanager
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+import sysid.studies.zoo.__main__ as program
+from mecanum_env.cli import run
+from mecanum_env.errors import InputError
+from sysid.studies.zoo import work
+from sysid.studies.zoo.cases.case import Case, Hidden
+from sysid.studies.zoo.outcome import Outcome
+from sysid.studies.zoo.sources import fingerprint, sources
+from sysid.studies.zoo.work import Task, read_outcome, run_task, run_tasks, saved
+
+NAMES = {0: "backlash", 1: "stiction"}
+
+
+class Bench:
+    """Stands for drawing, fit and study, and counts them."""
+
+    def __init__(self) -> None:
+        self.drawn: list[int] = []
+        self.studied: list[int] = []
+        self.errors: dict[str, Exception] = {}
+
+    def write(self, seed: int, folder: Path) -> Case:
+        self.drawn.append(seed)
+        (folder / "logs").mkdir()
+        (folder / "logs" / "seed").write_text(str(seed))
+        self._fail(f"draw {seed}")
+        hidden = (Hidden(NAMES[seed % 2], "rest", {"gap_deg": 2.0}),)
+        return Case(seed, "bench", "single", "pi", "steps", "few", hidden, signal=2.0)
+
+    def fit(self, folder: Path) -> Any:
+        self._fail(f"fit {(folder / 'logs' / 'seed').read_text()}")
+        return None
+
+    def analyse(self, dataset: Any, model: Any, options: Any) -> Any:
+        assert model is None
+        assert (options.jobs, options.next_experiment) == (1, False)
+        seed = int((dataset / "seed").read_text())
+        self.studied.append(seed)
+        self._fail(f"study {seed}")
+        return SimpleNamespace(
+            verdict="no_gap",
+            effects=(),
+            candidates=(),
+            gap=SimpleNamespace(before=2.0, after=2.0, noise_floor=1.0),
+            untestable=(),
+            smallest_detectable={},
+            evidence=(
+                SimpleNamespace(effects=("stiction",), misfit=1.5),
+                SimpleNamespace(effects=(), misfit=1.6),
+            ),
+            p_value=0.5,
+            trusted=True,
+            notes=(),
+        )
+
+    def _fail(self, where: str) -> None:
+        if where in self.errors:
+            raise self.errors[where]
+
+
+@contextmanager
+def in_this_process(_jobs: int) -> Iterator[Any]:
+    def submit(call: Callable[..., Any], *arguments: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+        future.set_result(call(*arguments))
+        return future
+
+    yield SimpleNamespace(submit=submit)
+
+
+@pytest.fixture
+def bench(monkeypatch) -> Bench:
+    fake = Bench()
+    monkeypatch.setattr(work, "WRITERS", {"bench": fake.write})
+    monkeypatch.setattr(work, "nominal_model", fake.fit)
+    monkeypatch.setattr(work, "analyse", fake.analyse)
+    monkeypatch.setattr(work, "read_dataset", lambda folder: folder)
+    monkeypatch.setattr(work, "process_pool", in_this_process)
+    return fake
+
+
+TASKS = [Task("bench", seed) for seed in range(4)]
+
+
+def test_an_interrupted_run_goes_on_where_it_was(bench, tmp_path, capsys):
+    run_task(TASKS[1], tmp_path / fingerprint(), fingerprint())
+    assert saved(TASKS[1], tmp_path / fingerprint()).name == "bench-0001.json"
+    results = run_tasks(TASKS, tmp_path, 1)
+    assert [outcome.case.seed for outcome in results.outcomes] == [0, 1, 2, 3]
+    assert sorted(bench.studied) == [0, 1, 2, 3]
+    assert "3 of 4 cases to run, 1 kept from an earlier run" in capsys.readouterr().out
+    assert run_tasks(TASKS, tmp_path, 1) == results
+    assert len(bench.studied) == 4
+
+
+def test_outcomes_of_other_code_are_not_used(bench, tmp_path, capsys, monkeypatch):
+    run_tasks(TASKS, tmp_path, 1)
+    before = fingerprint()
+    monkeypatch.setattr(work, "fingerprint", lambda: "another")
+    work._require_same_code.cache_clear()
+    run_tasks(TASKS[:1], tmp_path, 1)
+    assert len(bench.studied) == 5
+    assert f"other code in {tmp_path} are not used: {before} (4)" in capsys.readouterr().out
+    with pytest.raises(InputError, match="the code changed from"):
+        run_task(TASKS[0], tmp_path / before, before)
+    work._require_same_code.cache_clear()
+
+
+def test_an_error_is_an_outcome_and_stops_no_other_case(bench, tmp_path):
+    bench.errors = {"fit 0": InputError("a.csv: nothing moves"), "study 2": ZeroDivisionError("by zero")}
+    outcomes = {outcome.case.seed: outcome for outcome in run_tasks(TASKS, tmp_path, 1).outcomes}
+    assert {seed: outcome.verdict for seed, outcome in outcomes.items()} == {
+        0: "error",
+        1: "no_gap",
+        2: "error",
+        3: "no_gap",
+    }
+    assert outcomes[0].message == "fit: a.csv: nothing moves"
+    assert outcomes[2].message == "study: ZeroDivisionError: by zero"
+    assert outcomes[2].study_s > 0.0
+
+
+def test_a_case_that_cannot_be_drawn_is_named_and_tried_again(bench, tmp_path):
+    bench.errors = {"draw 3": RuntimeError("no size\nshows")}
+    results = run_tasks(TASKS, tmp_path, 1)
+    assert len(results.outcomes) == 3
+    assert results.undrawn == ("bench-0003: RuntimeError: no size shows",)
+    bench.errors = {}
+    assert len(run_tasks(TASKS, tmp_path, 1).outcomes) == 4
+
+
+def test_cases_that_are_not_asked_for_are_drawn_once_and_not_studied(bench, tmp_path):
+    for _ in range(2):
+        results = run_tasks(TASKS, tmp_path, 1, "bench-*-single-backlash")
+        assert [outcome.case.seed for outcome in results.outcomes] == [0, 2]
+    assert sorted(bench.drawn) == [0, 1, 2, 3]
+    assert sorted(bench.studied) == [0, 2]
+    assert len(run_tasks(TASKS, tmp_path, 1).outcomes) == 4
+    assert len(run_tasks(TASKS, tmp_path, 1, "*stiction").outcomes) == 2
+
+
+def test_an_outcome_is_read_as_it_was_saved(bench, tmp_path):
+    assert bench.drawn == []
+    run_task(TASKS[0], tmp_path, fingerprint())
+    made = read_outcome(saved(TASKS[0], tmp_path))
+    assert isinstance(made, Outcome)
+    assert made.case.name == "bench-0000-single-backlash"
+    assert (made.before, made.p_value) == (2.0, 0.5)
+
+
+def test_the_fingerprint_is_of_what_an_outcome_depends_on():
+    names = {name for name, _ in sources()}
+    assert {"sysid/studies/zoo/work.py", "sysid/gap/search/thresholds.py", "models/paper.json"} <= names
+    assert {"mecanum_env/plugin/mecanum_wheel.c", "sysid/studies/zoo/cases/case.py"} <= names
+    assert not {"sysid/studies/zoo/tables.py", "sysid/studies/zoo/__main__.py"} & names
+    assert not any(name.startswith("sysid/studies/reproduce") for name in names)
+
+
+def test_the_command_writes_its_files(bench, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    bench.errors = {"study 1": ValueError("no")}
+    assert run(program.main, ["--bench", "3", "--robot", "0", "--markdown", "docs/zoo.md"]) == 0
+    assert "bench-0001-single-stiction: study: ValueError: no" in capsys.readouterr().out
+    written = json.loads((tmp_path / "out" / "zoo" / "zoo.json").read_text())
+    assert [case["name"][:10] for case in written["cases"]] == ["bench-0000", "bench-0001", "bench-0002"]
+    assert written["seeds"] == {"bench": "0-2"}
+    assert "python -m sysid.studies.zoo --bench 3 --robot 0" in (tmp_path / "docs" / "zoo.md").read_text()
+    assert (tmp_path / "docs" / "zoo_power.png").exists()
+    assert "bench-0002" in (tmp_path / "out" / "zoo" / "zoo.txt").read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--sealed", "--quick"], "leave out --quick and --only"),
+        (["--quick", "--first-seed", "5"], "leave out one of the two"),
+        (["--bench", "0", "--robot", "0"], "both 0"),
+        (["--bench", "5", "--first-seed", "999"], "reach beyond 999"),
+    ],
+)
+def test_options_that_make_no_sense_are_refused(arguments, said, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run(program.main, arguments) == 2
+    assert said in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

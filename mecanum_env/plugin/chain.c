@@ -8,7 +8,6 @@
 #define ABSURD 1e10         // commands beyond this [rpm] count as 0
 #define TINY 1e-15          // least inertia of a wheel [kg m^2]
 #define LOAD_SMOOTHING 0.1  // share of a change of the load that its estimate follows in a substep
-static const double RAD_S_PER_RPM = 2.0 * 3.141592653589793 / 60.0;
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 

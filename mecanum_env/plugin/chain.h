@@ -16,8 +16,13 @@
 #ifndef MECANUM_CHAIN_H
 #define MECANUM_CHAIN_H
 
+#include <stdint.h>
+
+#define EXPORT __attribute__((visibility("default")))  // for other programs, which call it through a pointer
+
 #define RING 32         // latched commands kept, which bounds the delay
 #define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
+#define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
 
 // All parameters in order: X(index, name, check). mecanum_env/plugin/layout.py has the same names; a test holds the
 // two lists equal. The law's are the actuator's dynprm, the servo is -biasprm[2], and the others are user[0], user[1]
@@ -81,6 +86,12 @@ typedef struct {
   double drive;     // the same, limited [N m]
   double friction;  // of the wheel's bearing [N m]
 } Torques;
+
+// The name of a parameter by its index; NULL beyond the last.
+EXPORT const char* mecanum_parameter(int64_t index);
+
+// Whether a drive refuses parameters p with substeps of h [s]; if so, `message` of at most `size` bytes says why.
+EXPORT int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size);
 
 // The command [rpm]; NaN and absurd values count as 0, as for MuJoCo's own actuators.
 double chain_sane(double command);

@@ -52,6 +52,8 @@ USER: Final = (
     *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
 )
 """Names of the parameters in user; the last is the wheel's own inertia, the others are those of the drive."""
+CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
+"""Names of all parameters of a drive, in the order of the library's functions."""
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
@@ -112,6 +114,22 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
     return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+
+
+def chain_parameters(
+    model: Model,
+    wheel_name: str | None = None,
+    torque_limit_n_m: float | None = None,
+    inertia_kg_m2: float = 0.0,
+) -> FloatArray:
+    """Return all parameters of a wheel's drive, shape (P,), in the order of `CHAIN`.
+
+    `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
+    """
+    drive = drive_parameters(model, wheel_name)
+    user = userdata(model.robot, drive, torque_limit_n_m)[: len(USER)]
+    user[_INERTIA] = inertia_kg_m2
+    return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user])
 
 
 def set_wheel_parameters(

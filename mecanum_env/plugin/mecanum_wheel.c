@@ -105,13 +105,6 @@ static int wheel_nstate(const mjModel* m, int instance) {
 
 // ---------------------------------------------------------------------------------------- checks
 
-typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, ITS_OWN } Check;
-
-static int passes(double value, Check check) {
-  if (check == ITS_OWN) return 1;
-  return isfinite(value) && (check == FINITE || value > 0 || (check == NOT_BELOW_0 && value == 0));
-}
-
 #define REFUSE(...) return mju_warning(__VA_ARGS__), -1
 
 static int wheel_init(const mjModel* m, mjData* d, int instance) {
@@ -123,43 +116,20 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
   if (given && given[0]) snprintf(name, sizeof name, "%s", given);
   else snprintf(name, sizeof name, "#%d", id);
 
-  const mjtNum* bias = m->actuator_biasprm + id * mjNBIAS;
-  double p[N_PARAMETERS];
-  read_parameters(m, id, p);
-#define ROW(index, name, check) {name, index, check},
-  static const struct { const char* name; int index; Check check; } rows[] = {LAW_PARAMETERS(ROW) USER_PARAMETERS(ROW)};
-#undef ROW
-  for (int i = 0; i < (int)(sizeof rows / sizeof *rows); i++) {
-    int index = rows[i].index, law = index < N_LAW;
-    if (passes(p[index], rows[i].check)) continue;
-    static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)"};
-    REFUSE(PLUGIN_NAME ", actuator \"%s\": %s = %s[%d] = %g, must be a finite number%s", name, rows[i].name,
-           law ? "dynprm" : "user", law ? index : index - FIRST_USER, p[index], wanted[rows[i].check]);
-  }
-  double A = p[LAW_A], B = p[LAW_B], C = p[LAW_C];
-  if (!(1 - A - B - C > 0 && 3 + A + B - 3 * C > 0 && 1 + A - B + C > 0 && 1 + B + A * C - C * C > 0))
-    REFUSE(PLUGIN_NAME ", actuator \"%s\": the wheel law is unstable (A, B, C = %g, %g, %g); all roots of "
-           "z^3 - A z^2 - B z - C must lie inside the unit circle", name, A, B, C);
   if (m->actuator_dyntype[id] != mjDYN_NONE)
     REFUSE(PLUGIN_NAME ", actuator \"%s\": dyntype must be none; dynprm holds the wheel law", name);
-
-  if (m->actuator_biastype[id] != mjBIAS_AFFINE || bias[0] != 0 || bias[1] != 0 || !isfinite(p[SERVO]) ||
-      !(p[SERVO] > 0))
+  const mjtNum* bias = m->actuator_biasprm + id * mjNBIAS;
+  double kv = 0 - bias[2];
+  if (m->actuator_biastype[id] != mjBIAS_AFFINE || bias[0] != 0 || bias[1] != 0 || !isfinite(kv) || !(kv > 0))
     REFUSE(PLUGIN_NAME ", actuator \"%s\": servo_n_m_s_rad = -biasprm[2] = %g, must be a finite number above 0, with "
-           "biastype=\"affine\" biasprm=\"0 0 -servo\" in the actuator's default class", name, p[SERVO]);
+           "biastype=\"affine\" biasprm=\"0 0 -servo\" in the actuator's default class", name, kv);
   if (m->nuser_actuator < NEEDED_USER)
     REFUSE(PLUGIN_NAME ", actuator \"%s\": nuser_actuator = %d, must be at least %d (user = servo_integral_n_m_rad, "
            "delay_s, torque_limit_n_m and, for effects, more)", name, (int)m->nuser_actuator, NEEDED_USER);
-  double h = m->opt.timestep, longest = (RING - 3) * p[COMMAND_PERIOD] - h;
-  if (!(h <= MAX_EVENTS * p[SAMPLE_PERIOD]) || !(longest >= 0))
-    REFUSE(PLUGIN_NAME ", actuator \"%s\": timestep = %g s, must be at most %d sample periods of %g s and %d command "
-           "periods of %g s", name, h, MAX_EVENTS, p[SAMPLE_PERIOD], RING - 3, p[COMMAND_PERIOD]);
-  if (!(p[DELAY] >= 0) || !(p[DELAY] <= longest))
-    REFUSE(PLUGIN_NAME ", actuator \"%s\": delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a "
-           "timestep)", name, DELAY - FIRST_USER, p[DELAY], longest, RING - 3);
-  if (!(p[TORQUE_LIMIT] > 0))
-    REFUSE(PLUGIN_NAME ", actuator \"%s\": torque_limit_n_m = user[%d] = %g, must be above 0 (1e10 or inf: no limit)",
-           name, TORQUE_LIMIT - FIRST_USER, p[TORQUE_LIMIT]);
+  double p[N_PARAMETERS];
+  read_parameters(m, id, p);
+  char why[400];
+  if (mecanum_refuses(p, m->opt.timestep, why, sizeof why)) REFUSE(PLUGIN_NAME ", actuator \"%s\": %s", name, why);
   if (m->actuator_forcelimited[id])
     REFUSE(PLUGIN_NAME ", actuator \"%s\": forcerange is MuJoCo's own limit, with which a free wheel rings; write "
            "forcelimited=\"false\" and the limit to user[%d]", name, TORQUE_LIMIT - FIRST_USER);

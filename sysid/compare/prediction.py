@@ -23,7 +23,7 @@ from mecanum_env.simulator import (
     compile_plant,
     drive,
 )
-from mecanum_env.simulator.bench import bench_motion
+from mecanum_env.simulator.bench import mujoco_bench_motion
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
 from sysid.logs import BodyCommand, Run
@@ -160,7 +160,7 @@ def motion_of(
     """
     if run.level == "bench":
         since = run.held_since(model.wheel.command_period_s)
-        clock, speed = bench_motion(
+        clock, speed = mujoco_bench_motion(
             mj_model, since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm
         )
         return Motion(clock, {"speed_rpm": speed})

@@ -20,7 +20,16 @@ from mecanum_env.model.file import model_to_dict
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
-from sysid.compare.prediction import Motion, Study, compile_for, in_run_frame, motion_of, sensor_readings
+from sysid.compare.prediction import (
+    Motion,
+    Study,
+    bench_motions_of,
+    bench_run,
+    compile_robot,
+    in_run_frame,
+    robot_motion,
+    sensor_readings,
+)
 
 _REMEMBERED: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
 
@@ -83,23 +92,37 @@ class Simulator:
 
     def _simulate(self, model: Model) -> list[Motion]:
         situations = self.observations.situations
-        level = situations[0].runs[0].level
-        # A direction in the world makes the compiled model depend on where a run starts.
-        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
-        common = None if by_heading else compile_for(model, level, self.study)
         alike: dict[Hashable, list[int]] = {}
         for index, situation in enumerate(situations):
             alike.setdefault(_motion_key(situation, model.wheel.command_period_s), []).append(index)
+        longest = [
+            max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
+            for members in alike.values()
+        ]
+        if situations[0].runs[0].level == "bench":
+            runs = [bench_run(model, situation.runs[0], situation.start) for situation in longest]
+            found = bench_motions_of(model, runs, self.study)
+        else:
+            found = self._robot_motions(model, longest, [members[0] for members in alike.values()])
         motions: dict[int, Motion] = {}
-        for members in alike.values():
-            longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
-            rng = np.random.default_rng((self.wheel_angle_seed, members[0]))
-            angles = rng.uniform(0.0, 2.0 * np.pi, 4).tolist() if self.wheel_angle_seed else []
-            local = in_run_frame(model, longest.start)
-            compiled = common or compile_for(local, level, self.study)
-            motion = motion_of(local, longest.runs[0], longest.start, compiled, angles)
+        for members, motion in zip(alike.values(), found, strict=True):
             motions |= dict.fromkeys(members, motion)
         return [motions[index] for index in range(len(situations))]
+
+    def _robot_motions(
+        self, model: Model, situations: Sequence[Situation], seeds: Sequence[int]
+    ) -> list[Motion]:
+        # A direction in the world makes the compiled model depend on where a run starts.
+        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
+        common = None if by_heading else compile_robot(model, self.study)
+        motions = []
+        for situation, seed in zip(situations, seeds, strict=True):
+            rng = np.random.default_rng((self.wheel_angle_seed, seed))
+            angles = rng.uniform(0.0, 2.0 * np.pi, 4).tolist() if self.wheel_angle_seed else []
+            local = in_run_frame(model, situation.start)
+            compiled = common or compile_robot(local, self.study)
+            motions.append(robot_motion(local, situation.runs[0], situation.start, compiled, angles))
+        return motions
 
 
 def _motion_key(situation: Situation, command_period_s: float) -> Hashable:

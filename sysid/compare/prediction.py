@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import in_turned_axes, measured, without_sensors
+from mecanum_env.effects.apply import Sensors, in_turned_axes, sensors_of, without_sensors
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.simulator import (
@@ -97,14 +97,18 @@ def start_of(run: Run) -> Start:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The true motion in a run, before any sensor."""
+    """The motion in a run: the true one, or as sensors see it."""
 
     time_s: FloatArray
     """Physics clock from the start of the simulation [s], shape (n,)."""
     channels: Mapping[str, FloatArray]
-    """Column of a log -> true values, shape (n,)."""
+    """Column of a log -> values on that clock, shape (n,)."""
     lead_s: float = 0.0
     """Time simulated before the log starts [s]."""
+
+    def seen_by(self, sensors: Sensors) -> Motion:
+        """Return what the sensors show of the motion."""
+        return replace(self, channels=sensors(self.time_s, self.channels))
 
 
 def compile_robot(model: Model, study: Study = Study()) -> mujoco.MjModel:
@@ -138,7 +142,8 @@ def predict(
         SimulationDivergedError: the state stopped being finite.
     """
     start = start_of(run) if start is None else start
-    return sensor_readings(model, run, start, motion_of(without_sensors(model), run, start, study))
+    motion = motion_of(without_sensors(model), run, start, study)
+    return readings(motion.seen_by(sensors_of(model)), run, start)
 
 
 def motion_of(model: Model, run: Run, start: Start, study: Study = Study()) -> Motion:
@@ -149,14 +154,15 @@ def motion_of(model: Model, run: Run, start: Start, study: Study = Study()) -> M
         SimulationDivergedError: the state stopped being finite.
     """
     if run.level == "bench":
-        return bench_motions_of(model, [bench_run(model, run, start)], study)[0]
+        one = bench_run(run, start, model.wheel.command_period_s)
+        return bench_motions_of(model, [one], study)[0]
     local = in_run_frame(model, start)
     return robot_motion(local, run, start, compile_robot(local, study))
 
 
-def bench_run(model: Model, run: Run, start: Start) -> BenchRun:
-    """Return a bench log's commands as the model's drive may have held them."""
-    since = run.held_since(model.wheel.command_period_s)
+def bench_run(run: Run, start: Start, command_period_s: float) -> BenchRun:
+    """Return a bench log's commands as a drive may have held them, see `Run.held_since`."""
+    since = run.held_since(command_period_s)
     return BenchRun(since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm)
 
 
@@ -180,10 +186,9 @@ def robot_motion(
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 
 
-def sensor_readings(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
-    """Return what a model's sensors measure of a motion: channel -> values at a run's rows, shape (n,)."""
-    clock = motion.time_s
-    channels = measured(model, clock, motion.channels)
+def readings(motion: Motion, run: Run, start: Start) -> dict[str, FloatArray]:
+    """Return a motion, as its sensors see it, at a run's rows: channel -> values, shape (n,)."""
+    clock, channels = motion.time_s, motion.channels
     at = {name: np.interp(run.time_s + motion.lead_s, clock, values) for name, values in channels.items()}
     if run.level == "bench":
         return at

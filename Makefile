@@ -72,7 +72,7 @@ $(VENV)/modules: FORCE | $(BIN)/python
 FORCE:
 
 # Again when the dependencies, the plugin or the set of modules change.
-$(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt $(wildcard mecanum_env/plugin/*.c) $(VENV)/modules | system $(BIN)/python
+$(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt $(wildcard mecanum_env/plugin/*.[ch]) $(VENV)/modules | system $(BIN)/python
 	$(BIN)/pip install --quiet -c constraints.txt -e ".[dev]"
 	@touch $@
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
@@ -17,6 +17,10 @@ from mecanum_env.units import FloatArray
 
 if TYPE_CHECKING:
     import mujoco
+
+
+Sensors = Callable[[FloatArray, Channels], dict[str, FloatArray]]
+"""Returns the channels as measured, given their uniform clock [s], shape (n,), and their true values."""
 
 
 def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
@@ -111,8 +115,9 @@ def added_load(model: Model) -> Load:
 
 def without_sensors(model: Model) -> Model:
     """Return the model without the effects that only change the measurement: it moves the same."""
-    sensors = {name for name, effect in CATALOGUE.items() if effect.simulated and not effect.changes_motion}
-    return replace(model, effects={k: values for k, values in model.effects.items() if k not in sensors})
+    known = {name: CATALOGUE[name] for name in model.effects}
+    kept = [name for name, effect in known.items() if effect.changes_motion or not effect.simulated]
+    return replace(model, effects={name: model.effects[name] for name in kept})
 
 
 def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
@@ -120,11 +125,20 @@ def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, 
 
     The channels are columns of a log by name, shape (n,), on the uniform clock `time_s` (n,) [s].
     """
-    shown = dict(channels)
-    for effect, values in active_effects(model):
-        if effect.change_channels is not None:
-            shown = effect.change_channels(time_s, shown, values)
-    return shown
+    return sensors_of(model)(time_s, channels)
+
+
+def sensors_of(model: Model) -> Sensors:
+    """Return the sensors of a model, as a function that does what `measured` does."""
+    acting = [(e.change_channels, values) for e, values in active_effects(model) if e.change_channels]
+
+    def read(time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
+        shown = dict(channels)
+        for change, values in acting:
+            shown = change(time_s, shown, values)
+        return shown
+
+    return read
 
 
 def in_turned_axes(model: Model, yaw_rad: float) -> Model:

@@ -1,6 +1,6 @@
 """The drive of one wheel in front of its servo: from the command that is sent to the speed setpoint.
 
-This is the reference for the plugin (mecanum_env/plugin/mecanum_wheel.c), which tests hold equal to it bit
+This is the reference for the plugin (mecanum_env/plugin/chain.c), which tests hold equal to it bit
 for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
 
 - Latch j is due at the first substep with n h >= j T, with T the command period. The latched command is

@@ -22,6 +22,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
@@ -68,6 +69,7 @@ class WheelGeometry:
         return math.sqrt((self.roller_radius**2 + self.roller_half_length**2) / 2)
 
 
+@lru_cache(maxsize=64)
 def wheel_geometry(radius: float, rollers: int) -> WheelGeometry:
     """Derive the wheel of radius R [m] with N rollers by the two conditions of the module docstring."""
     p = math.pi / rollers

@@ -1,22 +1,18 @@
 """Parameters and state of the plugin "mecanum.wheel": where they are, how to write and read them.
 
-mecanum_wheel.c reads the same places. Parameters are numeric fields of the wheel's actuator, so copies,
+chain.h lists the same parameters. They are numeric fields of the wheel's actuator, so copies,
 pickles and batches of models carry them, and a compiled model can be edited (`write_parameters`):
 
-    dynprm[0:6]   A..F             dynprm[6]  sample_period_s       dynprm[8]  command_quantum_rpm (0: none)
-    biasprm       0, 0, -servo     dynprm[7]  command_period_s      dynprm[9]  saturation_rpm (0: none)
-    user[0]       servo_integral   user[1]    delay_s               user[2]    torque_limit_n_m (1e10: none)
-    user[3]       deadband_rpm     user[4]    gain                  user[5]    reverse_ratio
-    user[6]       drop_per_s       user[7]    softness_rpm          user[8]    acceleration_rpm_s
-    user[9]       gap_rad          user[10]   breakaway_n_m         user[11]   stribeck_rad_s
-    user[12]      coulomb_n_m      user[13]   inertia_kg_m2 (the wheel's own)
+    dynprm[i]   DYNPRM[i]: the wheel law, its clocks, quantum and ceiling (0: none)
+    biasprm     0, 0, -servo_n_m_s_rad
+    user[i]     USER[i]: everything else
 
-From user[3] on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia is fed
-forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag, inertia /
-servo, comes on top.
+From "deadband_rpm" on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia
+is fed forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag,
+inertia / servo, comes on top.
 
 The torque limit is not MuJoCo's `forcerange`, which is refused: clamping there drops the servo's implicit
-damping, and a free or slipping wheel rings (see mecanum_wheel.c).
+damping, and a free or slipping wheel rings (see chain.c).
 
 The parameters are checked when a model is compiled and when an `mujoco.MjData` is made (`require_valid` says
 what is wrong). An edit acts from the next substep on. If it changes the timestep or a period, the clocks
@@ -37,22 +33,31 @@ import numpy.typing as npt
 
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.drive import RING, DriveParameters
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-COEFFICIENTS: Final = slice(0, 6)
-"""Indices in dynprm of A..F."""
-SAMPLE_PERIOD, COMMAND_PERIOD, QUANTUM, SATURATION = 6, 7, 8, 9
-"""Indices in dynprm."""
+DYNPRM: Final = (
+    *COEFFICIENTS,
+    *("sample_period_s", "command_period_s", "command_quantum_rpm", "saturation_rpm"),
+)
+"""Names of the parameters in dynprm."""
 SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""
-INTEGRAL_GAIN, DELAY, TORQUE_LIMIT, DEADBAND, GAIN, REVERSE_RATIO, DROP = range(7)
-SOFTNESS, ACCELERATION, GAP, BREAKAWAY, STRIBECK, COULOMB, INERTIA = range(7, 14)
-"""Indices in user."""
+USER: Final = (
+    *("servo_integral_n_m_rad", "delay_s", "torque_limit_n_m"),
+    *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
+    *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
+)
+"""Names of the parameters in user; the last is the wheel's own inertia, the others are those of the drive."""
+CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
+"""Names of all parameters of a drive, in the order of the library's functions."""
+_INERTIA: Final = USER.index("inertia_kg_m2")
+_GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
-"""Value of user[TORQUE_LIMIT] without a limit; not 0, so that a file which omits the limit is refused."""
+"""The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
 USER_SIZE: Final = 16
 """`nuser_actuator` as this project writes it; the plugin needs at least 3, and unused entries are 0."""
 
@@ -104,16 +109,27 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     limit = robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
     if not limit > 0.0:
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
-    user = [0.0] * USER_SIZE
-    user[INTEGRAL_GAIN], user[DELAY] = robot.servo_integral_n_m_rad, drive.delay_s
-    user[TORQUE_LIMIT] = min(limit, NO_TORQUE_LIMIT)
-    user[DEADBAND], user[DROP], user[SOFTNESS] = drive.deadband_rpm, drive.drop_per_s, drive.softness_rpm
-    user[GAIN] = 0.0 if drive.gain == 1.0 else drive.gain
-    user[REVERSE_RATIO] = 0.0 if drive.reverse_ratio == 1.0 else drive.reverse_ratio
-    user[ACCELERATION] = 0.0 if math.isinf(drive.acceleration_rpm_s) else drive.acceleration_rpm_s
-    user[GAP], user[BREAKAWAY], user[STRIBECK] = drive.gap_rad, drive.breakaway_n_m, drive.stribeck_rad_s
-    user[COULOMB] = drive.coulomb_n_m
-    return user
+    values = {name: value for name, value in vars(drive).items() if name in USER and not math.isinf(value)}
+    values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
+    values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
+    values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
+    return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+
+
+def chain_parameters(
+    model: Model,
+    wheel_name: str | None = None,
+    torque_limit_n_m: float | None = None,
+    inertia_kg_m2: float = 0.0,
+) -> FloatArray:
+    """Return all parameters of a wheel's drive, shape (P,), in the order of `CHAIN`.
+
+    `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
+    """
+    drive = drive_parameters(model, wheel_name)
+    user = userdata(model.robot, drive, torque_limit_n_m)[: len(USER)]
+    user[_INERTIA] = inertia_kg_m2
+    return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user])
 
 
 def set_wheel_parameters(
@@ -143,7 +159,7 @@ def set_wheel_parameters(
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
     user = userdata(robot, parameters, torque_limit_n_m)
-    user[INERTIA] = inertia_kg_m2
+    user[_INERTIA] = inertia_kg_m2
     actuator.userdata = user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]
@@ -177,8 +193,8 @@ def write_parameters(
         raise InputError(
             f"nuser_actuator = {mjmodel.nuser_actuator}, must be {USER_SIZE} for a model with these effects"
         )
-    if mjmodel.nuser_actuator > INERTIA:
-        user[INERTIA] = mjmodel.actuator_user[actuator_id, INERTIA]
+    if mjmodel.nuser_actuator > _INERTIA:
+        user[_INERTIA] = mjmodel.actuator_user[actuator_id, _INERTIA]
     user = user[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
@@ -252,9 +268,9 @@ def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.Arr
             state[STATE.index(name)] = speed
         state[STATE.index("setpoint")] = speed * RAD_S_PER_RPM
         state[COMMANDS] = speed
-        if mjmodel.nuser_actuator > GAP:
+        if mjmodel.nuser_actuator > _GAP:
             # The motor of a turning wheel has crossed the backlash.
-            state[STATE.index("gap")] = np.sign(speed) * mjmodel.actuator_user[actuator, GAP] / 2
+            state[STATE.index("gap")] = np.sign(speed) * mjmodel.actuator_user[actuator, _GAP] / 2
 
 
 def drive_state(mjmodel: mujoco.MjModel, data: mujoco.MjData) -> dict[str, FloatArray]:

@@ -1,20 +1,28 @@
-"""The bench: one free wheel off the floor, driven by the identified law, replayed in MuJoCo."""
+"""The bench: one free wheel off the floor, driven by the identified law.
+
+The plugin's own loop simulates it. MuJoCo gives the same bits (`mujoco_bench_motion`); it is needed where an
+effect of one's own changes the MuJoCo model.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import drive_parameters, measured
+from mecanum_env.effects.apply import active_effects, changed_model, drive_parameters, measured
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import simulate_drive
 from mecanum_env.mjcf import bench_spec
+from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import set_steady
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters, set_steady
+from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
 from mecanum_env.simulator.commands import hold
-from mecanum_env.simulator.trajectory import step_through
+from mecanum_env.simulator.trajectory import diverged, step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 
@@ -41,7 +49,7 @@ def replay_bench(
         sample_times_s: times on the same clock at which the speed is read, shape (m,); the stamps when None.
         initial_rpm: steady speed [rpm] of the wheel when the run starts.
         wheel: fl, fr, rl or rr to replay that wheel's own law; by default the common one.
-        mj_model: `compile_bench` of the same model and wheel, to save compiling.
+        mj_model: `compile_bench` of the same model and wheel, if MuJoCo itself is to simulate it.
 
     The speed, shape (m,), is as measured, and linear between physics steps.
 
@@ -52,30 +60,108 @@ def replay_bench(
     """
     samples = time_s if sample_times_s is None else sample_times_s
     _check_log(time_s, command_rpm, samples, initial_rpm)
-    compiled = compile_bench(model, wheel) if mj_model is None else mj_model
     start = float(time_s[0])
-    clock, true = bench_motion(compiled, time_s, command_rpm, float(np.max(samples)) - start, initial_rpm)
+    duration = float(np.max(samples)) - start
+    if mj_model is None:
+        clock, true = bench_motion(model, time_s, command_rpm, duration, initial_rpm, wheel=wheel)
+    else:
+        clock, true = mujoco_bench_motion(mj_model, time_s, command_rpm, duration, initial_rpm)
     speed = measured(model, clock, {"speed_rpm": true})["speed_rpm"]
     return np.interp(samples - start, clock, speed)
 
 
 def bench_motion(
+    model: Model,
+    time_s: FloatArray,
+    command_rpm: FloatArray,
+    duration_s: float,
+    initial_rpm: float = 0.0,
+    *,
+    wheel: str | None = None,
+    timestep_s: float | None = None,
+) -> tuple[FloatArray, FloatArray]:
+    """Return the physics clock [s] and the free wheel's true speed [rpm] on it, each of shape (m,).
+
+    Commands, initial speed and `wheel` are those of `replay_bench`, `timestep_s` is that of `compile_bench`.
+
+    Raises:
+        InputError: an effect that the bench cannot simulate, or a value out of range.
+        SimulationDivergedError: the state stopped being finite.
+    """
+    run = BenchRun(time_s, command_rpm, duration_s, initial_rpm)
+    return bench_motions([model], [run], wheel=wheel, timestep_s=timestep_s)[0][0]
+
+
+@dataclass(frozen=True, eq=False)
+class BenchRun:
+    """Commands to replay on the bench, as for `bench_motion`."""
+
+    time_s: FloatArray
+    command_rpm: FloatArray
+    duration_s: float
+    initial_rpm: float = 0.0
+
+
+def bench_motions(
+    models: Sequence[Model],
+    runs: Sequence[BenchRun],
+    *,
+    wheel: str | None = None,
+    timestep_s: float | None = None,
+) -> list[list[tuple[FloatArray, FloatArray]]]:
+    """Return `bench_motion` of each of the models in each of the runs: one list per model.
+
+    The wheels are simulated in one call, without MuJoCo but as MuJoCo does it, bit for bit. `wheel` and
+    `timestep_s` are those of `bench_motion`.
+
+    Raises:
+        InputError: as `bench_motion`.
+        SimulationDivergedError: the state of any wheel stopped being finite.
+    """
+    found: dict[int, list[tuple[FloatArray, FloatArray]]] = {}
+    alike: dict[float, list[int]] = {}
+    wheels = [_free_wheel(model, wheel, timestep_s) for model in models]
+    for index, one in enumerate(wheels):
+        if one.mj_model is None:
+            alike.setdefault(one.timestep_s, []).append(index)
+        else:
+            found[index] = [
+                mujoco_bench_motion(one.mj_model, r.time_s, r.command_rpm, r.duration_s, r.initial_rpm)
+                for r in runs
+            ]
+    for step, members in alike.items():
+        steps = np.array([_steps(run.duration_s, step) for run in runs])
+        speeds, reached = free_wheels(
+            np.stack([wheels[i].parameters for i in members]),
+            np.array([(wheels[i].inertia_kg_m2, wheels[i].damping_n_m_s_rad) for i in members]),
+            step,
+            HeldCommands.of([_given(run) for run in runs]),
+            steps,
+        )
+        if np.any(reached < steps):
+            raise diverged(float(np.min(reached[reached < steps])) * step)
+        ends = np.cumsum(steps + 1)
+        clock: FloatArray = step * np.arange(int(np.max(steps)) + 1, dtype=np.float64)
+        for i, row in zip(members, speeds, strict=True):
+            parts = np.split(row, ends[:-1])
+            found[i] = [(clock[: part.size], part) for part in parts]
+    return [found[index] for index in range(len(models))]
+
+
+def mujoco_bench_motion(
     mj_model: mujoco.MjModel,
     time_s: FloatArray,
     command_rpm: FloatArray,
     duration_s: float,
     initial_rpm: float = 0.0,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the physics clock [s] and the free wheel's true speed [rpm] on it, each of shape (m,).
-
-    `mj_model` is a compiled bench; commands and initial speed are those of `replay_bench`.
+    """Return what `bench_motion` does, simulated by MuJoCo on a compiled bench `mj_model`.
 
     Raises:
         SimulationDivergedError: the state stopped being finite.
     """
     step = mj_model.opt.timestep
-    n = max(1, math.ceil(duration_s / step - 1e-9))
-    clock = np.arange(n + 1) * step
+    clock = np.arange(_steps(duration_s, step) + 1) * step
     ctrl = _held_command(time_s, command_rpm, clock, initial_rpm)
     data = mujoco.MjData(mj_model)
     if initial_rpm != 0.0:
@@ -83,6 +169,38 @@ def bench_motion(
         data.qvel[:] = initial_rpm * RAD_S_PER_RPM
     _, qvel = step_through(mj_model, data, ctrl[:, None])
     return clock, qvel[:, 0] / RAD_S_PER_RPM
+
+
+@dataclass(frozen=True, eq=False)
+class _FreeWheel:
+    """A wheel on the bench as numbers, or as a MuJoCo model where an effect needs that."""
+
+    timestep_s: float
+    parameters: FloatArray
+    """In the order of `mecanum_env.plugin.layout.CHAIN`, shape (P,)."""
+    inertia_kg_m2: float
+    damping_n_m_s_rad: float
+    mj_model: mujoco.MjModel | None = None
+
+
+def _free_wheel(model: Model, wheel: str | None, timestep_s: float | None) -> _FreeWheel:
+    changed = changed_model(model, "bench")
+    step, damping, mj_model = fitting_timestep(changed, timestep_s), 0.0, None
+    for effect, values in active_effects(changed):
+        if effect.change_spec is not None and effect.acts_in("bench"):
+            if effect.load is None:
+                mj_model = compile_bench(model, wheel, timestep_s)
+            else:
+                damping += effect.load(values).damping_n_m_s_rad
+    inertia = wheel_inertia(changed.robot)
+    parameters = chain_parameters(changed, wheel, NO_TORQUE_LIMIT, inertia)
+    if why := refusal(parameters, step):
+        raise InputError(f"the bench: {why}")
+    return _FreeWheel(step, parameters, inertia, damping, mj_model)
+
+
+def _steps(duration_s: float, timestep_s: float) -> int:
+    return max(1, math.ceil(duration_s / timestep_s - 1e-9))
 
 
 def law_of_bench(
@@ -111,6 +229,12 @@ def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | No
     of the physics step [s], 1/480 s when None.
     """
     return bench_spec(model, timestep_s, wheel=wheel, visuals=False).compile()
+
+
+def _given(run: BenchRun) -> tuple[FloatArray, FloatArray, float]:
+    """Return a run's commands without missing samples: times since its start [s], commands, initial speed."""
+    given = ~np.isnan(run.command_rpm)
+    return run.time_s[given] - run.time_s[0], run.command_rpm[given], run.initial_rpm
 
 
 def _held_command(

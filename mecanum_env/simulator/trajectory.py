@@ -108,8 +108,13 @@ def _require_plausible(data: mujoco.MjData, states: FloatArray) -> None:
     last = int(np.argmax(np.append(np.diff(time) <= 0.0, True)))
     if not finite.all():
         last = min(last, max(int(np.argmin(finite)) - 1, 0))
-    raise SimulationDivergedError(
-        f"the simulation diverged after {time[last]:.3f} s ({', '.join(warnings) or 'not finite'}); "
+    raise diverged(float(time[last]), ", ".join(warnings))
+
+
+def diverged(time_s: float, warnings: str = "") -> SimulationDivergedError:
+    """Return the error of a simulation that was sane until `time_s`, with MuJoCo's `warnings`, if any."""
+    return SimulationDivergedError(
+        f"the simulation diverged after {time_s:.3f} s ({warnings or 'not finite'}); "
         "use a shorter timestep or a less stiff servo"
     )
 

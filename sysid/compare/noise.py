@@ -169,7 +169,6 @@ def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, in
 
 def _without_holes(block: Block) -> npt.NDArray[np.bool_]:
     """Return which second differences (m - 2,) are of samples without empty cells between them."""
-    rows = block.rows[0] if block.channel in POSE else np.array([rows[0] for rows in block.rows])
-    step = np.diff(rows)
+    step = np.diff(block.rows[:, 0])
     near: npt.NDArray[np.bool_] = step <= _HOLE * np.median(step) if step.size else np.zeros(0, bool)
     return near[1:] & near[:-1]

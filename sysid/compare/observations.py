@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -76,16 +76,16 @@ class Block:
     """Sum of the products of each deviation with the one 0, 1 ... samples later, shape (_LAGS,)."""
     repeats: int
     """Number of runs that are averaged."""
-    rows: tuple[Rows, ...]
-    """Rows of the run that each value is the mean of; for a pose one array, the indices of the windows."""
-    row_weights: tuple[FloatArray, ...]
-    """Number of samples in each of these rows relative to the first; unequal if cells are empty."""
+    rows: Rows
+    """Rows of the run that each value is the mean of, shape (m, g); for a pose the index of its window."""
+    row_weights: FloatArray
+    """Number of samples in each of these rows, (m, g); 0 where a value has fewer rows than another."""
 
     def of(self, run: Run, channels: Channels) -> FloatArray:
         """Return what corresponds to `value` in a run's predicted channels, shape (m,)."""
         if self.channel in POSE:
-            return _displacements(run.time_s, channels)[self.channel][1][self.rows[0]]
-        return _means(channels[self.channel], self.rows, self.row_weights)
+            return _displacements(run.time_s, channels)[self.channel][1][self.rows[:, 0]]
+        return _means(channels[self.channel][self.rows], self.row_weights)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,37 +159,38 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
     products = np.zeros(_LAGS)
     for lag in range(min(_LAGS, mean.size)):
         products[lag] = float(np.sum(deviation[:, lag:] * deviation[:, : mean.size - lag]))
-    weight = count.astype(float)
-    rows: tuple[Rows, ...] = (used,)
-    row_weights: tuple[FloatArray, ...] = ()
+    # A window makes a value; so does a sample, or as many as leave at most MOST_SAMPLES values.
+    size = 1 if name in POSE else -(-used.size // MOST_SAMPLES)
+    counts = _together(count, size)
     if name not in POSE:
-        # One sample makes a value, or as many as leave at most MOST_SAMPLES values.
-        together = -(-used.size // MOST_SAMPLES)
-        parts_of = [slice(first, first + together) for first in range(0, used.size, together)]
-        rows = tuple(used[part] for part in parts_of)
-        row_weights = tuple(count[part] / count[part][0] for part in parts_of)
-        mean = np.array([np.average(mean[part], weights=count[part]) for part in parts_of])
-        time = np.array([time[part].mean() for part in parts_of])
-        weight = np.array([count[part].sum() for part in parts_of], float)
+        mean = (_together(mean, size) * counts).sum(axis=1) / counts.sum(axis=1)
+        time = _together(time, size).sum(axis=1) / (counts > 0).sum(axis=1)
     return Block(
         situation=situation,
         channel=name,
         time_s=time,
         value=mean,
-        weight=weight,
+        weight=counts.sum(axis=1).astype(float),
         repeat_squares=float(products[0]),
         degrees_of_freedom=int((count - 1).sum()),
         lagged_products=products,
         repeats=len(runs),
-        rows=rows,
-        row_weights=row_weights,
+        rows=_together(used, size),
+        row_weights=counts / counts[:, :1],
     )
 
 
-def _means(values: FloatArray, rows: Sequence[Rows], weights: Sequence[FloatArray]) -> FloatArray:
-    if len(rows[0]) == 1:
-        return values[np.array(rows)[:, 0]]
-    return np.array([(values[r] * w).sum() / w.sum() for r, w in zip(rows, weights, strict=True)])
+def _means(values: FloatArray, weights: FloatArray) -> FloatArray:
+    """Return the weighted mean of each row, (m, g) -> (m,)."""
+    if values.shape[1] == 1:
+        return values[:, 0]
+    return np.asarray((values * weights).sum(axis=1) / weights.sum(axis=1))
+
+
+def _together(values: npt.NDArray[Any], size: int) -> npt.NDArray[Any]:
+    """Return values (n,) in rows of `size`, the last one filled up with zeros."""
+    rows = -(-values.size // size)
+    return np.pad(values, (0, rows * size - values.size)).reshape(rows, size)
 
 
 def _displacements(time_s: FloatArray, channels: Channels) -> dict[str, tuple[FloatArray, FloatArray]]:

@@ -1,17 +1,17 @@
-"""What a model predicts for a log: its commands simulated in MuJoCo, sampled at the times of the log."""
+"""What a model predicts for a log: its commands simulated, sampled at the times of the log."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import in_turned_axes, measured, without_sensors
+from mecanum_env.effects.apply import Sensors, in_turned_axes, sensors_of, without_sensors
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.simulator import (
@@ -19,11 +19,10 @@ from mecanum_env.simulator import (
     Commands,
     RobotPlant,
     WheelCommands,
-    compile_bench,
     compile_plant,
     drive,
 )
-from mecanum_env.simulator.bench import bench_motion
+from mecanum_env.simulator.bench import BenchRun, bench_motions
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
 from sysid.logs import BodyCommand, Run
@@ -98,18 +97,22 @@ def start_of(run: Run) -> Start:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """The true motion in a run, before any sensor."""
+    """The motion in a run: the true one, or as sensors see it."""
 
     time_s: FloatArray
     """Physics clock from the start of the simulation [s], shape (n,)."""
     channels: Mapping[str, FloatArray]
-    """Column of a log -> true values, shape (n,)."""
+    """Column of a log -> values on that clock, shape (n,)."""
     lead_s: float = 0.0
     """Time simulated before the log starts [s]."""
 
+    def seen_by(self, sensors: Sensors) -> Motion:
+        """Return what the sensors show of the motion."""
+        return replace(self, channels=sensors(self.time_s, self.channels))
 
-def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjModel:
-    """Compile what `predict` simulates, by the `level` "bench" or "robot", without visuals.
+
+def compile_robot(model: Model, study: Study = Study()) -> mujoco.MjModel:
+    """Compile the robot that `motion_of` simulates, without visuals.
 
     If the study gives no time step, the planar plant takes `TRAINING_TIMESTEP_S`, accurate enough there.
 
@@ -117,8 +120,6 @@ def compile_for(model: Model, level: str, study: Study = Study()) -> mujoco.MjMo
         InputError: an effect that the plant cannot simulate.
     """
     plant, timestep_s = study.plant, study.timestep_s
-    if level == "bench":
-        return compile_bench(model, timestep_s=timestep_s)
     if plant == "planar" and timestep_s is None:
         timestep_s = TRAINING_TIMESTEP_S
     return compile_plant(model, plant, timestep_s, visuals=False)
@@ -130,40 +131,54 @@ def in_run_frame(model: Model, start: Start) -> Model:
 
 
 def predict(
-    model: Model,
-    run: Run,
-    start: Start | None = None,
-    mj_model: mujoco.MjModel | None = None,
-    study: Study = Study(),
+    model: Model, run: Run, start: Start | None = None, study: Study = Study()
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 
-    A robot's predicted pose starts at the measured one. The default start is `start_of` the run; `mj_model`
-    is `compile_for` of `in_run_frame` of the model without sensors, if it is compiled already.
+    A robot's predicted pose starts at the measured one. The default start is `start_of` the run.
 
     Raises:
         InputError: an effect that cannot be simulated.
         SimulationDivergedError: the state stopped being finite.
     """
     start = start_of(run) if start is None else start
-    local = in_run_frame(without_sensors(model), start)
-    compiled = compile_for(local, run.level, study) if mj_model is None else mj_model
-    return sensor_readings(model, run, start, motion_of(local, run, start, compiled))
+    motion = motion_of(without_sensors(model), run, start, study)
+    return readings(motion.seen_by(sensors_of(model)), run, start)
 
 
-def motion_of(
-    model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()
-) -> Motion:
-    """Return the true motion in a run of a model that is `in_run_frame` and has no effects of sensors.
+def motion_of(model: Model, run: Run, start: Start, study: Study = Study()) -> Motion:
+    """Return the true motion in a run of a model that has no effects of sensors.
 
-    `mj_model` is `compile_for` of it; a robot's wheels on rollers start at the angles `turned_rad` [rad].
+    Raises:
+        InputError: an effect that cannot be simulated.
+        SimulationDivergedError: the state stopped being finite.
     """
     if run.level == "bench":
-        since = run.held_since(model.wheel.command_period_s)
-        clock, speed = bench_motion(
-            mj_model, since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm
-        )
-        return Motion(clock, {"speed_rpm": speed})
+        one = bench_run(run, start, model.wheel.command_period_s)
+        return bench_motions_of(model, [one], study)[0]
+    local = in_run_frame(model, start)
+    return robot_motion(local, run, start, compile_robot(local, study))
+
+
+def bench_run(run: Run, start: Start, command_period_s: float) -> BenchRun:
+    """Return a bench log's commands as a drive may have held them, see `Run.held_since`."""
+    since = run.held_since(command_period_s)
+    return BenchRun(since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm)
+
+
+def bench_motions_of(model: Model, runs: Sequence[BenchRun], study: Study = Study()) -> list[Motion]:
+    """Return `motion_of` a model in each of the `runs`, simulated together."""
+    (found,) = bench_motions([model], runs, timestep_s=study.timestep_s)
+    return [Motion(clock, {"speed_rpm": speed}) for clock, speed in found]
+
+
+def robot_motion(
+    model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()
+) -> Motion:
+    """Return `motion_of` a robot that is `in_run_frame`, given `compile_robot` of it.
+
+    The wheels on rollers start at the angles `turned_rad` [rad].
+    """
     lead = _LEAD_S if start.moving else 0.0
     commands = commands_of(run, model.wheel.command_period_s, lead)
     path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, turned_rad=turned_rad)
@@ -171,10 +186,9 @@ def motion_of(
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 
 
-def sensor_readings(model: Model, run: Run, start: Start, motion: Motion) -> dict[str, FloatArray]:
-    """Return what a model's sensors measure of a motion: channel -> values at a run's rows, shape (n,)."""
-    clock = motion.time_s
-    channels = measured(model, clock, motion.channels)
+def readings(motion: Motion, run: Run, start: Start) -> dict[str, FloatArray]:
+    """Return a motion, as its sensors see it, at a run's rows: channel -> values, shape (n,)."""
+    clock, channels = motion.time_s, motion.channels
     at = {name: np.interp(run.time_s + motion.lead_s, clock, values) for name, values in channels.items()}
     if run.level == "bench":
         return at

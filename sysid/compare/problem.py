@@ -8,7 +8,7 @@ of squares that remains after the model's own error has explained what it can.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -70,7 +70,7 @@ class ResidualProblem:
         """X, shape (N, q)."""
         directions, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
         self._directions, self._spread = directions, np.sqrt(1.0 + size**2)
-        self._scatter: dict[str, FloatArray] = {}
+        self._scatter: dict[Hashable, FloatArray] = {}
 
     @property
     def size(self) -> int:
@@ -161,7 +161,7 @@ class ResidualProblem:
         """
         if self._ripple is None:
             return np.zeros((self.size, 0))
-        key = f"{self._ripple.uncertainty} {model_key(model)}"
+        key = (self._ripple.uncertainty, model_key(model))
         if key not in self._scatter:
             nominal, columns = self._beyond_surrogate(model), []
             gain = model.effects.get("speed_gain", {}).get("gain", 1.0)

@@ -2,25 +2,34 @@
 
 from __future__ import annotations
 
-import json
 from collections import OrderedDict
-from collections.abc import Hashable, Iterator, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, fields
+from functools import cached_property
 from threading import Lock
-from typing import Final
+from typing import Any, Final, cast
 
 import mujoco
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.effects.apply import without_sensors
+from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.model import Model
-from mecanum_env.model.file import model_to_dict
+from mecanum_env.simulator.bench import BenchRun
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
-from sysid.compare.prediction import Motion, Study, compile_for, in_run_frame, motion_of, sensor_readings
+from sysid.compare.prediction import (
+    Motion,
+    Study,
+    bench_motions_of,
+    bench_run,
+    compile_robot,
+    in_run_frame,
+    readings,
+    robot_motion,
+)
 
 _REMEMBERED: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
 
@@ -47,7 +56,8 @@ class Simulator:
     ) -> None:
         self.observations, self.wheel_angle_seed = observations, wheel_angle_seed
         self.study = study or Study()
-        self._motions: OrderedDict[str, list[Motion]] = OrderedDict()
+        self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
+        self._groups: dict[float, list[_Alike]] = {}
         self._lock = Lock()
 
     def predictions(self, model: Model) -> list[FloatArray]:
@@ -59,9 +69,12 @@ class Simulator:
         """
         situations = self.observations.situations
         correction = correction_of(model)
+        motions, sensors = self._motion(without_sensors(model)), sensors_of(model)
+        # Situations with the same commands share a motion, which is seen once.
+        seen = {id(motion): motion.seen_by(sensors) for motion in motions}
         channels = []
-        for situation, motion in zip(situations, self._motion(without_sensors(model)), strict=True):
-            read = sensor_readings(model, situation.runs[0], situation.start, motion)
+        for situation, motion in zip(situations, motions, strict=True):
+            read = readings(seen[id(motion)], situation.runs[0], situation.start)
             channels.append(correction.added_to(situation.runs[0], read) if correction else read)
         return [
             block.of(situations[block.situation].runs[0], channels[block.situation])
@@ -82,24 +95,60 @@ class Simulator:
         return found
 
     def _simulate(self, model: Model) -> list[Motion]:
-        situations = self.observations.situations
-        level = situations[0].runs[0].level
+        groups = self._alike(model.wheel.command_period_s)
+        if self.observations.situations[0].runs[0].level == "bench":
+            found = bench_motions_of(model, [group.bench_run for group in groups], self.study)
+        else:
+            found = self._robot_motions(model, groups)
+        motions: dict[int, Motion] = {}
+        for group, motion in zip(groups, found, strict=True):
+            motions |= dict.fromkeys(group.members, motion)
+        return [motions[index] for index in range(len(motions))]
+
+    def _alike(self, command_period_s: float) -> list[_Alike]:
+        """Return the groups of situations that share a motion, each with the longest of them."""
+        if command_period_s not in self._groups:
+            situations = self.observations.situations
+            alike: dict[Hashable, list[int]] = {}
+            for index, situation in enumerate(situations):
+                alike.setdefault(_motion_key(situation, command_period_s), []).append(index)
+            self._groups[command_period_s] = [
+                _Alike(members, max((situations[i] for i in members), key=_duration_s), command_period_s)
+                for members in alike.values()
+            ]
+        return self._groups[command_period_s]
+
+    def _robot_motions(self, model: Model, groups: Sequence[_Alike]) -> list[Motion]:
         # A direction in the world makes the compiled model depend on where a run starts.
         by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
-        common = None if by_heading else compile_for(model, level, self.study)
-        alike: dict[Hashable, list[int]] = {}
-        for index, situation in enumerate(situations):
-            alike.setdefault(_motion_key(situation, model.wheel.command_period_s), []).append(index)
-        motions: dict[int, Motion] = {}
-        for members in alike.values():
-            longest = max((situations[i] for i in members), key=lambda s: s.runs[0].duration_s)
-            rng = np.random.default_rng((self.wheel_angle_seed, members[0]))
+        common = None if by_heading else compile_robot(model, self.study)
+        motions = []
+        for group in groups:
+            situation = group.longest
+            rng = np.random.default_rng((self.wheel_angle_seed, group.members[0]))
             angles = rng.uniform(0.0, 2.0 * np.pi, 4).tolist() if self.wheel_angle_seed else []
-            local = in_run_frame(model, longest.start)
-            compiled = common or compile_for(local, level, self.study)
-            motion = motion_of(local, longest.runs[0], longest.start, compiled, angles)
-            motions |= dict.fromkeys(members, motion)
-        return [motions[index] for index in range(len(situations))]
+            local = in_run_frame(model, situation.start)
+            compiled = common or compile_robot(local, self.study)
+            motions.append(robot_motion(local, situation.runs[0], situation.start, compiled, angles))
+        return motions
+
+
+@dataclass(frozen=True, eq=False)
+class _Alike:
+    """Situations that share a motion."""
+
+    members: Sequence[int]
+    longest: Situation
+    command_period_s: float
+
+    @cached_property
+    def bench_run(self) -> BenchRun:
+        """The longest of them, if these are bench logs."""
+        return bench_run(self.longest.runs[0], self.longest.start, self.command_period_s)
+
+
+def _duration_s(situation: Situation) -> float:
+    return situation.runs[0].duration_s
 
 
 def _motion_key(situation: Situation, command_period_s: float) -> Hashable:
@@ -111,7 +160,15 @@ def _motion_key(situation: Situation, command_period_s: float) -> Hashable:
     return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start)
 
 
-def model_key(model: Model) -> str:
+def model_key(model: Model) -> Hashable:
     """Return a key of what a model's motion depends on."""
-    physics = replace(model, uncertainty={}, provenance={}, extra={})
-    return json.dumps(model_to_dict(physics), sort_keys=True)
+    about = ("uncertainty", "provenance", "extra")
+    return tuple(_hashable(getattr(model, field.name)) for field in fields(model) if field.name not in about)
+
+
+def _hashable(value: Any) -> Hashable:
+    if isinstance(value, Mapping):
+        return tuple((key, _hashable(value[key])) for key in sorted(value))
+    if isinstance(value, list | tuple):
+        return tuple(map(_hashable, value))
+    return cast(Hashable, value)

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 
 import sysid.compare.simulator as simulator
 from mecanum_env.model import Model
+from mecanum_env.simulator.bench import BenchRun
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.prediction import Motion
+from sysid.compare.prediction import Motion, Study
 from sysid.compare.simulator import Simulator
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
@@ -66,17 +67,17 @@ def test_a_note_points_at_repeats_that_differ_by_more_than_noise(bench_logs: Mak
 def test_repeats_are_simulated_once(
     bench_logs: MakeLogs, base: Model, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calls = []
+    simulated: list[BenchRun] = []
 
-    def counted(*arguments: Any) -> Motion:
-        calls.append(arguments)
-        return motion_of(*arguments)
+    def counted(model: Model, runs: Sequence[BenchRun], study: Study) -> list[Motion]:
+        simulated.extend(runs)
+        return bench_motions_of(model, runs, study)
 
-    motion_of = simulator.motion_of
-    monkeypatch.setattr(simulator, "motion_of", counted)
+    bench_motions_of = simulator.bench_motions_of
+    monkeypatch.setattr(simulator, "bench_motions_of", counted)
     observations = observe(bench_logs(base, late_s=4e-3))
     assert len(observations.situations) == 15
     parts = Simulator(observations).predictions(base)
-    assert len(calls) == 5
+    assert len(simulated) == 5
     for block, part in zip(observations.blocks, parts, strict=True):
         assert np.std(block.value - part) < 1.5 * NOISE_RPM

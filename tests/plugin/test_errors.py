@@ -5,66 +5,45 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError, UnstableLawError
-from mecanum_env.plugin.layout import (
-    ACCELERATION,
-    BREAKAWAY,
-    COMMAND_PERIOD,
-    DEADBAND,
-    DELAY,
-    DROP,
-    GAIN,
-    GAP,
-    INTEGRAL_GAIN,
-    QUANTUM,
-    REVERSE_RATIO,
-    SAMPLE_PERIOD,
-    SATURATION,
-    SERVO,
-    SOFTNESS,
-    STRIBECK,
-    TORQUE_LIMIT,
-    drive_state,
-    require_valid,
-    write_parameters,
-)
+from mecanum_env.plugin.layout import DYNPRM, SERVO, USER, drive_state, require_valid, write_parameters
 
 pytestmark = pytest.mark.usefixtures("in_tmp_path")
 
 BAD_DYNPRM = [
-    (0, np.nan, "A = dynprm"),
-    (5, np.inf, "F = dynprm"),
-    (0, 1.5, "unstable"),
-    (2, -1.0, "unstable"),
-    (SAMPLE_PERIOD, 0.0, "sample_period_s"),
-    (SAMPLE_PERIOD, -0.01, "sample_period_s"),
-    (SAMPLE_PERIOD, np.nan, "sample_period_s"),
-    (SAMPLE_PERIOD, 1e-7, "timestep"),
-    (COMMAND_PERIOD, 0.0, "command_period_s"),
-    (COMMAND_PERIOD, np.inf, "command_period_s"),
-    (COMMAND_PERIOD, 1e-6, "timestep"),
-    (QUANTUM, -1.0, "command_quantum_rpm"),
-    (QUANTUM, np.nan, "command_quantum_rpm"),
-    (SATURATION, -1.0, "saturation_rpm"),
-    (SATURATION, np.inf, "saturation_rpm"),
+    ("A", np.nan, "A = dynprm"),
+    ("F", np.inf, "F = dynprm"),
+    ("A", 1.5, "unstable"),
+    ("C", -1.0, "unstable"),
+    ("sample_period_s", 0.0, "sample_period_s"),
+    ("sample_period_s", -0.01, "sample_period_s"),
+    ("sample_period_s", np.nan, "sample_period_s"),
+    ("sample_period_s", 1e-7, "timestep"),
+    ("command_period_s", 0.0, "command_period_s"),
+    ("command_period_s", np.inf, "command_period_s"),
+    ("command_period_s", 1e-6, "timestep"),
+    ("command_quantum_rpm", -1.0, "command_quantum_rpm"),
+    ("command_quantum_rpm", np.nan, "command_quantum_rpm"),
+    ("saturation_rpm", -1.0, "saturation_rpm"),
+    ("saturation_rpm", np.inf, "saturation_rpm"),
 ]
 BAD_USER = [
-    (INTEGRAL_GAIN, -1.0, "servo_integral_n_m_rad"),
-    (INTEGRAL_GAIN, np.nan, "servo_integral_n_m_rad"),
-    (DELAY, -0.1, "delay_s"),
-    (DELAY, 5.0, "delay_s"),
-    (DELAY, np.nan, "delay_s"),
-    (TORQUE_LIMIT, 0.0, "torque_limit_n_m"),
-    (TORQUE_LIMIT, -1.0, "torque_limit_n_m"),
-    (TORQUE_LIMIT, np.nan, "torque_limit_n_m"),
-    (DEADBAND, -1.0, "command_deadband.threshold_rpm"),
-    (GAIN, -0.5, "gain"),
-    (REVERSE_RATIO, np.nan, "reverse_ratio"),
-    (DROP, np.inf, "battery_sag.drop_per_s"),
-    (SOFTNESS, -1.0, "speed_saturation.softness_rpm"),
-    (ACCELERATION, -1.0, "acceleration_limit.limit_rpm_s"),
-    (GAP, -0.1, "backlash"),
-    (BREAKAWAY, -1.0, "stiction.breakaway_n_m"),
-    (STRIBECK, np.nan, "stiction.stribeck"),
+    ("servo_integral_n_m_rad", -1.0),
+    ("servo_integral_n_m_rad", np.nan),
+    ("delay_s", -0.1),
+    ("delay_s", 5.0),
+    ("delay_s", np.nan),
+    ("torque_limit_n_m", 0.0),
+    ("torque_limit_n_m", -1.0),
+    ("torque_limit_n_m", np.nan),
+    ("deadband_rpm", -1.0),
+    ("gain", -0.5),
+    ("reverse_ratio", np.nan),
+    ("drop_per_s", np.inf),
+    ("softness_rpm", -1.0),
+    ("acceleration_rpm_s", -1.0),
+    ("gap_rad", -0.1),
+    ("breakaway_n_m", -1.0),
+    ("stribeck_rad_s", np.nan),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 
@@ -86,20 +65,20 @@ def refused(spec, *words: str) -> None:
         assert word in str(caught.value)
 
 
-@pytest.mark.parametrize(("index", "value", "word"), BAD_DYNPRM)
-def test_bad_parameters_do_not_compile(spec, index, value, word):
+@pytest.mark.parametrize(("name", "value", "word"), BAD_DYNPRM)
+def test_bad_parameters_do_not_compile(spec, name, value, word):
     values = np.array(spec.actuators[0].dynprm)
-    values[index] = value
+    values[DYNPRM.index(name)] = value
     spec.actuators[0].dynprm = values
     refused(spec, word)
 
 
-@pytest.mark.parametrize(("index", "value", "word"), BAD_USER)
-def test_bad_user_values_do_not_compile(spec, index, value, word):
+@pytest.mark.parametrize(("name", "value"), BAD_USER)
+def test_bad_user_values_do_not_compile(spec, name, value):
     values = np.array(spec.actuators[0].userdata)
-    values[index] = value
+    values[USER.index(name)] = value
     spec.actuators[0].userdata = values
-    refused(spec, word)
+    refused(spec, f"{name} = user[{USER.index(name)}]")
 
 
 @pytest.mark.parametrize("bias", BAD_SERVO)
@@ -193,8 +172,8 @@ def test_one_instance_drives_one_wheel():
 
 
 EDITS = [
-    *(("actuator_dynprm", index, value) for index, value, _ in BAD_DYNPRM),
-    *(("actuator_user", index, value) for index, value, _ in BAD_USER),
+    *(("actuator_dynprm", DYNPRM.index(name), value) for name, value, _ in BAD_DYNPRM),
+    *(("actuator_user", USER.index(name), value) for name, value in BAD_USER),
     *(("actuator_biasprm", SERVO, value) for value in BAD_SERVO),
 ]
 

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import BREAKAWAY, COULOMB, INERTIA, STRIBECK, drive_state
+from mecanum_env.plugin.layout import USER, drive_state
 from mecanum_env.units import RAD_S_PER_RPM
 
 STEP = 1 / 480
@@ -25,8 +25,9 @@ def rubbing(compile_wheels):
         paper = paper_model()
         model = replace(paper, robot=replace(paper.robot, **values))
         mjmodel = compile_wheels(model)
-        mjmodel.actuator_user[0, INERTIA] = mjmodel.dof_M0[0]
-        mjmodel.actuator_user[0, [COULOMB, BREAKAWAY, STRIBECK]] = coulomb, breakaway, stribeck
+        mjmodel.actuator_user[0, USER.index("inertia_kg_m2")] = mjmodel.dof_M0[0]
+        names = ("coulomb_n_m", "breakaway_n_m", "stribeck_rad_s")
+        mjmodel.actuator_user[0, [USER.index(name) for name in names]] = coulomb, breakaway, stribeck
         return mjmodel
 
     return build
@@ -96,7 +97,9 @@ def test_friction_acts_on_the_wheel_beside_the_limited_torque(rubbing):
 def test_no_friction_is_bit_for_bit_nothing(rubbing, compile_wheels):
     mjmodel = rubbing()
     plain = compile_wheels(paper_model())
-    plain.actuator_user[0, INERTIA] = mjmodel.actuator_user[0, INERTIA]
+    plain.actuator_user[0, USER.index("inertia_kg_m2")] = mjmodel.actuator_user[
+        0, USER.index("inertia_kg_m2")
+    ]
     commands = np.repeat(np.random.default_rng(2).uniform(-130.0, 130.0, 10), 48)
     np.testing.assert_array_equal(drive(mjmodel, commands), drive(plain, commands))
 

@@ -17,7 +17,7 @@ from mecanum_env.law.drive import (
     simulate_drive,
 )
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import DELAY, STATE_SIZE, drive_state, set_steady
+from mecanum_env.plugin.layout import STATE_SIZE, USER, drive_state, set_steady
 
 delays = st.floats(0.0, 0.35)
 seeds = st.integers(0, 2**32 - 1)
@@ -147,7 +147,7 @@ def test_impossible_drives_are_refused(parameters, name, value):
 @pytest.mark.parametrize("seconds", [0.0, 0.0123, 0.1, (RING - 3) * 0.1 - 1 / 480])
 def test_the_plugin_acts_after_the_delay(compile_wheels, free_model, seconds):
     mjmodel = compile_wheels(free_model())
-    mjmodel.actuator_user[0, DELAY] = seconds
+    mjmodel.actuator_user[0, USER.index("delay_s")] = seconds
     data = mujoco.MjData(mjmodel)
     data.ctrl[0] = 100.0
     first = 0

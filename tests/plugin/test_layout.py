@@ -8,7 +8,7 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.plugin.layout import (
     NO_TORQUE_LIMIT,
-    TORQUE_LIMIT,
+    USER,
     USER_SIZE,
     require_valid,
     state_slice,
@@ -59,7 +59,7 @@ def test_no_saturation_and_no_rounding_are_written_as_zero(compile_wheels, free_
 def test_no_torque_limit_is_written_as_a_number_that_files_can_hold(compile_wheels, free_model):
     mjmodel = compile_wheels(free_model())
     write_parameters(mjmodel, 0, free_model(), torque_limit_n_m=np.inf)
-    assert mjmodel.actuator_user[0, TORQUE_LIMIT] == NO_TORQUE_LIMIT
+    assert mjmodel.actuator_user[0, USER.index("torque_limit_n_m")] == NO_TORQUE_LIMIT
     require_valid(mjmodel)
 
 

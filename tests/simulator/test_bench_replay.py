@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.plugin.layout import INERTIA, drive_state
+from mecanum_env.plugin.layout import USER, drive_state
 from mecanum_env.simulator import compile_bench, replay_bench
 from mecanum_env.simulator.bench import law_of_bench
 from mecanum_env.units import RAD_S_PER_RPM
@@ -48,7 +48,8 @@ def test_the_plugins_setpoint_is_the_law(paper):
 
 def test_the_drive_knows_the_wheels_inertia(paper):
     bench = compile_bench(paper)
-    assert bench.actuator_user[0, INERTIA] == pytest.approx(bench.body("wheel").inertia[1], rel=1e-12)
+    known = bench.actuator_user[0, USER.index("inertia_kg_m2")]
+    assert known == pytest.approx(bench.body("wheel").inertia[1], rel=1e-12)
 
 
 def test_stamps_from_any_first_one_give_the_same(paper):

@@ -52,16 +52,18 @@ def design_next_experiment(
     untestable: Sequence[Untestable],
     threshold: float,
 ) -> Design:
-    """Return the experiment that separates tied candidates, or else shows what the logs could not.
+    """Return the experiment that separates tied candidates or, without a gap, shows what the logs could not.
 
     `improved` is the model with the effects found, `untestable` the effects that the logs could not show, and
     `threshold` the fall of the cost that counts as seen.
     """
+    if decision.verdict not in ("ambiguous", "no_gap"):
+        return Design(None, "")
     conditions = conditions_of(problem, decision.facts.inflation)
     limits = _limits_of(problem.base, problem.observations)
     if decision.verdict == "ambiguous":
         return _separating(problem.base, decision, conditions, limits)
-    names = [effect.name for effect in untestable] if decision.verdict in ("named", "no_gap") else []
+    names = [effect.name for effect in untestable]
     return design_for_untestable(improved, names, conditions, limits, threshold)
 
 

@@ -18,7 +18,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
-from mecanum_env.effects.apply import without_sensors
+from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.errors import MecanumError
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
@@ -28,7 +28,7 @@ from sysid.compare.model_error import ModelError
 from sysid.compare.noise import Noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import observe
-from sysid.compare.prediction import POSE, Start, Study, compile_for, motion_of, sensor_readings
+from sysid.compare.prediction import POSE, Start, Study, motion_of, readings
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.sequences import FIELD_M, Limits, changed, library
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
@@ -119,8 +119,8 @@ class Trial:
         if run.level == "robot":
             run = self._run(run.command, run.time_s, (*self.conditions.channels, *POSE))
         try:
-            compiled = compile_for(physics, run.level, self._study)
-            channels = sensor_readings(model, run, Start(), motion_of(physics, run, Start(), compiled))
+            motion = motion_of(physics, run, Start(), self._study)
+            channels = readings(motion.seen_by(sensors_of(model)), run, Start())
         except MecanumError:
             return None
         if run.level == "bench":

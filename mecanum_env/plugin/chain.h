@@ -1,0 +1,110 @@
+// The drive of one wheel, from the command that is sent to the torque on the wheel, without MuJoCo.
+//
+// In each substep n, at time n*h: latch and shape the command when due, tick the wheel law when due, move the
+// setpoint linearly from w(k) to w(k+1), and hold it with a (PI) velocity servo:
+//
+//   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
+//   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
+//
+// limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel follow the
+// setpoint without lag. Friction of the wheel's bearing acts beside this torque.
+//
+// A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. Around it stand
+// the actuator plugin (mecanum_wheel.c) and the bench (bench.c). mecanum_env/law is the same chain in Python; the
+// tests hold the two equal bit for bit.
+
+#ifndef MECANUM_CHAIN_H
+#define MECANUM_CHAIN_H
+
+#include <stdint.h>
+
+#define EXPORT __attribute__((visibility("default")))  // for other programs, which call it through a pointer
+
+#define RING 32         // latched commands kept, which bounds the delay
+#define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
+#define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
+
+// All parameters in order: X(index, name, check). mecanum_env/plugin/layout.py has the same names; a test holds the
+// two lists equal. The law's are the actuator's dynprm, the servo is -biasprm[2], and the others are user[0], user[1]
+// ... From DEADBAND on 0 means "off", also for a gain, and a model may leave them out.
+#define LAW_PARAMETERS(X)                      \
+  X(LAW_A, "A", FINITE)                        \
+  X(LAW_B, "B", FINITE)                        \
+  X(LAW_C, "C", FINITE)                        \
+  X(LAW_D, "D", FINITE)                        \
+  X(LAW_E, "E", FINITE)                        \
+  X(LAW_F, "F", FINITE)                        \
+  X(SAMPLE_PERIOD, "sample_period_s", ABOVE_0) \
+  X(COMMAND_PERIOD, "command_period_s", ABOVE_0) \
+  X(QUANTUM, "command_quantum_rpm", NOT_BELOW_0) \
+  X(SATURATION, "saturation_rpm", NOT_BELOW_0)
+#define USER_PARAMETERS(X)                                  \
+  X(INTEGRAL_GAIN, "servo_integral_n_m_rad", NOT_BELOW_0)   \
+  X(DELAY, "delay_s", ITS_OWN)                              \
+  X(TORQUE_LIMIT, "torque_limit_n_m", ITS_OWN)              \
+  X(DEADBAND, "deadband_rpm", NOT_BELOW_0)                  \
+  X(GAIN, "gain", NOT_BELOW_0)                              \
+  X(REVERSE_RATIO, "reverse_ratio", NOT_BELOW_0)            \
+  X(DROP, "drop_per_s", NOT_BELOW_0)                        \
+  X(SOFTNESS, "softness_rpm", NOT_BELOW_0)                  \
+  X(ACCELERATION, "acceleration_rpm_s", NOT_BELOW_0)        \
+  X(GAP, "gap_rad", NOT_BELOW_0)                            \
+  X(BREAKAWAY, "breakaway_n_m", NOT_BELOW_0)                \
+  X(STRIBECK, "stribeck_rad_s", NOT_BELOW_0)                \
+  X(COULOMB, "coulomb_n_m", NOT_BELOW_0)                    \
+  X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)
+
+#define INDEX(index, name, check) index,
+enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };
+enum { N_LAW = SERVO, FIRST_USER = SERVO + 1, N_USER = N_PARAMETERS - FIRST_USER };
+#undef INDEX
+
+typedef struct {
+  double substeps, ticks, latches;                 // counts since the clocks started
+  double timestep, sample_period, command_period;  // the clocks in use [s]; another value restarts them
+  double w0, w1, w2, r1, r2;                       // the law's memory [rpm]: w0 = w(k+1), w1 = w(k)
+  double ramp;                                     // command behind the acceleration limit at the tick's end [rpm]
+  double setpoint;                                 // setpoint at the end of the last substep [rad/s]
+  double rise;                                     // change of the setpoint in the last substep [rad/s]
+  double integral;                                 // integral of setpoint - speed of the motor [rad]
+  double change;                                   // change of the wheel's speed in the last substep [rad/s]
+  double gap;                                      // motor minus wheel in the backlash, +- half of it [rad]
+  double load;                                     // torque of everything else on the wheel, smoothed [N m]
+  double command[RING];                            // latched command j at j modulo RING [rpm]
+} Drive;
+
+// What the drive meets in a substep.
+typedef struct {
+  double command;   // command that is sent [rpm]
+  double speed;     // the wheel's speed at the start of the substep [rad/s]
+  double timestep;  // h [s]
+  int implicit;     // whether the integrator subtracts kv times the coming change of speed from the torque
+} Substep;
+
+typedef struct {
+  double asked;     // torque that the servo asks for [N m]
+  double drive;     // the same, limited [N m]
+  double friction;  // of the wheel's bearing [N m]
+} Torques;
+
+// The name of a parameter by its index; NULL beyond the last.
+EXPORT const char* mecanum_parameter(int64_t index);
+
+// Whether a drive refuses parameters p with substeps of h [s]; if so, `message` of at most `size` bytes says why.
+EXPORT int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size);
+
+// The command [rpm]; NaN and absurd values count as 0, as for MuJoCo's own actuators.
+double chain_sane(double command);
+
+// Advance the clocks, the law and the setpoint to the end of the substep; the rest of the drive is chain_end's.
+void chain_begin(Drive* s, const double* p, const Substep* now);
+
+// The torques to report: an implicit integrator subtracts kv times the coming change of speed from their sum.
+Torques chain_torques(const Drive* s, const double* p, const Substep* now);
+
+// Take over the substep's motion: the wheel's speed at its end [rad/s], the drive's torque that was delivered (0 while
+// actuation is disabled) and the whole torque that was reported [N m].
+void chain_end(Drive* s, const double* p, const Substep* now, double asked, double delivered, double reported,
+               double speed);
+
+#endif

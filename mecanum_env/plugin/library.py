@@ -1,0 +1,104 @@
+"""The plugin's library as plain functions: its parameters, and free wheels on the bench without MuJoCo.
+
+The calls release Python's lock, so threads run side by side.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.plugin import library_path
+from mecanum_env.units import FloatArray
+
+Counts = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldCommands:
+    """Commands of some runs, each held until the next."""
+
+    first: Counts
+    """Index of each run's first command, and the number of all commands, shape (runs + 1,)."""
+    times_s: FloatArray
+    """When each command is given, from the start of its run on [s], increasing within a run."""
+    values_rpm: FloatArray
+    """The commands [rpm], finite, of the same shape."""
+    initial_rpm: FloatArray
+    """Each run's steady speed before its start, and its command before the first, shape (runs,)."""
+
+    @staticmethod
+    def of(runs: Sequence[tuple[FloatArray, FloatArray, float]]) -> HeldCommands:
+        """Return the commands of `runs`, each as times (m,) [s], commands (m,) [rpm], initial speed [rpm]."""
+        first = np.cumsum([0, *(len(times) for times, _, _ in runs)], dtype=np.int64)
+        times, values, initial = zip(*runs, strict=True)
+        return HeldCommands(
+            first,
+            np.concatenate(times, dtype=float),
+            np.concatenate(values, dtype=float),
+            np.array(initial, float),
+        )
+
+
+def free_wheels(
+    parameters: FloatArray, wheels: FloatArray, timestep_s: float, commands: HeldCommands, steps: Counts
+) -> tuple[FloatArray, Counts]:
+    """Return the speeds of free wheels on hinges, as MuJoCo's integrator "implicitfast" moves them.
+
+    Args:
+        parameters: sets of parameters of the drive, shape (sets, P), in the order of `parameter_names`.
+        wheels: moment of inertia [kg m^2] and viscous damping [N m s/rad] of each set's wheel, (sets, 2).
+        timestep_s: physics step [s].
+        commands: what each run is commanded.
+        steps: number of physics steps of each run, shape (runs,).
+
+    Returns:
+        Speeds [rpm] at the start and after each step, run after run, shape (sets, sum of steps + 1), and the
+        steps that each run took before its state stopped being finite, shape (sets, runs); else all of them.
+    """
+    sets, runs = len(parameters), len(steps)
+    rows, bodies = np.ascontiguousarray(parameters, float), np.ascontiguousarray(wheels, float)
+    counts = np.ascontiguousarray(steps, np.int64)
+    if rows.shape != (sets, len(parameter_names())) or bodies.shape != (sets, 2):
+        raise ValueError(f"parameters of shape {rows.shape} and wheels of shape {bodies.shape} do not fit")
+    speeds = np.empty((sets, int(np.sum(counts)) + runs))
+    reached = np.empty((sets, runs), np.int64)
+    given = (commands.first, commands.times_s, commands.values_rpm, counts, commands.initial_rpm)
+    arrays = (rows, bodies, *given, speeds, reached)
+    _library().mecanum_bench(sets, runs, timestep_s, *(array.ctypes.data for array in arrays))
+    return speeds, reached
+
+
+@cache
+def parameter_names() -> tuple[str, ...]:
+    """Return the names of the drive's parameters in the library's order."""
+    found: list[str] = []
+    while (name := _library().mecanum_parameter(len(found))) is not None:
+        found.append(name.decode())
+    return tuple(found)
+
+
+def refusal(parameters: FloatArray, timestep_s: float) -> str | None:
+    """Return why a drive refuses `parameters` (P,) with a physics step [s]; None if it does not."""
+    row, message = np.ascontiguousarray(parameters, float), ctypes.create_string_buffer(400)
+    refused = _library().mecanum_refuses(row.ctypes.data, timestep_s, message, len(message))
+    return message.value.decode() if refused else None
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    # The library needs MuJoCo's own, which `import mujoco` has loaded.
+    library = ctypes.CDLL(str(library_path(mujoco.mj_versionString())))
+    count, real, array = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
+    library.mecanum_bench.argtypes = [count, count, real, *[array] * 9]
+    library.mecanum_bench.restype = None
+    library.mecanum_parameter.argtypes, library.mecanum_parameter.restype = [count], ctypes.c_char_p
+    library.mecanum_refuses.argtypes = [array, real, ctypes.c_char_p, count]
+    library.mecanum_refuses.restype = ctypes.c_int32
+    return library

@@ -1,0 +1,51 @@
+// The parameters of a drive: their names, and which values are refused.
+
+#include <math.h>
+#include <stdio.h>
+
+#include "chain.h"
+
+typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, ITS_OWN } Check;
+
+#define ROW(index, name, check) {name, check},
+static const struct { const char* name; Check check; } PARAMETERS[] = {
+  LAW_PARAMETERS(ROW) {"servo_n_m_s_rad", ABOVE_0}, USER_PARAMETERS(ROW)};
+#undef ROW
+_Static_assert(sizeof PARAMETERS / sizeof *PARAMETERS == N_PARAMETERS, "one row for each index");
+
+const char* mecanum_parameter(int64_t index) {
+  return index >= 0 && index < N_PARAMETERS ? PARAMETERS[index].name : 0;
+}
+
+static int passes(double value, Check check) {
+  if (check == ITS_OWN) return 1;
+  return isfinite(value) && (check == FINITE || value > 0 || (check == NOT_BELOW_0 && value == 0));
+}
+
+#define REFUSE(...) return snprintf(message, size, __VA_ARGS__), 1
+
+int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) {
+  static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)"};
+  for (int i = 0; i < N_PARAMETERS; i++) {
+    Check check = PARAMETERS[i].check;
+    if (passes(p[i], check)) continue;
+    REFUSE("%s = %s[%d] = %g, must be a finite number%s", PARAMETERS[i].name,
+           i < SERVO ? "dynprm" : i == SERVO ? "-biasprm" : "user",
+           i < SERVO ? i : i == SERVO ? 2 : i - FIRST_USER, p[i], wanted[check]);
+  }
+  double A = p[LAW_A], B = p[LAW_B], C = p[LAW_C];
+  if (!(1 - A - B - C > 0 && 3 + A + B - 3 * C > 0 && 1 + A - B + C > 0 && 1 + B + A * C - C * C > 0))
+    REFUSE("the wheel law is unstable (A, B, C = %g, %g, %g); all roots of z^3 - A z^2 - B z - C must lie inside the "
+           "unit circle", A, B, C);
+  double longest = (RING - 3) * p[COMMAND_PERIOD] - h;
+  if (!(h <= MAX_EVENTS * p[SAMPLE_PERIOD]) || !(longest >= 0))
+    REFUSE("timestep = %g s, must be at most %d sample periods of %g s and %d command periods of %g s", h, MAX_EVENTS,
+           p[SAMPLE_PERIOD], RING - 3, p[COMMAND_PERIOD]);
+  if (!(p[DELAY] >= 0) || !(p[DELAY] <= longest))
+    REFUSE("delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a timestep)", DELAY - FIRST_USER,
+           p[DELAY], longest, RING - 3);
+  if (!(p[TORQUE_LIMIT] > 0))
+    REFUSE("torque_limit_n_m = user[%d] = %g, must be above 0 (1e10 or inf: no limit)", TORQUE_LIMIT - FIRST_USER,
+           p[TORQUE_LIMIT]);
+  return 0;
+}

@@ -1,0 +1,156 @@
+"""The bench without MuJoCo moves its wheel as MuJoCo does, bit for bit."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from mecanum_env.effects import Effect, Parameter, registered
+from mecanum_env.errors import InputError
+from mecanum_env.law.drive import longest_delay_s
+from mecanum_env.model import paper_model
+from mecanum_env.plugin.layout import CHAIN
+from mecanum_env.plugin.library import parameter_names
+from mecanum_env.simulator.bench import (
+    BenchRun,
+    bench_motion,
+    bench_motions,
+    compile_bench,
+    mujoco_bench_motion,
+    replay_bench,
+)
+from mecanum_env.simulator.trajectory import SimulationDivergedError
+
+EFFECTS = {
+    "command_latency": {"delay_s": st.floats(0.0, 2.0)},
+    "command_deadband": {"threshold_rpm": st.floats(0.0, 40.0)},
+    "speed_gain": {"gain": st.floats(0.5, 1.5)},
+    "direction_asymmetry": {"reverse_ratio": st.floats(0.5, 1.5)},
+    "battery_sag": {"drop_per_s": st.floats(0.0, 0.5)},
+    "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 60.0)},
+    "acceleration_limit": {"limit_rpm_s": st.floats(50.0, 5000.0)},
+    "weak_servo": {"servo_n_m_s_rad": st.floats(0.02, 20.0)},
+    "backlash": {"gap_deg": st.floats(0.0, 20.0)},
+    "coulomb_friction": {"torque_n_m": st.floats(0.0, 1.0)},
+    "stiction": {"breakaway_n_m": st.floats(0.0, 1.0), "stribeck_rpm": st.floats(0.5, 30.0)},
+    "viscous_friction": {"damping_n_m_s_rad": st.floats(0.0, 0.5)},
+}
+SOME_EFFECTS = st.fixed_dictionaries(
+    {}, optional={name: st.fixed_dictionaries(values) for name, values in EFFECTS.items()}
+)
+
+
+def random_run(rng: np.random.Generator, initial_rpm: float = 0.0) -> BenchRun:
+    time = np.cumsum(rng.uniform(0.01, 0.3, 12))
+    command = np.where(rng.random(12) < 0.1, np.nan, rng.uniform(-140.0, 140.0, 12))
+    return BenchRun(time, command, float(time[-1] - time[0]) + rng.uniform(0.0, 0.5), initial_rpm)
+
+
+def by_mujoco(model, run, timestep_s=None):
+    bench = compile_bench(model, timestep_s=timestep_s)
+    return mujoco_bench_motion(bench, run.time_s, run.command_rpm, run.duration_s, run.initial_rpm)
+
+
+@settings(deadline=None)
+@given(
+    effects=SOME_EFFECTS,
+    integral=st.sampled_from([0.0, 0.3, 20.0]),
+    sample_period_s=st.sampled_from([1 / 120, 0.01, 0.0073, 0.05]),
+    command_period_s=st.sampled_from([0.1, 0.02, 0.033]),
+    timestep_s=st.sampled_from([None, 1 / 960, 1 / 133, 0.0031]),
+    initial_rpm=st.sampled_from([0.0, 45.0, -80.0]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_motion_is_mujocos_bit_for_bit(
+    effects, integral, sample_period_s, command_period_s, timestep_s, initial_rpm, seed
+):
+    model = paper_model()
+    law = replace(model.wheel.law, sample_period_s=sample_period_s)
+    if "command_latency" in effects:
+        latency = min(effects["command_latency"]["delay_s"], longest_delay_s(command_period_s, 0.05))
+        effects = {**effects, "command_latency": {"delay_s": latency}}
+    model = replace(
+        model,
+        wheel=replace(model.wheel, law=law, command_period_s=command_period_s),
+        robot=replace(model.robot, servo_integral_n_m_rad=integral),
+        effects=effects,
+    )
+    run = random_run(np.random.default_rng(seed), initial_rpm)
+    clock, speed = bench_motion(
+        model, run.time_s, run.command_rpm, run.duration_s, initial_rpm, timestep_s=timestep_s
+    )
+    expected_clock, expected = by_mujoco(model, run, timestep_s)
+    np.testing.assert_array_equal(clock, expected_clock)
+    np.testing.assert_array_equal(speed, expected)
+
+
+def test_models_and_runs_of_one_call_do_not_disturb_each_other(paper):
+    rng = np.random.default_rng(5)
+    runs = [random_run(rng, speed) for speed in (0.0, 30.0, -60.0)]
+    slower = replace(paper.wheel.law, sample_period_s=1 / 70)
+    models = [
+        paper.with_effect("backlash", gap_deg=5.0),
+        replace(paper, wheel=replace(paper.wheel, law=slower)),  # with another physics step
+        paper.with_effect("coulomb_friction", torque_n_m=0.2),
+    ]
+    together = bench_motions(models, runs)
+    for model, motions in zip(models, together, strict=True):
+        for run, (clock, speed) in zip(runs, motions, strict=True):
+            expected_clock, expected = by_mujoco(model, run)
+            np.testing.assert_array_equal(clock, expected_clock)
+            np.testing.assert_array_equal(speed, expected)
+
+
+def test_each_wheel_has_its_own_law(paper, slow_law):
+    run = random_run(np.random.default_rng(0))
+    own = replace(paper, wheels={"rr": slow_law})
+    alone = replace(paper, wheel=replace(paper.wheel, law=slow_law))
+    expected = bench_motions([alone], [run])[0][0][1]
+    np.testing.assert_array_equal(bench_motions([own], [run], wheel="rr")[0][0][1], expected)
+
+
+def test_the_library_has_the_parameters_that_the_layout_names():
+    assert parameter_names() == CHAIN
+
+
+def test_a_delay_that_no_drive_remembers_is_refused(paper):
+    longest = longest_delay_s(paper.wheel.command_period_s)
+    run = random_run(np.random.default_rng(0))
+    with pytest.raises(InputError, match="delay_s"):
+        bench_motions([paper.with_effect("command_latency", delay_s=longest)], [run])
+
+
+def test_an_unstable_law_is_refused(paper):
+    unstable = replace(paper, wheel=replace(paper.wheel, law=replace(paper.wheel.law, A=1.5)))
+    with pytest.raises(InputError, match="unstable"):
+        bench_motions([unstable], [random_run(np.random.default_rng(0))])
+
+
+def test_a_state_that_is_no_longer_finite_is_an_error(paper):
+    law = replace(paper.wheel.law, D=1e9)
+    with pytest.raises(SimulationDivergedError, match="diverged after 0"):
+        bench_motions(
+            [replace(paper, wheel=replace(paper.wheel, law=law))], [random_run(np.random.default_rng(0))]
+        )
+
+
+def test_an_effect_of_ones_own_may_change_the_mujoco_model(paper):
+    def drag(spec, values, _model, _plant):
+        spec.joint("wheel").damping[0] += values["drag"]
+
+    effect = Effect(
+        name="drag",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(Parameter("drag", "N m s/rad", 0.0, (0.0, 1.0)),),
+        summary="As viscous friction.",
+        signature="As viscous friction.",
+        change_spec=drag,
+    )
+    run = random_run(np.random.default_rng(1))
+    with registered(effect):
+        own = replay_bench(paper.with_effect("drag", drag=0.1), run.time_s, run.command_rpm)
+    builtin = paper.with_effect("viscous_friction", damping_n_m_s_rad=0.1)
+    np.testing.assert_array_equal(own, replay_bench(builtin, run.time_s, run.command_rpm))

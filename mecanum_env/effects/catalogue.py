@@ -11,7 +11,7 @@ from mecanum_env.effects import body, command, drive, sensor
 from mecanum_env.effects.definition import PLANTS, Effect, Parameter, PlantKind
 from mecanum_env.errors import InputError
 from mecanum_env.markdown import markdown_table
-from mecanum_env.model.model import EFFECT_PARAMETERS, add_to_schema, remove_from_schema
+from mecanum_env.model.effect_names import EFFECT_PARAMETERS, add_to_schema, remove_from_schema
 
 _EFFECTS: Final[dict[str, Effect]] = {}
 
@@ -33,7 +33,7 @@ def register(effect: Effect, *, after: str | None = None) -> None:
     names = tuple(parameter.name for parameter in effect.parameters)
     if not names or len(set(names)) < len(names):
         raise InputError(f"effect {effect.name}: needs parameters of different names, has {names}")
-    add_to_schema(effect.name, names, after)
+    add_to_schema(effect.name, names, after, effect.first_form)
     _fill({**_EFFECTS, effect.name: effect})
 
 
@@ -53,7 +53,7 @@ def _fill(effects: Mapping[str, Effect]) -> None:
     defined = {name: tuple(p.name for p in effect.parameters) for name, effect in effects.items()}
     if defined != EFFECT_PARAMETERS:
         differing = sorted(set(defined.items()) ^ set(EFFECT_PARAMETERS.items()))
-        raise ValueError(f"mecanum_env.model.model and the definitions differ: {differing}")
+        raise ValueError(f"mecanum_env.model.effect_names and the definitions differ: {differing}")
     _EFFECTS.clear()
     _EFFECTS.update({name: effects[name] for name in EFFECT_PARAMETERS})
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Final, Literal
 
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
+from mecanum_env.model.effect_names import cause_of
 from mecanum_env.units import FloatArray
 
 if TYPE_CHECKING:
@@ -115,6 +116,7 @@ class Effect:
     """A named departure from the ideal robot."""
 
     name: str
+    """Its cause, followed by "/" and the form for all but the first form of a cause ("backlash/spring")."""
     station: Station
     acts_on: str
     """The part it acts on, in words."""
@@ -123,6 +125,8 @@ class Effect:
     """What it is, one line."""
     signature: str
     """What it looks like in data, one line."""
+    first_form: str = ""
+    """What the first form of a cause with several forms is called; "" for the others and for single ones."""
     direct_check: str = ""
     """What to measure to see it without a model, as the object of "measure ..."; empty: nothing is known."""
     realistic: Callable[[Model], Values] | None = None
@@ -155,6 +159,16 @@ class Effect:
     change_drive: ChangeDrive | None = None
     limit_body: LimitBody | None = None
     change_channels: ChangeChannels | None = None
+
+    @property
+    def cause(self) -> str:
+        """The physical cause, which a verdict names."""
+        return cause_of(self.name)
+
+    @property
+    def form(self) -> str:
+        """The form that the cause takes; "" if it has one only."""
+        return self.name.partition("/")[2] or self.first_form
 
     @property
     def changes_motion(self) -> bool:

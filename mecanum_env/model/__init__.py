@@ -1,5 +1,6 @@
 """`model.json`: the contract between fit, simulator, environment and gap workflow."""
 
+from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named, form_of, forms_of
 from mecanum_env.model.file import (
     FORMAT,
     model_from_dict,
@@ -10,7 +11,7 @@ from mecanum_env.model.file import (
     robot_from_dict,
     write_model,
 )
-from mecanum_env.model.model import EFFECT_PARAMETERS, Model, Robot, Wheel
+from mecanum_env.model.model import Model, Robot, Wheel
 
 __all__ = [
     "EFFECT_PARAMETERS",
@@ -18,6 +19,10 @@ __all__ = [
     "Model",
     "Robot",
     "Wheel",
+    "cause_of",
+    "effect_named",
+    "form_of",
+    "forms_of",
     "model_from_dict",
     "model_to_dict",
     "paper_model",

@@ -16,8 +16,9 @@ from typing import Any, Final
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import asset_path, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named, form_of
 from mecanum_env.model.json_checks import mapping, numbers, uncertainty_from_dict
-from mecanum_env.model.model import EFFECT_PARAMETERS, Model, Robot, Wheel
+from mecanum_env.model.model import Model, Robot, Wheel
 
 FORMAT: Final = "mecanum-model/1"
 _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
@@ -40,10 +41,7 @@ def model_to_dict(model: Model) -> dict[str, Any]:
             **{name: getattr(model.robot, name) for name in _ROBOT_FIELDS},
             **model.extra.get("robot", {}),
         },
-        "effects": {
-            name: {key: _infinite_as_null(number) for key, number in parameters.items()}
-            for name, parameters in model.effects.items()
-        },
+        "effects": {cause_of(name): _effect_to_dict(name, values) for name, values in model.effects.items()},
         "uncertainty": dict(model.uncertainty),
         "provenance": dict(model.provenance),
         **{name: item for name, item in model.extra.items() if name not in _SECTIONS},
@@ -79,10 +77,7 @@ def model_from_dict(value: Any) -> Model:
     return Model(
         wheel=Wheel(law, **values),
         robot=robot_from_dict(robot_section),
-        effects={
-            name: _effect(name, parameters)
-            for name, parameters in mapping("effects", top.get("effects", {})).items()
-        },
+        effects=dict(_effect(*item) for item in mapping("effects", top.get("effects", {})).items()),
         uncertainty=dict(uncertainty_from_dict(top.get("uncertainty", {}))),
         provenance=dict(mapping("provenance", top.get("provenance", {}))),
         extra=extra | {k: v for k, v in (("wheel", wheel_extra), ("robot", robot_extra)) if v},
@@ -167,10 +162,22 @@ def _law(where: str, numbers: Mapping[str, float]) -> WheelLaw:
         raise type(error)(f'"{where}": {error}') from error
 
 
-def _effect(name: str, parameters: Any) -> Mapping[str, float]:
-    """Read an effect's parameters; an unknown name is left for `Model` to refuse."""
-    known, where = EFFECT_PARAMETERS.get(name), f"effects.{name}"
-    return mapping(where, parameters) if known is None else numbers(where, parameters, known, null=known)
+def _effect(cause: str, section: Any) -> tuple[str, Mapping[str, float]]:
+    """Read an effect and its parameters; an unknown name is left for `Model` to refuse."""
+    where = f"effects.{cause}"
+    parameters = dict(mapping(where, section))
+    form = parameters.pop("form", None)
+    if form is not None and not isinstance(form, str):
+        raise InputError(f"{where}.form = {form!r}, must be the name of a form")
+    name = effect_named(cause, form)
+    known = EFFECT_PARAMETERS.get(name)
+    return name, parameters if known is None else numbers(where, parameters, known, null=known)
+
+
+def _effect_to_dict(name: str, values: Mapping[str, float]) -> dict[str, Any]:
+    """Return the section of an effect; the first form of a cause is not mentioned."""
+    numbers = {key: _infinite_as_null(number) for key, number in values.items()}
+    return {"form": form_of(name), **numbers} if name != cause_of(name) else numbers
 
 
 def _split(where: str, value: Any, known: tuple[str, ...]) -> tuple[dict[str, Any], dict[str, Any]]:

@@ -13,7 +13,8 @@ from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.model.model import EFFECT_PARAMETERS, Robot
+from mecanum_env.model.effect_names import EFFECT_PARAMETERS
+from mecanum_env.model.model import Robot
 
 _SIZE: Final = len(COEFFICIENTS)
 

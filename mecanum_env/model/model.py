@@ -1,54 +1,17 @@
-"""The data of a model: the identified wheel, the robot around it, its effects, and where they come from.
-
-The names of effects and parameters that a model may hold are the contract of docs/effects.md; what an effect
-does is defined in `mecanum_env.effects`.
-"""
+"""The data of a model: the identified wheel, the robot around it, its effects, and where they come from."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Any, Final
+from typing import Any
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import DriveParameters
-
-_SCHEMA: Final[dict[str, tuple[str, ...]]] = {
-    "command_latency": ("delay_s",),
-    "body_speed_limit": ("v_rpm", "vc_rpm"),
-    "body_acceleration_limit": ("v_rpm_s", "vc_rpm_s"),
-    "command_deadband": ("threshold_rpm",),
-    "speed_gain": ("gain",),
-    "wheel_gain_mismatch": ("gain_fl", "gain_fr", "gain_rl", "gain_rr"),
-    "direction_asymmetry": ("reverse_ratio",),
-    "battery_sag": ("drop_per_s", "per_volt"),
-    "speed_saturation": ("limit_rpm", "softness_rpm"),
-    "acceleration_limit": ("limit_rpm_s",),
-    "weak_servo": ("servo_n_m_s_rad",),
-    "backlash": ("gap_deg",),
-    "coulomb_friction": ("torque_n_m",),
-    "stiction": ("breakaway_n_m", "stribeck_rpm"),
-    "viscous_friction": ("damping_n_m_s_rad",),
-    "roller_friction": ("torque_n_m", "damping_n_m_s_rad"),
-    "low_grip": ("friction",),
-    "payload": ("mass_kg", "height_m"),
-    "com_offset": ("x_m", "y_m"),
-    "wheel_radius": ("scale",),
-    "track_width": ("scale",),
-    "floor_slope": ("slope_deg", "heading_deg"),
-    "mount_yaw": ("angle_deg",),
-    "sensor_latency": ("delay_s",),
-    "sensor_lowpass": ("time_constant_s",),
-    "sensor_scale": ("wheel", "linear", "yaw"),
-    "sensor_bias": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
-}
-
-EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
-"""Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
+from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named
 
 
 @dataclass(frozen=True)
@@ -146,6 +109,8 @@ class Model:
                     f"effects.{name}: no such effect{did_you_mean(name, EFFECT_PARAMETERS)}; "
                     f"known: {', '.join(EFFECT_PARAMETERS)}"
                 )
+            if any(other != name and cause_of(other) == cause_of(name) for other in self.effects):
+                raise InputError(f"effects.{cause_of(name)}: given in two forms; a model has one of them")
             known = EFFECT_PARAMETERS[name]
             for key, value in parameters.items():
                 if key not in known:
@@ -168,13 +133,19 @@ class Model:
         _require_wheel(wheel_name, wheel_name)
         return self.wheels.get(wheel_name, self.wheel.law)
 
-    def with_effect(self, name: str, **parameters: float) -> Model:
+    def with_effect(self, name: str, form: str | None = None, /, **parameters: float) -> Model:
         """Return a copy in which the effect `name` is added or replaced, with these `parameters`.
 
+        The cause `name` acts in the given `form`, by default its first. It replaces any other form of it.
+
         Raises:
-            InputError: no effect or parameter has that name, or a value is not a number.
+            InputError: no effect, form or parameter has that name, or a value is not a number.
         """
-        return replace(self, effects={**self.effects, name: parameters})
+        effect = name if form is None else effect_named(name, form)
+        others = {kept: v for kept, v in self.effects.items() if cause_of(kept) != cause_of(effect)}
+        if effect in self.effects:
+            others = dict(self.effects)
+        return replace(self, effects={**others, effect: parameters})
 
 
 def _require_wheel(where: str, name: str) -> None:
@@ -188,30 +159,3 @@ def _require(name: str, value: float, low: float, *, strict: bool = False, finit
         kind = "a finite number" if finite else "a number"
         bound = "" if low == -math.inf else f" above {low:g}" if strict else f" at least {low:g}"
         raise InputError(f"{name} = {value}, must be {kind}{bound}")
-
-
-def add_to_schema(name: str, parameters: tuple[str, ...], after: str | None = None) -> None:
-    """Let model files hold one more effect, with these parameters; use `mecanum_env.effects.register`.
-
-    It acts behind the effect `after`; None puts it at the end of the chain.
-
-    Raises:
-        InputError: the name is taken, or `after` is not known.
-    """
-    if name in _SCHEMA:
-        raise InputError(f"effect {name}: this name is taken; choose another one")
-    if after is not None and after not in _SCHEMA:
-        raise InputError(
-            f"effect {name}: after = {after!r} is no effect{did_you_mean(after, _SCHEMA)}; "
-            f"known: {', '.join(_SCHEMA)}"
-        )
-    entries = list(_SCHEMA.items())
-    place = len(entries) if after is None else list(_SCHEMA).index(after) + 1
-    entries.insert(place, (name, parameters))
-    _SCHEMA.clear()
-    _SCHEMA.update(entries)
-
-
-def remove_from_schema(name: str) -> None:
-    """Forget an effect that `add_to_schema` added under this name."""
-    del _SCHEMA[name]

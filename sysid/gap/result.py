@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from mecanum_env.model import Model
+from mecanum_env.model import Model, cause_of, form_of
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.logs import Finding, Split
@@ -57,10 +57,24 @@ class FoundEffect:
     """An effect that was added to the model."""
 
     name: str
+    """Its name in the catalogue: the cause, and behind a slash its form if that is not the first."""
     parameters: Mapping[str, Interval]
     """Parameter, by its name in the model file -> estimate."""
     selection_frequency: float
     """Share of bootstrap resamples of the command sequences in whose best set the effect is."""
+
+    forms_tied: tuple[str, ...] = ()
+    """Other forms of the same cause that explain these logs as well."""
+
+    @property
+    def cause(self) -> str:
+        """The physical cause, which the verdict names."""
+        return cause_of(self.name)
+
+    @property
+    def form(self) -> str:
+        """The form that the cause takes; "" if it has one only."""
+        return form_of(self.name)
 
     @property
     def intervals(self) -> dict[str, dict[str, float]]:

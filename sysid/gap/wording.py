@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import cause_of, form_of
 from sysid.gap.result import Difference, GapReport, Interval, Region
 
 NEXT_FILE: Final = "next_experiment.csv"
@@ -72,7 +73,7 @@ def verdict_sentence(report: GapReport) -> str:
     )
     if report.verdict == "named":
         them = "it" if len(report.effects) == 1 else "them"
-        return f"The model lacks {listed(e.name for e in report.effects)}: with {them} {change}."
+        return f"The model lacks {listed(effect_name(e.name) for e in report.effects)}: with {them} {change}."
     sets = listed(map(set_name, report.candidates), "or")
     return f"The model lacks {sets}, and these logs cannot tell which: with the first {change}."
 
@@ -164,11 +165,17 @@ def place_name(region: Region) -> str:
     return f"{region.channel}, {name if name.startswith(region.dimension) else f'{region.dimension} {name}'}"
 
 
+def effect_name(effect: str) -> str:
+    """Return an effect in words: its cause, and its form if that is not the first ("backlash (spring)")."""
+    cause = cause_of(effect)
+    return effect if effect == cause else f"{cause} ({form_of(effect)})"
+
+
 def set_name(effects: Sequence[str]) -> str:
     """Return the name of a set of effects: joined by " + "; of none, "the model as it is"."""
     if tuple(effects) == (_WHEEL_LAW,):
         return "the wheel law fitted again"
-    return " + ".join(effects) if effects else "the model as it is"
+    return " + ".join(map(effect_name, effects)) if effects else "the model as it is"
 
 
 def summary_of(effect: str) -> tuple[str, str]:

@@ -33,7 +33,14 @@ from sysid.gap.report.held_out import (
 from sysid.gap.report.where import regions
 from sysid.gap.result import EmpiricalTerm, FoundEffect, GapOptions, GapReport
 from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
-from sysid.gap.search.data import StudyData, known_effects, require_movement, require_valid, study_data
+from sysid.gap.search.data import (
+    StudyData,
+    is_meant,
+    known_effects,
+    require_movement,
+    require_valid,
+    study_data,
+)
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.regression import empirical_term, fit_correction
 from sysid.gap.search.responses import responses
@@ -74,7 +81,8 @@ def analyse(
 def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Progress) -> GapReport:
     study = Study(options.plant, options.jobs, seed=options.seed)
     known = known_effects(dataset.level, options.plant)
-    considered = [n for n in known if n not in options.exclude and (not options.only or n in options.only)]
+    only = options.only or known
+    considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
     progress("data check")
     data = study_data(dataset, model, options)
     progress("what each effect would do")
@@ -139,7 +147,7 @@ def _report(
     return GapReport(
         verdict=decision.verdict,
         effects=effects,
-        candidates=tuple(judged.names for judged in decision.candidates),
+        candidates=tuple(dict.fromkeys(judged.causes for judged in decision.candidates)),
         gap=gap,
         channels=channels,
         where=regions(comparison.samples),

@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.errors import MecanumError
-from mecanum_env.model import Model
+from mecanum_env.model import Model, cause_of, form_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.correction import correction_of
@@ -153,9 +153,16 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
             value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
             intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
     return tuple(
-        FoundEffect(name, parameters, decision.facts.frequency.get(name, 0.0))
+        FoundEffect(name, parameters, decision.facts.frequency.get(name, 0.0), _forms_tied(name, decision))
         for name, parameters in intervals.items()
     )
+
+
+def _forms_tied(name: str, decision: Decision) -> tuple[str, ...]:
+    """Return the other forms of an effect of the chosen set that do as well beside the same causes."""
+    alike = [one for one in decision.candidates if decision.chosen and one.causes == decision.chosen.causes]
+    others = (other for one in alike for other in one.names if other != name)
+    return tuple(dict.fromkeys(form_of(other) for other in others if cause_of(other) == cause_of(name)))
 
 
 def evidence(

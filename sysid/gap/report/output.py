@@ -24,6 +24,7 @@ from sysid.gap.wording import (
     compared_runs,
     concentrations,
     count,
+    effect_name,
     interval_text,
     next_step,
     number,
@@ -84,7 +85,7 @@ def _place(found: Concentration) -> str:
 def _effect(found: FoundEffect) -> str:
     texts = {name: interval_text(p, unit_of(found.name, name)) for name, p in found.parameters.items()}
     values = ", ".join(f"{name} {value} ({interval})" for name, (value, interval) in texts.items())
-    return f"{found.name} {values}, in {found.selection_frequency:.0%} of resamples"
+    return f"{effect_name(found.name)} {values}, in {found.selection_frequency:.0%} of resamples"
 
 
 def _clue(report: GapReport) -> str:
@@ -118,7 +119,7 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "sentence": verdict_sentence(report),
             "dataset": report.dataset,
             "level": report.level,
-            "effects": report.effects,
+            "effects": [_effect_json(found) for found in report.effects],
             "candidates": report.candidates,
             "gap": {**vars(report.gap), "closed": closure(report.gap)},
             "held_out": report.held_out,
@@ -136,6 +137,15 @@ def gap_json(report: GapReport) -> dict[str, Any]:
         }
     )
     return value
+
+
+def _effect_json(found: FoundEffect) -> dict[str, Any]:
+    """Return a found effect under its cause, with its form where the cause has several."""
+    value: dict[str, Any] = {"name": found.cause}
+    if found.form:
+        value |= {"form": found.form, "forms_tied": found.forms_tied}
+    estimates = {"parameters": found.parameters, "selection_frequency": found.selection_frequency}
+    return value | estimates
 
 
 def _experiment_json(experiment: Experiment | None) -> dict[str, Any] | None:

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from mecanum_env.model import cause_of
 from mecanum_env.report import write_page
 from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure, was_changed
 from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
@@ -13,6 +14,7 @@ from sysid.gap.wording import (
     closed_share,
     compared_runs,
     concentrations,
+    effect_name,
     interval_text,
     next_step,
     number,
@@ -101,7 +103,7 @@ def _difference_row(name: str, gap: Difference) -> dict[str, Any]:
 def _effect(found: FoundEffect) -> dict[str, Any]:
     summary, signature = summary_of(found.name)
     return {
-        "name": found.name,
+        "name": effect_name(found.name),
         "summary": summary,
         "signature": signature,
         "frequency": f"{found.selection_frequency:.0%}",
@@ -112,7 +114,7 @@ def _effect(found: FoundEffect) -> dict[str, Any]:
 
 
 def _candidate(report: GapReport, names: tuple[str, ...]) -> dict[str, Any]:
-    fitted = next((e for e in report.evidence if set(e.effects) == set(names)), None)
+    fitted = next((e for e in report.evidence if set(map(cause_of, e.effects)) == set(names)), None)
     return {
         "name": set_name(names),
         "summaries": [summary_of(name)[0] for name in names],
@@ -128,7 +130,7 @@ def _evidence(report: GapReport) -> list[dict[str, Any]]:
     def mark(e: Evidence) -> str:
         if adopted and set(e.effects) == adopted:
             return "adopted"
-        return "tied" if set(e.effects) in tied else ""
+        return "tied" if set(map(cause_of, e.effects)) in tied else ""
 
     unchanged = [e for e in report.evidence[_EVIDENCE_FOLDED:] if not e.effects]
     return [

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
-from mecanum_env.model import Model
+from mecanum_env.model import Model, cause_of
 from mecanum_env.units import FloatArray
 
 _LOGARITHMIC: Final = 20.0
@@ -126,9 +126,14 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float =
     return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
 
 
-def bench_twins(names: Sequence[str]) -> bool:
-    """Return whether two effects of a set, by their `names`, cannot be separated in any bench log."""
-    return any(twin in names for name in names for twin in CATALOGUE[name].bench_twins)
+def excludes_itself(names: Sequence[str], *, bench: bool) -> bool:
+    """Return whether two effects of a set, by their `names`, cannot be in one model.
+
+    They are forms of one cause or, on the `bench`, cannot be separated in any log.
+    """
+    causes = {cause_of(name) for name in names}
+    twins = any(twin in names for name in names for twin in CATALOGUE[name].bench_twins)
+    return len(causes) < len(names) or (bench and twins)
 
 
 def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:

@@ -5,7 +5,7 @@ Logs in which nothing moves are refused: a dead sensor would pass for an effect,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from mecanum_env.effects import CATALOGUE, PlantKind
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.model import Model
+from mecanum_env.model import Model, cause_of, forms_of
 from mecanum_env.units import FloatArray
 from sysid.compare.model_error import ModelError, model_error_of
 from sysid.compare.noise import Noise, measure_noise
@@ -43,17 +43,17 @@ def require_valid(options: GapOptions, level: Level) -> None:
     known = known_effects(level, options.plant)
     for option, names in (("only", options.only), ("exclude", options.exclude)):
         for name in names:
-            if name not in CATALOGUE:
+            if name not in CATALOGUE and not forms_of(name):
                 raise InputError(
                     f"{option} {name}: no such effect{did_you_mean(name, CATALOGUE)}; "
                     f"for {level} logs: {', '.join(known)}"
                 )
     for name in options.only:
-        if name not in known:
+        if not any(is_meant(one, (name,)) for one in known):
             raise InputError(f"only {name}: has no effect in {level} logs; use one of: {', '.join(known)}")
         if name in options.exclude:
             raise InputError(f"only {name}: excluded as well; leave out one of the two")
-    if not set(known) - set(options.exclude):
+    if all(is_meant(name, options.exclude) for name in known):
         raise InputError(f"exclude: no effect is left to look for; for {level} logs: {', '.join(known)}")
     for option, value in (("max-effects", options.max_effects), ("jobs", options.jobs)):
         if value < 1:
@@ -62,6 +62,11 @@ def require_valid(options: GapOptions, level: Level) -> None:
         raise InputError(f"seconds = {options.seconds:g}, must be above 0")
     if options.seed < 0:
         raise InputError(f"seed = {options.seed}, must be 0 or more")
+
+
+def is_meant(effect: str, names: Collection[str]) -> bool:
+    """Return whether `names` of effects, or of causes with all their forms, mean an effect."""
+    return effect in names or cause_of(effect) in names
 
 
 def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
@@ -200,7 +201,7 @@ def _removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[E
 
 
 def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Generator) -> dict[str, float]:
-    """Return how often each effect is in the best set of resampled groups.
+    """Return how often the cause of each effect is in the best set of resampled groups, in whatever form.
 
     A larger set counts as better only by more than a tie, as in the decision.
     """
@@ -208,8 +209,8 @@ def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Ge
     penalty = THRESHOLDS.tie_sigmas**2 * np.array([len(j.names) for j in judged], float)
     picks = rng.integers(0, scores.shape[1], (THRESHOLDS.resamples, scores.shape[1]))
     totals = scores[:, picks].sum(axis=2) + penalty[:, None]
-    winners = [judged[i].names for i in np.argmin(totals, axis=0)]
-    return {name: float(np.mean([name in winner for winner in winners])) for name in chosen.names}
+    winners = [judged[i].causes for i in np.argmin(totals, axis=0)]
+    return {name: float(np.mean([cause_of(name) in winner for winner in winners])) for name in chosen.names}
 
 
 def tied(

@@ -148,12 +148,15 @@ RULES: Final[tuple[Rule, ...]] = (
 
 
 def apply_rules(facts: Facts) -> Outcome:
-    """Return the first objection; without any the set is named, or ambiguous if others are tied with it."""
+    """Return the first objection; without any the set is named, or ambiguous if other causes do as well.
+
+    A tie between forms of the same causes leaves the verdict as it is.
+    """
     for rule in RULES:
         outcome = rule(facts)
         if outcome is not None:
             return outcome
-    return Outcome("ambiguous" if len(facts.tied) > 1 else "named")
+    return Outcome("ambiguous" if len({one.causes for one in facts.tied}) > 1 else "named")
 
 
 def _unexplained(facts: Facts, *reasons: str) -> Outcome:

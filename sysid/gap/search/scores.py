@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2, norm, t
 
+from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Minimum, derivative_free, reach
 from sysid.compare.fitted import PRIOR, Fitted, function_near, marginal_function
@@ -46,6 +47,11 @@ class ScoredSet:
     def names(self) -> tuple[str, ...]:
         """Names of the effects."""
         return self.fitted.names
+
+    @property
+    def causes(self) -> tuple[str, ...]:
+        """Causes of the effects, whatever their forms."""
+        return tuple(map(cause_of, self.names))
 
     @property
     def score(self) -> float:

@@ -17,7 +17,7 @@ from mecanum_env.effects import CATALOGUE
 from sysid.compare.descent import Minimum, compass_search
 from sysid.compare.fitted import Fitted, base_fit, fit, marginal_function
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.search.coordinates import EffectSet, bench_twins
+from sysid.gap.search.coordinates import EffectSet, excludes_itself
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 
@@ -65,10 +65,11 @@ class Search:
     def growths(self, parent: Fitted[EffectSet]) -> list[Growth]:
         """Return a fitted set's growths by one effect each, the most promising first.
 
-        An effect that does what one of the set does already, whatever the command, is left out.
+        Left out are an effect that does what one of the set does already, whatever the command, and another
+        form of a cause that the set has.
         """
         found = growths(self.problem.base, parent, self._library_at(parent), self.problem.study.scale)
-        return [g for g in found if not (self.problem.bench and bench_twins(g.candidate.names))]
+        return [g for g in found if not excludes_itself(g.candidate.names, bench=self.problem.bench)]
 
     def swap(self, chosen: Fitted[EffectSet]) -> None:
         """Fit the sets that differ from a `chosen` one in one effect and may explain as much.

@@ -57,7 +57,7 @@ def at(change: Change | Outsider, drive: Drive, size: float) -> Drive:
 @pytest.mark.parametrize("change", ALL, ids=title)
 def test_a_gross_change_shows_in_the_logs_of_a_drawn_drive(change: Change | Outsider) -> None:
     able = [drawn(seed) for seed in range(60) if change.possible(drawn(seed))][:4]
-    assert max(Yardstick(d, commands_of(d), 1)(at(change, d, 1.0)) for d in able) > 0.3
+    assert any(Yardstick(d, commands_of(d), 1)(at(change, d, 1.0)) > 0.3 for d in able)
 
 
 @pytest.mark.parametrize("change", ALL, ids=title)
@@ -77,7 +77,7 @@ def test_a_large_change_leaves_more_than_a_small_one(change: Change | Outsider) 
 
 def test_every_name_and_form_is_there_once() -> None:
     keys = [(change.name, change.form) for change in CHANGES]
-    assert len(keys) == len(set(keys)) == 34
+    assert len(keys) == len(set(keys)) == 33
     assert set(TWINS) <= set(keys)
 
 

@@ -44,11 +44,14 @@ class Change:
     """(drive before, drive after) -> parameters in the contract's units, where physics gives them."""
 
     def apply(self, drive: Drive, size: float, rng: np.random.Generator) -> Drive:
-        """Return the drive with this change at a size from 0 (the drive itself) to 1 (gross)."""
+        """Return the drive at a size of this change from 0 (the drive itself) to 1 (gross).
+
+        `rng` draws what the size does not say, such as a sign.
+        """
         return self.changed(drive, strength(size), rng) if size > 0.0 else drive
 
     def hidden(self, before: Drive, after: Drive, signal: float) -> Hidden:
-        """Return what was hidden, with the true parameters and its trace in the logs."""
+        """Return what was hidden, with the true parameters and the signal that it leaves in the logs."""
         return Hidden(self.name, self.form, self.truth(before, after), signal)
 
 

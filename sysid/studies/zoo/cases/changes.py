@@ -6,9 +6,10 @@ from typing import Final
 
 from sysid.studies.zoo.cases.change import Change
 from sysid.studies.zoo.cases.command_changes import COMMAND_CHANGES
+from sysid.studies.zoo.cases.limit_changes import LIMIT_CHANGES
 from sysid.studies.zoo.cases.load_changes import LOAD_CHANGES, SENSOR_CHANGES
 
-CHANGES: Final[tuple[Change, ...]] = (*COMMAND_CHANGES, *LOAD_CHANGES, *SENSOR_CHANGES)
+CHANGES: Final[tuple[Change, ...]] = (*COMMAND_CHANGES, *LIMIT_CHANGES, *LOAD_CHANGES, *SENSOR_CHANGES)
 
 TWINS: Final = {
     ("speed_gain", ""): ("sensor_scale",),
@@ -24,8 +25,7 @@ UNSEEN_WHEN_GENTLE: Final = (
     ("speed_saturation", "supply"),
     ("acceleration_limit", "set_point"),
     ("acceleration_limit", "drive"),
-    ("command_deadband", "drop"),
-    ("backlash", "coast"),
+    ("acceleration_limit", "s_curve"),
 )
 """(name, form) of changes that slow forward driving below half of the top speed does not show."""
 

@@ -41,7 +41,10 @@ class Outsider:
     """(drive, strength, rng) -> changed drive; what is drawn does not depend on the strength."""
 
     def apply(self, drive: Drive, size: float, rng: Rng) -> Drive:
-        """Return the drive with this change at a size from 0 (the drive itself) to 1 (gross)."""
+        """Return the drive at a size of this change from 0 (the drive itself) to 1 (gross).
+
+        `rng` draws what the size does not say, such as a frequency.
+        """
         return self.changed(drive, strength(size), rng) if size > 0.0 else drive
 
 

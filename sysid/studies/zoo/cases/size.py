@@ -28,7 +28,10 @@ _LEAST_NOISE_RPM: Final = 1e-3
 
 
 def noise_rpm(drive: Drive, commands: Sequence[Commands], seed: int) -> float:
-    """Return the noise of repeats [rpm]: the rms of two independent runs' difference over root two."""
+    """Return the noise of repeats of a study [rpm]: the rms difference of two runs over root two.
+
+    Both runs of each of the `commands` are independent; `seed` gives their luck.
+    """
     squares = [
         _mean_square(simulate(drive, c, _rng(seed, 0, i)), simulate(drive, c, _rng(seed, 1, i)))
         for i, c in enumerate(commands)
@@ -137,8 +140,8 @@ class Solved:
 def solve_size(apply: Apply, drive: Drive, target: float, yardstick: Yardstick, key: Sequence[int]) -> Solved:
     """Return the change of a drive whose trace in the logs is the target, by bisection.
 
-    The search ends at the gross size where that is still too small. `key` seeds what the change draws, so
-    that all sizes are of one change.
+    The search ends at the gross size where that is still too small. `key` seeds what `apply` draws, so that
+    all sizes are of one change.
     """
 
     def at(size: float) -> Solved:

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+
 import numpy as np
 
 from sysid.studies.zoo.drives.drive import Drive, Family
 from sysid.studies.zoo.drives.families import FAMILIES
-from sysid.studies.zoo.drives.plant import draw_battery, draw_link, draw_plant, draw_sensor
+from sysid.studies.zoo.drives.plant import draw_battery, draw_link, draw_plant, draw_sensor, log_uniform
 from sysid.studies.zoo.drives.trial import try_out
 from sysid.studies.zoo.drives.tuning import draw_controller
 
@@ -44,12 +47,17 @@ def _candidate(rng: np.random.Generator, family: Family) -> Drive:
     """Draw a drive that may be of no use."""
     plant = draw_plant(rng)
     controller = draw_controller(rng, family, plant)
+    motor = plant.motor
+    if controller.current_kp > 0.0 and math.isinf(motor.current_limit_a):
+        # A current loop always has a limit.
+        stall_a = motor.supply_v / motor.resistance_ohm
+        motor = replace(motor, current_limit_a=log_uniform(rng, 0.35, 1.0) * stall_a)
     return Drive(
-        motor=plant.motor,
+        motor=motor,
         gear=plant.gear,
         controller=controller,
         sensor=draw_sensor(rng, plant.top_rpm, controller.encoder_counts),
         link=draw_link(rng),
-        battery=draw_battery(rng, plant.motor.supply_v),
+        battery=draw_battery(rng, motor.supply_v),
         top_rpm=plant.top_rpm,
     )

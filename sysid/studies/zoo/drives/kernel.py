@@ -18,15 +18,11 @@ A caller keeps one parameter vector (`pack`) and one state vector (`new_state`) 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
-import numba
 import numpy as np
 
+from sysid.studies.zoo.drives.arrays import FloatArray, compiled
 from sysid.studies.zoo.drives.drive import Drive
-
-FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 RING_LENGTH = 512
 """Largest number of ticks in the controller's encoder window."""
@@ -108,8 +104,6 @@ STATE = RING + RING_LENGTH
 PARAMETERS = RUB_HZ + 1
 """Length of the parameter vector."""
 
-_compiled: Callable[[Any], Any] = numba.njit(cache=True)
-
 
 def pack(drive: Drive) -> FloatArray:
     """Return the drive's parameter vector, (PARAMETERS,).
@@ -171,17 +165,18 @@ def pack(drive: Drive) -> FloatArray:
 def new_state(p: FloatArray, wheel_angle_rad: float = 0.0, gap_share: float = 0.0) -> FloatArray:
     """Return the state of a drive at rest, (STATE,).
 
-    `p` is its parameter vector, `gap_share` from -1 to 1 the place of the motor's side within the play.
+    `p` is its parameter vector, `gap_share` from -1 to 1 the place of the motor's side within the play;
+    a spring in the play is at rest in its middle.
     """
     state = np.zeros(STATE)
     state[WHEEL_ANGLE] = wheel_angle_rad
-    state[GAP] = gap_share * p[HALF_PLAY]
+    state[GAP] = gap_share * p[HALF_PLAY] if p[PLAY_SPRING] == 0.0 else 0.0
     state[SUPPLY] = p[SUPPLY_V]
     state[RING:] = math.floor((wheel_angle_rad + state[GAP]) * p[ENCODER_COUNTS] / (2.0 * math.pi))
     return state
 
 
-@_compiled
+@compiled
 def controller_tick(state: FloatArray, p: FloatArray, set_point_rad_s: float) -> None:
     """Run the speed loop once: read the encoder, compute the output that holds until the next tick.
 
@@ -223,7 +218,7 @@ def controller_tick(state: FloatArray, p: FloatArray, set_point_rad_s: float) ->
     state[OUTPUT] = min(max(output, -limit), limit)
 
 
-@_compiled
+@compiled
 def _relax(value: float, target: float, exponent: float) -> tuple[float, float]:
     """Return a first-order quantity after a step of `exponent` time constants, and its mean over the step."""
     left = math.exp(-exponent)
@@ -231,7 +226,7 @@ def _relax(value: float, target: float, exponent: float) -> tuple[float, float]:
     return target + (value - target) * left, mean
 
 
-@_compiled
+@compiled
 def _step_current(state: FloatArray, p: FloatArray, h: float, time_s: float) -> float:
     """Step current and supply by `h` seconds; return the mean current."""
     resistance = p[RESISTANCE]
@@ -277,7 +272,7 @@ def _step_current(state: FloatArray, p: FloatArray, h: float, time_s: float) -> 
     return float(min(max(mean, -limit), limit))
 
 
-@_compiled
+@compiled
 def _advance(speed: float, torque: float, coulomb: float, viscous: float, inertia: float, h: float) -> float:
     """Return a body's speed after `h`; friction slows it and can hold it, but never turns it."""
     momentum = inertia * speed + h * torque
@@ -287,7 +282,7 @@ def _advance(speed: float, torque: float, coulomb: float, viscous: float, inerti
     return (momentum - math.copysign(held, momentum)) / (inertia + h * viscous)
 
 
-@_compiled
+@compiled
 def plant_substep(state: FloatArray, p: FloatArray, load_n_m: float, h: float, time_s: float) -> None:
     """Step the motor, the gear and the wheel by `h` seconds.
 

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.signal import lfilter
 
+from sysid.studies.zoo.drives.arrays import FloatArray
 from sysid.studies.zoo.drives.drive import Sensor
-
-FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 
 _RPM = 60.0 / (2.0 * math.pi)
 

@@ -3,17 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any
 
-import numba
 import numpy as np
 
+from sysid.studies.zoo.drives.arrays import FloatArray, compiled
 from sysid.studies.zoo.drives.drive import Battery, Controller, Drive, Link
-
-FloatArray = np.ndarray[Any, np.dtype[np.float64]]
-
-_compiled: Callable[[Any], Any] = numba.njit(cache=True)
 
 
 def arrivals(link: Link, commands_rpm: FloatArray, rng: np.random.Generator) -> tuple[FloatArray, FloatArray]:
@@ -103,7 +97,7 @@ def _below_ceiling(control: Controller, value: FloatArray) -> FloatArray:
     return np.sign(value) * np.minimum(size, control.ceiling_rpm)
 
 
-@_compiled
+@compiled
 def _ramped(target: FloatArray, tick_s: float, up: float, down: float, jerk: float) -> FloatArray:
     """Follow a target with limited rates [rpm/s] and, where `jerk` is finite, limited jerk [rpm/s^2]."""
     out = np.empty_like(target)
@@ -132,7 +126,7 @@ def _ramped(target: FloatArray, tick_s: float, up: float, down: float, jerk: flo
     return out
 
 
-@_compiled
+@compiled
 def _filtered(values: FloatArray, share: float) -> FloatArray:
     """First-order filter from rest; `share` of the way is made at each tick."""
     out = np.empty_like(values)

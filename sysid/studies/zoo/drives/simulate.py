@@ -3,20 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
-import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from sysid.studies.zoo.drives import kernel
+from sysid.studies.zoo.drives.arrays import FloatArray, compiled
 from sysid.studies.zoo.drives.drive import Drive
 from sysid.studies.zoo.drives.sensor import Motion, sample
 from sysid.studies.zoo.drives.set_point import set_points
-
-FloatArray = np.ndarray[Any, np.dtype[np.float64]]
-BoolArray = np.ndarray[Any, np.dtype[np.bool_]]
 
 STEP_S = 1e-4
 """Largest step of the physics."""
@@ -25,8 +21,6 @@ _HISTORY_S = 5e-4
 _SETTLING_S = 0.2
 """Time before the run in which the wheel finds its rest, for example between two cogs."""
 _BATTERY_STEP_V = 0.01
-
-_compiled: Callable[[Any], Any] = numba.njit(cache=True)
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,12 +35,12 @@ class Log:
     battery_v: FloatArray | None
 
 
-@_compiled
+@compiled
 def _run(
     state: FloatArray,
     p: FloatArray,
     set_points_rad_s: FloatArray,
-    awake: BoolArray,
+    awake: NDArray[np.bool_],
     load_n_m: FloatArray,
     start_s: float,
     steps: int,

@@ -44,7 +44,7 @@ class Trial:
         """Whether the robot goes where it is sent, steadily, and stops."""
         shares = (self.forwards, self.sideways, self.round, self.wheels)
         return bool(
-            LEAST_REACHED <= min(shares)
+            min(shares) >= LEAST_REACHED
             and max(shares) <= MOST_REACHED
             and self.wheel_ripple <= LARGEST_RIPPLE
             and self.rest <= LARGEST_REST

@@ -18,8 +18,8 @@ class ListedRun:
     file: str
     group: str
     """Repeats of one command sequence have the same."""
-    split: str
-    """fit, validation or test."""
+    split: str = ""
+    """fit, validation or test; empty: left to the reader."""
 
 
 def write_run(path: Path, columns: Mapping[str, npt.NDArray[np.float64]]) -> None:
@@ -27,11 +27,16 @@ def write_run(path: Path, columns: Mapping[str, npt.NDArray[np.float64]]) -> Non
 
     Args:
         path: of the file.
-        columns: name -> samples (n,), in the order of the columns; a missing sample (nan) is an empty cell.
+        columns: name -> samples (n,), in the order of the columns; a missing sample (nan) is an empty cell,
+            and stamps (`time_s`) are written to the microsecond.
     """
     rows = np.stack(list(columns.values()), axis=1).tolist()
-    lines = [",".join(columns), *(",".join(map(_cell, row)) for row in rows)]
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    forms = ["{:.6f}" if name == "time_s" else "{:.6g}" for name in columns]
+    lines = [
+        ",".join("" if math.isnan(v) else form.format(v) for v, form in zip(row, forms, strict=True))
+        for row in rows
+    ]
+    path.write_text("\n".join([",".join(columns), *lines]) + "\n", encoding="utf-8")
 
 
 def write_dataset(folder: Path, name: str, runs: Sequence[ListedRun]) -> None:
@@ -44,10 +49,7 @@ def write_dataset(folder: Path, name: str, runs: Sequence[ListedRun]) -> None:
     """
     lines = ["[dataset]", f'name = "{name}"']
     for run in runs:
-        lines += ["", "[[runs]]", f'file = "{run.file}"', f'group = "{run.group}"', f'split = "{run.split}"']
+        lines += ["", "[[runs]]", f'file = "{run.file}"', f'group = "{run.group}"']
+        if run.split:
+            lines.append(f'split = "{run.split}"')
     (folder / "dataset.toml").write_text("\n".join(lines) + "\n", encoding="utf-8")
-
-
-def _cell(value: float) -> str:
-    # Nine digits keep microseconds of a stamp and every digit of a sensor.
-    return "" if math.isnan(value) else f"{value:.9g}"

@@ -15,8 +15,8 @@ from sysid.studies.zoo.robots.robot import Robot
 _GRAVITY_M_S2 = 9.81
 Rng = np.random.Generator
 Changed = Callable[[Robot, float, Rng], Robot]
-"""(robot, strength, rng) -> changed robot. The strength is the share of the gross magnitude, above 0 and at most
-1; what is drawn besides (signs, directions, wheels) does not depend on it, so that a size can be searched for."""
+"""(robot, strength, rng) -> changed robot. The strength, at most 1, is the share of the gross magnitude;
+signs, directions and wheels that are drawn do not depend on it, so a size can be searched for."""
 
 
 def always(_robot: Robot) -> bool:
@@ -53,9 +53,9 @@ class RobotChange:
         """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross)."""
         return self.changed(robot, strength(size), rng) if size > 0.0 else robot
 
-    def hidden(self, before: Robot, after: Robot) -> Hidden:
-        """Return what was hidden, with the true parameters."""
-        return Hidden(self.name, self.form, self.truth(before, after))
+    def hidden(self, before: Robot, after: Robot, signal: float) -> Hidden:
+        """Return what was hidden between two robots, with the true parameters and its signal."""
+        return Hidden(self.name, self.form, self.truth(before, after), signal)
 
 
 def of_drives(change: Change) -> RobotChange:

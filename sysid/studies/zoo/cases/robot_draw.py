@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from typing import Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,8 +15,7 @@ import numpy.typing as npt
 from sysid.studies.zoo.cases.case import Case, Hidden
 from sysid.studies.zoo.cases.layouts import Layout
 from sysid.studies.zoo.cases.logs import ListedRun, write_dataset, write_run
-from sysid.studies.zoo.cases.robot_change import RobotChange
-from sysid.studies.zoo.cases.robot_changes import ROBOT_CHANGES, UNSEEN_WHEN_GENTLE, twins
+from sysid.studies.zoo.cases.robot_changes import MAY_HAVE_TWINS, ROBOT_CHANGES, UNSEEN_WHEN_GENTLE, twins
 from sysid.studies.zoo.cases.robot_outsiders import ROBOT_OUTSIDERS
 from sysid.studies.zoo.cases.robot_plans import FIT_PLAN, GENTLE_PLAN, RUN_S, STUDY_PLANS, sequences
 from sysid.studies.zoo.cases.robot_schedule import in_turn, kind_of
@@ -27,6 +26,7 @@ from sysid.studies.zoo.robots.simulate import simulate
 
 FloatArray = npt.NDArray[np.float64]
 _Change = Callable[[Robot, float, np.random.Generator], Robot]
+_Thing = TypeVar("_Thing")
 
 LAYOUTS: Final = (
     Layout("standard", sequences=4, repeats=2, seconds=RUN_S),
@@ -58,6 +58,15 @@ class _Drawn:
     signal: float = 0.0
 
 
+@dataclass(frozen=True)
+class _Solved:
+    """A change of the wanted size."""
+
+    size: float
+    changed: Robot
+    signal: float
+
+
 def draw_robot_case(seed: int) -> tuple[Case, Robot, Robot]:
     """Return the case of a seed, its robot as it was fitted, and the changed one that made the logs.
 
@@ -70,6 +79,9 @@ def draw_robot_case(seed: int) -> tuple[Case, Robot, Robot]:
     plan = GENTLE_PLAN if kind == "untestable" else STUDY_PLANS[int(rng.integers(len(STUDY_PLANS)))]
     robot = draw_robot(seed)
     robot = replace(robot, drive=layout.sensed(robot.drive))
+    if kind == "twin":
+        # A voltage that is logged on time would tell a late command from late sensors.
+        robot = replace(robot, drive=replace(robot.drive, battery=replace(robot.drive.battery, logged=False)))
     case = Case(seed, "robot", kind, robot.drive.family, plan, layout.name)
     drawn = _drawn(case, robot, turn)
     case = replace(case, hidden=drawn.hidden, outsider=drawn.outsider, twins=drawn.twins, signal=drawn.signal)
@@ -86,18 +98,12 @@ def write_robot_case(seed: int, folder: Path) -> Case:
         RuntimeError: nothing of the wanted kind shows on the seed's robot.
     """
     case, robot, changed = draw_robot_case(seed)
-    nominal, logs = folder / "nominal", folder / "logs"
     rows = sequences(robot, FIT_PLAN, len(_FIT_SPLITS), np.random.default_rng([seed, _FIT]))
-    files = _write_runs(robot, rows, _FIT_REPEATS, nominal, [seed, _RUNS, 0])
-    listed = [
-        ListedRun(file, group, split)
-        for (group, names), split in zip(files.items(), _FIT_SPLITS, strict=True)
-        for file in names
-    ]
-    write_dataset(nominal, f"robot {seed}, nothing hidden", listed)
+    _write_study(folder / "nominal", robot, rows, _FIT_REPEATS, [seed, _RUNS, 0], _FIT_SPLITS)
     ruler = known(robot, np.random.default_rng([seed, _RULER]))
     (folder / "robot.json").write_text(json.dumps(ruler, indent=1) + "\n", encoding="utf-8")
-    _write_runs(changed, study_commands(case, robot), _layout(case).repeats, logs, [seed, _RUNS, 1])
+    rows, repeats = study_commands(case, robot), _layout(case).repeats
+    _write_study(folder / "logs", changed, rows, repeats, [seed, _RUNS, 1], [""] * len(rows))
     return case
 
 
@@ -129,98 +135,124 @@ def _drawn(case: Case, robot: Robot, turn: int) -> _Drawn:
         return _unseen(case, measure, turn)
     if case.kind == "pair":
         return _pair(case, measure, turn)
-    has_twins = case.kind == "twin"
-    signals = _CLEAR_SIGNALS if has_twins else _SIGNALS
-    for change in _changes(robot, turn, lambda change: bool(twins(change, robot)) == has_twins):
-        changed = _solved(case, measure, change.apply, signals)
-        if changed is not None:
-            hidden = (change.hidden(robot, changed),)
-            return _Drawn(changed, hidden, twins=twins(change, robot), signal=measure.signal(changed))
-    raise RuntimeError(f"robot {case.seed}: no {case.kind} change shows in its logs")
+    return _twin(case, measure, turn) if case.kind == "twin" else _single(case, measure, turn)
 
 
-def _outsider(case: Case, measure: Yardstick, turn: int) -> _Drawn:
-    is_near = case.kind == "near_outsider"
-    outsiders = [each for each in ROBOT_OUTSIDERS if bool(each.near) == is_near]
-    for k in in_turn(len(outsiders), turn, stream=1 + is_near):
-        if outsiders[k].possible(measure.robot):
-            changed = _solved(case, measure, outsiders[k].apply, _CLEAR_SIGNALS)
-            if changed is not None:
-                return _Drawn(changed, outsider=outsiders[k].words, signal=measure.signal(changed))
-    raise RuntimeError(f"robot {case.seed}: no outsider shows in its logs")
-
-
-def _unseen(case: Case, measure: Yardstick, turn: int) -> _Drawn:
-    """Hide what the gentle plan does not show and a rich one would."""
+def _single(case: Case, measure: Yardstick, turn: int) -> _Drawn:
+    """Hide one effect that no other name stands for."""
     robot = measure.robot
-    rich = _measure(case, robot, STUDY_PLANS[0])
-    for change in _changes(robot, turn, lambda change: change.label in UNSEEN_WHEN_GENTLE):
-        changed = _solved(case, rich, change.apply, _CLEAR_SIGNALS)
-        if changed is not None and (signal := measure.signal(changed)) < _UNSEEN_SIGNAL:
-            return _Drawn(changed, (change.hidden(robot, changed),), signal=signal)
-    raise RuntimeError(f"robot {case.seed}: gentle driving shows every change")
+    for change in _in_turn(ROBOT_CHANGES, turn, 0):
+        if change.possible(robot) and not twins(change, robot):
+            solved = _solved(case, measure, change.apply, _SIGNALS)
+            if solved:
+                return _Drawn(
+                    solved.changed,
+                    (change.hidden(robot, solved.changed, solved.signal),),
+                    signal=solved.signal,
+                )
+    raise _nothing_shows(case)
+
+
+def _twin(case: Case, measure: Yardstick, turn: int) -> _Drawn:
+    robot = measure.robot
+    for change in _in_turn([c for c in ROBOT_CHANGES if c.label in MAY_HAVE_TWINS], turn, 1):
+        names = twins(change, robot)
+        if change.possible(robot) and names:
+            solved = _solved(case, measure, change.apply, _CLEAR_SIGNALS)
+            if solved:
+                return _Drawn(
+                    solved.changed,
+                    (change.hidden(robot, solved.changed, solved.signal),),
+                    "",
+                    names,
+                    solved.signal,
+                )
+    raise _nothing_shows(case)
 
 
 def _pair(case: Case, measure: Yardstick, turn: int) -> _Drawn:
     """Hide two effects of different names, each of which would show alone."""
-    robot, hidden = measure.robot, list[Hidden]()
-    changed = robot
-    for change in _changes(robot, 2 * turn, lambda change: not twins(change, robot)):
+    robot, changed, hidden = measure.robot, measure.robot, list[Hidden]()
+    for change in _in_turn(ROBOT_CHANGES, 2 * turn, 2):
         part = len(hidden)
-        if (part and change.name == hidden[0].name) or not change.possible(changed):
+        if (part and change.name == hidden[0].name) or not change.possible(changed) or twins(change, robot):
             continue
-        size = _size(case, measure, change.apply, _CLEAR_SIGNALS, part)
-        if size is not None:
-            before, changed = changed, change.apply(changed, size, _change_rng(case, part))
-            hidden.append(change.hidden(before, changed))
+        alone = _solved(case, measure, change.apply, _CLEAR_SIGNALS, part)
+        if alone:
+            before, changed = changed, change.apply(changed, alone.size, _change_rng(case, part))
+            hidden.append(change.hidden(before, changed, alone.signal))
             if part == 1:
                 return _Drawn(changed, tuple(hidden), signal=measure.signal(changed))
-    raise RuntimeError(f"robot {case.seed}: no pair of changes shows in its logs")
+    raise _nothing_shows(case)
 
 
-def _changes(robot: Robot, turn: int, wanted: Callable[[RobotChange], bool]) -> Iterable[RobotChange]:
-    """Yield the changes that a robot can have and that are wanted, in the order of a turn."""
-    for k in in_turn(len(ROBOT_CHANGES), turn, stream=0):
-        if ROBOT_CHANGES[k].possible(robot) and wanted(ROBOT_CHANGES[k]):
-            yield ROBOT_CHANGES[k]
+def _unseen(case: Case, measure: Yardstick, turn: int) -> _Drawn:
+    """Hide what the gentle plan does not show and a rich one would."""
+    robot, rich = measure.robot, _measure(case, measure.robot, STUDY_PLANS[0])
+    for change in _in_turn([c for c in ROBOT_CHANGES if c.label in UNSEEN_WHEN_GENTLE], turn, 3):
+        if change.possible(robot):
+            solved = _solved(case, rich, change.apply, _CLEAR_SIGNALS)
+            if solved and (signal := measure.signal(solved.changed)) < _UNSEEN_SIGNAL:
+                return _Drawn(solved.changed, (change.hidden(robot, solved.changed, signal),), signal=signal)
+    raise _nothing_shows(case)
 
 
-def _solved(case: Case, measure: Yardstick, apply: _Change, signals: tuple[float, float]) -> Robot | None:
-    size = _size(case, measure, apply, signals, part=0)
-    return None if size is None else apply(measure.robot, size, _change_rng(case, 0))
+def _outsider(case: Case, measure: Yardstick, turn: int) -> _Drawn:
+    is_near = case.kind == "near_outsider"
+    for outsider in _in_turn([o for o in ROBOT_OUTSIDERS if bool(o.near) == is_near], turn, 4 + is_near):
+        if outsider.possible(measure.robot):
+            solved = _solved(case, measure, outsider.apply, _CLEAR_SIGNALS)
+            if solved:
+                return _Drawn(solved.changed, outsider=outsider.words, signal=solved.signal)
+    raise _nothing_shows(case)
 
 
-def _size(
-    case: Case, measure: Yardstick, apply: _Change, signals: tuple[float, float], part: int
-) -> float | None:
-    """Return a size whose signal is drawn log-uniformly; None where even a gross change shows too little."""
+def _in_turn(things: Sequence[_Thing], turn: int, stream: int) -> Iterable[_Thing]:
+    return (things[k] for k in in_turn(len(things), turn, stream))
 
-    def signal(size: float) -> float:
-        return measure.signal(apply(measure.robot, size, _change_rng(case, part)))
 
-    low, high = signals[0], min(signals[1], signal(1.0))
+def _nothing_shows(case: Case) -> RuntimeError:
+    return RuntimeError(f"robot {case.seed}: nothing that its logs show makes a case of kind {case.kind}")
+
+
+def _solved(
+    case: Case, measure: Yardstick, apply: _Change, signals: tuple[float, float], part: int = 0
+) -> _Solved | None:
+    """Return a change whose signal is drawn log-uniformly; None where even a gross one shows too little."""
+
+    def changed(size: float) -> Robot:
+        return apply(measure.robot, size, _change_rng(case, part))
+
+    low, high = signals[0], min(signals[1], measure.signal(changed(1.0)))
     if high < low:
         return None
     rng = np.random.default_rng([case.seed, _TARGET, part])
-    return solve_size(signal, math.exp(rng.uniform(math.log(low), math.log(high))))
+    target = math.exp(rng.uniform(math.log(low), math.log(high)))
+    size, signal = solve_size(lambda size: measure.signal(changed(size)), target)
+    return _Solved(size, changed(size), signal)
 
 
 def _change_rng(case: Case, part: int) -> np.random.Generator:
     return np.random.default_rng([case.seed, _CHANGE, part])
 
 
-def _write_runs(
-    robot: Robot, commands: list[FloatArray], repeats: int, folder: Path, stream: list[int]
-) -> dict[str, list[str]]:
-    """Drive each sequence so many times and write the logs; return group -> file names."""
+def _write_study(
+    folder: Path,
+    robot: Robot,
+    commands: Sequence[FloatArray],
+    repeats: int,
+    stream: list[int],
+    splits: Sequence[str],
+) -> None:
+    """Drive each sequence so many times and write the logs, with the split of each sequence."""
     folder.mkdir(parents=True)
-    files: dict[str, list[str]] = {}
-    for number, rows in enumerate(commands):
+    listed = []
+    for number, (rows, split) in enumerate(zip(commands, splits, strict=True)):
         for repeat in range(repeats):
             log = simulate(robot, rows, np.random.default_rng([*stream, number, repeat]))
             v, theta, vc = log.commands.T
             columns = {"time_s": log.time_s, "command_v_rpm": v, "command_theta_deg": theta}
             name = f"run_{number:02d}_{repeat + 1}.csv"
             write_run(folder / name, columns | {"command_vc_rpm": vc} | log.channels)
-            files.setdefault(f"run_{number:02d}", []).append(name)
-    return files
+            listed.append(ListedRun(name, f"sequence_{number:02d}", split))
+    write_dataset(folder, "robot", listed)

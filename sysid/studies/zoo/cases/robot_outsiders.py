@@ -98,13 +98,7 @@ def _jumps(robot: Robot, share: float, _rng: Rng) -> Robot:
     return with_sensors(robot, jump_m=share * top_speed_m_s(robot))
 
 
-_DRIVES_TOO: Final = (
-    "gain hysteresis",
-    "air drag",
-    "controller freezes",
-    "swinging supply",
-    "rubbing now and then",
-)
+_DRIVES_TOO: Final = ("gain hysteresis", "air drag", "swinging supply", "rubbing now and then")
 """Of the outsiders of drives, those that also show on a robot's wheels."""
 
 ROBOT_OUTSIDERS: Final[tuple[RobotOutsider, ...]] = (

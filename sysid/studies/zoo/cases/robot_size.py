@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
+from sysid.studies.zoo.cases.robot_change import with_sensors
 from sysid.studies.zoo.cases.size import without_common_noise
 from sysid.studies.zoo.robots.robot import Robot
 from sysid.studies.zoo.robots.simulate import RobotLog, simulate
@@ -18,7 +19,9 @@ FloatArray = npt.NDArray[np.float64]
 _REPEATS = 3
 """Noisy repeats of each sequence that the noise is estimated from."""
 _LEAST_NOISE = 1e-6
-_ITERATIONS = 9
+_NO_MOTION = ("battery_v",)
+"""Channels that say under which conditions a robot moved, not how."""
+_STEPS = 9
 _CLOSE = math.log(1.1)
 
 
@@ -36,7 +39,7 @@ class Yardstick:
     _logs: dict[Robot, list[RobotLog]] = field(default_factory=dict)
 
     def signal(self, changed: Robot) -> float:
-        """Return the rms of what a change does to the logs over the noise, in the channel where it is largest.
+        """Return the rms of what a change does to the logs over the noise, in the worst channel.
 
         Noise that both robots have alike is left out of their difference, so that a trace far below it can be
         measured. Wheels start at the same angles. The signal is infinite where the changed robot's motion is.
@@ -70,7 +73,7 @@ def yardstick(robot: Robot, commands: Sequence[FloatArray], seed: int) -> Yardst
     noise: dict[str, list[float]] = {}
     for number, rows in enumerate(commands):
         logs = [simulate(robot, rows, np.random.default_rng([seed, number, k])) for k in range(_REPEATS)]
-        for name in logs[0].channels:
+        for name in [name for name in logs[0].channels if name not in _NO_MOTION]:
             samples = [_at(log, name, logs[0].time_s) for log in logs]
             noise.setdefault(name, []).append(float(np.mean(np.var(samples, axis=0, ddof=1))))
     found = {name: math.sqrt(float(np.mean(each))) + _LEAST_NOISE for name, each in noise.items()}
@@ -80,30 +83,40 @@ def yardstick(robot: Robot, commands: Sequence[FloatArray], seed: int) -> Yardst
 def _without_common_noise(before: Robot, after: Robot) -> tuple[Robot, Robot]:
     """Return both robots without the random parts that they have alike."""
     plain, changed = without_common_noise(before.drive, after.drive)
-    exact = dict.fromkeys(("noise_m_s", "noise_rad_s", "noise_m", "noise_rad", "drop_outs"), 0.0)
-    return (
-        replace(before, drive=plain, sensors=replace(before.sensors, **exact)),
-        replace(after, drive=changed, sensors=replace(after.sensors, **exact)),
-    )
+    return _exact(replace(before, drive=plain)), _exact(replace(after, drive=changed))
 
 
-def solve_size(signal: Callable[[float], float], target: float) -> float:
-    """Return the size in (0, 1] whose signal is about a target; 1 where even that has less.
+def _exact(robot: Robot) -> Robot:
+    return with_sensors(robot, noise_m_s=0.0, noise_rad_s=0.0, noise_m=0.0, noise_rad=0.0, drop_outs=0.0)
+
+
+def solve_size(signal: Callable[[float], float], target: float) -> tuple[float, float]:
+    """Return the size in (0, 1] whose signal comes closest to a target, and that signal.
+
+    The search narrows a bracket and ends at size 1 where even that shows less.
 
     Args:
-        signal: of a size; it grows with the size.
+        signal: of a size; it grows with the size, if not always smoothly.
         target: wanted signal.
     """
     low, high = 0.0, 1.0
-    if signal(high) <= target:
-        return high
-    for _ in range(_ITERATIONS):
-        middle = 0.5 * (low + high)
-        found = signal(middle)
-        if abs(math.log(max(found, 1e-9) / target)) < _CLOSE:
-            return middle
-        low, high = (middle, high) if found < target else (low, middle)
-    return 0.5 * (low + high)
+    found = {high: signal(high)}
+    for _ in range(_STEPS):
+        # The logarithm of most signals is nearly linear in the size.
+        share = 0.5
+        if low > 0.0 and 0.0 < found[low] < target and math.isfinite(found[high]):
+            share = math.log(target / found[low]) / math.log(found[high] / found[low])
+        size = low + min(max(share, 0.1), 0.9) * (high - low)
+        found[size] = signal(size)
+        if _distance(found[size], target) < _CLOSE:
+            break
+        low, high = (size, high) if found[size] < target else (low, size)
+    return min(found.items(), key=lambda item: _distance(item[1], target))
+
+
+def _distance(reached: float, target: float) -> float:
+    """Return how far a signal is from the wanted one, as a logarithm."""
+    return abs(math.log(max(reached, 1e-9) / target)) if math.isfinite(reached) else math.inf
 
 
 def _mean_square(one: RobotLog, other: RobotLog, name: str) -> float:

@@ -9,11 +9,9 @@ import math
 from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
+from sysid.studies.zoo.drives.arrays import FloatArray
 from sysid.studies.zoo.robots.robot import Robot
-
-FloatArray = npt.NDArray[np.float64]
 
 GRAVITY_M_S2: Final = 9.81
 REST_M_S: Final = 0.004

@@ -6,10 +6,9 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from sysid.studies.zoo.drives.arrays import FloatArray, compiled
 from sysid.studies.zoo.drives.set_point import followed, received
-from sysid.studies.zoo.robots.body import FloatArray
 from sysid.studies.zoo.robots.robot import Robot
 
 _MIXING: Final = np.array([[1.0, -1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0]])
@@ -46,12 +45,12 @@ def wheel_set_points(
 
 
 def body_rpm(commands: FloatArray) -> FloatArray:
-    """Return forward, left and turn in wheel rpm, shape (m, 3), of V [rpm], theta [deg], VC [rpm]."""
+    """Return forward, left and turn in rpm of `commands` V [rpm], theta [deg], VC [rpm], both (m, 3)."""
     v, theta, vc = commands[:, 0], np.radians(commands[:, 1]), commands[:, 2]
     return np.column_stack([v * np.cos(theta), v * np.sin(theta), vc])
 
 
-@njit(cache=True)
+@compiled
 def _limited(body: FloatArray, tick_s: float, limits_rpm: FloatArray, ramps_rpm_s: FloatArray) -> FloatArray:
     """Limit the speed (as a vector) and the turn of (forward, left, turn), shape (n, 3), and ramp both."""
     shown = np.empty_like(body)

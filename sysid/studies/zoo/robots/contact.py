@@ -13,12 +13,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from sysid.studies.zoo.drives.arrays import FloatArray, compiled
+from sysid.studies.zoo.robots.body import REST_M_S, Plant
 
-from sysid.studies.zoo.robots.body import REST_M_S, FloatArray, Plant
 
-
-@njit(cache=True)
+@compiled
 def normal_loads(plant: Plant, force_x_n: float, force_y_n: float, loads_n: FloatArray) -> None:
     """Write the wheels' normal forces [N], shape (4,), for a horizontal force of the floor on the body.
 
@@ -42,7 +41,7 @@ def normal_loads(plant: Plant, force_x_n: float, force_y_n: float, loads_n: Floa
         loads_n[i] *= plant.weight_n / total
 
 
-@njit(cache=True)
+@compiled
 def contact_across_m(plant: Plant, turn: float) -> float:
     """Return where [m] across a wheel the contact is, -1 to 1 half widths; `turn` as in `roller_turn`."""
     band = 0.5 * plant.handover
@@ -52,14 +51,14 @@ def contact_across_m(plant: Plant, turn: float) -> float:
     return math.copysign(2.0 * edge * (0.5 - abs(turn)) / band, turn) * plant.half_width_m
 
 
-@njit(cache=True)
+@compiled
 def roller_turn(plant: Plant, angle_rad: float) -> float:
     """Return how far the touching roller is past its middle, in pitches, -0.5 to 0.5."""
     share = angle_rad / plant.pitch_rad
     return share - math.floor(share + 0.5)
 
 
-@njit(cache=True)
+@compiled
 def contact_forces(
     plant: Plant,
     twist: FloatArray,

@@ -55,7 +55,7 @@ def draw_robot(seed: int, family: Family | None = None) -> Robot:
 
 
 def draw_with_attempts(seed: int, family: Family | None = None) -> tuple[Robot, int]:
-    """Return the robot of a seed, and how many were drawn until one was useful; see `draw_robot`."""
+    """Return the robot of a seed and a `family`, and how many were drawn until one was useful."""
     family = family or family_of(seed)
     for attempt in range(_ATTEMPTS):
         robot = _candidate(np.random.default_rng((seed, _STREAM + attempt)), family)
@@ -65,7 +65,7 @@ def draw_with_attempts(seed: int, family: Family | None = None) -> tuple[Robot, 
 
 
 def known(robot: Robot, rng: np.random.Generator) -> dict[str, float]:
-    """Return what a ruler and a scale say of a robot, with their errors: keys of a model's `robot` section."""
+    """Return what a ruler and a scale say of a robot: keys of a model's `robot`, with errors."""
 
     def measured(true: float, error: float) -> float:
         return true * (1.0 + error * float(rng.standard_normal()))

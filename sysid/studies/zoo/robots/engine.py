@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from numba import njit
 
+from sysid.studies.zoo.drives.arrays import FloatArray, compiled
 from sysid.studies.zoo.drives.kernel import (
     GAP,
     LOAD_SLOPE,
@@ -28,7 +28,7 @@ from sysid.studies.zoo.drives.kernel import (
     plant_substep,
 )
 from sysid.studies.zoo.drives.sensor import Motion
-from sysid.studies.zoo.robots.body import FloatArray, Plant, body_rate_per_s, plant_of
+from sysid.studies.zoo.robots.body import Plant, body_rate_per_s, plant_of
 from sysid.studies.zoo.robots.contact import contact_forces, normal_loads
 from sysid.studies.zoo.robots.robot import Robot
 
@@ -103,7 +103,7 @@ def drive_robot(
     return RobotMotion(time_s, pose=pose, twist=rows[:, 3:6], wheels=(fl, fr, rl, rr))
 
 
-@njit(cache=True)
+@compiled
 def _record(
     row: FloatArray, plant: Plant, place: FloatArray, velocity: FloatArray, states: FloatArray
 ) -> None:
@@ -125,7 +125,7 @@ def _record(
         row[22 + i] = states[i, SUPPLY]
 
 
-@njit(cache=True)
+@compiled
 def _run(
     plant: Plant,
     states: FloatArray,

@@ -9,8 +9,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.signal import lfilter
 
+from sysid.studies.zoo.drives.arrays import FloatArray
 from sysid.studies.zoo.drives.sensor import Samples, sample
-from sysid.studies.zoo.robots.body import FloatArray
 from sysid.studies.zoo.robots.engine import RobotMotion
 from sysid.studies.zoo.robots.robot import BodySensors, Robot
 

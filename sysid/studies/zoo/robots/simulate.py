@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from sysid.studies.zoo.robots.body import FloatArray
+from sysid.studies.zoo.drives.arrays import FloatArray
 from sysid.studies.zoo.robots.commands import wheel_set_points
 from sysid.studies.zoo.robots.engine import STEP_S, RobotMotion, drive_robot
 from sysid.studies.zoo.robots.robot import Robot
@@ -54,7 +54,7 @@ def move(
     tick_s = 1.0 / drive.controller.loop_hz
     before = math.ceil((_SETTLING_S + max(wheels_back, body_back)) / tick_s) + phase
     after = len(commands) * drive.link.period_s / tick_s
-    ticks_s: FloatArray = (np.arange(math.ceil(before + after) + 2) - before) * tick_s
+    ticks_s = (np.arange(math.ceil(before + after) + 2, dtype=np.float64) - before) * tick_s
     set_points = wheel_set_points(robot, commands, ticks_s, rng)
     return drive_robot(put_down, set_points, ticks_s, gap_share, wind_phase_rad, step_s)
 

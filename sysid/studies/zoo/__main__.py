@@ -65,7 +65,7 @@ def main(
     from sysid.studies.zoo.power import write_power_plot
     from sysid.studies.zoo.seeds import development_seeds, finish, spread_seeds
     from sysid.studies.zoo.settle import settle_cases
-    from sysid.studies.zoo.settled import settle_table
+    from sysid.studies.zoo.settled_table import settle_table
     from sysid.studies.zoo.work import Task, run_tasks
 
     picture = None if markdown is None else markdown.with_name(f"{markdown.stem}_power.png")

@@ -191,7 +191,7 @@ def from_json(entry: Mapping[str, Any]) -> Outcome:
 def case_from_json(entry: Mapping[str, Any]) -> Case:
     """Return the case of an entry of an outcome's file."""
     hidden = tuple(
-        Hidden(**{**h, "parameters": {key: float(value) for key, value in h["parameters"].items()}})
+        Hidden(h["name"], h["form"], {k: float(v) for k, v in h["parameters"].items()}, float(h["signal"]))
         for h in entry["hidden"]
     )
     known = {**entry, "hidden": hidden, "twins": tuple(entry["twins"]), "signal": float(entry["signal"])}

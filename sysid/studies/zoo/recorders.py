@@ -30,7 +30,7 @@ def recorder(case: Case) -> Recorder:
 
 
 def bench_recorder(seed: int) -> Recorder:
-    """Return what drives experiments on the changed drive of a bench case."""
+    """Return what drives experiments on the changed drive of the bench case of a seed."""
     _, _, drive = draw_bench_case(seed)
 
     def record(asked: Experiment, rng: np.random.Generator) -> dict[str, FloatArray]:
@@ -43,7 +43,7 @@ def bench_recorder(seed: int) -> Recorder:
 
 
 def robot_recorder(seed: int) -> Recorder:
-    """Return what drives experiments on the changed robot of a robot case."""
+    """Return what drives experiments on the changed robot of the robot case of a seed."""
     _, _, robot = draw_robot_case(seed)
 
     def record(asked: Experiment, rng: np.random.Generator) -> dict[str, FloatArray]:

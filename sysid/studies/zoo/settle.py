@@ -110,7 +110,8 @@ def settle(case: Case, logs: Path, study: Study, record: Recorder) -> Settled:
         if asked is None:
             why_not = report.notes[-1] if report.verdict == "ambiguous" and report.notes else ""
             return Settled(first, tuple(rounds), outcome, False, why_not)
-        driving_s, spent_s = REPEATS * asked.duration_s, sum(one.driving_s for one in rounds)
+        driving_s = round(REPEATS * asked.duration_s, 9)
+        spent_s = round(sum(one.driving_s for one in rounds), 9)
         if spent_s + driving_s > BUDGET_S:
             why_not = f"{spent_s:g} s were driven, and the next experiment takes {driving_s:g} s"
             return Settled(first, tuple(rounds), outcome, True, why_not)

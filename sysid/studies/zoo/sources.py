@@ -23,7 +23,7 @@ _WITHOUT_EFFECT: Final = (
         f"sysid/studies/zoo/{name}.py"
         for name in (
             *("__main__", "calibrate", "calibration", "metrics", "page", "power"),
-            *("seeds", "tables", "words"),
+            *("seeds", "settled_table", "tables", "words"),
         )
     ),
 )

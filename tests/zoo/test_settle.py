@@ -9,19 +9,25 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
-from sysid.gap.result import Experiment
+from sysid.gap.result import Experiment, GapOptions
+from sysid.gap.workflow import analyse
 from sysid.logs.writer import write_columns
 from sysid.studies.zoo.cases.case import Case, Hidden
+from sysid.studies.zoo.cases.draw import draw_bench_case
+from sysid.studies.zoo.cases.write import write_bench_case
+from sysid.studies.zoo.nominal import nominal_model
 from sysid.studies.zoo.outcome import Outcome
-from sysid.studies.zoo.recorders import commands_on_link
+from sysid.studies.zoo.recorders import bench_recorder, commands_on_link, recorder
 from sysid.studies.zoo.settle import settle, settle_cases, settled_file
-from sysid.studies.zoo.settled import Round, Settled, settle_table, settled_from_json, settled_json
+from sysid.studies.zoo.settled import Round, Settled, settled_from_json, settled_json
+from sysid.studies.zoo.settled_table import settle_table
 from sysid.studies.zoo.sources import fingerprint
 from sysid.studies.zoo.work import Task
 
 PLAY = Hidden("backlash", "rest", {"gap_deg": 2.0})
 CASE = Case(3, "bench", "single", "pi", "steps", "plain", hidden=(PLAY,))
 TIED = (("backlash",), ("stiction",))
+QUICK = GapOptions(only=("backlash", "acceleration_limit"), max_effects=1, next_experiment=False)
 DRIVEN = Round(TIED, 12.0, 0.95, decides=True)
 
 
@@ -174,6 +180,26 @@ def test_a_link_of_another_period_sends_the_last_command_given():
     assert fast.tolist() == [0.0, 0.0, 1.0, 1.0, 2.0, 2.0, 3.0, 3.0]
 
 
+def test_a_recording_holds_the_commands_that_the_drive_was_sent():
+    _, _, drive = draw_bench_case(1)
+    columns = bench_recorder(1)(experiment(), np.random.default_rng(0))
+    row = np.searchsorted(columns["time_s"], 1.0 + drive.link.period_s)
+    assert columns["time_s"][-1] == pytest.approx(4.0, abs=0.1)
+    assert columns["command_rpm"][row] == pytest.approx(50.0 * np.sin(1.0), abs=5.0)
+    assert np.max(np.abs(columns["speed_rpm"])) > 10.0
+
+
+@pytest.mark.slow
+def test_a_real_experiment_is_driven_and_studied(tmp_path):
+    case = write_bench_case(1, tmp_path)
+    model = nominal_model(tmp_path)
+    answers = iter([lambda _: tied(experiment(2.0)), lambda dataset: analyse(dataset, model, QUICK)])
+    settled = settle(case, tmp_path / "logs", lambda dataset: next(answers)(dataset), recorder(case))
+    assert settled.verdict in ("no_gap", "named", "ambiguous", "unexplained")
+    assert settled.driving_s == 6.0
+    assert len(list((tmp_path / "logs").glob("next_1_*.csv"))) == 3
+
+
 def test_a_settled_case_survives_its_file(tmp_path):
     settled = done("ambiguous", TIED, offered=True)
     write_json(tmp_path / "one.json", settled_json(settled))
@@ -187,6 +213,12 @@ def test_only_ambiguous_cases_are_driven_and_none_twice(tmp_path):
     write_json(settled_file(Task("bench", 3), tmp_path / fingerprint()), settled_json(settled))
     outcomes = [Outcome(CASE, "ambiguous", candidates=TIED), Outcome(replace(CASE, seed=4), "named")]
     assert [one.result for one in settle_cases(outcomes, tmp_path, jobs=1)] == ["settled"]
+
+
+def test_the_table_says_which_recordings_decided_nothing():
+    aside = replace(DRIVEN, decides=False)
+    assert "of 1 of 2 experiments" in settle_table([done("no_gap", rounds=(aside, DRIVEN))])
+    assert "decided nothing" not in settle_table([done("no_gap")])
 
 
 def test_the_table_counts_what_could_be_settled_and_says_how_sure_it_is():

@@ -98,10 +98,10 @@ def wheel_load_n(robot: Robot) -> float:
 
 
 def sign(rng: Rng) -> float:
-    """Return 1 or -1, at random."""
+    """Return 1 or -1, drawn with `rng`."""
     return float(rng.choice([-1.0, 1.0]))
 
 
 def factor(rng: Rng, share: float) -> float:
-    """Return a factor that is off 1 by a share [1] up or down, alike in both directions."""
+    """Return a factor that is off 1 by a share [1], up or down as `rng` draws."""
     return float((1.0 + share) ** sign(rng))

@@ -161,6 +161,23 @@ EFFECTS: Final = (
         change_channels=lambda _, channels, values: _in_turned_frame(channels, values["angle_deg"]),
     ),
     Effect(
+        name="encoder_eccentricity",
+        first_form="sensor",
+        station="sensor",
+        acts_on="encoder",
+        parameters=(
+            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 4, 6, 8)),
+            Parameter("share", "1", 0.0, (0.0, 0.3), (0.0, 1.0)),
+            Parameter("phase_deg", "deg", None, (-180.0, 180.0), _ANY, scan=(-90, 0, 90, 180)),
+        ),
+        summary="Measured wheel speeds swing by this share of the speed, so often in each turn of the wheel.",
+        signature="A ripple whose size and frequency go with the speed; "
+        "whole turns take the right time, and the body's motion does not show it.",
+        direct_check="a wheel's speed with a second sensor, or the run-out of the encoder's disk",
+        realistic=lambda _: {"per_turn": 1.0, "share": 0.05},
+        change_channels=_eccentric,
+    ),
+    Effect(
         name="sensor_latency",
         first_form="all",
         station="sensor",
@@ -203,23 +220,6 @@ EFFECTS: Final = (
         shifts_time=True,
         undone_by="observation",
         change_channels=_window,
-    ),
-    Effect(
-        name="encoder_eccentricity",
-        first_form="sensor",
-        station="sensor",
-        acts_on="encoder",
-        parameters=(
-            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 4, 6, 8)),
-            Parameter("share", "1", 0.0, (0.0, 0.3), (0.0, 1.0)),
-            Parameter("phase_deg", "deg", None, (-180.0, 180.0), _ANY, scan=(-90, 0, 90, 180)),
-        ),
-        summary="Measured wheel speeds swing by this share of the speed, so often in each turn of the wheel.",
-        signature="A ripple whose size and frequency go with the speed; "
-        "whole turns take the right time, and the body's motion does not show it.",
-        direct_check="a wheel's speed with a second sensor, or the run-out of the encoder's disk",
-        realistic=lambda _: {"per_turn": 1.0, "share": 0.05},
-        change_channels=_eccentric,
     ),
     Effect(
         name="sensor_scale",

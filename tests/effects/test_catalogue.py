@@ -29,8 +29,9 @@ ROOT = Path(__file__).parents[2]
 CHAIN = """command_latency body_speed_limit body_acceleration_limit command_deadband speed_gain
 wheel_gain_mismatch direction_asymmetry battery_sag speed_saturation acceleration_limit weak_servo
 backlash coulomb_friction stiction viscous_friction roller_friction low_grip payload com_offset wheel_radius
-track_width floor_slope mount_yaw sensor_latency sensor_latency/wheels sensor_latency/body sensor_latency/pose
-sensor_lowpass sensor_lowpass/window encoder_eccentricity sensor_scale sensor_bias sensor_bias/drift"""
+track_width floor_slope mount_yaw encoder_eccentricity
+sensor_latency sensor_latency/wheels sensor_latency/body sensor_latency/pose
+sensor_lowpass sensor_lowpass/window sensor_scale sensor_bias sensor_bias/drift"""
 ALL = [(name, p) for name, effect in CATALOGUE.items() for p in effect.parameters]
 
 

@@ -50,7 +50,10 @@ class RobotChange:
         return "/".join(part for part in (self.name, self.form, self.variant) if part)
 
     def apply(self, robot: Robot, size: float, rng: Rng) -> Robot:
-        """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross)."""
+        """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross).
+
+        `rng` draws what the size leaves open, such as signs and wheels.
+        """
         return self.changed(robot, strength(size), rng) if size > 0.0 else robot
 
     def hidden(self, before: Robot, after: Robot, signal: float) -> Hidden:

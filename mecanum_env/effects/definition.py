@@ -24,9 +24,10 @@ PlantKind = Literal["bench", "rollers", "planar"]
 RobotPlant = Literal["rollers", "planar"]
 """The plants that are the whole robot."""
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
-Station = Literal["command", "body_command", "set_point", "load", "transmission", "body", "sensor"]
+Station = Literal["command", "body_command", "set_point", "law", "load", "transmission", "body", "sensor"]
 """Where on the way from command to log an effect acts: path and timing of the command; limits on V, theta and
-VC; each wheel's setpoint; what loads the drive; motor to wheel; robot and floor; measurement."""
+VC; each wheel's setpoint; how the wheel follows it; what loads the drive; motor to wheel; robot and floor;
+measurement."""
 Remedy = Literal["command", "observation", "prediction"]
 """How a controller can undo an effect: by other commands, by corrected observations, by predicting ahead."""
 

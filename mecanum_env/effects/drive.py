@@ -17,9 +17,9 @@ from mecanum_env.units import RAD_S_PER_RPM
 if TYPE_CHECKING:
     import mujoco
 
-_POSITIVE: Final = (1e-6, math.inf)
-_LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
-_RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
+POSITIVE: Final = (1e-6, math.inf)
+LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
+RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
 _WHEELS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
 _CURRENT: Final = "the motor's current at several steady speeds and at break-away"
 
@@ -51,7 +51,7 @@ EFFECTS: Final = (
         name="speed_gain",
         station="set_point",
         acts_on="drive",
-        parameters=(Parameter("gain", "1", 1.0, (0.5, 1.5), _POSITIVE),),
+        parameters=(Parameter("gain", "1", 1.0, (0.5, 1.5), POSITIVE),),
         summary="Every wheel command is multiplied by this.",
         signature="A loss or surplus in proportion to speed, alike in every direction, also in wheel speeds.",
         direct_check="a wheel's true speed, with a tachometer or by counting its turns",
@@ -64,7 +64,7 @@ EFFECTS: Final = (
         name="wheel_gain_mismatch",
         station="set_point",
         acts_on="drive",
-        parameters=tuple(Parameter(f"gain_{wheel}", "1", 1.0, (0.5, 1.5), _POSITIVE) for wheel in WHEELS),
+        parameters=tuple(Parameter(f"gain_{wheel}", "1", 1.0, (0.5, 1.5), POSITIVE) for wheel in WHEELS),
         summary="Each wheel's command is multiplied by its own factor.",
         signature="One wheel's speed is off in proportion; the robot's path bends.",
         direct_check="each wheel's true speed, with a tachometer",
@@ -78,7 +78,7 @@ EFFECTS: Final = (
         name="direction_asymmetry",
         station="set_point",
         acts_on="drive",
-        parameters=(Parameter("reverse_ratio", "1", 1.0, (0.5, 1.5), _POSITIVE),),
+        parameters=(Parameter("reverse_ratio", "1", 1.0, (0.5, 1.5), POSITIVE),),
         summary="Negative wheel commands are multiplied by this.",
         signature="An error in proportion to speed in reverse only; turning on the spot drifts.",
         direct_check="a wheel's true speed both ways, with a tachometer",
@@ -103,10 +103,11 @@ EFFECTS: Final = (
     ),
     Effect(
         name="speed_saturation",
+        first_form="clip",
         station="set_point",
         acts_on="drive",
         parameters=(
-            Parameter("limit_rpm", "rpm", "wheel.saturation_rpm", (10.0, 200.0), _POSITIVE, scan=_LIMITS_RPM),
+            Parameter("limit_rpm", "rpm", "wheel.saturation_rpm", (10.0, 200.0), POSITIVE, scan=LIMITS_RPM),
             Parameter("softness_rpm", "rpm", 0.0, (0.0, 60.0)),
         ),
         summary="Each wheel's command is clipped; a soft knee begins this far below the limit.",
@@ -120,11 +121,10 @@ EFFECTS: Final = (
     ),
     Effect(
         name="acceleration_limit",
+        first_form="set_point",
         station="set_point",
         acts_on="drive",
-        parameters=(
-            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), _POSITIVE, scan=_RATES_RPM_S),
-        ),
+        parameters=(Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),),
         summary="Each wheel's command changes no faster than this.",
         signature="Ramps instead of steps, longer for larger steps; the speeds reached are unchanged.",
         direct_check="the setpoint in the drive's own log",
@@ -136,7 +136,7 @@ EFFECTS: Final = (
         station="load",
         acts_on="drive",
         parameters=(
-            Parameter("servo_n_m_s_rad", "N m s/rad", "robot.servo_n_m_s_rad", (0.02, 20.0), _POSITIVE),
+            Parameter("servo_n_m_s_rad", "N m s/rad", "robot.servo_n_m_s_rad", (0.02, 20.0), POSITIVE),
         ),
         summary="The drive holds its speed under load with this stiffness instead of the model's.",
         signature="A slower rise under load and more speed lost to friction; "

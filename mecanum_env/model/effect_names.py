@@ -23,7 +23,10 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "direction_asymmetry": ("reverse_ratio",),
     "battery_sag": ("drop_per_s", "per_volt"),
     "speed_saturation": ("limit_rpm", "softness_rpm"),
+    "speed_saturation/supply": ("limit_rpm",),
     "acceleration_limit": ("limit_rpm_s",),
+    "acceleration_limit/drive": ("limit_rpm_s", "brake_rpm_s"),
+    "load_inertia": ("ratio",),
     "weak_servo": ("servo_n_m_s_rad",),
     "backlash": ("gap_deg",),
     "coulomb_friction": ("torque_n_m",),
@@ -46,7 +49,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
 EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
-_FIRST_FORMS: Final[dict[str, str]] = {}
+_FIRST_FORMS: Final[dict[str, str]] = {"speed_saturation": "clip", "acceleration_limit": "set_point"}
 """Cause -> what its first form is called, for causes with several forms."""
 
 

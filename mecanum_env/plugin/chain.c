@@ -8,6 +8,7 @@
 #define ABSURD 1e10         // commands beyond this [rpm] count as 0
 #define TINY 1e-15          // least inertia of a wheel [kg m^2]
 #define LOAD_SMOOTHING 0.1  // share of a change of the load that its estimate follows in a substep
+#define UNLIMITED 1e10      // torque limit [N m] that means none, as on the bench
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
@@ -84,6 +85,22 @@ static void restart_clocks(Drive* s, double h, double tau, double T) {
   s->change = 0;  // that of a substep of the old length
 }
 
+// The speed w(k+1) [rpm] that the motor reaches where the law asks for `wanted`, from w(k) = `speed`.
+//
+// A torque limit bounds the change, with another bound where it slows the wheel. The supply bounds it by the line of a
+// motor at full voltage, forwards or in reverse: it falls to 0 at the speed SUPPLY, which is so never passed.
+static double reached(const double* p, double speed, double wanted) {
+  double rise = p[DRIVE_RISE] * p[SAMPLE_PERIOD], brake = p[DRIVE_BRAKE] * p[SAMPLE_PERIOD];
+  if (!(brake > 0)) brake = rise;
+  double up = speed < 0 ? brake : rise, down = speed > 0 ? brake : rise;
+  double low = down > 0 ? speed - down : wanted, high = up > 0 ? speed + up : wanted;
+  if (p[SUPPLY] > 0) {
+    low = fmax(low, speed - p[SUPPLY_SHARE] * (p[SUPPLY] + speed));
+    high = fmin(high, speed + p[SUPPLY_SHARE] * (p[SUPPLY] - speed));
+  }
+  return clip(wanted, low, high);
+}
+
 void chain_begin(Drive* s, const double* p, const Substep* now) {
   const double h = now->timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   if (s->timestep != h || s->sample_period != tau || s->command_period != T) restart_clocks(s, h, tau, T);
@@ -96,6 +113,7 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
     double r = law_input(s, p);
     double w = p[LAW_A] * s->w0 + p[LAW_B] * s->w1 + p[LAW_C] * s->w2 + p[LAW_D] * r + p[LAW_E] * s->r1 +
                p[LAW_F] * s->r2;
+    w = reached(p, s->w0, w);
     s->w2 = s->w1, s->w1 = s->w0, s->w0 = w;
     s->r2 = s->r1, s->r1 = r;
     s->ticks += 1;
@@ -148,9 +166,14 @@ static double asked_torque(const Drive* s, const double* p, const Substep* now) 
 // substep (28 rpm with forcerange; 50 rpm back and forth on a slippery floor with twice the limit). While limited,
 // the wheel gets 4 % more than the limit on average, and over 1.2 times the limit in 0.3 % of substeps.
 static double limited(const Drive* s, const double* p, const Substep* now, double asked) {
-  double limit = p[TORQUE_LIMIT], off = damping(s, p, now);
-  if (asked - off > limit) return limit + off;
-  if (asked - off < -limit) return -limit + off;
+  double limit = p[TORQUE_LIMIT], off = damping(s, p, now), forwards = limit, backwards = limit;
+  if (p[SUPPLY] > 0 && limit < UNLIMITED) {
+    // What the supply leaves at this speed.
+    double ratio = now->speed / (p[SUPPLY] * RAD_S_PER_RPM);
+    forwards *= clip(1 - ratio, 0, 1), backwards *= clip(1 + ratio, 0, 1);
+  }
+  if (asked - off > forwards) return forwards + off;
+  if (asked - off < -backwards) return -backwards + off;
   return asked;
 }
 

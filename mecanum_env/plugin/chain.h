@@ -6,7 +6,8 @@
 //   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
 //   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
 //
-// limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel follow the
+// The motor may bound the step from w(k) to w(k+1); as the law's memory is the wheel's own speed, nothing winds up.
+// The torque is limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel follow the
 // setpoint without lag. Friction of the wheel's bearing acts beside this torque.
 //
 // A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. Around it stand
@@ -52,7 +53,11 @@
   X(BREAKAWAY, "breakaway_n_m", NOT_BELOW_0)                \
   X(STRIBECK, "stribeck_rad_s", NOT_BELOW_0)                \
   X(COULOMB, "coulomb_n_m", NOT_BELOW_0)                    \
-  X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)
+  X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)                  \
+  X(DRIVE_RISE, "drive_acceleration_rpm_s", NOT_BELOW_0)    \
+  X(DRIVE_BRAKE, "drive_brake_rpm_s", NOT_BELOW_0)          \
+  X(SUPPLY, "supply_rpm", NOT_BELOW_0)                      \
+  X(SUPPLY_SHARE, "supply_share", NOT_BELOW_0)
 
 #define INDEX(index, name, check) index,
 enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };

@@ -50,15 +50,16 @@ USER: Final = (
     *("servo_integral_n_m_rad", "delay_s", "torque_limit_n_m"),
     *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
     *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
+    *("drive_acceleration_rpm_s", "drive_brake_rpm_s", "supply_rpm", "supply_share"),
 )
-"""Names of the parameters in user; the last is the wheel's own inertia, the others are those of the drive."""
+"""Names of the parameters in user; the inertia is that of the wheel, the others are those of the drive."""
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
 """Names of all parameters of a drive, in the order of the library's functions."""
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
-USER_SIZE: Final = 16
+USER_SIZE: Final = 128
 """`nuser_actuator` as this project writes it; the plugin needs at least 3, and unused entries are 0."""
 
 STATE: Final = (
@@ -111,6 +112,7 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
     values = {name: value for name, value in vars(drive).items() if name in USER and not math.isinf(value)}
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
+    values["supply_share"] = drive.motor_bounds.supply_share
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
     return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))

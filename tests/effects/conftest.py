@@ -22,6 +22,9 @@ BENCH_COMMAND = np.select([BENCH_TIME < 0.4, BENCH_TIME < 0.9], [60.0, -100.0], 
 # Sizes at which a parameter shows clearly, where three quarters of the search range would not do.
 CLEAR = {
     ("speed_saturation", "limit_rpm"): 30.0,
+    ("speed_saturation/supply", "limit_rpm"): 30.0,
+    ("acceleration_limit/drive", "limit_rpm_s"): 300.0,
+    ("acceleration_limit/drive", "brake_rpm_s"): 150.0,
     ("low_grip", "friction"): 0.1,
     ("weak_servo", "servo_n_m_s_rad"): 0.5,
     ("body_speed_limit", "v_rpm"): 30.0,
@@ -34,6 +37,7 @@ BESIDE = {
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
+    ("acceleration_limit/drive", "brake_rpm_s"): {"limit_rpm_s": 300.0},
 }
 
 

@@ -156,6 +156,7 @@ class Effect:
     """For an effect with a direction in the world: its values in axes turned by some yaw [rad]."""
 
     change_model: ChangeModel | None = None
+    """If the effect has one of the next two functions as well, this one must be idempotent."""
     change_spec: ChangeSpec | None = None
     change_drive: ChangeDrive | None = None
     limit_body: LimitBody | None = None

@@ -27,6 +27,7 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
 from mecanum_env.law.motor_bounds import MotorBounds, steepest_share
+from mecanum_env.law.wheel_load import NO_LOAD, WheelLoad
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
@@ -74,28 +75,21 @@ class DriveParameters:
     """The saturation begins this far below its limit [rpm]; see `saturated`."""
     acceleration_rpm_s: float = math.inf
     """Largest rate of change of the law's input [rpm/s]."""
-    gap_rad: float = 0.0
-    """Backlash between motor and wheel [rad]. From here on: behind the setpoint, in the plugin only."""
-    breakaway_n_m: float = 0.0
-    """Friction torque of the wheel's bearing at rest beyond that in motion [N m]."""
-    stribeck_rad_s: float = 0.0
-    """Speed at which 63 % of the breakaway torque is gone [rad/s]."""
-    coulomb_n_m: float = 0.0
-    """Friction torque of the wheel's bearing at any speed [N m]."""
     drive_acceleration_rpm_s: float = math.inf
     """Largest acceleration of the wheel itself by its motor [rpm/s]."""
     drive_brake_rpm_s: float = 0.0
     """Largest deceleration of the wheel itself by its motor [rpm/s]; 0: as its acceleration."""
     supply_rpm: float = math.inf
     """Speed at which the supply leaves the motor no torque [rpm]."""
+    load: WheelLoad = NO_LOAD
+    """What acts behind the setpoint; see `mecanum_env.law.servo`."""
 
     def __post_init__(self) -> None:
         for name in ("command_period_s", "gain", "reverse_ratio"):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
-            *("command_quantum_rpm", "deadband_rpm", "drop_per_s", "softness_rpm"),
-            *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "drive_brake_rpm_s"),
+            *("command_quantum_rpm", "deadband_rpm", "drop_per_s", "softness_rpm", "drive_brake_rpm_s"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")

@@ -71,7 +71,7 @@ class MotorBounds:
         return LawState(self.reached(state.w0, wanted), after.w1, after.w2, after.r1, after.r2)
 
     def simulate(self, law: WheelLaw, command_rpm: FloatArray, initial: LawState) -> FloatArray:
-        """Return the speeds w(0..N) [rpm] within the bounds, shape (..., N+1), else as `WheelLaw.simulate`."""
+        """Return the speeds w(0..N) [rpm], shape (..., N+1), as `WheelLaw.simulate`, but bounded."""
         if not self.acts:
             return law.simulate(command_rpm, initial)
         state, speeds = initial, [np.broadcast_to(initial.w0, command_rpm.shape[:-1])]

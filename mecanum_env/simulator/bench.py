@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -19,11 +20,13 @@ from mecanum_env.law.drive import simulate_drive
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters, set_steady
+from mecanum_env.plugin.layout import CHAIN, NO_TORQUE_LIMIT, chain_parameters, set_steady
 from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.trajectory import diverged, step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+
+_INERTIA: Final = CHAIN.index("inertia_kg_m2")
 
 
 def replay_bench(
@@ -196,7 +199,8 @@ def _free_wheel(model: Model, wheel: str | None, timestep_s: float | None) -> _F
     parameters = chain_parameters(changed, wheel, NO_TORQUE_LIMIT, inertia)
     if why := refusal(parameters, step):
         raise InputError(f"the bench: {why}")
-    return _FreeWheel(step, parameters, inertia, damping, mj_model)
+    # The drive feeds forward the inertia that it turns, its rotor's included.
+    return _FreeWheel(step, parameters, float(parameters[_INERTIA]), damping, mj_model)
 
 
 def _steps(duration_s: float, timestep_s: float) -> int:

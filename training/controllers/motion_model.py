@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mecanum_env.effects.apply import active_effects, added_load, drive_parameters
+from mecanum_env.effects.definition import Load
 from mecanum_env.kinematics import WHEELS, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import EPS, DriveParameters, received_command
@@ -60,8 +61,10 @@ class MotionModel:
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
         self.drives = wheel_drives(model)
-        robot, load = _changed_robot(model), added_load(model)
+        robot, load = changed_robot(model), added_load(model)
         robot = replace(robot, mass_kg=robot.mass_kg + load.mass_kg)
+        if robot.servo_integral_n_m_rad > 0.0:
+            load = Load(mass_kg=load.mass_kg)  # integral action makes up for friction
         self._coulomb_n_m, self._damping = load.coulomb_n_m, load.damping_n_m_s_rad
         self._has_friction = self._coulomb_n_m > 0.0 or self._damping > 0.0
         most = math.ceil(self.period_s / self.tick_s + EPS) + 1
@@ -135,7 +138,7 @@ def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, s
     )
 
 
-def _changed_robot(model: Model) -> Robot:
+def changed_robot(model: Model) -> Robot:
     """Return the robot of a model with the effects that change its parameters, without added mass."""
     for effect, values in active_effects(model):
         if effect.change_model is not None:

@@ -24,9 +24,10 @@ PlantKind = Literal["bench", "rollers", "planar"]
 RobotPlant = Literal["rollers", "planar"]
 """The plants that are the whole robot."""
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
-Station = Literal["command", "body_command", "set_point", "load", "transmission", "body", "sensor"]
+Station = Literal["command", "body_command", "set_point", "law", "load", "transmission", "body", "sensor"]
 """Where on the way from command to log an effect acts: path and timing of the command; limits on V, theta and
-VC; each wheel's setpoint; what loads the drive; motor to wheel; robot and floor; measurement."""
+VC; each wheel's setpoint; how the wheel follows it; what loads the drive; motor to wheel; robot and floor;
+measurement."""
 Remedy = Literal["command", "observation", "prediction"]
 """How a controller can undo an effect: by other commands, by corrected observations, by predicting ahead."""
 
@@ -156,6 +157,7 @@ class Effect:
     """For an effect with a direction in the world: its values in axes turned by some yaw [rad]."""
 
     change_model: ChangeModel | None = None
+    """If the effect has one of the next two functions as well, this one must be idempotent."""
     change_spec: ChangeSpec | None = None
     change_drive: ChangeDrive | None = None
     limit_body: LimitBody | None = None

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.law.free_wheel import free_wheel_speeds
 from mecanum_env.law.parameters import CHAIN
+from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
 
 RANGES = {
@@ -24,6 +25,18 @@ RANGES = {
     "breakaway_n_m": (0.01, 1.0),
     "stribeck_rad_s": (0.05, 3.0),
     "coulomb_n_m": (0.01, 1.0),
+    "drive_acceleration_rpm_s": (50.0, 5000.0),
+    "drive_brake_rpm_s": (50.0, 5000.0),
+    "supply_rpm": (20.0, 150.0),
+    "supply_share": (0.01, 1.0),
+    "rotor_kg_m2": (1e-3, 1e-1),
+    "viscous_n_m_s_rad": (0.01, 0.5),
+    "friction_warm_share": (0.1, 1.0),
+    "friction_warm_s": (0.05, 5.0),
+    "ripple_n_m": (0.01, 1.0),
+    "ripple_share": (0.01, 0.5),
+    "ripple_per_turn": (1.0, 24.0),
+    "ripple_phase_rad": (-3.0, 3.0),
 }
 """Parameters that may be 0, and the range of their other values."""
 STEPS = 150
@@ -37,7 +50,8 @@ def random_row(rng, law, sample_period_s, command_period_s):
     values |= {"sample_period_s": sample_period_s, "command_period_s": command_period_s}
     values["servo_n_m_s_rad"] = float(np.exp(rng.uniform(np.log(0.05), np.log(20.0))))
     values["torque_limit_n_m"] = float(rng.choice([1e10, rng.uniform(0.1, 2.0)]))
-    values["inertia_kg_m2"] = float(rng.uniform(1e-4, 1e-2))
+    values["inertia_kg_m2"] = values["rotor_kg_m2"] + float(rng.uniform(1e-4, 1e-2))
+    values["gap_kind"] = float(rng.integers(len(GAP_KINDS)))
     return [values[name] for name in CHAIN]
 
 
@@ -48,6 +62,11 @@ def loop(rows, wheels, timestep, commands, initial):
     steps = np.full(len(commands), commands.shape[1])
     speeds, _ = free_wheels(rows, wheels, timestep, held, steps)
     return speeds.reshape(len(rows), len(commands), -1)
+
+
+def test_every_parameter_is_varied():
+    fixed = {*"ABCDEF", "sample_period_s", "command_period_s", "servo_n_m_s_rad", "torque_limit_n_m"}
+    assert {*RANGES, *fixed, "inertia_kg_m2", "gap_kind"} == set(CHAIN)
 
 
 @given(
@@ -65,7 +84,7 @@ def loop(rows, wheels, timestep, commands, initial):
 def test_sets_and_runs_at_once_equal_the_loop_bit_for_bit(stable_law, seed, timestep, periods):
     rng = np.random.default_rng(seed)
     rows = np.array([random_row(rng, stable_law(rng), *pair) for pair in periods])
-    wheels = np.stack([rows[:, -1], rng.choice([0.0, 0.1], len(rows))], axis=1)
+    wheels = np.stack([rows[:, CHAIN.index("inertia_kg_m2")], rng.choice([0.0, 0.1], len(rows))], axis=1)
     commands = np.repeat(rng.uniform(-160.0, 160.0, (3, STEPS // 10)), 10, axis=1)
     commands[0, 40:60] = 0.0
     initial = rng.choice([0.0, 40.0, -70.0], 3)

@@ -1,6 +1,6 @@
 """The drive of one wheel in front of its servo: from the command that is sent to the speed setpoint.
 
-This is the reference for the plugin (mecanum_env/plugin/chain.c), which tests hold equal to it bit
+This is the reference for the plugin (mecanum_env/plugin/set_point.c), which tests hold equal to it bit
 for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
 
 - Latch j is due at the first substep with n h >= j T, with T the command period. The latched command is
@@ -62,6 +62,8 @@ class DriveParameters:
     """Time from the latch to the effect of a command [s]."""
     deadband_rpm: float = 0.0
     """Commands smaller than this count as 0 [rpm]."""
+    subtracted_rpm: float = 0.0
+    """Commands lose this much of their size, and smaller ones all of it [rpm]."""
     gain: float = 1.0
     """Factor on every command."""
     reverse_ratio: float = 1.0
@@ -86,7 +88,7 @@ class DriveParameters:
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
-            *("command_quantum_rpm", "deadband_rpm", "drop_per_s", "softness_rpm"),
+            *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "softness_rpm"),
             *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
@@ -113,6 +115,8 @@ def received_command(
     if parameters.command_quantum_rpm > 0.0:
         command = np.rint(command / parameters.command_quantum_rpm) * parameters.command_quantum_rpm
     command = np.where(np.abs(command) < parameters.deadband_rpm, 0.0, command)
+    if (lost := parameters.subtracted_rpm) > 0.0:
+        command = np.where(np.abs(command) > lost, command - np.copysign(lost, command), 0.0)
     command = command * parameters.gain
     command = np.where(command < 0.0, command * parameters.reverse_ratio, command)
     command = command * np.maximum(0.0, 1.0 - parameters.drop_per_s * np.asarray(seconds, float))

@@ -18,6 +18,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "body_speed_limit": ("v_rpm", "vc_rpm"),
     "body_acceleration_limit": ("v_rpm_s", "vc_rpm_s"),
     "command_deadband": ("threshold_rpm",),
+    "command_deadband/subtract": ("threshold_rpm",),
     "speed_gain": ("gain",),
     "wheel_gain_mismatch": ("gain_fl", "gain_fr", "gain_rl", "gain_rr"),
     "direction_asymmetry": ("reverse_ratio",),
@@ -46,7 +47,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
 EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
-_FIRST_FORMS: Final[dict[str, str]] = {}
+_FIRST_FORMS: Final[dict[str, str]] = {"command_deadband": "drop"}
 """Cause -> what its first form is called, for causes with several forms."""
 
 

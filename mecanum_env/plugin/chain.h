@@ -9,9 +9,9 @@
 // limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel follow the
 // setpoint without lag. Friction of the wheel's bearing acts beside this torque.
 //
-// A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. Around it stand
-// the actuator plugin (mecanum_wheel.c) and the bench (bench.c). mecanum_env/law is the same chain in Python; the
-// tests hold the two equal bit for bit.
+// A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. The way from the
+// command to r(k) is in set_point.c, the rest in chain.c. Around it stand the actuator plugin (mecanum_wheel.c) and the
+// bench (bench.c). mecanum_env/law is the same chain in Python; the tests hold the two equal bit for bit.
 
 #ifndef MECANUM_CHAIN_H
 #define MECANUM_CHAIN_H
@@ -22,6 +22,7 @@
 
 #define RING 32         // latched commands kept, which bounds the delay
 #define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
+#define EPS 1e-9        // tolerance of the clocks, relative to their period
 #define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
 
 // All parameters in order: X(index, name, check). mecanum_env/plugin/layout.py has the same names; a test holds the
@@ -52,7 +53,8 @@
   X(BREAKAWAY, "breakaway_n_m", NOT_BELOW_0)                \
   X(STRIBECK, "stribeck_rad_s", NOT_BELOW_0)                \
   X(COULOMB, "coulomb_n_m", NOT_BELOW_0)                    \
-  X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)
+  X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)                  \
+  X(SUBTRACTED, "subtracted_rpm", NOT_BELOW_0)
 
 #define INDEX(index, name, check) index,
 enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };
@@ -95,6 +97,16 @@ EXPORT int32_t mecanum_refuses(const double* p, double h, char* message, int64_t
 
 // The command [rpm]; NaN and absurd values count as 0, as for MuJoCo's own actuators.
 double chain_sane(double command);
+
+// Latch the command that is sent [rpm], shaped as the drive does it.
+void set_point_latch(Drive* s, const double* p, double command);
+
+// The law's input r(k) [rpm]: the mean over the coming tick of the delayed command behind the acceleration limit. Only
+// commands latched by the start of the tick count.
+double set_point_input(Drive* s, const double* p);
+
+// Start the clocks of commands and ticks anew; the last command holds on.
+void set_point_restart(Drive* s);
 
 // Advance the clocks, the law and the setpoint to the end of the substep; the rest of the drive is chain_end's.
 void chain_begin(Drive* s, const double* p, const Substep* now);

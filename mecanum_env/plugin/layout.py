@@ -50,15 +50,16 @@ USER: Final = (
     *("servo_integral_n_m_rad", "delay_s", "torque_limit_n_m"),
     *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
     *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
+    "subtracted_rpm",
 )
-"""Names of the parameters in user; the last is the wheel's own inertia, the others are those of the drive."""
+"""Names of the parameters in user; the inertia is the wheel's own, the others are those of the drive."""
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
 """Names of all parameters of a drive, in the order of the library's functions."""
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
-USER_SIZE: Final = 16
+USER_SIZE: Final = 128
 """`nuser_actuator` as this project writes it; the plugin needs at least 3, and unused entries are 0."""
 
 STATE: Final = (

@@ -28,6 +28,12 @@ def test_the_deadband_swallows_small_commands_only(base, command, speed):
     )
 
 
+@pytest.mark.parametrize(("command", "speed"), [(9, 0), (10, 0), (11, 1), (60, 50), (-9, 0), (-60, -50)])
+def test_a_deadband_may_be_taken_off_every_command(base, command, speed):
+    model = base.with_effect("command_deadband", "subtract", threshold_rpm=10.0)
+    assert steady_speed(model, command) == pytest.approx(speed, abs=1e-3)
+
+
 def test_the_deadband_takes_the_slow_wheels_of_a_diagonal(base):
     model = base.with_effect("command_deadband", threshold_rpm=15.0)
     # At 30 degrees fl and rr are commanded 22 rpm, at 40 degrees 7 rpm, which is within the dead band.

@@ -44,6 +44,7 @@ BAD_USER = [
     ("gap_rad", -0.1),
     ("breakaway_n_m", -1.0),
     ("stribeck_rad_s", np.nan),
+    ("subtracted_rpm", -1.0),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

@@ -22,24 +22,17 @@ from mecanum_env.simulator.bench import (
     replay_bench,
 )
 from mecanum_env.simulator.trajectory import SimulationDivergedError
+from tests.set_points import SET_POINT_EFFECTS, some_of
 
 EFFECTS = {
     "command_latency": {"delay_s": st.floats(0.0, 2.0)},
-    "command_deadband": {"threshold_rpm": st.floats(0.0, 40.0)},
-    "speed_gain": {"gain": st.floats(0.5, 1.5)},
-    "direction_asymmetry": {"reverse_ratio": st.floats(0.5, 1.5)},
-    "battery_sag": {"drop_per_s": st.floats(0.0, 0.5)},
-    "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 60.0)},
-    "acceleration_limit": {"limit_rpm_s": st.floats(50.0, 5000.0)},
+    **SET_POINT_EFFECTS,
     "weak_servo": {"servo_n_m_s_rad": st.floats(0.02, 20.0)},
     "backlash": {"gap_deg": st.floats(0.0, 20.0)},
     "coulomb_friction": {"torque_n_m": st.floats(0.0, 1.0)},
     "stiction": {"breakaway_n_m": st.floats(0.0, 1.0), "stribeck_rpm": st.floats(0.5, 30.0)},
     "viscous_friction": {"damping_n_m_s_rad": st.floats(0.0, 0.5)},
 }
-SOME_EFFECTS = st.fixed_dictionaries(
-    {}, optional={name: st.fixed_dictionaries(values) for name, values in EFFECTS.items()}
-)
 
 
 def random_run(rng: np.random.Generator, initial_rpm: float = 0.0) -> BenchRun:
@@ -55,7 +48,7 @@ def by_mujoco(model, run, timestep_s=None):
 
 @settings(deadline=None)
 @given(
-    effects=SOME_EFFECTS,
+    effects=some_of(EFFECTS),
     integral=st.sampled_from([0.0, 0.3, 20.0]),
     sample_period_s=st.sampled_from([1 / 120, 0.01, 0.0073, 0.05]),
     command_period_s=st.sampled_from([0.1, 0.02, 0.033]),

@@ -125,7 +125,7 @@ class DriveInverse:
     def _solve(self, body: FloatArray, seconds: float) -> FloatArray:
         """Return the body command that leads to a body motion, shape (3,) [rpm]."""
         driven = self._friction.driven(body_to_wheels(body))
-        command = wheels_to_body(driven / self._gains(driven, seconds))
+        command = wheels_to_body(self._sent(driven, seconds))
         for _ in range(_ITERATIONS):
             # One body command drives four wheels of different gains; for gains within (0, 2) this contracts.
             off = body - wheels_to_body(self._smooth_wheels(body_to_wheels(command), seconds))
@@ -151,11 +151,13 @@ class DriveInverse:
         self._owed = np.clip(wanted - reached[best], -np.max(least), np.max(least))
         return choices[best]
 
-    def _gains(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
-        """Return the gain of each wheel's drive in the direction in which it is driven, shape (4,)."""
+    def _sent(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
+        """Return the wheel commands of which the drives make these ones within their limits, shape (4,)."""
         forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives])
         reverse = np.array([d.reverse_ratio for d in self._drives])
-        return np.where(driven_rpm < 0.0, forward * reverse, forward)
+        sent = driven_rpm / np.where(driven_rpm < 0.0, forward * reverse, forward)
+        lost = np.array([d.subtracted_rpm for d in self._drives])
+        return np.where(driven_rpm == 0.0, 0.0, sent + np.copysign(lost, sent))
 
     def _rounded(self, body_rpm: FloatArray) -> Command:
         """Return the command nearest to a body command [rpm], scaled into the robot's range."""

@@ -17,6 +17,7 @@ from training.controllers.named import SUFFIX, make_controller
 COMMANDS = ((12, 0, 0), (40, 0, 0), (40, 90, 0), (30, -120, 10), (75, 180, 0), (0, 0, 25))
 DRIVES = {
     "command_deadband": {"command_deadband": {"threshold_rpm": 20.0}},
+    "command_deadband/subtract": {"command_deadband/subtract": {"threshold_rpm": 8.0}},
     "speed_gain": {"speed_gain": {"gain": 0.8}},
     "wheel_gain_mismatch": {"wheel_gain_mismatch": {"gain_fl": 0.85}},
     "direction_asymmetry": {"direction_asymmetry": {"reverse_ratio": 0.8}},

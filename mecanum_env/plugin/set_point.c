@@ -1,0 +1,76 @@
+// From the command that is sent to the input of the wheel law; chain.h says where it stands in the drive.
+
+#include "chain.h"
+
+#include <math.h>
+
+#define ABSURD 1e10  // commands beyond this [rpm] count as 0
+
+// Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
+static int slot(double j) {
+  double s = fmod(j, RING);
+  if (s < 0) s += RING;
+  return s >= 0 && s < RING ? (int)s : 0;
+}
+
+double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }
+
+// The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
+static double shaped(const double* p, double u, double seconds) {
+  double limit = p[SATURATION], knee = fmin(p[SOFTNESS], limit);
+  if (fabs(u) < p[DEADBAND]) u = 0;
+  if (p[SUBTRACTED] > 0) u = fabs(u) > p[SUBTRACTED] ? u - copysign(p[SUBTRACTED], u) : 0;
+  if (p[GAIN] > 0) u *= p[GAIN];
+  if (p[REVERSE_RATIO] > 0 && u < 0) u *= p[REVERSE_RATIO];
+  if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
+  if (limit > 0 && knee > 0) {
+    double beyond = fabs(u) - (limit - knee);
+    // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.
+    if (beyond > 0 && beyond < 2 * knee) u = copysign(limit - knee + beyond - beyond * beyond / (4 * knee), u);
+  }
+  if (limit > 0) u = fmin(fmax(u, -limit), limit);
+  return u;
+}
+
+void set_point_latch(Drive* s, const double* p, double command) {
+  double u = chain_sane(command);
+  if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
+  s->command[slot(s->latches)] = shaped(p, u, s->latches * p[COMMAND_PERIOD] + p[DELAY]);
+  s->latches += 1;
+}
+
+void set_point_restart(Drive* s) {
+  double last = s->command[slot(s->latches - 1)];
+  for (int i = 0; i < RING; i++) s->command[i] = last;
+  s->ticks = s->latches = 0;
+}
+
+// Move the ramp towards a command for a part of a tick; return the part's contribution to the mean over the tick.
+// The ramp changes by at most `limit` in a whole tick; with 0 it jumps.
+static double ramped(double* ramp, double command, double part, double limit) {
+  if (!(limit > 0)) return *ramp = command, part * command;
+  double before = *ramp;
+  *ramp = fmin(fmax(command, before - limit * part), before + limit * part);
+  double moved = *ramp - before;
+  return part * *ramp - moved * fabs(moved) / (2 * limit);
+}
+
+double set_point_input(Drive* s, const double* p) {
+  double tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD], delay = p[DELAY];
+  double limit = p[ACCELERATION] * tau;  // change of the ramp per tick
+  double t = s->ticks * tau;
+  double latest = floor(t / T + EPS);
+  if (!(latest <= s->latches - 1)) latest = s->latches - 1;
+  double j = floor((t - delay) / T + EPS);
+  if (!(j <= latest)) j = latest;
+  if (j < latest - (RING - 1)) j = latest - (RING - 1);
+  double sum = 0, done = 0;
+  for (int i = 1; i < RING && j + 1 <= latest; i++, j++) {
+    double arrival = (j + 1) * T + delay;
+    if (!(arrival < t + tau)) break;
+    double part = (arrival - t) / tau;
+    sum += ramped(&s->ramp, s->command[slot(j)], part - done, limit);
+    done = part;
+  }
+  return sum + ramped(&s->ramp, s->command[slot(j)], 1 - done, limit);
+}

@@ -10,6 +10,7 @@ SET_POINT_EFFECTS = {
     "speed_gain": {"gain": st.floats(0.5, 1.5)},
     "direction_asymmetry": {"reverse_ratio": st.floats(0.5, 1.5)},
     "battery_sag": {"drop_per_s": st.floats(0.0, 2.0)},
+    "warm_up": {"share": st.floats(-0.9, 0.9), "time_constant_s": st.floats(0.01, 10.0)},
     "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 200.0)},
     "acceleration_limit": {"limit_rpm_s": st.floats(10.0, 1e5)},
 }

@@ -102,6 +102,34 @@ EFFECTS: Final = (
         change_drive=lambda drive, values, _: replace(drive, drop_per_s=values["drop_per_s"]),
     ),
     Effect(
+        name="warm_up",
+        first_form="gain",
+        station="set_point",
+        acts_on="drive",
+        parameters=(
+            Parameter("share", "1", 0.0, (-0.5, 0.5), (-0.99, 0.99)),
+            Parameter(
+                "time_constant_s",
+                "s",
+                None,
+                (1.0, 600.0),
+                _POSITIVE,
+                default=60.0,
+                scan=(3, 10, 30, 100, 300),
+            ),
+        ),
+        summary="As the drives warm up, their gain loses this share, most of it within the time constant; "
+        "below 0 it rises.",
+        signature="The same command gives less and less speed from the start of a run on, "
+        "and after some time the same lower one.",
+        direct_check="the speed at one command in a cold and in a warm drive",
+        realistic=lambda _: {"share": 0.1, "time_constant_s": 30.0},
+        undone_by="command",
+        change_drive=lambda drive, values, _: replace(
+            drive, warm_up_share=values["share"], warm_up_s=values["time_constant_s"]
+        ),
+    ),
+    Effect(
         name="speed_saturation",
         station="set_point",
         acts_on="drive",

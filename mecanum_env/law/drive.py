@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
+from mecanum_env.law.set_point import saturated, warm_up_gain
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
@@ -70,6 +71,10 @@ class DriveParameters:
     """Further factor on negative commands."""
     drop_per_s: float = 0.0
     """Share of the gain that is lost in each second [1/s]."""
+    warm_up_share: float = 0.0
+    """Share of the gain that is lost as the drive warms up, above -1 and below 1; below 0 it rises."""
+    warm_up_s: float = 0.0
+    """Time constant of the warming [s]; 0: it does not act."""
     softness_rpm: float = 0.0
     """The saturation begins this far below its limit [rpm]; see `saturated`."""
     acceleration_rpm_s: float = math.inf
@@ -88,7 +93,8 @@ class DriveParameters:
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
-            *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "softness_rpm"),
+            *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s"),
+            "softness_rpm",
             *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
@@ -96,17 +102,24 @@ class DriveParameters:
         for name in ("saturation_rpm", "acceleration_rpm_s"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
+        if not abs(self.warm_up_share) < 1.0:
+            raise InputError(f"warm_up_share = {self.warm_up_share}, must lie between -1 and 1")
         longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
                 f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"
             )
 
+    @property
+    def warms_up(self) -> bool:
+        """Whether the gain changes as the drive warms up."""
+        return self.warm_up_share != 0.0 and self.warm_up_s > 0.0
+
 
 def received_command(
     parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
 ) -> FloatArray:
-    """Return latched commands after rounding, dead band, gain and saturation [rpm]; NaN counts as 0.
+    """Return latched commands after rounding, dead band, gains and saturation [rpm]; NaN counts as 0.
 
     `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
     """
@@ -120,18 +133,9 @@ def received_command(
     command = command * parameters.gain
     command = np.where(command < 0.0, command * parameters.reverse_ratio, command)
     command = command * np.maximum(0.0, 1.0 - parameters.drop_per_s * np.asarray(seconds, float))
+    if parameters.warms_up:
+        command = command * warm_up_gain(parameters.warm_up_share, parameters.warm_up_s, seconds)
     return saturated(command, parameters.saturation_rpm, parameters.softness_rpm)
-
-
-def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) -> FloatArray:
-    """Limit commands to +-limit [rpm], along a parabola from `softness_rpm` below it to as much above it."""
-    command, knee = command_rpm, min(softness_rpm, limit_rpm)
-    if knee > 0.0 and math.isfinite(limit_rpm):
-        beyond = np.abs(command) - (limit_rpm - knee)
-        on_knee = np.clip(beyond, 0.0, 2.0 * knee)  # further out the square may overflow
-        bent = np.copysign(limit_rpm - knee + beyond - on_knee * on_knee / (4.0 * knee), command)
-        command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
-    return np.asarray(np.minimum(np.maximum(command, -limit_rpm), limit_rpm))
 
 
 def law_inputs(

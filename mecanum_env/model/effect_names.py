@@ -23,6 +23,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "wheel_gain_mismatch": ("gain_fl", "gain_fr", "gain_rl", "gain_rr"),
     "direction_asymmetry": ("reverse_ratio",),
     "battery_sag": ("drop_per_s", "per_volt"),
+    "warm_up": ("share", "time_constant_s"),
     "speed_saturation": ("limit_rpm", "softness_rpm"),
     "acceleration_limit": ("limit_rpm_s",),
     "weak_servo": ("servo_n_m_s_rad",),
@@ -47,7 +48,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
 EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
-_FIRST_FORMS: Final[dict[str, str]] = {"command_deadband": "drop"}
+_FIRST_FORMS: Final[dict[str, str]] = {"command_deadband": "drop", "warm_up": "gain"}
 """Cause -> what its first form is called, for causes with several forms."""
 
 

@@ -54,7 +54,9 @@
   X(STRIBECK, "stribeck_rad_s", NOT_BELOW_0)                \
   X(COULOMB, "coulomb_n_m", NOT_BELOW_0)                    \
   X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)                  \
-  X(SUBTRACTED, "subtracted_rpm", NOT_BELOW_0)
+  X(SUBTRACTED, "subtracted_rpm", NOT_BELOW_0)              \
+  X(WARM_UP, "warm_up_share", WITHIN_1)                     \
+  X(WARM_UP_TIME, "warm_up_s", NOT_BELOW_0)
 
 #define INDEX(index, name, check) index,
 enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };

@@ -50,7 +50,7 @@ USER: Final = (
     *("servo_integral_n_m_rad", "delay_s", "torque_limit_n_m"),
     *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
     *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
-    "subtracted_rpm",
+    *("subtracted_rpm", "warm_up_share", "warm_up_s"),
 )
 """Names of the parameters in user; the inertia is the wheel's own, the others are those of the drive."""
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)

@@ -5,7 +5,7 @@
 
 #include "chain.h"
 
-typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, ITS_OWN } Check;
+typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, WITHIN_1, ITS_OWN } Check;
 
 #define ROW(index, name, check) {name, check},
 static const struct { const char* name; Check check; } PARAMETERS[] = {
@@ -19,13 +19,14 @@ const char* mecanum_parameter(int64_t index) {
 
 static int passes(double value, Check check) {
   if (check == ITS_OWN) return 1;
+  if (check == WITHIN_1) return fabs(value) < 1;
   return isfinite(value) && (check == FINITE || value > 0 || (check == NOT_BELOW_0 && value == 0));
 }
 
 #define REFUSE(...) return snprintf(message, size, __VA_ARGS__), 1
 
 int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) {
-  static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)"};
+  static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)", " between -1 and 1 (0: off)"};
   for (int i = 0; i < N_PARAMETERS; i++) {
     Check check = PARAMETERS[i].check;
     if (passes(p[i], check)) continue;

@@ -23,6 +23,7 @@ static double shaped(const double* p, double u, double seconds) {
   if (p[GAIN] > 0) u *= p[GAIN];
   if (p[REVERSE_RATIO] > 0 && u < 0) u *= p[REVERSE_RATIO];
   if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
+  if (p[WARM_UP_TIME] > 0 && p[WARM_UP] != 0) u *= 1 - p[WARM_UP] * (1 - exp(-seconds / p[WARM_UP_TIME]));
   if (limit > 0 && knee > 0) {
     double beyond = fabs(u) - (limit - knee);
     // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.

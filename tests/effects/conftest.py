@@ -34,6 +34,7 @@ BESIDE = {
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
+    ("warm_up", "time_constant_s"): {"share": 0.5},
 }
 
 

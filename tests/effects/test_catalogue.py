@@ -27,7 +27,7 @@ from .conftest import acting, channels, clear_model, clear_value
 ROOT = Path(__file__).parents[2]
 CHAIN = """command_latency body_speed_limit body_acceleration_limit command_deadband
 command_deadband/subtract speed_gain
-wheel_gain_mismatch direction_asymmetry battery_sag speed_saturation acceleration_limit weak_servo
+wheel_gain_mismatch direction_asymmetry battery_sag warm_up speed_saturation acceleration_limit weak_servo
 backlash coulomb_friction stiction viscous_friction roller_friction low_grip payload com_offset wheel_radius
 track_width floor_slope mount_yaw sensor_latency sensor_lowpass sensor_scale sensor_bias"""
 ALL = [(name, p) for name, effect in CATALOGUE.items() for p in effect.parameters]

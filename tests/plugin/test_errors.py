@@ -45,6 +45,9 @@ BAD_USER = [
     ("breakaway_n_m", -1.0),
     ("stribeck_rad_s", np.nan),
     ("subtracted_rpm", -1.0),
+    ("warm_up_share", 1.0),
+    ("warm_up_share", np.nan),
+    ("warm_up_s", -1.0),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

@@ -29,6 +29,7 @@ from mecanum_env.kinematics import (
     wheels_to_command,
     wheels_to_twist,
 )
+from mecanum_env.law.set_point import warm_up_gain
 from mecanum_env.model import Model
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -94,7 +95,7 @@ class DriveInverse:
     def command(self, wanted: Command, seconds: float) -> Command:
         """Return the command that moves this robot as the wanted one moves the nominal robot.
 
-        It acts `seconds` after the start, which counts for a sagging battery.
+        It acts `seconds` after the start, which counts for a sagging battery and for drives that warm up.
         """
         if not self.is_needed:
             return wanted
@@ -154,6 +155,10 @@ class DriveInverse:
     def _sent(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
         """Return the wheel commands of which the drives make these ones within their limits, shape (4,)."""
         forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives])
+        forward *= [
+            float(warm_up_gain(d.warm_up_share, d.warm_up_s, seconds)) if d.warms_up else 1.0
+            for d in self._drives
+        ]
         reverse = np.array([d.reverse_ratio for d in self._drives])
         sent = driven_rpm / np.where(driven_rpm < 0.0, forward * reverse, forward)
         lost = np.array([d.subtracted_rpm for d in self._drives])

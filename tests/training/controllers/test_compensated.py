@@ -22,6 +22,7 @@ DRIVES = {
     "wheel_gain_mismatch": {"wheel_gain_mismatch": {"gain_fl": 0.85}},
     "direction_asymmetry": {"direction_asymmetry": {"reverse_ratio": 0.8}},
     "battery_sag": {"battery_sag": {"drop_per_s": 0.04}},
+    "warm_up": {"warm_up": {"share": 0.3, "time_constant_s": 1.0}},
     "speed_saturation": {"speed_saturation": {"limit_rpm": 80.0, "softness_rpm": 70.0}},
     "coulomb_friction": {"coulomb_friction": {"torque_n_m": 0.5}},
     "weak_servo": {"weak_servo": {"servo_n_m_s_rad": 0.5}, "coulomb_friction": {"torque_n_m": 0.3}},

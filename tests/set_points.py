@@ -3,6 +3,25 @@
 from hypothesis import strategies as st
 
 from mecanum_env.model import cause_of
+from mecanum_env.model.static_map import map_parameters
+
+SPEEDS = st.floats(-120.0, 120.0)
+
+
+@st.composite
+def curves(draw, number=SPEEDS):
+    """Return the parameters of a static map, mirrored or not."""
+    knots = sorted(draw(st.lists(number, min_size=1, max_size=5, unique=True)))
+    if draw(st.booleans()):
+        knots = sorted({abs(knot) for knot in knots})
+    elif knots[-1] < 0.0:
+        knots.append(0.0)
+    values = sorted(draw(number) for _ in knots)
+    if knots[0] >= 0.0:
+        values = sorted(abs(value) for value in values)
+        values[0] = values[0] if knots[0] > 0.0 else 0.0
+    return map_parameters(knots, values)
+
 
 SET_POINT_EFFECTS = {
     "command_deadband": {"threshold_rpm": st.floats(0.0, 60.0)},
@@ -11,10 +30,11 @@ SET_POINT_EFFECTS = {
     "direction_asymmetry": {"reverse_ratio": st.floats(0.5, 1.5)},
     "battery_sag": {"drop_per_s": st.floats(0.0, 2.0)},
     "warm_up": {"share": st.floats(-0.9, 0.9), "time_constant_s": st.floats(0.01, 10.0)},
+    "static_map": curves(),
     "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 200.0)},
     "acceleration_limit": {"limit_rpm_s": st.floats(10.0, 1e5)},
 }
-"""Effect -> strategies for its parameters."""
+"""Effect -> strategies for its parameters, or one for all of them."""
 
 
 def one_form_each(effects):
@@ -25,5 +45,8 @@ def one_form_each(effects):
 
 def some_of(effects):
     """Return a strategy for any of the effects, given as SET_POINT_EFFECTS, in one form of each cause."""
-    optional = {name: st.fixed_dictionaries(values) for name, values in effects.items()}
+    optional = {
+        name: st.fixed_dictionaries(values) if isinstance(values, dict) else values
+        for name, values in effects.items()
+    }
     return st.fixed_dictionaries({}, optional=optional).map(one_form_each)

@@ -138,6 +138,8 @@ class Effect:
     """Plants that have the part but cannot express the effect: they refuse the model."""
     understated_by: tuple[PlantKind, ...] = ()
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
+    searched: bool = True
+    """Whether a search for the effects that a model lacks tries it."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
     depends_on_integral: bool = False

@@ -12,12 +12,14 @@ from mecanum_env.effects.definition import Effect, Load, Parameter, PlantKind, V
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
+from mecanum_env.model.static_map import MAP, MAP_PARAMETERS, map_parameters, map_points
 from mecanum_env.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
     import mujoco
 
 _POSITIVE: Final = (1e-6, math.inf)
+_ANY: Final = (-math.inf, math.inf)
 _LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
 _RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
 _WHEELS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
@@ -44,6 +46,11 @@ def _viscous(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind
 def _stiction(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
     speed = values["stribeck_rpm"] * RAD_S_PER_RPM
     return replace(drive, breakaway_n_m=values["breakaway_n_m"], stribeck_rad_s=speed)
+
+
+def _static_map(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
+    knots, mapped = map_points(values)
+    return replace(drive, knots_rpm=knots, values_rpm=mapped)
 
 
 EFFECTS: Final = (
@@ -128,6 +135,24 @@ EFFECTS: Final = (
         change_drive=lambda drive, values, _: replace(
             drive, warm_up_share=values["share"], warm_up_s=values["time_constant_s"]
         ),
+    ),
+    Effect(
+        name=MAP,
+        first_form="curve",
+        station="set_point",
+        acts_on="drive",
+        parameters=tuple(Parameter(name, "rpm", 0.0, (-150.0, 150.0), _ANY) for name in MAP_PARAMETERS),
+        summary="Each wheel's command follows a curve through up to 6 knots, linear in between; "
+        "in a file these are the lists `knots_rpm` and `values_rpm`.",
+        signature="An error that depends on the command alone, but unlike a gain, a dead band or a limit.",
+        direct_check="the settled speed at many commands, both ways",
+        realistic=lambda model: map_parameters(
+            [share * usual_ceiling_rpm(model) for share in (0.1, 0.3, 0.8)],
+            [share * usual_ceiling_rpm(model) for share in (0.04, 0.25, 0.8)],
+        ),
+        searched=False,
+        undone_by="command",
+        change_drive=_static_map,
     ),
     Effect(
         name="speed_saturation",

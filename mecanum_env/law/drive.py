@@ -25,7 +25,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
-from mecanum_env.law.set_point import saturated, warm_up_gain
+from mecanum_env.law.set_point import mapped, require_map, saturated, warm_up_gain
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
@@ -75,6 +75,10 @@ class DriveParameters:
     """Share of the gain that is lost as the drive warms up, above -1 and below 1; below 0 it rises."""
     warm_up_s: float = 0.0
     """Time constant of the warming [s]; 0: it does not act."""
+    knots_rpm: tuple[float, ...] = ()
+    """Commands at which a static map is given [rpm]; see `mapped`."""
+    values_rpm: tuple[float, ...] = ()
+    """What the map makes of them [rpm]."""
     softness_rpm: float = 0.0
     """The saturation begins this far below its limit [rpm]; see `saturated`."""
     acceleration_rpm_s: float = math.inf
@@ -104,6 +108,7 @@ class DriveParameters:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
         if not abs(self.warm_up_share) < 1.0:
             raise InputError(f"warm_up_share = {self.warm_up_share}, must lie between -1 and 1")
+        require_map(self.knots_rpm, self.values_rpm)
         longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
@@ -119,7 +124,7 @@ class DriveParameters:
 def received_command(
     parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
 ) -> FloatArray:
-    """Return latched commands after rounding, dead band, gains and saturation [rpm]; NaN counts as 0.
+    """Return latched commands after rounding, dead band, gains, static map and saturation [rpm]; NaN is 0.
 
     `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
     """
@@ -135,6 +140,7 @@ def received_command(
     command = command * np.maximum(0.0, 1.0 - parameters.drop_per_s * np.asarray(seconds, float))
     if parameters.warms_up:
         command = command * warm_up_gain(parameters.warm_up_share, parameters.warm_up_s, seconds)
+    command = mapped(command, parameters.knots_rpm, parameters.values_rpm)
     return saturated(command, parameters.saturation_rpm, parameters.softness_rpm)
 
 

@@ -12,6 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.model.static_map import MAP_PARAMETERS
 
 _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "command_latency": ("delay_s",),
@@ -24,6 +25,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "direction_asymmetry": ("reverse_ratio",),
     "battery_sag": ("drop_per_s", "per_volt"),
     "warm_up": ("share", "time_constant_s"),
+    "static_map": MAP_PARAMETERS,
     "speed_saturation": ("limit_rpm", "softness_rpm"),
     "acceleration_limit": ("limit_rpm_s",),
     "weak_servo": ("servo_n_m_s_rad",),
@@ -48,7 +50,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
 EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
-_FIRST_FORMS: Final[dict[str, str]] = {"command_deadband": "drop", "warm_up": "gain"}
+_FIRST_FORMS: Final[dict[str, str]] = {"command_deadband": "drop", "warm_up": "gain", "static_map": "curve"}
 """Cause -> what its first form is called, for causes with several forms."""
 
 

@@ -22,6 +22,7 @@
 
 #define RING 32         // latched commands kept, which bounds the delay
 #define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
+#define MAP_KNOTS 6     // knots of a static map, at most
 #define EPS 1e-9        // tolerance of the clocks, relative to their period
 #define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
 
@@ -56,7 +57,20 @@
   X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)                  \
   X(SUBTRACTED, "subtracted_rpm", NOT_BELOW_0)              \
   X(WARM_UP, "warm_up_share", WITHIN_1)                     \
-  X(WARM_UP_TIME, "warm_up_s", NOT_BELOW_0)
+  X(WARM_UP_TIME, "warm_up_s", NOT_BELOW_0)                 \
+  X(MAP_SIZE, "map_knots", ITS_OWN)                         \
+  X(KNOT_1, "knot_1_rpm", FINITE)                           \
+  X(KNOT_2, "knot_2_rpm", FINITE)                           \
+  X(KNOT_3, "knot_3_rpm", FINITE)                           \
+  X(KNOT_4, "knot_4_rpm", FINITE)                           \
+  X(KNOT_5, "knot_5_rpm", FINITE)                           \
+  X(KNOT_6, "knot_6_rpm", FINITE)                           \
+  X(VALUE_1, "value_1_rpm", FINITE)                         \
+  X(VALUE_2, "value_2_rpm", FINITE)                         \
+  X(VALUE_3, "value_3_rpm", FINITE)                         \
+  X(VALUE_4, "value_4_rpm", FINITE)                         \
+  X(VALUE_5, "value_5_rpm", FINITE)                         \
+  X(VALUE_6, "value_6_rpm", FINITE)
 
 #define INDEX(index, name, check) index,
 enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };

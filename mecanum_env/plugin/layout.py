@@ -36,6 +36,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.drive import RING, DriveParameters
 from mecanum_env.model import Model, Robot
+from mecanum_env.model.static_map import MAP_PARAMETERS, map_parameters
 from mecanum_env.plugin import PLUGIN_NAME
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
@@ -51,6 +52,7 @@ USER: Final = (
     *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
     *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
     *("subtracted_rpm", "warm_up_share", "warm_up_s"),
+    *("map_knots", *MAP_PARAMETERS),
 )
 """Names of the parameters in user; the inertia is the wheel's own, the others are those of the drive."""
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
@@ -112,6 +114,7 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
     values = {name: value for name, value in vars(drive).items() if name in USER and not math.isinf(value)}
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
+    values |= {"map_knots": float(len(drive.knots_rpm)), **map_parameters(drive.knots_rpm, drive.values_rpm)}
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
     return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))

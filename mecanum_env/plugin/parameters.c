@@ -23,6 +23,18 @@ static int passes(double value, Check check) {
   return isfinite(value) && (check == FINITE || value > 0 || (check == NOT_BELOW_0 && value == 0));
 }
 
+// Whether a drive has no static map, or one whose knots increase and whose values do not decrease; a mirrored one
+// begins at 0.
+static int map_is_possible(const double* p) {
+  const double *x = p + KNOT_1, *y = p + VALUE_1;
+  double n = p[MAP_SIZE];
+  if (!(n >= 0 && n <= MAP_KNOTS && n == floor(n))) return 0;
+  for (int i = 1; i < n; i++)
+    if (!(x[i] > x[i - 1] && y[i] >= y[i - 1])) return 0;
+  if (n == 0) return 1;
+  return x[(int)n - 1] >= 0 && (x[0] < 0 || y[0] == 0 || (x[0] > 0 && y[0] > 0));
+}
+
 #define REFUSE(...) return snprintf(message, size, __VA_ARGS__), 1
 
 int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) {
@@ -45,6 +57,10 @@ int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) 
   if (!(p[DELAY] >= 0) || !(p[DELAY] <= longest))
     REFUSE("delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a timestep)", DELAY - FIRST_USER,
            p[DELAY], longest, RING - 3);
+  if (!map_is_possible(p))
+    REFUSE("map_knots = user[%d] = %g: must be a number of knots up to %d that increase and reach 0, with values that do "
+           "not decrease; 0 or more, and 0 at 0, without a knot below 0", MAP_SIZE - FIRST_USER, p[MAP_SIZE],
+           MAP_KNOTS);
   if (!(p[TORQUE_LIMIT] > 0))
     REFUSE("torque_limit_n_m = user[%d] = %g, must be above 0 (1e10 or inf: no limit)", TORQUE_LIMIT - FIRST_USER,
            p[TORQUE_LIMIT]);

@@ -15,6 +15,21 @@ static int slot(double j) {
 
 double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }
 
+// A command u [rpm] after the static map through the knots x with values y: linear in between, with the offset of the
+// outermost knot beyond it. Without a knot below 0 it is mirrored and passes through 0.
+static double mapped(const double* p, double u) {
+  const double *x = p + KNOT_1, *y = p + VALUE_1;
+  int n = (int)fmin(p[MAP_SIZE], MAP_KNOTS), mirrored = x[0] >= 0, above = 0;
+  double v = mirrored ? fabs(u) : u;
+  while (above < n && x[above] < v) above++;  // the first knot that is not below v
+  double x0 = 0, y0 = 0;
+  if (above > 0) x0 = x[above - 1], y0 = y[above - 1];
+  else if (!mirrored) x0 = x[0], y0 = y[0];
+  double width = above < n ? x[above] - x0 : 0;
+  double out = width > 0 ? y0 + (y[above] - y0) * ((v - x0) / width) : y0 + (v - x0);
+  return mirrored ? copysign(out, u) : out;
+}
+
 // The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
 static double shaped(const double* p, double u, double seconds) {
   double limit = p[SATURATION], knee = fmin(p[SOFTNESS], limit);
@@ -24,6 +39,7 @@ static double shaped(const double* p, double u, double seconds) {
   if (p[REVERSE_RATIO] > 0 && u < 0) u *= p[REVERSE_RATIO];
   if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
   if (p[WARM_UP_TIME] > 0 && p[WARM_UP] != 0) u *= 1 - p[WARM_UP] * (1 - exp(-seconds / p[WARM_UP_TIME]));
+  if (p[MAP_SIZE] >= 1) u = mapped(p, u);
   if (limit > 0 && knee > 0) {
     double beyond = fabs(u) - (limit - knee);
     // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.

@@ -27,6 +27,14 @@ CLEAR = {
     ("body_speed_limit", "v_rpm"): 30.0,
     ("body_speed_limit", "vc_rpm"): 20.0,
     ("command_deadband", "threshold_rpm"): 25.0,
+    **{
+        ("static_map", f"knot_{i}_rpm"): knot
+        for i, knot in enumerate((-50.0, -20.0, 0.0, 20.0, 50.0, 90.0), 1)
+    },
+    **{
+        ("static_map", f"value_{i}_rpm"): value
+        for i, value in enumerate((-40.0, 0.0, 0.0, 9.0, 50.0, 95.0), 1)
+    },
 }
 # Other parameters that are needed for this one to matter.
 BESIDE = {

@@ -4,6 +4,7 @@ import pytest
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
+from sysid.gap.search.data import known_effects
 from sysid.gap.search.responses import _trials
 
 MODEL = paper_model()
@@ -22,3 +23,9 @@ def test_every_size_changes_the_model_and_is_within_bounds(name: str) -> None:
         assert ((place >= 0.0) & (place <= 1.0)).all()
         assert size > 0.0
         assert chosen.model(MODEL, place) != MODEL
+
+
+def test_an_effect_that_is_not_searched_is_not_tried():
+    left = {name for name, effect in CATALOGUE.items() if not effect.searched}
+    assert "static_map" in left
+    assert not left & {*known_effects("bench"), *known_effects("robot"), *known_effects("robot", "planar")}

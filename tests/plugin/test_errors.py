@@ -48,6 +48,10 @@ BAD_USER = [
     ("warm_up_share", 1.0),
     ("warm_up_share", np.nan),
     ("warm_up_s", -1.0),
+    ("map_knots", 7.0),
+    ("map_knots", 1.5),
+    ("map_knots", np.nan),
+    ("knot_1_rpm", np.inf),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

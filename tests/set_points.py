@@ -6,6 +6,7 @@ from mecanum_env.model import cause_of
 from mecanum_env.model.static_map import map_parameters
 
 SPEEDS = st.floats(-120.0, 120.0)
+BRAKES = st.just(0.0) | st.floats(10.0, 1e5)
 
 
 @st.composite
@@ -32,7 +33,12 @@ SET_POINT_EFFECTS = {
     "warm_up": {"share": st.floats(-0.9, 0.9), "time_constant_s": st.floats(0.01, 10.0)},
     "static_map": curves(),
     "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 200.0)},
-    "acceleration_limit": {"limit_rpm_s": st.floats(10.0, 1e5)},
+    "acceleration_limit": {"limit_rpm_s": st.floats(10.0, 1e5), "brake_rpm_s": BRAKES},
+    "acceleration_limit/s_curve": {
+        "limit_rpm_s": st.floats(10.0, 1e5),
+        "jerk_rpm_s2": st.floats(100.0, 1e7),
+        "brake_rpm_s": BRAKES,
+    },
 }
 """Effect -> strategies for its parameters, or one for all of them."""
 

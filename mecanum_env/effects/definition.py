@@ -58,6 +58,8 @@ class Parameter:
     """The response jumps where the value passes a command, and is flat in between."""
     simulated: bool = True
     """False: the name is reserved, but values other than the neutral one are refused."""
+    searched: bool = True
+    """False: a search leaves it at its neutral or default value."""
     largest: Callable[[Model], float] | None = None
     """Largest value that a simulation of the given model can represent, if that is below `bounds`."""
 
@@ -73,9 +75,9 @@ class Parameter:
     def scaled(self, factor: float) -> Parameter:
         """Return the parameter as a search needs it on a robot `factor` times as fast as the packaged one.
 
-        Only speeds and accelerations are scaled; `valid` stays.
+        Only speeds, accelerations and jerks are scaled; `valid` stays.
         """
-        if factor == 1.0 or self.unit not in ("rpm", "rpm/s"):
+        if factor == 1.0 or self.unit not in ("rpm", "rpm/s", "rpm/s2"):
             return self
         low, high = self.bounds
         scan = None if self.scan is None else tuple(factor * value for value in self.scan)

@@ -22,6 +22,9 @@ _POSITIVE: Final = (1e-6, math.inf)
 _ANY: Final = (-math.inf, math.inf)
 _LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
 _RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
+_JERKS_RPM_S2: Final = (500, 1500, 5000, 15_000, 50_000)
+_BRAKE: Final = Parameter("brake_rpm_s", "rpm/s", None, (0.0, 5000.0), searched=False)
+"""Limit of a speed that falls in size; 0: that of one that grows."""
 _WHEELS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
 _CURRENT: Final = "the motor's current at several steady speeds and at break-away"
 
@@ -173,16 +176,41 @@ EFFECTS: Final = (
     ),
     Effect(
         name="acceleration_limit",
+        first_form="set_point",
         station="set_point",
         acts_on="drive",
         parameters=(
             Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), _POSITIVE, scan=_RATES_RPM_S),
+            _BRAKE,
         ),
-        summary="Each wheel's command changes no faster than this.",
+        summary="Each wheel's command changes no faster than this, "
+        "or than `brake_rpm_s` while it falls in size.",
         signature="Ramps instead of steps, longer for larger steps; the speeds reached are unchanged.",
         direct_check="the setpoint in the drive's own log",
         realistic=lambda _: {"limit_rpm_s": 600.0},
-        change_drive=lambda drive, values, _: replace(drive, acceleration_rpm_s=values["limit_rpm_s"]),
+        change_drive=lambda drive, values, _: replace(
+            drive, acceleration_rpm_s=values["limit_rpm_s"], brake_rpm_s=values["brake_rpm_s"]
+        ),
+    ),
+    Effect(
+        name="acceleration_limit/s_curve",
+        station="set_point",
+        acts_on="drive",
+        parameters=(
+            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), _POSITIVE, scan=_RATES_RPM_S),
+            Parameter("jerk_rpm_s2", "rpm/s2", math.inf, (300.0, 1e5), _POSITIVE, scan=_JERKS_RPM_S2),
+            _BRAKE,
+        ),
+        summary="Each wheel's command changes no faster than this, and its rate of change no faster than "
+        "`jerk_rpm_s2`: an S-curve, which ends at the command without overshoot.",
+        signature="Ramps with round beginnings and ends; the speeds reached are unchanged.",
+        direct_check="the setpoint in the drive's own log",
+        change_drive=lambda drive, values, _: replace(
+            drive,
+            acceleration_rpm_s=values["limit_rpm_s"],
+            jerk_rpm_s2=values["jerk_rpm_s2"],
+            brake_rpm_s=values["brake_rpm_s"],
+        ),
     ),
     Effect(
         name="weak_servo",

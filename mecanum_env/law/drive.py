@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
+from mecanum_env.law.ramp import Ramp, RampLimits
 from mecanum_env.law.set_point import mapped, require_map, saturated, warm_up_gain
 from mecanum_env.units import FloatArray
 
@@ -83,6 +84,10 @@ class DriveParameters:
     """The saturation begins this far below its limit [rpm]; see `saturated`."""
     acceleration_rpm_s: float = math.inf
     """Largest rate of change of the law's input [rpm/s]."""
+    brake_rpm_s: float = 0.0
+    """The same while it falls in size [rpm/s]; 0: as otherwise."""
+    jerk_rpm_s2: float = math.inf
+    """Largest change of that rate [rpm/s2]."""
     gap_rad: float = 0.0
     """Backlash between motor and wheel [rad]. From here on: behind the setpoint, in the plugin only."""
     breakaway_n_m: float = 0.0
@@ -98,12 +103,12 @@ class DriveParameters:
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
             *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s"),
-            "softness_rpm",
+            *("softness_rpm", "brake_rpm_s"),
             *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
-        for name in ("saturation_rpm", "acceleration_rpm_s"):
+        for name in ("saturation_rpm", "acceleration_rpm_s", "jerk_rpm_s2"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
         if not abs(self.warm_up_share) < 1.0:
@@ -119,6 +124,12 @@ class DriveParameters:
     def warms_up(self) -> bool:
         """Whether the gain changes as the drive warms up."""
         return self.warm_up_share != 0.0 and self.warm_up_s > 0.0
+
+    @property
+    def ramp_limits(self) -> RampLimits:
+        """What bounds the change of the law's input."""
+        rise = self.acceleration_rpm_s
+        return RampLimits(rise, self.brake_rpm_s or rise, self.jerk_rpm_s2, self.law.sample_period_s)
 
 
 def received_command(
@@ -172,28 +183,26 @@ def ramped_inputs(
     latched_rpm: FloatArray,
     latches: npt.ArrayLike,
     start: int,
-    ramp_rpm: npt.ArrayLike,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the law's inputs r(k) [rpm], shape (..., K), and the ramp's value at the end [rpm], shape (...).
+    ramp: Ramp,
+) -> tuple[FloatArray, Ramp]:
+    """Return the law's inputs r(k) [rpm], shape (..., K), and the ramp at the end, of shape (...).
 
-    The ramp follows the delayed command at the acceleration limit; r(k) is its mean over the tick. Without a
-    limit the ramp is the command itself, and r(k) that of `law_inputs`.
+    The ramp follows the delayed command within the limits; r(k) is its mean over the tick. Without limits the
+    ramp is the command itself, and r(k) that of `law_inputs`.
 
-    The ticks are consecutive; `latched_rpm`, `latches` and `start` are as for `law_inputs`. `ramp_rpm` is the
-    value of the ramp at the first tick [rpm], shape (...).
+    The ticks are consecutive; `latched_rpm`, `latches` and `start` are as for `law_inputs`. `ramp` is that at
+    the first tick, of shape (...).
     """
-    limit = parameters.acceleration_rpm_s * parameters.law.sample_period_s  # change in one tick
+    limits = parameters.ramp_limits
     held = list(_held(parameters, ticks, latched_rpm, latches, start))
-    if math.isinf(limit):
+    if not limits.act:
         inputs = law_inputs(parameters, ticks, latched_rpm, latches, start)
-        return inputs, held[-1][1][..., -1] if inputs.shape[-1] else np.asarray(ramp_rpm, float)
-    inputs, ramp = np.zeros((*latched_rpm.shape[:-1], np.size(ticks))), np.asarray(ramp_rpm, float)
+        return inputs, Ramp.steady(held[-1][1][..., -1]) if inputs.shape[-1] else ramp
+    inputs = np.zeros((*latched_rpm.shape[:-1], np.size(ticks)))
     for k in range(inputs.shape[-1]):
         for shares, commands in held:
-            share, command = shares[k], commands[..., k]
-            end = np.minimum(np.maximum(command, ramp - limit * share), ramp + limit * share)
-            change, ramp = end - ramp, end
-            inputs[..., k] += share * end - change * np.abs(change) / (2 * limit)
+            ramp, contribution = limits.moved(ramp, commands[..., k], shares[k])
+            inputs[..., k] += contribution
     return inputs, ramp
 
 
@@ -247,7 +256,7 @@ def simulate_drive(
     received = received_command(parameters, command[..., latched_at], acts_at)
     latched = np.concatenate([initial[..., None], received], axis=-1)
     latches = np.searchsorted(latched_at, ticked_at, side="right")
-    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, initial)
+    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, Ramp.steady(initial))
     w = parameters.law.simulate(r, LawState.steady(initial))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
@@ -283,7 +292,7 @@ def latched_commands(
     acts_at = np.arange(count) * period + parameters.delay_s
     received = received_command(parameters, np.concatenate([[0.0], command[given]])[index], acts_at)
     latched = np.concatenate([[initial_rpm], np.where(index == 0, initial_rpm, received)])
-    return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, initial_rpm)[0]
+    return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, Ramp.steady(initial_rpm))[0]
 
 
 def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:

@@ -27,7 +27,8 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "warm_up": ("share", "time_constant_s"),
     "static_map": MAP_PARAMETERS,
     "speed_saturation": ("limit_rpm", "softness_rpm"),
-    "acceleration_limit": ("limit_rpm_s",),
+    "acceleration_limit": ("limit_rpm_s", "brake_rpm_s"),
+    "acceleration_limit/s_curve": ("limit_rpm_s", "jerk_rpm_s2", "brake_rpm_s"),
     "weak_servo": ("servo_n_m_s_rad",),
     "backlash": ("gap_deg",),
     "coulomb_friction": ("torque_n_m",),
@@ -50,7 +51,12 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
 EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
-_FIRST_FORMS: Final[dict[str, str]] = {"command_deadband": "drop", "warm_up": "gain", "static_map": "curve"}
+_FIRST_FORMS: Final[dict[str, str]] = {
+    "command_deadband": "drop",
+    "warm_up": "gain",
+    "static_map": "curve",
+    "acceleration_limit": "set_point",
+}
 """Cause -> what its first form is called, for causes with several forms."""
 
 

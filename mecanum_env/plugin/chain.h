@@ -10,8 +10,8 @@
 // setpoint without lag. Friction of the wheel's bearing acts beside this torque.
 //
 // A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. The way from the
-// command to r(k) is in set_point.c, the rest in chain.c. Around it stand the actuator plugin (mecanum_wheel.c) and the
-// bench (bench.c). mecanum_env/law is the same chain in Python; the tests hold the two equal bit for bit.
+// command to r(k) is in set_point.c, the rest in chain.c. Around it stand the actuator plugin (mecanum_wheel.c) and
+// the bench (bench.c). mecanum_env/law is the same chain in Python; the tests hold the two equal bit for bit.
 
 #ifndef MECANUM_CHAIN_H
 #define MECANUM_CHAIN_H
@@ -70,7 +70,9 @@
   X(VALUE_3, "value_3_rpm", FINITE)                         \
   X(VALUE_4, "value_4_rpm", FINITE)                         \
   X(VALUE_5, "value_5_rpm", FINITE)                         \
-  X(VALUE_6, "value_6_rpm", FINITE)
+  X(VALUE_6, "value_6_rpm", FINITE)                         \
+  X(BRAKE, "brake_rpm_s", NOT_BELOW_0)                      \
+  X(JERK, "jerk_rpm_s2", NOT_BELOW_0)
 
 #define INDEX(index, name, check) index,
 enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };
@@ -88,6 +90,7 @@ typedef struct {
   double change;                                   // change of the wheel's speed in the last substep [rad/s]
   double gap;                                      // motor minus wheel in the backlash, +- half of it [rad]
   double load;                                     // torque of everything else on the wheel, smoothed [N m]
+  double slope;                                    // the S-curve's rate of change at the end of the tick [rpm/s]
   double command[RING];                            // latched command j at j modulo RING [rpm]
 } Drive;
 

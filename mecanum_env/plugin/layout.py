@@ -53,6 +53,7 @@ USER: Final = (
     *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
     *("subtracted_rpm", "warm_up_share", "warm_up_s"),
     *("map_knots", *MAP_PARAMETERS),
+    *("brake_rpm_s", "jerk_rpm_s2"),
 )
 """Names of the parameters in user; the inertia is the wheel's own, the others are those of the drive."""
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
@@ -68,6 +69,7 @@ STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
     *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
+    "slope",
 )
 """Names of the first entries of a wheel's plugin state, all zero at rest:
 
@@ -80,6 +82,7 @@ STATE: Final = (
 - change: the wheel's change of speed in the last substep [rad/s]; the torque limit predicts the next from it
 - gap: position of the motor relative to the wheel inside the backlash, from the middle of the gap [rad]
 - load: smoothed torque of everything but the drive on the wheel [N m], for its friction
+- slope: rate of change of an S-curve at the end of the tick [rpm/s]
 
 RING latched commands [rpm] follow, command j at j modulo RING.
 """

@@ -58,8 +58,8 @@ int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) 
     REFUSE("delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a timestep)", DELAY - FIRST_USER,
            p[DELAY], longest, RING - 3);
   if (!map_is_possible(p))
-    REFUSE("map_knots = user[%d] = %g: must be a number of knots up to %d that increase and reach 0, with values that do "
-           "not decrease; 0 or more, and 0 at 0, without a knot below 0", MAP_SIZE - FIRST_USER, p[MAP_SIZE],
+    REFUSE("map_knots = user[%d] = %g: must be a number of knots up to %d that increase and reach 0, with values that "
+           "do not decrease; 0 or more, and 0 at 0, without a knot below 0", MAP_SIZE - FIRST_USER, p[MAP_SIZE],
            MAP_KNOTS);
   if (!(p[TORQUE_LIMIT] > 0))
     REFUSE("torque_limit_n_m = user[%d] = %g, must be above 0 (1e10 or inf: no limit)", TORQUE_LIMIT - FIRST_USER,

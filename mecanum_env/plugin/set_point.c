@@ -62,19 +62,71 @@ void set_point_restart(Drive* s) {
   s->ticks = s->latches = 0;
 }
 
+// Move a ramp straight to a point at a rate [rpm per tick] for at most the part of a tick left; return the area.
+static double leg(double* ramp, double to, double rate, double* left) {
+  double before = *ramp, way = to - before, time = fabs(way) / rate, spent = fmin(*left, time);
+  *ramp = time <= *left ? to : before + copysign(rate * spent, way);
+  *left -= spent;
+  return spent * (before + *ramp) / 2;
+}
+
+// Move a ramp at one rate [rpm per tick] towards 0 and at another away from it.
+static double two_rates(double* ramp, double command, double part, double rise, double brake) {
+  double nearer = fmin(fmax(command, fmin(*ramp, 0)), fmax(*ramp, 0)), left = part;
+  double area = leg(ramp, nearer, brake, &left);
+  if (*ramp == nearer) area += leg(ramp, command, rise, &left);
+  return area + left * *ramp;
+}
+
+// Move the ramp with bounded jerk [rpm/s2] to a point at which its slope is 0, in the shortest time, for at most the
+// seconds left; return the area. The slope rises to a peak, stays there, and falls to 0.
+static double glide(Drive* s, double to, double rise, double brake, double jerk, double* left) {
+  double value = s->ramp, slope = s->slope, area = 0;
+  // Whether to push up or down: from where it would come to rest if the slope fell to 0 from now on.
+  double push = value + slope * fabs(slope) / (2 * jerk) < to ? 1 : -1;
+  double most = push * value < 0 ? brake : rise, way = push * (to - value), begin = push * slope;
+  double peak = fmax(begin, fmin(sqrt(fmax(jerk * way + begin * begin / 2, 0)), most));
+  double cruise = peak > 0 ? fmax((way - (2 * peak * peak - begin * begin) / (2 * jerk)) / peak, 0) : 0;
+  double change[] = {push * jerk, 0, -push * jerk}, time[] = {(peak - begin) / jerk, cruise, peak / jerk};
+  int arrives = 1;
+  for (int i = 0; i < 3; i++) {
+    double spent = fmin(*left, time[i]);
+    arrives &= spent == time[i];
+    area += spent * (value + spent * (slope / 2 + change[i] * spent / 6));
+    value += slope * spent + change[i] * spent * spent / 2;
+    slope += change[i] * spent;
+    *left -= spent;
+  }
+  s->ramp = arrives ? to : value;
+  s->slope = arrives ? 0 : slope;
+  return area;
+}
+
+// Move the S-curve to a command. If its two rates differ, a reversal comes to rest at 0 first.
+static double s_curve(Drive* s, double command, double part, double rise, double brake, double jerk, double tau) {
+  double left = part * tau, area = 0;
+  for (int i = 0; i < 2; i++) {
+    int stops = brake != rise && s->ramp * command < 0;
+    area += glide(s, stops ? 0 : command, rise, brake, jerk, &left);
+  }
+  return (area + left * s->ramp) / tau;
+}
+
 // Move the ramp towards a command for a part of a tick; return the part's contribution to the mean over the tick.
-// The ramp changes by at most `limit` in a whole tick; with 0 it jumps.
-static double ramped(double* ramp, double command, double part, double limit) {
-  if (!(limit > 0)) return *ramp = command, part * command;
-  double before = *ramp;
-  *ramp = fmin(fmax(command, before - limit * part), before + limit * part);
-  double moved = *ramp - before;
-  return part * *ramp - moved * fabs(moved) / (2 * limit);
+static double ramped(Drive* s, const double* p, double command, double part) {
+  double tau = p[SAMPLE_PERIOD], rise = p[ACCELERATION] > 0 ? p[ACCELERATION] : INFINITY;
+  double brake = p[BRAKE] > 0 ? p[BRAKE] : rise;
+  if (p[JERK] > 0) return s_curve(s, command, part, rise, brake, p[JERK], tau);
+  if (brake != rise) return two_rates(&s->ramp, command, part, rise * tau, brake * tau);
+  if (isinf(rise)) return s->ramp = command, part * command;
+  double limit = rise * tau, before = s->ramp;
+  s->ramp = fmin(fmax(command, before - limit * part), before + limit * part);
+  double moved = s->ramp - before;
+  return part * s->ramp - moved * fabs(moved) / (2 * limit);
 }
 
 double set_point_input(Drive* s, const double* p) {
   double tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD], delay = p[DELAY];
-  double limit = p[ACCELERATION] * tau;  // change of the ramp per tick
   double t = s->ticks * tau;
   double latest = floor(t / T + EPS);
   if (!(latest <= s->latches - 1)) latest = s->latches - 1;
@@ -86,8 +138,8 @@ double set_point_input(Drive* s, const double* p) {
     double arrival = (j + 1) * T + delay;
     if (!(arrival < t + tau)) break;
     double part = (arrival - t) / tau;
-    sum += ramped(&s->ramp, s->command[slot(j)], part - done, limit);
+    sum += ramped(s, p, s->command[slot(j)], part - done);
     done = part;
   }
-  return sum + ramped(&s->ramp, s->command[slot(j)], 1 - done, limit);
+  return sum + ramped(s, p, s->command[slot(j)], 1 - done);
 }

@@ -43,6 +43,8 @@ BESIDE = {
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
     ("warm_up", "time_constant_s"): {"share": 0.5},
+    ("acceleration_limit", "brake_rpm_s"): {"limit_rpm_s": 300.0},
+    ("acceleration_limit/s_curve", "brake_rpm_s"): {"limit_rpm_s": 300.0},
 }
 
 

@@ -27,7 +27,7 @@ from .conftest import acting, channels, clear_model, clear_value
 ROOT = Path(__file__).parents[2]
 CHAIN = """command_latency body_speed_limit body_acceleration_limit command_deadband
 command_deadband/subtract speed_gain wheel_gain_mismatch direction_asymmetry battery_sag warm_up static_map
-speed_saturation acceleration_limit weak_servo
+speed_saturation acceleration_limit acceleration_limit/s_curve weak_servo
 backlash coulomb_friction stiction viscous_friction roller_friction low_grip payload com_offset wheel_radius
 track_width floor_slope mount_yaw sensor_latency sensor_lowpass sensor_scale sensor_bias"""
 CHECKED_ALONE = [effect for effect in CATALOGUE.values() if effect.name != "static_map"]
@@ -89,7 +89,9 @@ def test_all_neutral_together_are_nothing_on_the_rollers(base, plain):
 )
 def test_near_neutral_is_nearly_nothing(base, plain, plant, name, parameter):
     neutral = parameter.neutral_in(base)
-    near = 1e9 if neutral == np.inf else neutral + 1e-7 * np.sign(clear_value(name, parameter.name) - neutral)
+    near = (
+        1e15 if neutral == np.inf else neutral + 1e-7 * np.sign(clear_value(name, parameter.name) - neutral)
+    )
     model = base.with_effect(name, **{parameter.name: float(near)})
     assert list(active_effects(model)) != []
     np.testing.assert_allclose(channels(model, plant), plain(plant), atol=0.02)

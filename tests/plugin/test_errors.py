@@ -48,6 +48,8 @@ BAD_USER = [
     ("warm_up_share", 1.0),
     ("warm_up_share", np.nan),
     ("warm_up_s", -1.0),
+    ("brake_rpm_s", -1.0),
+    ("jerk_rpm_s2", np.nan),
     ("map_knots", 7.0),
     ("map_knots", 1.5),
     ("map_knots", np.nan),

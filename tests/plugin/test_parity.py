@@ -70,8 +70,8 @@ def test_state_equals_the_reference_bit_for_bit(
             drive.latches,
         )
         law = drive.law
-        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp")] == [
-            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, drive.ramp)
+        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp", "slope")] == [
+            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, *vars(drive.ramp).values())
         ]
         assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
         setpoints.append(float(setpoint))

@@ -91,8 +91,9 @@ def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None
 def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
     """Return the simulations of an effect, one for each of its sizes."""
     trials: list[_Trial] = []
-    primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
-    secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
+    searched = [p for p in effect.parameters if p.simulated and p.searched]
+    primary = [p for p in searched if p.neutral is not None]
+    secondary = [p for p in searched if p.neutral is None and p.scan]
     for parameter in primary:
         one = coordinate(base, effect, parameter, scale)
         neutral = one.neutral_place

@@ -105,6 +105,7 @@ EFFECTS: Final = (
     ),
     Effect(
         name="command_deadband",
+        first_form="drop",
         station="set_point",
         acts_on="command",
         parameters=(
@@ -118,5 +119,17 @@ EFFECTS: Final = (
         realistic=lambda _: {"threshold_rpm": 6.0},
         undone_by="command",
         change_drive=lambda drive, values, _: replace(drive, deadband_rpm=values["threshold_rpm"]),
+    ),
+    Effect(
+        name="command_deadband/subtract",
+        station="set_point",
+        acts_on="command",
+        parameters=(Parameter("threshold_rpm", "rpm", 0.0, (0.0, 40.0)),),
+        summary="A threshold is taken off every wheel command; smaller ones do nothing.",
+        signature="No motion for small commands, and the same loss in rpm for all larger ones, "
+        "with integral action in the drive as well.",
+        direct_check="the smallest command that makes the motor draw current, and the setpoint beyond it",
+        undone_by="command",
+        change_drive=lambda drive, values, _: replace(drive, subtracted_rpm=values["threshold_rpm"]),
     ),
 )

@@ -6,12 +6,25 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from mecanum_env.effects.definition import Effect, Parameter, usual_ceiling_rpm
+from mecanum_env.effects.definition import Effect, Parameter, Values, usual_ceiling_rpm
 from mecanum_env.kinematics import WHEELS
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.law.set_point import MAP_PARAMETERS
+from mecanum_env.model.static_map import MAP, map_parameters, map_points
 
 POSITIVE: Final = (1e-6, math.inf)
 LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
 RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
+BRAKE: Final = Parameter("brake_rpm_s", "rpm/s", None, (0.0, 5000.0), searched=False)
+"""Limit of a speed that falls in size; 0: that of one that grows."""
+_ANY: Final = (-math.inf, math.inf)
+_JERKS_RPM_S2: Final = (500, 1500, 5000, 15_000, 50_000)
+
+
+def _static_map(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
+    knots, mapped = map_points(values)
+    return replace(drive, knots_rpm=knots, values_rpm=mapped)
+
 
 EFFECTS: Final = (
     Effect(
@@ -69,6 +82,52 @@ EFFECTS: Final = (
         change_drive=lambda drive, values, _: replace(drive, drop_per_s=values["drop_per_s"]),
     ),
     Effect(
+        name="warm_up",
+        first_form="gain",
+        station="set_point",
+        acts_on="drive",
+        parameters=(
+            Parameter("share", "1", 0.0, (-0.5, 0.5), (-0.99, 0.99)),
+            Parameter(
+                "time_constant_s",
+                "s",
+                None,
+                (1.0, 600.0),
+                POSITIVE,
+                default=60.0,
+                scan=(3, 10, 30, 100, 300),
+            ),
+        ),
+        summary="As the drives warm up, their gain loses this share, most of it within the time constant; "
+        "below 0 it rises.",
+        signature="The same command gives less and less speed from the start of a run on, "
+        "and after some time the same lower one.",
+        direct_check="the speed at one command in a cold and in a warm drive",
+        realistic=lambda _: {"share": 0.1, "time_constant_s": 30.0},
+        undone_by="command",
+        change_drive=lambda drive, values, _: replace(
+            drive, warm_up_share=values["share"], warm_up_s=values["time_constant_s"]
+        ),
+    ),
+    Effect(
+        name=MAP,
+        first_form="curve",
+        station="set_point",
+        acts_on="drive",
+        parameters=tuple(Parameter(name, "rpm", 0.0, (-150.0, 150.0), _ANY) for name in MAP_PARAMETERS),
+        summary="Each wheel's command follows a curve through up to 6 knots, linear in between; "
+        "in a file these are the lists `knots_rpm` and `values_rpm`.",
+        signature="An error that depends on the command alone, but unlike a gain, a dead band or a limit.",
+        direct_check="the settled speed at many commands, both ways",
+        realistic=lambda model: map_parameters(
+            [share * usual_ceiling_rpm(model) for share in (0.1, 0.3, 0.8)],
+            [share * usual_ceiling_rpm(model) for share in (0.04, 0.25, 0.8)],
+        ),
+        searched=False,
+        undone_by="command",
+        change_drive=_static_map,
+    ),
+    Effect(
         name="speed_saturation",
         first_form="clip",
         station="set_point",
@@ -91,11 +150,37 @@ EFFECTS: Final = (
         first_form="set_point",
         station="set_point",
         acts_on="drive",
-        parameters=(Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),),
-        summary="Each wheel's command changes no faster than this.",
+        parameters=(
+            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),
+            BRAKE,
+        ),
+        summary="Each wheel's command changes no faster than this, "
+        "or than `brake_rpm_s` while it falls in size.",
         signature="Ramps instead of steps, longer for larger steps; the speeds reached are unchanged.",
         direct_check="the setpoint in the drive's own log",
         realistic=lambda _: {"limit_rpm_s": 600.0},
-        change_drive=lambda drive, values, _: replace(drive, acceleration_rpm_s=values["limit_rpm_s"]),
+        change_drive=lambda drive, values, _: replace(
+            drive, acceleration_rpm_s=values["limit_rpm_s"], brake_rpm_s=values["brake_rpm_s"]
+        ),
+    ),
+    Effect(
+        name="acceleration_limit/s_curve",
+        station="set_point",
+        acts_on="drive",
+        parameters=(
+            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),
+            Parameter("jerk_rpm_s2", "rpm/s2", math.inf, (300.0, 1e5), POSITIVE, scan=_JERKS_RPM_S2),
+            BRAKE,
+        ),
+        summary="Each wheel's command changes no faster than this, and its rate of change no faster than "
+        "`jerk_rpm_s2`: an S-curve, which ends at the command without overshoot.",
+        signature="Ramps with round beginnings and ends; the speeds reached are unchanged.",
+        direct_check="the setpoint in the drive's own log",
+        change_drive=lambda drive, values, _: replace(
+            drive,
+            acceleration_rpm_s=values["limit_rpm_s"],
+            jerk_rpm_s2=values["jerk_rpm_s2"],
+            brake_rpm_s=values["brake_rpm_s"],
+        ),
     ),
 )

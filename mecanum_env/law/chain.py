@@ -19,6 +19,7 @@ from mecanum_env.law.coefficients import law_step
 from mecanum_env.law.drive import EPS, RING
 from mecanum_env.law.motor_bounds import bounded
 from mecanum_env.law.parameters import Sets
+from mecanum_env.law.ramp import Ramp, RampLimits
 from mecanum_env.law.shaping import shaped
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
@@ -44,6 +45,7 @@ class DriveState:
     gap: FloatArray
     load: FloatArray
     angle: FloatArray
+    slope: FloatArray
     command: FloatArray
     """Latched commands [rpm], command j at j modulo RING, shape (sets, runs, RING)."""
     substeps: int = field(default=0, init=False)
@@ -91,7 +93,8 @@ def _tick(s: DriveState, p: Sets, due: Mask) -> None:
     brake = np.where(p["drive_brake_rpm_s"] > 0.0, p["drive_brake_rpm_s"], rise)
     tau, supply = p["sample_period_s"], _off_is_infinite(p["supply_rpm"])
     w = bounded(s.w0, w, rise * tau, brake * tau, supply, p["supply_share"])
-    after = {"w0": w, "w1": s.w0, "w2": s.w1, "r1": r, "r2": s.r1, "ramp": ramp}
+    after = {"w0": w, "w1": s.w0, "w2": s.w1, "r1": r, "r2": s.r1}
+    after |= {"ramp": ramp.value_rpm, "slope": ramp.slope_rpm_s}
     for name, value in after.items():
         setattr(s, name, np.where(due, value, getattr(s, name)))
     s.ticks = s.ticks + due
@@ -102,11 +105,12 @@ def _off_is_infinite(limit: FloatArray) -> FloatArray:
     return np.where(limit > 0.0, limit, np.inf)
 
 
-def _law_input(s: DriveState, p: Sets) -> tuple[FloatArray, FloatArray]:
+def _law_input(s: DriveState, p: Sets) -> tuple[FloatArray, Ramp]:
     """Return r(k), the mean over the tick of the delayed command behind the ramp, and the ramp at its end."""
     tau, period, delay = p["sample_period_s"], p["command_period_s"], p["delay_s"]
-    limit, ramp = p["acceleration_rpm_s"] * tau, s.ramp
-    t = s.ticks * tau
+    rise, jerk = _off_is_infinite(p["acceleration_rpm_s"]), _off_is_infinite(p["jerk_rpm_s2"])
+    limits = RampLimits(rise, np.where(p["brake_rpm_s"] > 0.0, p["brake_rpm_s"], rise), jerk, tau)
+    ramp, t = Ramp(s.ramp, s.slope), s.ticks * tau
     latest = np.minimum(np.floor(t / period + EPS), s.latches - 1)
     j = np.maximum(np.minimum(np.floor((t - delay) / period + EPS), latest), latest - (RING - 1))
     total, done = np.zeros(t.shape), np.zeros(t.shape)
@@ -116,25 +120,15 @@ def _law_input(s: DriveState, p: Sets) -> tuple[FloatArray, FloatArray]:
         if not np.any(arrives):
             break
         until = np.where(arrives, (arrival - t) / tau, done)
-        part, moved = _ramped(ramp, _commands(s, j), until - done, limit)
-        total, ramp = np.where(arrives, total + part, total), np.where(arrives, moved, ramp)
+        moved, part = limits.moved(ramp, _commands(s, j), until - done)
+        total = np.where(arrives, total + part, total)
+        ramp = Ramp(
+            np.where(arrives, moved.value_rpm, ramp.value_rpm),
+            np.where(arrives, moved.slope_rpm_s, ramp.slope_rpm_s),
+        )
         done, j = until, j + arrives
-    part, ramp = _ramped(ramp, _commands(s, j), 1 - done, limit)
+    ramp, part = limits.moved(ramp, _commands(s, j), 1 - done)
     return total + part, ramp
-
-
-def _ramped(
-    ramp: FloatArray, command: FloatArray, part: FloatArray, limit: FloatArray
-) -> tuple[FloatArray, FloatArray]:
-    """Move ramps towards commands for a part of a tick; return the parts of the mean, and the ramps.
-
-    A ramp changes by at most `limit` in a whole tick; with 0 it jumps.
-    """
-    most = np.where(limit > 0.0, limit, 1.0)
-    end = np.minimum(np.maximum(command, ramp - most * part), ramp + most * part)
-    moved = end - ramp
-    mean = part * end - moved * np.abs(moved) / (2 * most)
-    return np.where(limit > 0.0, mean, part * command), np.where(limit > 0.0, end, command)
 
 
 def _commands(s: DriveState, j: FloatArray) -> FloatArray:

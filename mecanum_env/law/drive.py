@@ -1,6 +1,6 @@
 """The drive of one wheel in front of its servo: from the command that is sent to the speed setpoint.
 
-This is the reference for the plugin (mecanum_env/plugin/chain.c), which tests hold equal to it bit
+This is the reference for the plugin (mecanum_env/plugin/set_point.c), which tests hold equal to it bit
 for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
 
 - Latch j is due at the first substep with n h >= j T, with T the command period. The latched command is
@@ -27,6 +27,8 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
 from mecanum_env.law.motor_bounds import MotorBounds, steepest_share
+from mecanum_env.law.ramp import Ramp, RampLimits
+from mecanum_env.law.set_point import map_numbers, require_map
 from mecanum_env.law.shaping import shaped
 from mecanum_env.law.wheel_load import NO_LOAD, WheelLoad
 from mecanum_env.units import FloatArray
@@ -64,16 +66,30 @@ class DriveParameters:
     """Time from the latch to the effect of a command [s]."""
     deadband_rpm: float = 0.0
     """Commands smaller than this count as 0 [rpm]."""
+    subtracted_rpm: float = 0.0
+    """Commands lose this much of their size, and smaller ones all of it [rpm]."""
     gain: float = 1.0
     """Factor on every command."""
     reverse_ratio: float = 1.0
     """Further factor on negative commands."""
     drop_per_s: float = 0.0
     """Share of the gain that is lost in each second [1/s]."""
+    warm_up_share: float = 0.0
+    """Share of the gain that is lost as the drive warms up, above -1 and below 1; below 0 it rises."""
+    warm_up_s: float = 0.0
+    """Time constant of the warming [s]; 0: it does not act."""
+    knots_rpm: tuple[float, ...] = ()
+    """Commands at which a static map is given [rpm]; see `mecanum_env.law.set_point.mapped`."""
+    values_rpm: tuple[float, ...] = ()
+    """What the map makes of them [rpm]."""
     softness_rpm: float = 0.0
-    """The saturation begins this far below its limit [rpm]; see `mecanum_env.law.shaping.saturated`."""
+    """The saturation begins this far below its limit [rpm]; see `mecanum_env.law.set_point.saturated`."""
     acceleration_rpm_s: float = math.inf
     """Largest rate of change of the law's input [rpm/s]."""
+    brake_rpm_s: float = 0.0
+    """The same while it falls in size [rpm/s]; 0: as otherwise."""
+    jerk_rpm_s2: float = math.inf
+    """Largest change of that rate [rpm/s2]."""
     drive_acceleration_rpm_s: float = math.inf
     """Largest acceleration of the wheel itself by its motor [rpm/s]."""
     drive_brake_rpm_s: float = 0.0
@@ -88,14 +104,20 @@ class DriveParameters:
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
-            *("command_quantum_rpm", "deadband_rpm", "drop_per_s", "softness_rpm", "drive_brake_rpm_s"),
+            *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s"),
+            *("softness_rpm", "brake_rpm_s", "drive_brake_rpm_s"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
-        limits = ("saturation_rpm", "acceleration_rpm_s", "drive_acceleration_rpm_s", "supply_rpm")
-        for name in limits:
+        for name in (
+            *("saturation_rpm", "acceleration_rpm_s", "jerk_rpm_s2"),
+            *("drive_acceleration_rpm_s", "supply_rpm"),
+        ):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
+        if not abs(self.warm_up_share) < 1.0:
+            raise InputError(f"warm_up_share = {self.warm_up_share}, must lie between -1 and 1")
+        require_map(self.knots_rpm, self.values_rpm)
         longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
@@ -113,15 +135,28 @@ class DriveParameters:
             steepest_share(self.law) if math.isfinite(self.supply_rpm) else 0.0,
         )
 
+    @property
+    def warms_up(self) -> bool:
+        """Whether the gain changes as the drive warms up."""
+        return self.warm_up_share != 0.0 and self.warm_up_s > 0.0
+
+    @property
+    def ramp_limits(self) -> RampLimits:
+        """What bounds the change of the law's input."""
+        rise = self.acceleration_rpm_s
+        limits = rise, self.brake_rpm_s or rise, self.jerk_rpm_s2, self.law.sample_period_s
+        return RampLimits(*map(np.asarray, limits))
+
 
 def received_command(
     parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
 ) -> FloatArray:
-    """Return latched commands after rounding, dead band, gain and saturation [rpm]; NaN counts as 0.
+    """Return latched commands after rounding, dead band, gains, static map and saturation [rpm]; NaN is 0.
 
     `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
     """
-    return shaped(vars(parameters), command_rpm, seconds)
+    numbers = {**vars(parameters), **map_numbers(parameters.knots_rpm, parameters.values_rpm)}
+    return shaped(numbers, command_rpm, seconds)
 
 
 def law_inputs(
@@ -152,28 +187,26 @@ def ramped_inputs(
     latched_rpm: FloatArray,
     latches: npt.ArrayLike,
     start: int,
-    ramp_rpm: npt.ArrayLike,
-) -> tuple[FloatArray, FloatArray]:
-    """Return the law's inputs r(k) [rpm], shape (..., K), and the ramp's value at the end [rpm], shape (...).
+    ramp: Ramp,
+) -> tuple[FloatArray, Ramp]:
+    """Return the law's inputs r(k) [rpm], shape (..., K), and the ramp at the end, of shape (...).
 
-    The ramp follows the delayed command at the acceleration limit; r(k) is its mean over the tick. Without a
-    limit the ramp is the command itself, and r(k) that of `law_inputs`.
+    The ramp follows the delayed command within the limits; r(k) is its mean over the tick. Without limits the
+    ramp is the command itself, and r(k) that of `law_inputs`.
 
-    The ticks are consecutive; `latched_rpm`, `latches` and `start` are as for `law_inputs`. `ramp_rpm` is the
-    value of the ramp at the first tick [rpm], shape (...).
+    The ticks are consecutive; `latched_rpm`, `latches` and `start` are as for `law_inputs`. `ramp` is that at
+    the first tick, of shape (...).
     """
-    limit = parameters.acceleration_rpm_s * parameters.law.sample_period_s  # change in one tick
+    limits = parameters.ramp_limits
     held = list(_held(parameters, ticks, latched_rpm, latches, start))
-    if math.isinf(limit):
+    if not limits.act:
         inputs = law_inputs(parameters, ticks, latched_rpm, latches, start)
-        return inputs, held[-1][1][..., -1] if inputs.shape[-1] else np.asarray(ramp_rpm, float)
-    inputs, ramp = np.zeros((*latched_rpm.shape[:-1], np.size(ticks))), np.asarray(ramp_rpm, float)
+        return inputs, Ramp.steady(held[-1][1][..., -1]) if inputs.shape[-1] else ramp
+    inputs = np.zeros((*latched_rpm.shape[:-1], np.size(ticks)))
     for k in range(inputs.shape[-1]):
         for shares, commands in held:
-            share, command = shares[k], commands[..., k]
-            end = np.minimum(np.maximum(command, ramp - limit * share), ramp + limit * share)
-            change, ramp = end - ramp, end
-            inputs[..., k] += share * end - change * np.abs(change) / (2 * limit)
+            ramp, contribution = limits.moved(ramp, commands[..., k], shares[k])
+            inputs[..., k] += contribution
     return inputs, ramp
 
 
@@ -227,7 +260,7 @@ def simulate_drive(
     received = received_command(parameters, command[..., latched_at], acts_at)
     latched = np.concatenate([initial[..., None], received], axis=-1)
     latches = np.searchsorted(latched_at, ticked_at, side="right")
-    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, initial)
+    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, Ramp.steady(initial))
     w = parameters.motor_bounds.simulate(parameters.law, r, LawState.steady(initial))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
@@ -263,7 +296,7 @@ def latched_commands(
     acts_at = np.arange(count) * period + parameters.delay_s
     received = received_command(parameters, np.concatenate([[0.0], command[given]])[index], acts_at)
     latched = np.concatenate([[initial_rpm], np.where(index == 0, initial_rpm, received)])
-    return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, initial_rpm)[0]
+    return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, Ramp.steady(initial_rpm))[0]
 
 
 def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:

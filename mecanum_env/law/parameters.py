@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.law.set_point import MAP_PARAMETERS
 from mecanum_env.units import FloatArray
 
 DYNPRM: Final = (
@@ -26,6 +27,8 @@ USER: Final = (
     *("drive_acceleration_rpm_s", "drive_brake_rpm_s", "supply_rpm", "supply_share"),
     *("rotor_kg_m2", "viscous_n_m_s_rad", "friction_warm_share", "friction_warm_s"),
     *("ripple_n_m", "ripple_share", "ripple_per_turn", "ripple_phase_rad", "gap_kind"),
+    *("subtracted_rpm", "warm_up_share", "warm_up_s", "map_knots", *MAP_PARAMETERS),
+    *("brake_rpm_s", "jerk_rpm_s2"),
 )
 """The servo and the effects; from "deadband_rpm" on 0 means "off", also for a gain.
 

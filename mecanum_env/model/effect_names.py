@@ -12,21 +12,26 @@ from types import MappingProxyType
 from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.law.set_point import MAP_PARAMETERS
 
 _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "command_latency": ("delay_s",),
     "body_speed_limit": ("v_rpm", "vc_rpm"),
     "body_acceleration_limit": ("v_rpm_s", "vc_rpm_s"),
     "command_deadband": ("threshold_rpm",),
+    "command_deadband/subtract": ("threshold_rpm",),
     "speed_gain": ("gain",),
     "wheel_gain_mismatch": ("gain_fl", "gain_fr", "gain_rl", "gain_rr"),
     "direction_asymmetry": ("reverse_ratio",),
     "battery_sag": ("drop_per_s", "per_volt"),
+    "warm_up": ("share", "time_constant_s"),
     "warm_up/friction": ("share", "time_constant_s"),
+    "static_map": MAP_PARAMETERS,
     "speed_saturation": ("limit_rpm", "softness_rpm"),
     "speed_saturation/supply": ("limit_rpm",),
-    "acceleration_limit": ("limit_rpm_s",),
+    "acceleration_limit": ("limit_rpm_s", "brake_rpm_s"),
     "acceleration_limit/drive": ("limit_rpm_s", "brake_rpm_s"),
+    "acceleration_limit/s_curve": ("limit_rpm_s", "jerk_rpm_s2", "brake_rpm_s"),
     "load_inertia": ("ratio",),
     "weak_servo": ("servo_n_m_s_rad",),
     "backlash": ("gap_deg",),
@@ -61,6 +66,9 @@ EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHE
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
 _FIRST_FORMS: Final[dict[str, str]] = {
+    "command_deadband": "drop",
+    "warm_up": "gain",
+    "static_map": "curve",
     "speed_saturation": "clip",
     "acceleration_limit": "set_point",
     "backlash": "coast",

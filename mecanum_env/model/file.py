@@ -17,8 +17,9 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import asset_path, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named, form_of
-from mecanum_env.model.json_checks import mapping, numbers, uncertainty_from_dict
+from mecanum_env.model.json_checks import mapping, number_list, numbers, uncertainty_from_dict
 from mecanum_env.model.model import Model, Robot, Wheel
+from mecanum_env.model.static_map import LISTS, MAP, map_lists, map_parameters
 
 FORMAT: Final = "mecanum-model/1"
 _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
@@ -171,11 +172,26 @@ def _effect(cause: str, section: Any) -> tuple[str, Mapping[str, float]]:
         raise InputError(f"{where}.form = {form!r}, must be the name of a form")
     name = effect_named(cause, form)
     known = EFFECT_PARAMETERS.get(name)
+    if name == MAP and any(one in parameters for one in LISTS):
+        return name, _static_map(where, parameters)
     return name, parameters if known is None else numbers(where, parameters, known, null=known)
+
+
+def _static_map(where: str, parameters: Mapping[str, Any]) -> dict[str, float]:
+    """Read the lists of a static map."""
+    rows = {one: number_list(f"{where}.{one}", parameters[one]) for one in LISTS if one in parameters}
+    if rows.keys() != parameters.keys() or len(rows) < len(LISTS):
+        raise InputError(f"{where} has {', '.join(parameters)}; must be {' and '.join(LISTS)}")
+    try:
+        return map_parameters(*(rows[one] for one in LISTS))
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from error
 
 
 def _effect_to_dict(name: str, values: Mapping[str, float]) -> dict[str, Any]:
     """Return the section of an effect; the first form of a cause is not mentioned."""
+    if name == MAP and (lists := map_lists(values)) is not None:
+        return dict(lists)
     numbers = {key: _infinite_as_null(number) for key, number in values.items()}
     return {"form": form_of(name), **numbers} if name != cause_of(name) else numbers
 

@@ -44,6 +44,17 @@ def number(where: str, value: Any) -> float:
         raise InputError(f"{where} is beyond double precision, must be a number") from error
 
 
+def number_list(where: str, value: Any) -> list[float]:
+    """Return `value` in double precision if it is a list of numbers.
+
+    Raises:
+        InputError: it is something else; the message begins with `where`.
+    """
+    if not isinstance(value, list):
+        raise InputError(f"{where} = {json.dumps(value)}, must be a list of numbers")
+    return [number(f"{where}[{index}]", item) for index, item in enumerate(value)]
+
+
 def numbers(where: str, value: Any, known: Collection[str], null: Collection[str] = ()) -> dict[str, float]:
     """Return the numbers of the JSON object `value` by name; `where` is its place in the file.
 

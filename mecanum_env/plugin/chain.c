@@ -4,8 +4,6 @@
 
 #include <math.h>
 
-#define EPS 1e-9            // tolerance of the clocks, relative to their period
-#define ABSURD 1e10         // commands beyond this [rpm] count as 0
 #define TINY 1e-15          // least inertia of a wheel [kg m^2]
 #define LOAD_SMOOTHING 0.1  // share of a change of the load that its estimate follows in a substep
 #define UNLIMITED 1e10      // torque limit [N m] that means none, as on the bench
@@ -14,71 +12,9 @@ static double clip(double x, double low, double high) { return x < low ? low : x
 
 // ---------------------------------------------------------------------------------------- command to setpoint
 
-// Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
-static int slot(double j) {
-  return fabs(j) < 1e15 ? (int)((int64_t)j & (RING - 1)) : 0;
-}
-
-double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }
-
-// The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
-static double shaped(const double* p, double u, double seconds) {
-  double limit = p[SATURATION], knee = fmin(p[SOFTNESS], limit);
-  if (fabs(u) < p[DEADBAND]) u = 0;
-  if (p[GAIN] > 0) u *= p[GAIN];
-  if (p[REVERSE_RATIO] > 0 && u < 0) u *= p[REVERSE_RATIO];
-  if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
-  if (limit > 0 && knee > 0) {
-    double beyond = fabs(u) - (limit - knee);
-    // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.
-    if (beyond > 0 && beyond < 2 * knee) u = copysign(limit - knee + beyond - beyond * beyond / (4 * knee), u);
-  }
-  if (limit > 0) u = fmin(fmax(u, -limit), limit);
-  return u;
-}
-
-static double latched(const double* p, double command, double seconds) {
-  double u = chain_sane(command);
-  if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
-  return shaped(p, u, seconds);
-}
-
-// Move the ramp towards a command for a part of a tick; return the part's contribution to the mean over the tick.
-// The ramp changes by at most `limit` in a whole tick; with 0 it jumps.
-static double ramped(double* ramp, double command, double part, double limit) {
-  if (!(limit > 0)) return *ramp = command, part * command;
-  double before = *ramp;
-  *ramp = fmin(fmax(command, before - limit * part), before + limit * part);
-  double moved = *ramp - before;
-  return part * *ramp - moved * fabs(moved) / (2 * limit);
-}
-
-// r(k): the mean over the tick of the delayed command behind the acceleration limit. Only commands latched by the
-// start of the tick count.
-static double law_input(Drive* s, const double* p) {
-  double tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD], delay = p[DELAY];
-  double limit = p[ACCELERATION] * tau;  // change of the ramp per tick
-  double t = s->ticks * tau;
-  double latest = floor(t / T + EPS);
-  if (!(latest <= s->latches - 1)) latest = s->latches - 1;
-  double j = floor((t - delay) / T + EPS);
-  if (!(j <= latest)) j = latest;
-  if (j < latest - (RING - 1)) j = latest - (RING - 1);
-  double sum = 0, done = 0;
-  for (int i = 1; i < RING && j + 1 <= latest; i++, j++) {
-    double arrival = (j + 1) * T + delay;
-    if (!(arrival < t + tau)) break;
-    double part = (arrival - t) / tau;
-    sum += ramped(&s->ramp, s->command[slot(j)], part - done, limit);
-    done = part;
-  }
-  return sum + ramped(&s->ramp, s->command[slot(j)], 1 - done, limit);
-}
-
 static void restart_clocks(Drive* s, double h, double tau, double T) {
-  double last = s->command[slot(s->latches - 1)];
-  for (int i = 0; i < RING; i++) s->command[i] = last;
-  s->substeps = s->ticks = s->latches = 0;
+  set_point_restart(s);
+  s->substeps = 0;
   s->timestep = h, s->sample_period = tau, s->command_period = T;
   s->change = 0;  // that of a substep of the old length
 }
@@ -103,12 +39,9 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
   const double h = now->timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   if (s->timestep != h || s->sample_period != tau || s->command_period != T) restart_clocks(s, h, tau, T);
   double time = s->substeps * h;
-  for (int i = 0; i < MAX_EVENTS && time >= s->latches * T - EPS * T; i++) {
-    s->command[slot(s->latches)] = latched(p, now->command, s->latches * T + p[DELAY]);
-    s->latches += 1;
-  }
+  for (int i = 0; i < MAX_EVENTS && time >= s->latches * T - EPS * T; i++) set_point_latch(s, p, now->command);
   for (int i = 0; i < MAX_EVENTS && time >= s->ticks * tau - EPS * tau; i++) {
-    double r = law_input(s, p);
+    double r = set_point_input(s, p);
     double w = p[LAW_A] * s->w0 + p[LAW_B] * s->w1 + p[LAW_C] * s->w2 + p[LAW_D] * r + p[LAW_E] * s->r1 +
                p[LAW_F] * s->r2;
     w = reached(p, s->w0, w);

@@ -11,9 +11,9 @@
 // follow the setpoint without lag. A rotor is the part of J that the limit leaves alone. Friction of the wheel's
 // bearing acts beside this torque.
 //
-// A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. Around it stand
-// the actuator plugin (mecanum_wheel.c) and the bench (bench.c). mecanum_env/law is the same chain in Python; the
-// tests hold the two equal bit for bit.
+// A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. The way from the
+// command to r(k) is in set_point.c, the rest in chain.c. Around it stand the actuator plugin (mecanum_wheel.c) and
+// the bench (bench.c). mecanum_env/law is the same chain in Python; the tests hold the two equal bit for bit.
 
 #ifndef MECANUM_CHAIN_H
 #define MECANUM_CHAIN_H
@@ -24,6 +24,8 @@
 
 #define RING 32         // latched commands kept, which bounds the delay
 #define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
+#define MAP_KNOTS 6     // knots of a static map, at most
+#define EPS 1e-9        // tolerance of the clocks, relative to their period
 #define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
 
 // All parameters in order: X(index, name, check). mecanum_env/law/parameters.py has the same names; a test holds the
@@ -67,7 +69,25 @@
   X(RIPPLE_SHARE, "ripple_share", NOT_BELOW_0)              \
   X(RIPPLE_PER_TURN, "ripple_per_turn", NOT_BELOW_0)        \
   X(RIPPLE_PHASE, "ripple_phase_rad", FINITE)               \
-  X(GAP_KIND, "gap_kind", NOT_BELOW_0)
+  X(GAP_KIND, "gap_kind", NOT_BELOW_0)                      \
+  X(SUBTRACTED, "subtracted_rpm", NOT_BELOW_0)              \
+  X(WARM_UP, "warm_up_share", WITHIN_1)                     \
+  X(WARM_UP_TIME, "warm_up_s", NOT_BELOW_0)                 \
+  X(MAP_SIZE, "map_knots", ITS_OWN)                         \
+  X(KNOT_1, "knot_1_rpm", FINITE)                           \
+  X(KNOT_2, "knot_2_rpm", FINITE)                           \
+  X(KNOT_3, "knot_3_rpm", FINITE)                           \
+  X(KNOT_4, "knot_4_rpm", FINITE)                           \
+  X(KNOT_5, "knot_5_rpm", FINITE)                           \
+  X(KNOT_6, "knot_6_rpm", FINITE)                           \
+  X(VALUE_1, "value_1_rpm", FINITE)                         \
+  X(VALUE_2, "value_2_rpm", FINITE)                         \
+  X(VALUE_3, "value_3_rpm", FINITE)                         \
+  X(VALUE_4, "value_4_rpm", FINITE)                         \
+  X(VALUE_5, "value_5_rpm", FINITE)                         \
+  X(VALUE_6, "value_6_rpm", FINITE)                         \
+  X(BRAKE, "brake_rpm_s", NOT_BELOW_0)                      \
+  X(JERK, "jerk_rpm_s2", NOT_BELOW_0)
 
 // What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
 enum { COAST, REST, SPRING };
@@ -89,6 +109,7 @@ typedef struct {
   double gap;                                      // motor minus wheel in the backlash, +- half of it [rad]
   double load;                                     // torque of everything else on the wheel, smoothed [N m]
   double angle;                                    // turned by the wheel since the start [rad]
+  double slope;                                    // the S-curve's rate of change at the end of the tick [rpm/s]
   double command[RING];                            // latched command j at j modulo RING [rpm]
 } Drive;
 
@@ -114,6 +135,16 @@ EXPORT int32_t mecanum_refuses(const double* p, double h, char* message, int64_t
 
 // The command [rpm]; NaN and absurd values count as 0, as for MuJoCo's own actuators.
 double chain_sane(double command);
+
+// Latch the command that is sent [rpm], shaped as the drive does it.
+void set_point_latch(Drive* s, const double* p, double command);
+
+// The law's input r(k) [rpm]: the mean over the coming tick of the delayed command behind the acceleration limit. Only
+// commands latched by the start of the tick count.
+double set_point_input(Drive* s, const double* p);
+
+// Start the clocks of commands and ticks anew; the last command holds on.
+void set_point_restart(Drive* s);
 
 // Advance the clocks, the law and the setpoint to the end of the substep; the rest of the drive is chain_end's.
 void chain_begin(Drive* s, const double* p, const Substep* now);

@@ -35,6 +35,7 @@ from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import RING, DriveParameters
 from mecanum_env.law.parameters import USER
+from mecanum_env.law.set_point import map_numbers
 from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME
@@ -54,7 +55,7 @@ STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
     *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
-    "angle",
+    *("angle", "slope"),
 )
 """Names of the first entries of a wheel's plugin state, all zero at rest:
 
@@ -68,6 +69,7 @@ STATE: Final = (
 - gap: position of the motor relative to the wheel inside the backlash, from the middle of the gap [rad]
 - load: smoothed torque of everything but the drive on the wheel [N m], for its friction
 - angle: angle that the wheel has turned through since the start [rad]
+- slope: rate of change of an S-curve at the end of the tick [rpm/s]
 
 RING latched commands [rpm] follow, command j at j modulo RING.
 """
@@ -105,6 +107,7 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
     values["supply_share"] = drive.motor_bounds.supply_share
     values["rotor_kg_m2"] = rotor_inertia(robot, drive)
+    values |= map_numbers(drive.knots_rpm, drive.values_rpm)
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
     return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))

@@ -5,7 +5,7 @@
 
 #include "chain.h"
 
-typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, ITS_OWN } Check;
+typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, WITHIN_1, ITS_OWN } Check;
 
 #define ROW(index, name, check) {name, check},
 static const struct { const char* name; Check check; } PARAMETERS[] = {
@@ -19,13 +19,26 @@ const char* mecanum_parameter(int64_t index) {
 
 static int passes(double value, Check check) {
   if (check == ITS_OWN) return 1;
+  if (check == WITHIN_1) return fabs(value) < 1;
   return isfinite(value) && (check == FINITE || value > 0 || (check == NOT_BELOW_0 && value == 0));
+}
+
+// Whether a drive has no static map, or one whose knots increase and whose values do not decrease; a mirrored one
+// begins at 0.
+static int map_is_possible(const double* p) {
+  const double *x = p + KNOT_1, *y = p + VALUE_1;
+  double n = p[MAP_SIZE];
+  if (!(n >= 0 && n <= MAP_KNOTS && n == floor(n))) return 0;
+  for (int i = 1; i < n; i++)
+    if (!(x[i] > x[i - 1] && y[i] >= y[i - 1])) return 0;
+  if (n == 0) return 1;
+  return x[(int)n - 1] >= 0 && (x[0] < 0 || y[0] == 0 || (x[0] > 0 && y[0] > 0));
 }
 
 #define REFUSE(...) return snprintf(message, size, __VA_ARGS__), 1
 
 int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) {
-  static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)"};
+  static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)", " between -1 and 1 (0: off)"};
   for (int i = 0; i < N_PARAMETERS; i++) {
     Check check = PARAMETERS[i].check;
     if (passes(p[i], check)) continue;
@@ -44,6 +57,10 @@ int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) 
   if (!(p[DELAY] >= 0) || !(p[DELAY] <= longest))
     REFUSE("delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a timestep)", DELAY - FIRST_USER,
            p[DELAY], longest, RING - 3);
+  if (!map_is_possible(p))
+    REFUSE("map_knots = user[%d] = %g: must be a number of knots up to %d that increase and reach 0, with values that "
+           "do not decrease; 0 or more, and 0 at 0, without a knot below 0", MAP_SIZE - FIRST_USER, p[MAP_SIZE],
+           MAP_KNOTS);
   if (!(p[TORQUE_LIMIT] > 0))
     REFUSE("torque_limit_n_m = user[%d] = %g, must be above 0 (1e10 or inf: no limit)", TORQUE_LIMIT - FIRST_USER,
            p[TORQUE_LIMIT]);

@@ -31,6 +31,14 @@ CLEAR = {
     ("body_speed_limit", "v_rpm"): 30.0,
     ("body_speed_limit", "vc_rpm"): 20.0,
     ("command_deadband", "threshold_rpm"): 25.0,
+    **{
+        ("static_map", f"knot_{i}_rpm"): knot
+        for i, knot in enumerate((-50.0, -20.0, 0.0, 20.0, 50.0, 90.0), 1)
+    },
+    **{
+        ("static_map", f"value_{i}_rpm"): value
+        for i, value in enumerate((-40.0, 0.0, 0.0, 9.0, 50.0, 95.0), 1)
+    },
 }
 # Other parameters that are needed for this one to matter.
 BESIDE = {
@@ -55,6 +63,9 @@ BESIDE = {
     ("encoder_eccentricity", "per_turn"): {"share": 0.1},
     ("encoder_eccentricity", "phase_deg"): {"share": 0.1},
     ("sensor_bias/drift", "per_s"): {"vx_m_s": 0.1},
+    ("warm_up", "time_constant_s"): {"share": 0.5},
+    ("acceleration_limit", "brake_rpm_s"): {"limit_rpm_s": 300.0},
+    ("acceleration_limit/s_curve", "brake_rpm_s"): {"limit_rpm_s": 300.0},
 }
 # Other effects without which this one has nothing to act on.
 COMPANIONS = {"warm_up/friction": {"coulomb_friction": {"torque_n_m": 0.5}}}

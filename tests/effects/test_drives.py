@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.shaping import saturated
+from mecanum_env.law.set_point import saturated
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.plugin.layout import write_parameters
 from mecanum_env.simulator import BodyCommands, WheelCommands, drive, replay_bench
@@ -26,6 +26,12 @@ def test_the_deadband_swallows_small_commands_only(base, command, speed):
     assert steady_speed(base.with_effect("command_deadband", threshold_rpm=10.0), command) == pytest.approx(
         speed, abs=1e-3
     )
+
+
+@pytest.mark.parametrize(("command", "speed"), [(9, 0), (10, 0), (11, 1), (60, 50), (-9, 0), (-60, -50)])
+def test_a_deadband_may_be_taken_off_every_command(base, command, speed):
+    model = base.with_effect("command_deadband", "subtract", threshold_rpm=10.0)
+    assert steady_speed(model, command) == pytest.approx(speed, abs=1e-3)
 
 
 def test_the_deadband_takes_the_slow_wheels_of_a_diagonal(base):
@@ -78,6 +84,23 @@ def test_the_battery_takes_the_same_part_of_the_speed_each_second(base):
     at = {second: speed[np.abs(time - second) < 0.05].mean() for second in (1.0, 2.0, 3.0)}
     assert at[1.0] - at[2.0] == pytest.approx(0.05 * 80, rel=0.02)
     assert at[2.0] - at[3.0] == pytest.approx(0.05 * 80, rel=0.02)
+
+
+@pytest.mark.parametrize("share", [0.3, -0.2])
+def test_a_drive_that_warms_up_loses_or_gains_its_share(base, share):
+    model = base.with_effect("warm_up", share=share, time_constant_s=0.5)
+    time = np.arange(0.0, 6.0, 0.01)
+    speed = replay_bench(model, time, np.full(time.shape, 80.0))
+    assert speed[-20:].mean() == pytest.approx(80 * (1 - share), abs=0.01)
+    # One time constant after the start, and the law's lag.
+    assert speed[np.abs(time - 0.61) < 0.05].mean() == pytest.approx(
+        80 * (1 - share * (1 - 1 / np.e)), rel=0.01
+    )
+
+
+def test_a_gain_cannot_be_lost_altogether(base):
+    with pytest.raises(InputError, match=r"effects\.warm_up\.share = 1, must be"):
+        replay_bench(base.with_effect("warm_up", share=1.0), TIME, TIME)
 
 
 def test_loss_per_volt_is_still_refused(base):

@@ -4,6 +4,7 @@ import pytest
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
+from sysid.gap.search.data import known_effects
 from sysid.gap.search.responses import _trials
 
 MODEL = paper_model()
@@ -30,3 +31,9 @@ def test_a_ripple_is_tried_with_every_phase_at_every_frequency() -> None:
     tried = {(round(one["per_turn"]), round(one["phase_deg"])) for one in values}
     per_turn, _, phase = CATALOGUE["encoder_eccentricity"].parameters
     assert len(trials) == len(tried) == len(per_turn.scan or ()) * len(phase.scan or ())
+
+
+def test_an_effect_that_is_not_searched_is_not_tried():
+    left = {name for name, effect in CATALOGUE.items() if not effect.searched}
+    assert "static_map" in left
+    assert not left & {*known_effects("bench"), *known_effects("robot"), *known_effects("robot", "planar")}

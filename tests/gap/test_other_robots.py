@@ -78,7 +78,7 @@ def test_bounds_and_grids_of_speeds_scale_with_the_robot_and_others_do_not() -> 
     for effect in CATALOGUE.values():
         for parameter in effect.parameters:
             low, high = parameter.scaled(4.0).bounds
-            factor = 4.0 if parameter.unit in ("rpm", "rpm/s") else 1.0
+            factor = 4.0 if parameter.unit in ("rpm", "rpm/s", "rpm/s2") else 1.0
             assert (low, high) == (factor * parameter.bounds[0], factor * parameter.bounds[1])
             if parameter.scan:
                 assert parameter.scaled(4.0).scan == tuple(factor * v for v in parameter.scan)

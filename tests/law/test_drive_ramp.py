@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.law.drive import DriveParameters, latched_commands
-from mecanum_env.law.shaping import saturated
+from mecanum_env.law.set_point import saturated
 from mecanum_env.model import paper_model
 
 FINE = 2000  # parts of a tick
@@ -21,8 +21,10 @@ def ramp_means(drive: DriveParameters, commands, ticks):
     times = (np.arange(ticks * FINE) + 0.5) * step
     which = np.floor((times - drive.delay_s) / drive.command_period_s).astype(int)
     target = np.where(which < 0, 0.0, np.asarray(commands)[np.clip(which, 0, len(commands) - 1)])
-    most, ramps = drive.acceleration_rpm_s * step, np.empty(len(target))
+    rise, ramps = drive.acceleration_rpm_s, np.empty(len(target))
     for n, wanted in enumerate(target):
+        falls = (wanted - ramp) * ramp < 0.0
+        most = (drive.brake_rpm_s or rise if falls else rise) * step
         before, ramp = ramp, ramp + min(max(wanted - ramp, -most), most)
         ramps[n] = (before + ramp) / 2
     return ramps.reshape(ticks, FINE).mean(axis=1)
@@ -31,12 +33,14 @@ def ramp_means(drive: DriveParameters, commands, ticks):
 @given(
     commands=st.lists(st.integers(-120, 120), min_size=3, max_size=3),
     limit=st.floats(50.0, 20_000.0),
+    brake=st.just(0.0) | st.floats(50.0, 20_000.0),
     delay=st.floats(0.0, 0.03),
 )
-def test_the_input_is_the_mean_of_the_ramp(commands, limit, delay):
+def test_the_input_is_the_mean_of_the_ramp(commands, limit, brake, delay):
     drive = replace(
         paper_model().wheel.drive_parameters(),
         acceleration_rpm_s=limit,
+        brake_rpm_s=brake,
         delay_s=delay,
         command_period_s=1 / 60,  # two ticks
     )

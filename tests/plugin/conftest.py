@@ -10,6 +10,7 @@ import pytest
 
 from mecanum_env.law import LawState, WheelLaw
 from mecanum_env.law.drive import EPS, RING, ramped_inputs, received_command
+from mecanum_env.law.ramp import Ramp
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import set_wheel_parameters
 
@@ -95,7 +96,7 @@ class SteppedDrive:
         self.parameters, self.timestep = parameters, timestep
         speed = np.asarray(steady_rpm, float)
         self.substeps = self.ticks = self.latches = 0
-        self.law, self.ramp = LawState.steady(speed), speed
+        self.law, self.ramp = LawState.steady(speed), Ramp.steady(speed)
         # The last latched commands [rpm], shape (..., RING), the newest last.
         self.commands = np.repeat(speed[..., None], RING, axis=-1)
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.law.free_wheel import free_wheel_speeds
 from mecanum_env.law.parameters import CHAIN
+from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS, map_numbers
 from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
 
@@ -37,6 +38,11 @@ RANGES = {
     "ripple_share": (0.01, 0.5),
     "ripple_per_turn": (1.0, 24.0),
     "ripple_phase_rad": (-3.0, 3.0),
+    "subtracted_rpm": (1.0, 40.0),
+    "warm_up_share": (-0.9, 0.9),
+    "warm_up_s": (0.05, 5.0),
+    "brake_rpm_s": (50.0, 5000.0),
+    "jerk_rpm_s2": (300.0, 1e6),
 }
 """Parameters that may be 0, and the range of their other values."""
 STEPS = 150
@@ -52,7 +58,19 @@ def random_row(rng, law, sample_period_s, command_period_s):
     values["torque_limit_n_m"] = float(rng.choice([1e10, rng.uniform(0.1, 2.0)]))
     values["inertia_kg_m2"] = values["rotor_kg_m2"] + float(rng.uniform(1e-4, 1e-2))
     values["gap_kind"] = float(rng.integers(len(GAP_KINDS)))
+    values |= map_numbers(*random_map(rng))
     return [values[name] for name in CHAIN]
+
+
+def random_map(rng):
+    """Return the knots and values of a static map, mirrored or not, or of none."""
+    count = int(rng.choice([0, rng.integers(1, MAP_KNOTS + 1)]))
+    knots, values = np.sort(rng.uniform(-120.0, 120.0, (2, count)), axis=1)
+    if count and (knots[-1] < 0.0 or knots[0] >= 0.0 or rng.random() < 0.5):
+        knots, values = np.sort(np.abs([knots, values]), axis=1)
+        if rng.random() < 0.3:
+            knots[0] = values[0] = 0.0
+    return knots.tolist(), values.tolist()
 
 
 def loop(rows, wheels, timestep, commands, initial):
@@ -66,7 +84,7 @@ def loop(rows, wheels, timestep, commands, initial):
 
 def test_every_parameter_is_varied():
     fixed = {*"ABCDEF", "sample_period_s", "command_period_s", "servo_n_m_s_rad", "torque_limit_n_m"}
-    assert {*RANGES, *fixed, "inertia_kg_m2", "gap_kind"} == set(CHAIN)
+    assert {*RANGES, *fixed, "inertia_kg_m2", "gap_kind", "map_knots", *MAP_PARAMETERS} == set(CHAIN)
 
 
 @given(

@@ -45,6 +45,16 @@ BAD_USER = [
     ("gap_rad", -0.1),
     ("breakaway_n_m", -1.0),
     ("stribeck_rad_s", np.nan),
+    ("subtracted_rpm", -1.0),
+    ("warm_up_share", 1.0),
+    ("warm_up_share", np.nan),
+    ("warm_up_s", -1.0),
+    ("brake_rpm_s", -1.0),
+    ("jerk_rpm_s2", np.nan),
+    ("map_knots", 7.0),
+    ("map_knots", 1.5),
+    ("map_knots", np.nan),
+    ("knot_1_rpm", np.inf),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

@@ -11,6 +11,7 @@ from mecanum_env.law.drive import simulate_drive
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import COMMANDS, RING, STATE, drive_state, state_slice
 from mecanum_env.units import RAD_S_PER_RPM
+from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
 
 def run(mjmodel, commands):
@@ -33,35 +34,7 @@ def run(mjmodel, commands):
     delay_periods=st.one_of(st.just(0.0), st.floats(0.0, 20.0)),
     quantum=st.sampled_from([0.0, 1.0, 0.3]),
     saturation=st.sampled_from([135.0, 40.0, np.inf]),
-    shaping=st.one_of(
-        st.just({}),
-        st.fixed_dictionaries(
-            {
-                "command_deadband": st.fixed_dictionaries({"threshold_rpm": st.floats(0.0, 60.0)}),
-                "speed_gain": st.fixed_dictionaries({"gain": st.floats(0.5, 1.5)}),
-                "direction_asymmetry": st.fixed_dictionaries({"reverse_ratio": st.floats(0.5, 1.5)}),
-                "battery_sag": st.fixed_dictionaries({"drop_per_s": st.floats(0.0, 2.0)}),
-                "speed_saturation": st.fixed_dictionaries(
-                    {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 200.0)}
-                ),
-                "acceleration_limit": st.fixed_dictionaries({"limit_rpm_s": st.floats(10.0, 1e5)}),
-            }
-        ),
-        st.fixed_dictionaries(
-            {
-                "speed_saturation/supply": st.fixed_dictionaries({"limit_rpm": st.floats(10.0, 150.0)}),
-                "acceleration_limit/drive": st.fixed_dictionaries(
-                    {"limit_rpm_s": st.floats(10.0, 1e5), "brake_rpm_s": st.floats(0.0, 1e5)}
-                ),
-            }
-        ),
-        st.fixed_dictionaries(
-            {
-                "acceleration_limit/drive": st.fixed_dictionaries({"limit_rpm_s": st.floats(10.0, 1e4)}),
-                "load_inertia": st.fixed_dictionaries({"ratio": st.just(1.001)}),
-            }
-        ),
-    ),
+    shaping=some_of({**SET_POINT_EFFECTS, **LAW_EFFECTS, "load_inertia": {"ratio": st.just(1.001)}}),
 )
 def test_state_equals_the_reference_bit_for_bit(
     compile_wheels,
@@ -97,8 +70,8 @@ def test_state_equals_the_reference_bit_for_bit(
             drive.latches,
         )
         law = drive.law
-        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp")] == [
-            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, drive.ramp)
+        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp", "slope")] == [
+            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, *vars(drive.ramp).values())
         ]
         assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
         setpoints.append(float(setpoint))

@@ -14,7 +14,7 @@ from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.law.free_wheel import free_wheel_speeds
 from mecanum_env.law.parameters import CHAIN
 from mecanum_env.mjcf.physics import wheel_inertia
-from mecanum_env.model import cause_of, paper_model
+from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters
 from mecanum_env.plugin.library import parameter_names
 from mecanum_env.simulator.bench import (
@@ -27,21 +27,13 @@ from mecanum_env.simulator.bench import (
 )
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.trajectory import SimulationDivergedError
+from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
 ANSWERS = st.one_of(st.just(0.0), st.floats(0.0, 0.2))
 EFFECTS = {
     "command_latency": {"delay_s": st.floats(0.0, 2.0)},
-    "command_deadband": {"threshold_rpm": st.floats(0.0, 40.0)},
-    "speed_gain": {"gain": st.floats(0.5, 1.5)},
-    "direction_asymmetry": {"reverse_ratio": st.floats(0.5, 1.5)},
-    "battery_sag": {"drop_per_s": st.floats(0.0, 0.5)},
-    "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 60.0)},
-    "speed_saturation/supply": {"limit_rpm": st.floats(10.0, 150.0)},
-    "acceleration_limit": {"limit_rpm_s": st.floats(50.0, 5000.0)},
-    "acceleration_limit/drive": {
-        "limit_rpm_s": st.floats(50.0, 5000.0),
-        "brake_rpm_s": st.floats(0.0, 5000.0),
-    },
+    **SET_POINT_EFFECTS,
+    **LAW_EFFECTS,
     "load_inertia": {"ratio": st.floats(1.0, 40.0)},
     "weak_servo": {"servo_n_m_s_rad": st.floats(0.02, 20.0)},
     "backlash": {"gap_deg": st.floats(0.0, 20.0)},
@@ -61,9 +53,6 @@ EFFECTS = {
         "phase_deg": st.floats(-180.0, 180.0),
     },
 }
-SOME_EFFECTS = st.fixed_dictionaries(
-    {}, optional={name: st.fixed_dictionaries(values) for name, values in EFFECTS.items()}
-).map(lambda found: {name: found[name] for name in {cause_of(name): name for name in found}.values()})
 
 
 def random_run(rng: np.random.Generator, initial_rpm: float = 0.0) -> BenchRun:
@@ -79,7 +68,7 @@ def by_mujoco(model, run, timestep_s=None):
 
 @settings(deadline=None)
 @given(
-    effects=SOME_EFFECTS,
+    effects=some_of(EFFECTS),
     integral=st.sampled_from([0.0, 0.3, 20.0]),
     sample_period_s=st.sampled_from([1 / 120, 0.01, 0.0073, 0.05]),
     command_period_s=st.sampled_from([0.1, 0.02, 0.033]),
@@ -112,7 +101,7 @@ def test_the_motion_is_mujocos_bit_for_bit(
 
 @settings(deadline=None, max_examples=25)
 @given(
-    effects=SOME_EFFECTS,
+    effects=some_of(EFFECTS),
     integral=st.sampled_from([0.0, 20.0]),
     timestep_s=st.sampled_from([None, 1 / 133]),
     initial_rpm=st.sampled_from([0.0, 45.0]),

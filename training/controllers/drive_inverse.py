@@ -29,6 +29,7 @@ from mecanum_env.kinematics import (
     wheels_to_command,
     wheels_to_twist,
 )
+from mecanum_env.law.set_point import unmapped, warm_up_gain
 from mecanum_env.model import Model
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -90,7 +91,7 @@ class DriveInverse:
     def command(self, wanted: Command, seconds: float) -> Command:
         """Return the command that moves this robot as the wanted one moves the nominal robot.
 
-        It acts `seconds` after the start, which counts for a sagging battery.
+        It acts `seconds` after the start, which counts for a sagging battery and for drives that warm up.
         """
         if not self.is_needed:
             return wanted
@@ -121,14 +122,17 @@ class DriveInverse:
     def _solve(self, body: FloatArray, seconds: float) -> FloatArray:
         """Return the body command that leads to a body motion, shape (3,) [rpm]."""
         driven = self._friction.driven(body_to_wheels(body))
-        command = wheels_to_body(driven / self._gains(driven, seconds))
+        best = command = wheels_to_body(self._sent(driven, seconds))
+        least = math.inf
         for _ in range(_ITERATIONS):
             # One body command drives four wheels of different gains; for gains within (0, 2) this contracts.
             off = body - wheels_to_body(self._smooth_wheels(body_to_wheels(command), seconds))
-            if np.max(np.abs(off)) < _TOLERANCE_RPM:
+            if (miss := float(np.max(np.abs(off)))) < least:
+                best, least = command, miss
+            if miss < _TOLERANCE_RPM:
                 break
             command = command + off
-        return command
+        return best
 
     def _diffused(self, body: FloatArray, seconds: float) -> Command:
         """Return the command that comes nearest to a body motion [rpm] plus the motion owed so far."""
@@ -147,11 +151,19 @@ class DriveInverse:
         self._owed = np.clip(wanted - reached[best], -np.max(least), np.max(least))
         return choices[best]
 
-    def _gains(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
-        """Return the gain of each wheel's drive in the direction in which it is driven, shape (4,)."""
+    def _sent(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
+        """Return the wheel commands of which the drives make these ones within their limits, shape (4,)."""
+        pairs = zip(driven_rpm, self._drives, strict=True)
+        unbent = np.array([unmapped(w, d.knots_rpm, d.values_rpm) for w, d in pairs])
         forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives])
+        forward *= [
+            float(warm_up_gain(d.warm_up_share, d.warm_up_s, seconds)) if d.warms_up else 1.0
+            for d in self._drives
+        ]
         reverse = np.array([d.reverse_ratio for d in self._drives])
-        return np.where(driven_rpm < 0.0, forward * reverse, forward)
+        sent = unbent / np.where(unbent < 0.0, forward * reverse, forward)
+        lost = np.array([d.subtracted_rpm for d in self._drives])
+        return np.where(unbent == 0.0, 0.0, sent + np.copysign(lost, sent))
 
     def _rounded(self, body_rpm: FloatArray) -> Command:
         """Return the command nearest to a body command [rpm], scaled into the robot's range."""

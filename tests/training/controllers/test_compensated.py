@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.kinematics import command_to_twist
 from mecanum_env.model import paper_model
+from mecanum_env.model.static_map import map_parameters
 from mecanum_env.simulator.robot import RobotSession
 from mecanum_env.tankendo import command_to_action
 from mecanum_env.tankendo.vector import TankendoVectorEnv
@@ -17,10 +18,13 @@ from training.controllers.named import SUFFIX, make_controller
 COMMANDS = ((12, 0, 0), (40, 0, 0), (40, 90, 0), (30, -120, 10), (75, 180, 0), (0, 0, 25))
 DRIVES = {
     "command_deadband": {"command_deadband": {"threshold_rpm": 20.0}},
+    "command_deadband/subtract": {"command_deadband/subtract": {"threshold_rpm": 8.0}},
     "speed_gain": {"speed_gain": {"gain": 0.8}},
     "wheel_gain_mismatch": {"wheel_gain_mismatch": {"gain_fl": 0.85}},
     "direction_asymmetry": {"direction_asymmetry": {"reverse_ratio": 0.8}},
     "battery_sag": {"battery_sag": {"drop_per_s": 0.04}},
+    "warm_up": {"warm_up": {"share": 0.3, "time_constant_s": 1.0}},
+    "static_map": {"static_map": map_parameters([6.0, 30.0, 70.0], [2.0, 20.0, 80.0])},
     "speed_saturation": {"speed_saturation": {"limit_rpm": 80.0, "softness_rpm": 70.0}},
     "coulomb_friction": {"coulomb_friction": {"torque_n_m": 0.5}},
     "weak_servo": {"weak_servo": {"servo_n_m_s_rad": 0.5}, "coulomb_friction": {"torque_n_m": 0.3}},

@@ -1,0 +1,165 @@
+"""Ramps between command and wheel law: how fast what the law follows may change.
+
+Each function moves a ramp for a part of a law tick and returns its contribution to the mean over the tick,
+which is the law's input. All are exact for any part. Ramps are arrays, one entry for each wheel or run.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.units import FloatArray
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """A ramp at some time; both arrays have the shape of the wheels or runs."""
+
+    value_rpm: FloatArray
+    slope_rpm_s: FloatArray
+    """Its present rate of change [rpm/s], which only an S-curve remembers."""
+
+    @staticmethod
+    def steady(speed_rpm: npt.ArrayLike) -> Ramp:
+        """Return a ramp that rests at speeds [rpm] of any shape."""
+        speed = np.asarray(speed_rpm, float)
+        return Ramp(speed, np.zeros(speed.shape))
+
+
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+Move: TypeAlias = Callable[[Ramp, FloatArray, FloatArray], tuple[Ramp, FloatArray]]
+
+
+@dataclass(frozen=True, eq=False)
+class RampLimits:
+    """What bounds ramps, of a shape that broadcasts to theirs; infinite for no bound."""
+
+    rise_rpm_s: FloatArray
+    """Largest rate while the speed grows in size [rpm/s]."""
+    brake_rpm_s: FloatArray
+    """Largest rate while it falls in size [rpm/s]."""
+    jerk_rpm_s2: FloatArray
+    """Largest change of the rate [rpm/s2]."""
+    sample_period_s: FloatArray
+    """Period of the law's ticks [s]."""
+
+    @property
+    def act(self) -> bool:
+        """Whether any ramp is anything but the command itself."""
+        bounds = (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)
+        return any(bool(np.any(np.isfinite(bound))) for bound in bounds)
+
+    def moved(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
+        """Return the ramp after a part of a tick towards a command, and its contribution to the mean [rpm].
+
+        Parts and commands have the ramp's shape, or one that broadcasts to it.
+        """
+        (_, move), *others = self._ways
+        after, mean = move(ramp, command_rpm, part)
+        for mask, move in others:
+            other, other_mean = move(ramp, command_rpm, part)
+            after = Ramp(
+                np.where(mask, other.value_rpm, after.value_rpm),
+                np.where(mask, other.slope_rpm_s, after.slope_rpm_s),
+            )
+            mean = np.where(mask, other_mean, mean)
+        return after, mean
+
+    @cached_property
+    def _ways(self) -> list[tuple[BoolArray, Move]]:
+        """Which ramps move in which way, for all ways that occur."""
+        bends = np.isfinite(self.jerk_rpm_s2)
+        differ = ~bends & (self.brake_rpm_s != self.rise_rpm_s)
+        limited = ~bends & ~differ & np.isfinite(self.rise_rpm_s)
+        masks = (~(bends | differ | limited), limited, differ, bends)
+        functions = (RampLimits._jump, RampLimits._one_rate, RampLimits._two_rates, RampLimits._s_curve)
+        return [
+            (mask, partial(function, self._only(mask)))
+            for mask, function in zip(masks, functions, strict=True)
+            if np.any(mask)
+        ]
+
+    def _only(self, mask: BoolArray) -> RampLimits:
+        """Return these limits with harmless numbers where the mask is False."""
+        rise, brake, jerk = (
+            np.where(mask, bound, 1.0) for bound in (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)
+        )
+        return RampLimits(rise, brake, jerk, self.sample_period_s)
+
+    def _jump(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
+        return Ramp(command_rpm, ramp.slope_rpm_s), part * command_rpm
+
+    def _one_rate(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
+        limit, before = self.rise_rpm_s * self.sample_period_s, ramp.value_rpm  # change in one tick
+        end = np.minimum(np.maximum(command_rpm, before - limit * part), before + limit * part)
+        change = end - before
+        return Ramp(end, ramp.slope_rpm_s), part * end - change * np.abs(change) / (2 * limit)
+
+    def _two_rates(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
+        """Move at one rate towards 0 and at another away from it."""
+        value, tau = ramp.value_rpm, self.sample_period_s
+        nearer = np.minimum(np.maximum(command_rpm, np.minimum(value, 0.0)), np.maximum(value, 0.0))
+        value, left, area = _leg(value, nearer, self.brake_rpm_s * tau, part)
+        further = np.where(value == nearer, command_rpm, value)
+        value, left, added = _leg(value, further, self.rise_rpm_s * tau, left)
+        return Ramp(value, ramp.slope_rpm_s), area + added + left * value
+
+    def _s_curve(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
+        """Move in the shortest time that the limits allow, so that the slope is 0 at the command.
+
+        If the two rates differ, a reversal comes to rest at 0 first.
+        """
+        left, area = part * self.sample_period_s, np.zeros(np.shape(ramp.value_rpm))
+        for _ in range(2):
+            value = ramp.value_rpm
+            stops = (self.brake_rpm_s != self.rise_rpm_s) & (value * command_rpm < 0.0)
+            ramp, left, added = self._glide(ramp, np.where(stops, 0.0, command_rpm), left)
+            area = area + added
+        return ramp, (area + left * ramp.value_rpm) / self.sample_period_s
+
+    def _glide(self, ramp: Ramp, to_rpm: FloatArray, left: FloatArray) -> tuple[Ramp, FloatArray, FloatArray]:
+        """Return the ramp on its way to a point after at most the seconds left, what is left, and the area.
+
+        The slope rises to a peak at the largest jerk, stays there, and falls to 0.
+        """
+        value, slope, jerk = ramp.value_rpm, ramp.slope_rpm_s, self.jerk_rpm_s2
+        # Whether to push up or down: from where it would come to rest if the slope fell to 0 from now on.
+        push = np.where(value + slope * np.abs(slope) / (2 * jerk) < to_rpm, 1.0, -1.0)
+        most = np.where(push * value < 0.0, self.brake_rpm_s, self.rise_rpm_s)
+        way, begin = push * (to_rpm - value), push * slope
+        peak = np.sqrt(np.maximum(jerk * way + begin * begin / 2, 0.0))
+        peak = np.maximum(begin, np.minimum(peak, most))
+        cruise = np.maximum(
+            (way - (2 * peak * peak - begin * begin) / (2 * jerk)) / np.where(peak > 0, peak, 1), 0
+        )
+        area, arrives = np.zeros(np.shape(value)), np.full(np.shape(value), True)
+        for change, time in (
+            (push * jerk, (peak - begin) / jerk),
+            (0.0 * push, np.where(peak > 0.0, cruise, 0.0)),
+            (-push * jerk, peak / jerk),
+        ):
+            spent = np.minimum(left, time)
+            arrives &= spent == time
+            area = area + spent * (value + spent * (slope / 2 + change * spent / 6))
+            value = value + (slope * spent + change * spent * spent / 2)
+            slope = slope + change * spent
+            left = left - spent
+        return Ramp(np.where(arrives, to_rpm, value), np.where(arrives, 0.0, slope)), left, area
+
+
+def _leg(
+    value: FloatArray, to_rpm: FloatArray, rate: FloatArray, left: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return values moved straight to points at a rate [rpm per tick], the part that is left, the area."""
+    way = to_rpm - value
+    time = np.abs(way) / rate
+    spent = np.minimum(left, time)
+    fastest = np.minimum(rate, 1e300)  # an infinite rate needs no time, and 0 times infinity is no number
+    end = np.where(time <= left, to_rpm, value + np.copysign(fastest * spent, way))
+    return end, left - spent, spent * (value + end) / 2

@@ -1,0 +1,145 @@
+// From the command that is sent to the input of the wheel law; chain.h says where it stands in the drive.
+
+#include "chain.h"
+
+#include <math.h>
+
+#define ABSURD 1e10  // commands beyond this [rpm] count as 0
+
+// Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
+static int slot(double j) {
+  double s = fmod(j, RING);
+  if (s < 0) s += RING;
+  return s >= 0 && s < RING ? (int)s : 0;
+}
+
+double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }
+
+// A command u [rpm] after the static map through the knots x with values y: linear in between, with the offset of the
+// outermost knot beyond it. Without a knot below 0 it is mirrored and passes through 0.
+static double mapped(const double* p, double u) {
+  const double *x = p + KNOT_1, *y = p + VALUE_1;
+  int n = (int)fmin(p[MAP_SIZE], MAP_KNOTS), mirrored = x[0] >= 0, above = 0;
+  double v = mirrored ? fabs(u) : u;
+  while (above < n && x[above] < v) above++;  // the first knot that is not below v
+  double x0 = 0, y0 = 0;
+  if (above > 0) x0 = x[above - 1], y0 = y[above - 1];
+  else if (!mirrored) x0 = x[0], y0 = y[0];
+  double width = above < n ? x[above] - x0 : 0;
+  double out = width > 0 ? y0 + (y[above] - y0) * ((v - x0) / width) : y0 + (v - x0);
+  return mirrored ? copysign(out, u) : out;
+}
+
+// The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
+static double shaped(const double* p, double u, double seconds) {
+  double limit = p[SATURATION], knee = fmin(p[SOFTNESS], limit);
+  if (fabs(u) < p[DEADBAND]) u = 0;
+  if (p[SUBTRACTED] > 0) u = fabs(u) > p[SUBTRACTED] ? u - copysign(p[SUBTRACTED], u) : 0;
+  if (p[GAIN] > 0) u *= p[GAIN];
+  if (p[REVERSE_RATIO] > 0 && u < 0) u *= p[REVERSE_RATIO];
+  if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
+  if (p[WARM_UP_TIME] > 0 && p[WARM_UP] != 0) u *= 1 - p[WARM_UP] * (1 - exp(-seconds / p[WARM_UP_TIME]));
+  if (p[MAP_SIZE] >= 1) u = mapped(p, u);
+  if (limit > 0 && knee > 0) {
+    double beyond = fabs(u) - (limit - knee);
+    // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.
+    if (beyond > 0 && beyond < 2 * knee) u = copysign(limit - knee + beyond - beyond * beyond / (4 * knee), u);
+  }
+  if (limit > 0) u = fmin(fmax(u, -limit), limit);
+  return u;
+}
+
+void set_point_latch(Drive* s, const double* p, double command) {
+  double u = chain_sane(command);
+  if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
+  s->command[slot(s->latches)] = shaped(p, u, s->latches * p[COMMAND_PERIOD] + p[DELAY]);
+  s->latches += 1;
+}
+
+void set_point_restart(Drive* s) {
+  double last = s->command[slot(s->latches - 1)];
+  for (int i = 0; i < RING; i++) s->command[i] = last;
+  s->ticks = s->latches = 0;
+}
+
+// Move a ramp straight to a point at a rate [rpm per tick] for at most the part of a tick left; return the area.
+static double leg(double* ramp, double to, double rate, double* left) {
+  double before = *ramp, way = to - before, time = fabs(way) / rate, spent = fmin(*left, time);
+  *ramp = time <= *left ? to : before + copysign(rate * spent, way);
+  *left -= spent;
+  return spent * (before + *ramp) / 2;
+}
+
+// Move a ramp at one rate [rpm per tick] towards 0 and at another away from it.
+static double two_rates(double* ramp, double command, double part, double rise, double brake) {
+  double nearer = fmin(fmax(command, fmin(*ramp, 0)), fmax(*ramp, 0)), left = part;
+  double area = leg(ramp, nearer, brake, &left);
+  if (*ramp == nearer) area += leg(ramp, command, rise, &left);
+  return area + left * *ramp;
+}
+
+// Move the ramp with bounded jerk [rpm/s2] to a point at which its slope is 0, in the shortest time, for at most the
+// seconds left; return the area. The slope rises to a peak, stays there, and falls to 0.
+static double glide(Drive* s, double to, double rise, double brake, double jerk, double* left) {
+  double value = s->ramp, slope = s->slope, area = 0;
+  // Whether to push up or down: from where it would come to rest if the slope fell to 0 from now on.
+  double push = value + slope * fabs(slope) / (2 * jerk) < to ? 1 : -1;
+  double most = push * value < 0 ? brake : rise, way = push * (to - value), begin = push * slope;
+  double peak = fmax(begin, fmin(sqrt(fmax(jerk * way + begin * begin / 2, 0)), most));
+  double cruise = peak > 0 ? fmax((way - (2 * peak * peak - begin * begin) / (2 * jerk)) / peak, 0) : 0;
+  double change[] = {push * jerk, 0, -push * jerk}, time[] = {(peak - begin) / jerk, cruise, peak / jerk};
+  int arrives = 1;
+  for (int i = 0; i < 3; i++) {
+    double spent = fmin(*left, time[i]);
+    arrives &= spent == time[i];
+    area += spent * (value + spent * (slope / 2 + change[i] * spent / 6));
+    value += slope * spent + change[i] * spent * spent / 2;
+    slope += change[i] * spent;
+    *left -= spent;
+  }
+  s->ramp = arrives ? to : value;
+  s->slope = arrives ? 0 : slope;
+  return area;
+}
+
+// Move the S-curve to a command. If its two rates differ, a reversal comes to rest at 0 first.
+static double s_curve(Drive* s, double command, double part, double rise, double brake, double jerk, double tau) {
+  double left = part * tau, area = 0;
+  for (int i = 0; i < 2; i++) {
+    int stops = brake != rise && s->ramp * command < 0;
+    area += glide(s, stops ? 0 : command, rise, brake, jerk, &left);
+  }
+  return (area + left * s->ramp) / tau;
+}
+
+// Move the ramp towards a command for a part of a tick; return the part's contribution to the mean over the tick.
+static double ramped(Drive* s, const double* p, double command, double part) {
+  double tau = p[SAMPLE_PERIOD], rise = p[ACCELERATION] > 0 ? p[ACCELERATION] : INFINITY;
+  double brake = p[BRAKE] > 0 ? p[BRAKE] : rise;
+  if (p[JERK] > 0) return s_curve(s, command, part, rise, brake, p[JERK], tau);
+  if (brake != rise) return two_rates(&s->ramp, command, part, rise * tau, brake * tau);
+  if (isinf(rise)) return s->ramp = command, part * command;
+  double limit = rise * tau, before = s->ramp;
+  s->ramp = fmin(fmax(command, before - limit * part), before + limit * part);
+  double moved = s->ramp - before;
+  return part * s->ramp - moved * fabs(moved) / (2 * limit);
+}
+
+double set_point_input(Drive* s, const double* p) {
+  double tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD], delay = p[DELAY];
+  double t = s->ticks * tau;
+  double latest = floor(t / T + EPS);
+  if (!(latest <= s->latches - 1)) latest = s->latches - 1;
+  double j = floor((t - delay) / T + EPS);
+  if (!(j <= latest)) j = latest;
+  if (j < latest - (RING - 1)) j = latest - (RING - 1);
+  double sum = 0, done = 0;
+  for (int i = 1; i < RING && j + 1 <= latest; i++, j++) {
+    double arrival = (j + 1) * T + delay;
+    if (!(arrival < t + tau)) break;
+    double part = (arrival - t) / tau;
+    sum += ramped(s, p, s->command[slot(j)], part - done);
+    done = part;
+  }
+  return sum + ramped(s, p, s->command[slot(j)], 1 - done);
+}

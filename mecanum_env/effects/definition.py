@@ -59,6 +59,8 @@ class Parameter:
     """The response jumps where the value passes a command, and is flat in between."""
     simulated: bool = True
     """False: the name is reserved, but values other than the neutral one are refused."""
+    searched: bool = True
+    """False: a search leaves it at its neutral or default value."""
     largest: Callable[[Model], float] | None = None
     """Largest value that a simulation of the given model can represent, if that is below `bounds`."""
 
@@ -74,9 +76,9 @@ class Parameter:
     def scaled(self, factor: float) -> Parameter:
         """Return the parameter as a search needs it on a robot `factor` times as fast as the packaged one.
 
-        Only speeds and accelerations are scaled; `valid` stays.
+        Only speeds, accelerations and jerks are scaled; `valid` stays.
         """
-        if factor == 1.0 or self.unit not in ("rpm", "rpm/s"):
+        if factor == 1.0 or self.unit not in ("rpm", "rpm/s", "rpm/s2"):
             return self
         low, high = self.bounds
         scan = None if self.scan is None else tuple(factor * value for value in self.scan)
@@ -109,7 +111,8 @@ LimitBody = Callable[[FloatArray, FloatArray, Values, float], tuple[FloatArray, 
 """Return the limited body command (forward, left, turn) [rpm] after some time [s], and its mean over that
 time, given the requested and the previous one, shape (3,)."""
 ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
-"""Return the channels as measured, given their uniform clock [s], shape (n,), and their true values."""
+"""Return the channels as measured, given their true values and the uniform clock [s], shape (n,), whose 0 is
+the start of the motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,6 +142,8 @@ class Effect:
     """Plants that have the part but cannot express the effect: they refuse the model."""
     understated_by: tuple[PlantKind, ...] = ()
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
+    searched: bool = True
+    """Whether a search for the effects that a model lacks tries it."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
     depends_on_integral: bool = False

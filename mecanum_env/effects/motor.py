@@ -28,7 +28,7 @@ EFFECTS: Final = (
         acts_on="drive",
         parameters=(
             Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),
-            Parameter("brake_rpm_s", "rpm/s", None, (0.0, 5000.0)),
+            Parameter("brake_rpm_s", "rpm/s", None, (0.0, 5000.0), searched=False),
         ),
         summary="The motor's torque or current is limited, and so the wheel's own acceleration; braking has "
         "the same limit, or one of its own.",

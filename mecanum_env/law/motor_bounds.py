@@ -53,17 +53,11 @@ class MotorBounds:
 
     def reached(self, speed_rpm: npt.ArrayLike, wanted_rpm: npt.ArrayLike) -> FloatArray:
         """Return w(k+1) [rpm] where the law wants some speed, from w(k) = `speed_rpm`, of one shape."""
-        speed, wanted = np.asarray(speed_rpm, float), np.asarray(wanted_rpm, float)
+        bounds = (self.rise_rpm, self.brake_rpm, self.supply_rpm)
         if not self.acts:
-            return wanted
-        up = np.where(speed < 0.0, self.brake_rpm, self.rise_rpm)
-        down = np.where(speed > 0.0, self.brake_rpm, self.rise_rpm)
-        low = np.where(np.isinf(down), wanted, speed - down)
-        high = np.where(np.isinf(up), wanted, speed + up)
-        if math.isfinite(self.supply_rpm):
-            low = np.maximum(low, speed - self.supply_share * (self.supply_rpm + speed))
-            high = np.minimum(high, speed + self.supply_share * (self.supply_rpm - speed))
-        return np.where(wanted < low, low, np.where(wanted > high, high, wanted))
+            return np.asarray(wanted_rpm, float)
+        rise, brake, supply = (bound if math.isfinite(bound) else 0.0 for bound in bounds)
+        return reached(speed_rpm, wanted_rpm, rise, brake, supply, self.supply_share)
 
     def tick(self, law: WheelLaw, state: LawState, command_rpm: npt.ArrayLike) -> LawState:
         """Return the law's next state, whose w0 is the speed reached, for r(k) = `command_rpm`."""
@@ -79,6 +73,30 @@ class MotorBounds:
             state = self.tick(law, state, command_rpm[..., k])
             speeds.append(np.asarray(state.w0))
         return np.stack(speeds, axis=-1)
+
+
+def reached(
+    speed_rpm: npt.ArrayLike,
+    wanted_rpm: npt.ArrayLike,
+    rise_rpm: npt.ArrayLike,
+    brake_rpm: npt.ArrayLike,
+    supply_rpm: npt.ArrayLike,
+    supply_share: npt.ArrayLike,
+) -> FloatArray:
+    """Return w(k+1) [rpm] where the law wants `wanted_rpm`, from w(k) = `speed_rpm`; all shapes broadcast.
+
+    `rise_rpm`, `brake_rpm`, `supply_rpm` and `supply_share` are those of `MotorBounds`, but 0 for none; without
+    a brake's bound that of the rise counts.
+    """
+    speed, wanted = np.asarray(speed_rpm, float), np.asarray(wanted_rpm, float)
+    rise, supply = np.asarray(rise_rpm, float), np.asarray(supply_rpm, float)
+    brake = np.where(np.asarray(brake_rpm) > 0.0, brake_rpm, rise)
+    up, down = np.where(speed < 0.0, brake, rise), np.where(speed > 0.0, brake, rise)
+    low = np.where(down > 0.0, speed - down, wanted)
+    high = np.where(up > 0.0, speed + up, wanted)
+    low = np.where(supply > 0.0, np.maximum(low, speed - supply_share * (supply + speed)), low)
+    high = np.where(supply > 0.0, np.minimum(high, speed + supply_share * (supply - speed)), high)
+    return np.where(wanted < low, low, np.where(wanted > high, high, wanted))
 
 
 @lru_cache(maxsize=1024)

@@ -1,9 +1,9 @@
-"""The servo of a wheel behind its setpoint, and what loads it: the reference for the plugin's chain.c.
+"""The servo of a wheel behind its setpoint, and what loads it, for many sets of parameters and runs at once.
 
     torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
 
-as chain.h says. The tests hold both equal bit for bit, so the order of the operations is part of the
-definition. Arrays hold many wheels or runs at once; `simulate_wheel` is the bench, one free wheel on a hinge.
+This is the second half of the reference for the plugin that `mecanum_env.law.chain` begins; chain.h and
+chain.c tell what each step is, and why. Arrays have the shape (sets, runs), parameters (sets, 1).
 """
 
 from __future__ import annotations
@@ -14,174 +14,137 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-import numpy.typing as npt
 
-from mecanum_env.law.drive import DriveParameters
+from mecanum_env.law.chain import DriveState
+from mecanum_env.law.parameters import Sets
+from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-_TINY: Final = 1e-15
-"""Least inertia of a wheel [kg m^2]."""
-_SMOOTHING: Final = 0.1
+LOAD_SMOOTHING: Final = 0.1
 """Share of a change of the load that its estimate follows in a substep."""
+_TINY: Final = 1e-15  # least inertia of a wheel [kg m^2]
+_UNLIMITED: Final = 1e10  # torque limit that means none [N m]
 
 
-@dataclass(frozen=True)
-class Servo:
-    """The numbers of a wheel's velocity servo."""
+@dataclass(frozen=True, eq=False)
+class Torques:
+    """Torques on wheels [N m], each of shape (sets, runs)."""
 
-    servo_n_m_s_rad: float
-    """Torque per speed error kv [N m s/rad]."""
-    servo_integral_n_m_rad: float = 0.0
-    """Torque per integrated speed error ki [N m/rad]."""
-    torque_limit_n_m: float = math.inf
-    """Largest torque; infinite: none."""
-    inertia_kg_m2: float = 0.0
-    """Inertia J of the free wheel [kg m^2], rotor not counted."""
+    asked: FloatArray
+    """What the servo asks for."""
+    drive: FloatArray
+    """The same, limited."""
+    friction: FloatArray
+    """That of the wheel's bearing."""
 
 
-class ServoLoop:
-    """The servos of wheels of one kind, one substep after the other, on an engine with implicit damping.
+def torques(s: DriveState, p: Sets, speed: FloatArray, timestep_s: float) -> Torques:
+    """Return the torques to report for wheels of a `speed` [rad/s], to an implicit integrator.
 
-    `drive` has the motor's supply and the load, `timestep_s` is the substep h [s], and `speed_rad_s` the
-    steady speed at the start, shape (...).
+    Such an integrator subtracts the servo times the coming change of speed from their sum. `s` is the state
+    after `begin`, and `p` are the parameters.
     """
-
-    def __init__(
-        self, drive: DriveParameters, servo: Servo, timestep_s: float, speed_rad_s: npt.ArrayLike
-    ) -> None:
-        self.drive, self.load_parameters, self.servo, self.h = drive, drive.load, servo, timestep_s
-        self.rotor = drive.load.answer_s * servo.servo_n_m_s_rad
-        self.inertia = servo.inertia_kg_m2 + self.rotor
-        speed = np.asarray(speed_rad_s, float)
-        self.setpoint, self.speed = speed.copy(), speed.copy()
-        nothing = np.zeros(speed.shape)
-        self.rise, self.integral, self.change, self.load, self.angle = (nothing,) * 5
-        self.gap = np.sign(speed) * self.load_parameters.gap_rad / 2
-        self.substeps = 0
-
-    def torques(self, setpoint_rad_s: FloatArray) -> FloatArray:
-        """Take the setpoint [rad/s] at the end of the next substep; return the torque to report [N m].
-
-        An implicit integrator subtracts kv times the wheel's change of speed from it.
-        """
-        self.rise = setpoint_rad_s - self.setpoint
-        self.setpoint = setpoint_rad_s
-        self._asked = self._asked_torque() + self._ripple()
-        self._given = self._limited(self._asked)
-        cold = self._coldness()
-        back = self.load_parameters.viscous_n_m_s_rad * (1.0 - cold) * self.speed
-        self._reported = self._given + (back + self._friction(self._given + back, cold))
-        self.substeps += 1
-        return self._reported
-
-    def end(self, speed_rad_s: FloatArray) -> None:
-        """Take over the wheel's speed [rad/s] at the end of the substep."""
-        h, half = self.h, self.load_parameters.gap_rad / 2
-        self.change = speed_rad_s - self.speed
-        self.angle = self.angle + h * speed_rad_s
-        moved = (self.inertia + h * self.servo.servo_n_m_s_rad) * self.change / h
-        self.load = self.load + _SMOOTHING * (moved - self._reported - self.load)
-        before = self.gap
-        self.gap = np.clip(before + h * (self._unloaded() - speed_rad_s), -half, half)
-        error = self.setpoint - speed_rad_s - (self.gap - before) / h
-        limited = ((self._asked > self._given) & (error > 0)) | ((self._asked < self._given) & (error < 0))
-        self.integral = np.where(limited, self.integral, self.integral + h * error)
-        self.speed = speed_rad_s
-
-    def _unloaded(self) -> FloatArray:
-        ratio = self.servo.servo_integral_n_m_rad / self.servo.servo_n_m_s_rad
-        return np.asarray(self.setpoint + ratio * self.integral)
-
-    def _damping(self) -> FloatArray:
-        return np.asarray(self.servo.servo_n_m_s_rad * self.change)
-
-    def _asked_torque(self) -> FloatArray:
-        h, kv, half = self.h, self.servo.servo_n_m_s_rad, self.load_parameters.gap_rad / 2
-        motor = self._unloaded() + self.inertia * self.rise / (h * kv)
-        rate = motor - self.speed
-        if not half > 0.0:
-            return np.asarray(kv * rate)
-        kind = self.load_parameters.gap_kind
-        position = self.gap + h * (motor if kind == "rest" else rate)
-        beyond = position - np.clip(position, -half, half)
-        if kind == "rest":
-            return np.asarray(kv * (beyond / h - self.speed))
-        if kind == "spring":
-            taken_up = np.minimum(np.abs(position) / half, 1.0) * (kv * rate)
-            return np.where(position * rate > 0.0, taken_up, 0.0)
-        return np.where(beyond == 0.0, self._damping(), kv * beyond / h)
-
-    def _limited(self, asked: FloatArray) -> FloatArray:
-        limit = self.servo.torque_limit_n_m
-        off = self._damping() + self.rotor * self.change / self.h
-        forwards = backwards = np.full(asked.shape, limit)
-        if math.isfinite(self.drive.supply_rpm) and math.isfinite(limit):
-            ratio = self.speed / (self.drive.supply_rpm * RAD_S_PER_RPM)
-            forwards, backwards = limit * np.clip(1 - ratio, 0, 1), limit * np.clip(1 + ratio, 0, 1)
-        high, low = asked - off > forwards, asked - off < -backwards
-        return np.where(high, forwards + off, np.where(low, -backwards + off, asked))
-
-    def _coldness(self) -> float:
-        """Share of the bearing's friction that is left."""
-        share, seconds = self.load_parameters.friction_warm_share, self.load_parameters.friction_warm_s
-        if not (share > 0.0 and seconds > 0.0):
-            return 1.0
-        return 1.0 - share * (1.0 - math.exp(-(self.substeps * self.h) / seconds))
-
-    def _ripple(self) -> FloatArray:
-        load = self.load_parameters
-        if not (load.ripple_n_m > 0.0 or load.ripple_share > 0.0):
-            return np.zeros(self.speed.shape)
-        size = load.ripple_n_m + load.ripple_share * self.servo.servo_n_m_s_rad * self.speed
-        return np.asarray(size * _each(math.sin, load.ripple_per_turn * self.angle + load.ripple_phase_rad))
-
-    def _friction(self, torque: FloatArray, cold: float) -> FloatArray:
-        load, h = self.load_parameters, self.h
-        breakaway, coulomb = load.breakaway_n_m * cold, load.coulomb_n_m * cold
-        falling = breakaway > 0.0 and load.stribeck_rad_s > 0.0
-        if not (coulomb > 0.0 or falling):
-            return np.zeros(torque.shape)
-        perstep = max(self.inertia + h * self.servo.servo_n_m_s_rad, _TINY) / h
-        left, limit = self.speed, np.full(torque.shape, coulomb)
-        stop = torque + self.load + left * perstep
-        for _ in range(3 if falling else 0):
-            ratio = left / load.stribeck_rad_s
-            limit = coulomb + breakaway * _each(math.exp, -ratio * ratio)
-            left = (stop - np.clip(stop, -limit, limit)) / perstep
-        return np.asarray(-np.clip(stop, -limit, limit))
+    asked = _servo_torque(s, p, speed, timestep_s) + _ripple(s, p, speed)
+    drive = _limited(s, p, speed, timestep_s, asked)
+    cold = _cold(s, p, timestep_s)
+    # What a warm bearing has lost of its viscous friction; the engine's damping holds it at its cold value.
+    back = p["viscous_n_m_s_rad"] * (1 - cold) * speed
+    return Torques(asked, drive, back + _friction(s, p, speed, timestep_s, drive + back, cold))
 
 
-def simulate_wheel(
-    drive: DriveParameters,
-    servo: Servo,
-    setpoints_rpm: FloatArray,
-    timestep_s: float,
-    initial_rpm: npt.ArrayLike = 0.0,
+def end(s: DriveState, p: Sets, acted: Torques, before: FloatArray, speed: FloatArray, h: float) -> None:
+    """Take over into `s` how torques that `acted` moved the wheels in a substep of `h` [s].
+
+    `p` are the parameters; the wheels' speed was `before` [rad/s], and is `speed` after it.
+    """
+    half = p["gap_rad"] / 2
+    s.change = speed - before
+    s.angle = s.angle + h * speed
+    reported = acted.drive + acted.friction
+    s.load = s.load + LOAD_SMOOTHING * (_effective_inertia(p, h) * s.change / h - reported - s.load)
+    gap, s.gap = s.gap, np.clip(s.gap + h * (_unloaded(s, p) - speed), -half, half)
+    # The error of the motor, which turns without the wheel inside the gap.
+    error = s.setpoint - speed - (s.gap - gap) / h
+    # The integral does not wind up while the torque is limited.
+    limited = ((acted.asked > acted.drive) & (error > 0)) | ((acted.asked < acted.drive) & (error < 0))
+    s.integral = np.where(limited, s.integral, s.integral + h * error)
+
+
+def _unloaded(s: DriveState, p: Sets) -> FloatArray:
+    """Return the motors' speed without load, at which the servo's torque is 0."""
+    return s.setpoint + p["servo_integral_n_m_rad"] / p["servo_n_m_s_rad"] * s.integral
+
+
+def _effective_inertia(p: Sets, h: float) -> FloatArray:
+    """Return the free wheels' inertia as a reported torque meets it: with that of the implicit damping."""
+    return p["inertia_kg_m2"] + h * p["servo_n_m_s_rad"]
+
+
+def _servo_torque(s: DriveState, p: Sets, speed: FloatArray, h: float) -> FloatArray:
+    """Return the torque of the servos through their gears, without its limit."""
+    kv, half, kind = p["servo_n_m_s_rad"], p["gap_rad"] / 2, p["gap_kind"]
+    motor = _unloaded(s, p) + p["inertia_kg_m2"] * s.rise / (h * kv)
+    rate = motor - speed
+    # The motor moves the wheel only by the part of its travel that lies beyond the gap: of its travel
+    # relative to a wheel that would coast on, or to one that would rest.
+    rests = kind == GAP_KINDS.index("rest")
+    position = s.gap + h * np.where(rests, motor, rate)
+    beyond = position - np.clip(position, -half, half)
+    coasting = np.where(beyond == 0.0, kv * s.change, kv * beyond / h)
+    resting = kv * (beyond / h - speed)
+    taken_up = np.minimum(np.abs(position) / np.where(half > 0.0, half, 1.0), 1.0) * (kv * rate)
+    sprung = np.where(position * rate > 0.0, taken_up, 0.0)
+    geared = np.where(rests, resting, np.where(kind == GAP_KINDS.index("spring"), sprung, coasting))
+    return np.where(half > 0.0, geared, kv * rate)
+
+
+def _ripple(s: DriveState, p: Sets, speed: FloatArray) -> FloatArray:
+    """Return the torque that follows the wheels' angle."""
+    if not np.any((p["ripple_n_m"] > 0.0) | (p["ripple_share"] > 0.0)):
+        return np.zeros(speed.shape)
+    size = p["ripple_n_m"] + p["ripple_share"] * p["servo_n_m_s_rad"] * speed
+    return size * _each(math.sin, p["ripple_per_turn"] * s.angle + p["ripple_phase_rad"])
+
+
+def _limited(s: DriveState, p: Sets, speed: FloatArray, h: float, asked: FloatArray) -> FloatArray:
+    """Return torques whose limit is that of what reaches the wheel, if its speed changes as it did last."""
+    limit, supply = p["torque_limit_n_m"], p["supply_rpm"]
+    off = p["servo_n_m_s_rad"] * s.change + p["rotor_kg_m2"] * s.change / h
+    falls = (supply > 0.0) & (limit < _UNLIMITED)
+    ratio = np.where(falls, speed / (np.where(falls, supply, 1.0) * RAD_S_PER_RPM), 0.0)
+    forwards, backwards = limit * np.clip(1 - ratio, 0, 1), limit * np.clip(1 + ratio, 0, 1)
+    low = np.where(asked - off < -backwards, -backwards + off, asked)
+    return np.where(asked - off > forwards, forwards + off, low)
+
+
+def _cold(s: DriveState, p: Sets, h: float) -> FloatArray:
+    """Return the share of the bearings' friction that is left, of shape (sets, 1)."""
+    share, seconds = p["friction_warm_share"], p["friction_warm_s"]
+    warms = (share > 0.0) & (seconds > 0.0)
+    if not np.any(warms):
+        return np.ones(share.shape)
+    now = (s.substeps - 1) * h  # `begin` has counted this substep
+    warmth = 1 - _each(math.exp, -now / np.where(warms, seconds, 1.0))
+    return np.where(warms, 1 - share * warmth, 1.0)
+
+
+def _friction(
+    s: DriveState, p: Sets, speed: FloatArray, h: float, drive: FloatArray, cold: FloatArray
 ) -> FloatArray:
-    """Return the speeds of free wheels [rpm] at the start and after each substep, shape (..., n + 1).
-
-    Args:
-        drive: the drive's parameters; its viscous friction is the joint's.
-        servo: the servo and the free wheel's inertia.
-        setpoints_rpm: setpoints at the end of each substep, as `simulate_drive` returns them, shape (..., n).
-        timestep_s: the substep [s].
-        initial_rpm: steady speed before the start, shape (...).
-    """
-    n = setpoints_rpm.shape[-1]
-    start = np.broadcast_to(np.asarray(initial_rpm, float), setpoints_rpm.shape[:-1])
-    loop = ServoLoop(drive, servo, timestep_s, start * RAD_S_PER_RPM)
-    damping = drive.load.viscous_n_m_s_rad
-    moved = loop.inertia + timestep_s * (servo.servo_n_m_s_rad + damping)
-    speeds = np.empty((*start.shape, n + 1))
-    speeds[..., 0] = loop.speed / RAD_S_PER_RPM
-    for k in range(n):
-        torque = loop.torques(setpoints_rpm[..., k] * RAD_S_PER_RPM) - damping * loop.speed
-        loop.end(loop.speed + timestep_s * (torque * (1.0 / moved)))
-        speeds[..., k + 1] = loop.speed / RAD_S_PER_RPM
-    return speeds
+    """Return the torque that brings wheels to rest in this substep, within Coulomb friction and stiction."""
+    breakaway, stribeck, coulomb = p["breakaway_n_m"] * cold, p["stribeck_rad_s"], p["coulomb_n_m"] * cold
+    falling = (breakaway > 0.0) & (stribeck > 0.0)
+    limit = np.broadcast_to(coulomb, speed.shape)
+    perstep, left = np.maximum(_effective_inertia(p, h), _TINY) / h, speed
+    stop = drive + s.load + left * perstep
+    # Friction that falls with speed is that of the speed after the substep, found by iteration.
+    for _ in range(3 if np.any(falling) else 0):
+        ratio = left / np.where(falling, stribeck, 1.0)
+        limit = np.where(falling, coulomb + breakaway * _each(math.exp, -ratio * ratio), limit)
+        left = (stop - np.clip(stop, -limit, limit)) / perstep
+    return -np.clip(stop, -limit, limit)
 
 
 def _each(function: Callable[[float], float], values: FloatArray) -> FloatArray:
-    """Return a function of the C library for each value: numpy's own differ from it in the last bit."""
-    flat = [function(value) for value in values.ravel().tolist()]
-    return np.array(flat, float).reshape(values.shape)
+    """Return a function of each value as the C library rounds it; numpy's own differ in the last bit."""
+    return np.array([function(x) for x in values.ravel().tolist()]).reshape(values.shape)

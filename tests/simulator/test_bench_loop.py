@@ -8,13 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.effects import Effect, Parameter, registered
-from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import longest_delay_s, simulate_drive
-from mecanum_env.law.servo import Servo, simulate_wheel
-from mecanum_env.mjcf.physics import wheel_inertia
+from mecanum_env.law.drive import longest_delay_s
+from mecanum_env.law.parameters import CHAIN
 from mecanum_env.model import cause_of, paper_model
-from mecanum_env.plugin.layout import CHAIN
 from mecanum_env.plugin.library import parameter_names
 from mecanum_env.simulator.bench import (
     BenchRun,
@@ -24,7 +21,6 @@ from mecanum_env.simulator.bench import (
     mujoco_bench_motion,
     replay_bench,
 )
-from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.trajectory import SimulationDivergedError
 
 ANSWERS = st.one_of(st.just(0.0), st.floats(0.0, 0.2))
@@ -107,36 +103,6 @@ def test_the_motion_is_mujocos_bit_for_bit(
     expected_clock, expected = by_mujoco(model, run, timestep_s)
     np.testing.assert_array_equal(clock, expected_clock)
     np.testing.assert_array_equal(speed, expected)
-
-
-@settings(deadline=None, max_examples=25)
-@given(
-    effects=SOME_EFFECTS.map(lambda found: {n: v for n, v in found.items() if n != "acceleration_limit"}),
-    integral=st.sampled_from([0.0, 20.0]),
-    timestep_s=st.sampled_from([None, 1 / 133]),
-    initial_rpm=st.sampled_from([0.0, 45.0]),
-    seed=st.integers(0, 2**32 - 1),
-)
-def test_the_reference_moves_the_wheel_bit_for_bit(effects, integral, timestep_s, initial_rpm, seed):
-    paper = paper_model()
-    model = replace(paper, robot=replace(paper.robot, servo_integral_n_m_rad=integral), effects=effects)
-    run = random_run(np.random.default_rng(seed), initial_rpm)
-    clock, speed = bench_motion(
-        model, run.time_s, run.command_rpm, run.duration_s, initial_rpm, timestep_s=timestep_s
-    )
-    _, reference = reference_motion(model, run, clock)
-    np.testing.assert_array_equal(reference, speed)
-
-
-def reference_motion(model, run, clock):
-    """Return the clock and the free wheel's speed as `mecanum_env.law` alone computes them."""
-    changed = changed_model(model, "bench")
-    drive, robot, step = drive_parameters(changed), changed.robot, clock[1]
-    given = ~np.isnan(run.command_rpm)
-    held = hold(run.time_s[given] - run.time_s[0], run.command_rpm[given], clock[:-1], before=run.initial_rpm)
-    servo = Servo(robot.servo_n_m_s_rad, robot.servo_integral_n_m_rad, inertia_kg_m2=wheel_inertia(robot))
-    setpoints = simulate_drive(drive, held, step, run.initial_rpm)
-    return clock, simulate_wheel(drive, servo, setpoints, step, run.initial_rpm)
 
 
 def test_models_and_runs_of_one_call_do_not_disturb_each_other(paper):

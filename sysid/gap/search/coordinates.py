@@ -78,8 +78,16 @@ class EffectSet:
         return len(self.coordinates)
 
     def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
-        """Return the `base` model with the set's effects at a place `unit`, shape (p,)."""
-        effects = {name: dict(values) for name, values in base.effects.items()}
+        """Return the `base` model with the set's effects at a place `unit`, shape (p,).
+
+        An effect of the set takes the place of another form of its cause in the base model.
+        """
+        taken = {cause_of(name): name for name in self.names}
+        effects = {
+            name: dict(values)
+            for name, values in base.effects.items()
+            if taken.get(cause_of(name), name) == name
+        }
         robot = base.robot
         for coordinate, place in zip(self.coordinates, unit, strict=True):
             value = coordinate.value(float(place))
@@ -145,7 +153,7 @@ def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[f
 
 
 def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, scale: float = 1.0) -> EffectSet:
-    """Return the set of effects with these `names`, in any order, and all their parameters free.
+    """Return the set of effects with these `names`, in any order, and all parameters free that are searched.
 
     `integral`: whether the drive is assumed to have integral action too, of unknown size; `scale` is as for
     `coordinate`.
@@ -155,7 +163,7 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
         coordinate(base, CATALOGUE[n], p, scale)
         for n in ordered
         for p in CATALOGUE[n].parameters
-        if p.simulated
+        if p.simulated and p.searched
     ]
     if integral:
         free.append(integral_action(base))

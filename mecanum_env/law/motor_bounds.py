@@ -85,8 +85,8 @@ def reached(
 ) -> FloatArray:
     """Return w(k+1) [rpm] where the law wants `wanted_rpm`, from w(k) = `speed_rpm`; all shapes broadcast.
 
-    `rise_rpm`, `brake_rpm`, `supply_rpm` and `supply_share` are those of `MotorBounds`, but 0 for none; without
-    a brake's bound that of the rise counts.
+    `rise_rpm`, `brake_rpm`, `supply_rpm` and `supply_share` are those of `MotorBounds`, but 0 for none;
+    without a brake's bound that of the rise counts.
     """
     speed, wanted = np.asarray(speed_rpm, float), np.asarray(wanted_rpm, float)
     rise, supply = np.asarray(rise_rpm, float), np.asarray(supply_rpm, float)

@@ -36,7 +36,7 @@ _TORQUE: Final = Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0))
 _BREAKAWAY: Final = Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0), scan=(0.05, 0.1, 0.2, 0.4, 0.8))
 _STRIBECK: Final = Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0)
 _DAMPING: Final = Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.5))
-_ANSWER: Final = Parameter("answer_s", "s", 0.0, (0.0, 0.3))
+_ANSWER: Final = Parameter("answer_s", "s", None, (0.0, 0.3), searched=False)
 _WASHOUT: Final = Parameter(
     "washout_s", "s", None, (0.02, 5.0), (1e-3, 1e6), default=0.3, scan=(0.05, 0.3, 1.5)
 )
@@ -126,6 +126,7 @@ EFFECTS: Final = (
         "friction has none to lose.",
         signature="The loss in speed and the hold at rest fade from the start of the run on.",
         direct_check="the motor's current at one speed, cold and warm",
+        searched=False,
         change_drive=_warm,
     ),
     Effect(

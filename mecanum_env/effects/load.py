@@ -92,8 +92,8 @@ EFFECTS: Final = (
         station="load",
         acts_on="wheel joint",
         parameters=(
-            Parameter("per_turn", "1", None, (1.0, 48.0), default=1.0, scan=(1, 2, 3, 6)),
-            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0)),
+            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 6)),
+            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), searched=False),
             Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0)),
             Parameter(
                 "phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), scan=(-90, 0, 90, 180)

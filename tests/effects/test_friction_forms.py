@@ -58,8 +58,8 @@ def test_the_answer_to_a_load_is_a_first_order_lag(base):
 
 
 def test_a_late_answer_does_not_delay_the_setpoint(base):
-    model = base.with_effect("coulomb_friction", torque_n_m=0.0, answer_s=0.2)
-    np.testing.assert_allclose(lost(model, base), 0.0, atol=1e-9)
+    model = base.with_effect("coulomb_friction", torque_n_m=1e-9, answer_s=0.2)
+    np.testing.assert_allclose(lost(model, base), 0.0, atol=1e-6)
 
 
 def test_integral_action_washes_the_loss_out(base):

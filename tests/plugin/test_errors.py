@@ -55,6 +55,12 @@ BAD_USER = [
     ("map_knots", 1.5),
     ("map_knots", np.nan),
     ("knot_1_rpm", np.inf),
+    ("drive_acceleration_rpm_s", -1.0),
+    ("supply_rpm", np.inf),
+    ("rotor_kg_m2", -0.1),
+    ("friction_warm_share", np.nan),
+    ("ripple_phase_rad", np.inf),
+    ("gap_kind", -1.0),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

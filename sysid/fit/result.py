@@ -51,6 +51,11 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
             "notes": list(fit.notes),
         },
     )
+    if fit.drive_effects is not None:
+        together = fit.drive_effects.model
+        stated = {**model.uncertainty, "effects": together.uncertainty["effects"]}
+        stated["wheel"] = {**stated["wheel"], **together.uncertainty["wheel"]}
+        model = replace(model, wheel=together.wheel, effects=together.effects, uncertainty=stated)
     if fit.dataset.level == "robot" and not fit.wheels:
         model, note = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
         notes = [*model.provenance["notes"], note]

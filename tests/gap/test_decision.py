@@ -17,7 +17,7 @@ from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, Interval
-from sysid.gap.search.coordinates import EffectSet
+from sysid.compare.coordinates import EffectSet
 from sysid.gap.search.responses import Growth, growths, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort

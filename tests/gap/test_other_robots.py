@@ -15,7 +15,7 @@ from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem, speed_scale
 from sysid.compare.whitening import Whitener
-from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, scanned
+from sysid.compare.coordinates import Coordinate, coordinate, effect_set, scanned
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import SearchEffort

@@ -18,7 +18,7 @@ from sysid.compare.prediction import predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.chance import Floor, chance_gains, complete, expected
-from sysid.gap.search.coordinates import EffectSet, effect_set
+from sysid.compare.coordinates import EffectSet, effect_set
 from sysid.gap.search.decision import tied
 from sysid.gap.search.responses import responses
 from sysid.gap.search.scores import scored

@@ -16,7 +16,7 @@ from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.result import GapOptions
-from sysid.gap.search.coordinates import EffectSet, effect_set
+from sysid.compare.coordinates import EffectSet, effect_set
 from sysid.gap.search.scores import fitted_rms, rises
 from sysid.gap.search.sets import EMPTY
 from sysid.gap.workflow import analyse

@@ -13,6 +13,7 @@ from scipy.stats import norm
 from mecanum_env.effects import CATALOGUE, Effect, PlantKind
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.compare.coordinates import coordinate
 from sysid.compare.fitted import Fitted
 from sysid.compare.observations import Observations
 from sysid.compare.prediction import POSE
@@ -28,7 +29,6 @@ from sysid.gap.design.trial import (
     best_sequence,
 )
 from sysid.gap.result import Untestable
-from sysid.gap.search.coordinates import coordinate
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.wording import listed, set_name

@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from sysid.compare.coordinates import EffectSet, excludes_itself
 from sysid.compare.descent import Minimum, compass_search
 from sysid.compare.fitted import Fitted, base_fit, fit, marginal_function
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.search.coordinates import EffectSet, excludes_itself
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 

@@ -19,6 +19,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
@@ -187,7 +188,12 @@ class _Search:
         if found is None:
             return None
         model = candidate.model(self.base, found.place)
-        return _Reached(self.base, found, candidate.parameter_count, _rms(self.held_out, model))
+        try:
+            held_out_rpm = _rms(self.held_out, model)
+        except MecanumError:
+            # Held-out commands may drive a model astray that the fit runs do not.
+            return None
+        return _Reached(self.base, found, candidate.parameter_count, held_out_rpm)
 
     def _promising(self, reached: _Reached) -> Iterator[tuple[float, LawWithEffects, FloatArray]]:
         """Yield for each further effect the cost that linear least squares expects, and where to start."""

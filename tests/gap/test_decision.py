@@ -10,6 +10,7 @@ import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
+from sysid.compare.coordinates import EffectSet
 from sysid.compare.fitted import Fitted
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -17,7 +18,6 @@ from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, Interval
-from sysid.compare.coordinates import EffectSet
 from sysid.gap.search.responses import Growth, growths, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort

@@ -86,8 +86,10 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         return facts
     same_size = [j for j in judged if len(j.names) == len(chosen.names)]
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
+    chosen = _in_first_forms(chosen, harmless)
     return replace(
         facts,
+        chosen=chosen,
         tied=tied(search, chosen, harmless, inflation),
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
@@ -192,6 +194,21 @@ def _noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
     noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
     spread = sum(b.repeat_squares / noise[b.channel] ** 2 for b in blocks)
     return (_mean_squares(problem, base) + spread) / sum(float(b.weight.sum()) for b in blocks)
+
+
+def _in_first_forms(chosen: ScoredSet, rivals: Sequence[ScoredSet]) -> ScoredSet:
+    """Return the set that explains the same causes by fewer parameters, or else by more of their first forms.
+
+    Only `rivals` whose score chance may have made worse than that of the `chosen` set count.
+    """
+    limit = chosen.score + THRESHOLDS.tie_sigmas**2
+    alike = [one for one in rivals if one.causes == chosen.causes and one.score <= limit]
+
+    def complexity(one: ScoredSet) -> tuple[int, int, float]:
+        further_forms = sum(name != cause_of(name) for name in one.names)
+        return one.fitted.candidate.parameter_count, further_forms, one.score
+
+    return min(alike, key=complexity, default=chosen)
 
 
 def _removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:

@@ -26,6 +26,8 @@ from tests.set_points import SET_POINT_EFFECTS, some_of
 
 EFFECTS = {
     "command_latency": {"delay_s": st.floats(0.0, 2.0)},
+    "command_latency/jitter": {"delay_s": st.floats(0.0, 0.15), "jitter_s": st.floats(0.0, 0.15)},
+    "command_loss": {"share": st.floats(0.0, 1.0)},
     **SET_POINT_EFFECTS,
     "weak_servo": {"servo_n_m_s_rad": st.floats(0.02, 20.0)},
     "backlash": {"gap_deg": st.floats(0.0, 20.0)},

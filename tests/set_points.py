@@ -41,6 +41,11 @@ SET_POINT_EFFECTS = {
     },
 }
 """Effect -> strategies for its parameters, or one for all of them."""
+LAW_EFFECTS = {
+    "speed_saturation/supply": {"limit_rpm": st.floats(10.0, 150.0)},
+    "acceleration_limit/drive": {"limit_rpm_s": st.floats(10.0, 1e5), "brake_rpm_s": BRAKES},
+}
+"""The same for effects that bound what the law does."""
 
 
 def one_form_each(effects):

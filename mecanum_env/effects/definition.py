@@ -24,9 +24,10 @@ PlantKind = Literal["bench", "rollers", "planar"]
 RobotPlant = Literal["rollers", "planar"]
 """The plants that are the whole robot."""
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
-Station = Literal["command", "body_command", "set_point", "load", "transmission", "body", "sensor"]
+Station = Literal["command", "body_command", "set_point", "law", "load", "transmission", "body", "sensor"]
 """Where on the way from command to log an effect acts: path and timing of the command; limits on V, theta and
-VC; each wheel's setpoint; what loads the drive; motor to wheel; robot and floor; measurement."""
+VC; each wheel's setpoint; how the wheel follows it; what loads the drive; motor to wheel; robot and floor;
+measurement."""
 Remedy = Literal["command", "observation", "prediction"]
 """How a controller can undo an effect: by other commands, by corrected observations, by predicting ahead."""
 
@@ -110,7 +111,8 @@ LimitBody = Callable[[FloatArray, FloatArray, Values, float], tuple[FloatArray, 
 """Return the limited body command (forward, left, turn) [rpm] after some time [s], and its mean over that
 time, given the requested and the previous one, shape (3,)."""
 ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
-"""Return the channels as measured, given their uniform clock [s], shape (n,), and their true values."""
+"""Return the channels as measured, given their true values and the uniform clock [s], shape (n,), whose 0 is
+the start of the motion."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,6 +161,7 @@ class Effect:
     """For an effect with a direction in the world: its values in axes turned by some yaw [rad]."""
 
     change_model: ChangeModel | None = None
+    """If the effect has one of the next two functions as well, this one must be idempotent."""
     change_spec: ChangeSpec | None = None
     change_drive: ChangeDrive | None = None
     limit_body: LimitBody | None = None

@@ -15,14 +15,15 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.link import MOST_SEEDS, SPREAD, Link
+from mecanum_env.law.motor_bounds import MotorBounds, steepest_share
 from mecanum_env.law.ramp import RampLimits
-from mecanum_env.law.set_point import mapped, require_map, saturated, warm_up_gain
+from mecanum_env.law.set_point import map_numbers, require_map
+from mecanum_env.law.shaping import rounded, shaped
+from mecanum_env.law.wheel_load import NO_LOAD, WheelLoad
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
 """Share of its period by which a clock may be early; it absorbs the rounding of n h."""
-_ABSURD_RPM: Final = 1e10
-"""Commands beyond this [rpm], and NaN, count as 0, as they do for MuJoCo's own actuators."""
 RING: Final = 32
 """Number of latched commands that a drive remembers; it bounds the delay, see `longest_delay_s`."""
 
@@ -73,25 +74,25 @@ class DriveParameters:
     warm_up_s: float = 0.0
     """Time constant of the warming [s]; 0: it does not act."""
     knots_rpm: tuple[float, ...] = ()
-    """Commands at which a static map is given [rpm]; see `mapped`."""
+    """Commands at which a static map is given [rpm]; see `mecanum_env.law.set_point.mapped`."""
     values_rpm: tuple[float, ...] = ()
     """What the map makes of them [rpm]."""
     softness_rpm: float = 0.0
-    """The saturation begins this far below its limit [rpm]; see `saturated`."""
+    """The saturation begins this far below its limit [rpm]; see `mecanum_env.law.set_point.saturated`."""
     acceleration_rpm_s: float = math.inf
     """Largest rate of change of the law's input [rpm/s]."""
     brake_rpm_s: float = 0.0
     """The same while it falls in size [rpm/s]; 0: as otherwise."""
     jerk_rpm_s2: float = math.inf
     """Largest change of that rate [rpm/s2]."""
-    gap_rad: float = 0.0
-    """Backlash between motor and wheel [rad]. From here on: behind the setpoint, in the plugin only."""
-    breakaway_n_m: float = 0.0
-    """Friction torque of the wheel's bearing at rest beyond that in motion [N m]."""
-    stribeck_rad_s: float = 0.0
-    """Speed at which 63 % of the breakaway torque is gone [rad/s]."""
-    coulomb_n_m: float = 0.0
-    """Friction torque of the wheel's bearing at any speed [N m]."""
+    drive_acceleration_rpm_s: float = math.inf
+    """Largest acceleration of the wheel itself by its motor [rpm/s]."""
+    drive_brake_rpm_s: float = 0.0
+    """Largest deceleration of the wheel itself by its motor [rpm/s]; 0: as its acceleration."""
+    supply_rpm: float = math.inf
+    """Speed at which the supply leaves the motor no torque [rpm]."""
+    load: WheelLoad = NO_LOAD
+    """What acts behind the setpoint; see `mecanum_env.law.servo`."""
 
     def __post_init__(self) -> None:
         for name in ("command_period_s", "gain", "reverse_ratio"):
@@ -99,12 +100,14 @@ class DriveParameters:
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
             *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s"),
-            *("softness_rpm", "brake_rpm_s"),
-            *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m"),
+            *("softness_rpm", "brake_rpm_s", "drive_brake_rpm_s"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
-        for name in ("saturation_rpm", "acceleration_rpm_s", "jerk_rpm_s2"):
+        for name in (
+            *("saturation_rpm", "acceleration_rpm_s", "jerk_rpm_s2"),
+            *("drive_acceleration_rpm_s", "supply_rpm"),
+        ):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
         if not abs(self.warm_up_share) < 1.0:
@@ -126,6 +129,17 @@ class DriveParameters:
             raise InputError(f"link_seed = {self.link_seed}, must be a whole number from 0 to 2^53")
 
     @property
+    def motor_bounds(self) -> MotorBounds:
+        """What the motor's torque and its supply leave of the law's steps."""
+        tick = self.law.sample_period_s
+        return MotorBounds(
+            self.drive_acceleration_rpm_s * tick,
+            (self.drive_brake_rpm_s or self.drive_acceleration_rpm_s) * tick,
+            self.supply_rpm,
+            steepest_share(self.law) if math.isfinite(self.supply_rpm) else 0.0,
+        )
+
+    @property
     def warms_up(self) -> bool:
         """Whether the gain changes as the drive warms up."""
         return self.warm_up_share != 0.0 and self.warm_up_s > 0.0
@@ -139,35 +153,19 @@ class DriveParameters:
     def ramp_limits(self) -> RampLimits:
         """What bounds the change of the law's input."""
         rise = self.acceleration_rpm_s
-        return RampLimits(rise, self.brake_rpm_s or rise, self.jerk_rpm_s2, self.law.sample_period_s)
-
-
-def rounded_command(parameters: DriveParameters, command_rpm: npt.ArrayLike) -> FloatArray:
-    """Return commands rounded to the quantum [rpm]; NaN counts as 0."""
-    command = np.asarray(command_rpm, float)
-    command = np.where(np.abs(command) <= _ABSURD_RPM, command, 0.0)
-    if parameters.command_quantum_rpm > 0.0:
-        command = np.rint(command / parameters.command_quantum_rpm) * parameters.command_quantum_rpm
-    return command
+        limits = rise, self.brake_rpm_s or rise, self.jerk_rpm_s2, self.law.sample_period_s
+        return RampLimits(*map(np.asarray, limits))
 
 
 def shaped_command(
-    parameters: DriveParameters, command_rpm: FloatArray, seconds: npt.ArrayLike
+    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike
 ) -> FloatArray:
     """Return rounded commands after dead band, gains, static map and saturation [rpm].
 
     `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
     """
-    command = np.where(np.abs(command_rpm) < parameters.deadband_rpm, 0.0, command_rpm)
-    if (lost := parameters.subtracted_rpm) > 0.0:
-        command = np.where(np.abs(command) > lost, command - np.copysign(lost, command), 0.0)
-    command = command * parameters.gain
-    command = np.where(command < 0.0, command * parameters.reverse_ratio, command)
-    command = command * np.maximum(0.0, 1.0 - parameters.drop_per_s * np.asarray(seconds, float))
-    if parameters.warms_up:
-        command = command * warm_up_gain(parameters.warm_up_share, parameters.warm_up_s, seconds)
-    command = mapped(command, parameters.knots_rpm, parameters.values_rpm)
-    return saturated(command, parameters.saturation_rpm, parameters.softness_rpm)
+    numbers = {**vars(parameters), **map_numbers(parameters.knots_rpm, parameters.values_rpm)}
+    return shaped(numbers, command_rpm, seconds)
 
 
 def received_command(
@@ -177,4 +175,4 @@ def received_command(
 
     `seconds` is as for `shaped_command`. Latency and loss come before (`mecanum_env.law.inputs`).
     """
-    return shaped_command(parameters, rounded_command(parameters, command_rpm), seconds)
+    return shaped_command(parameters, rounded(command_rpm, parameters.command_quantum_rpm), seconds)

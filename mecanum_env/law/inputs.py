@@ -10,6 +10,7 @@ for bit, and the drive for engines without plugins. Time counts in substeps n of
   mean over the tick of the command delayed by `delay_s`, as far as it was latched by k tau. So the response
   is continuous in the delay, and without one r(k) is the last latched command. With an acceleration limit
   r(k) is the mean over the tick of a continuous ramp that follows the delayed command at the limit.
+- The law's step from w(k) to w(k+1) may be bounded by the motor (`mecanum_env.law.motor_bounds`).
 - The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
   starts: the interpolation adds no delay.
 """
@@ -25,8 +26,9 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState
-from mecanum_env.law.drive import EPS, DriveParameters, rounded_command, shaped_command
+from mecanum_env.law.drive import EPS, DriveParameters, shaped_command
 from mecanum_env.law.ramp import Ramp
+from mecanum_env.law.shaping import rounded
 from mecanum_env.units import FloatArray
 
 
@@ -64,8 +66,9 @@ def latched(parameters: DriveParameters, command_rpm: FloatArray, first: int, be
     """
     link, count = parameters.link, command_rpm.shape[-1]
     kept = link.kept(first, count)
-    rounded = rounded_command(parameters, command_rpm)
-    sent = np.concatenate([before.sent_rpm[..., -1:], rounded], axis=-1)[..., kept]
+    sent = np.concatenate(
+        [before.sent_rpm[..., -1:], rounded(command_rpm, parameters.command_quantum_rpm)], axis=-1
+    )[..., kept]
     sent_at = np.arange(first, first + count) * link.period_s
     acts_at, arrivals = sent_at + link.delay_s, np.zeros(sent.shape)
     if link.jitter_s > 0.0:
@@ -192,7 +195,7 @@ def simulate_drive(
     commands = latched(parameters, command[..., latched_at], 0, Latched.steady(initial))
     latches = np.searchsorted(latched_at, ticked_at, side="right")
     r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), commands, latches, -1, Ramp.steady(initial))
-    w = parameters.law.simulate(r, LawState.steady(initial))
+    w = parameters.motor_bounds.simulate(parameters.law, r, LawState.steady(initial))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
     return np.asarray(w[..., k] + (w[..., k + 1] - w[..., k]) * share)

@@ -48,7 +48,7 @@ class Link:
         """
         numbers = np.arange(count + 1)
         if self.loss > 0.0:
-            numbers[1:][_uniform(self.seed, first + numbers[:-1], _LOSS) < self.loss] = 0
+            numbers[1:][is_lost(self.loss, self.seed, first + numbers[:-1])] = 0
         return np.maximum.accumulate(numbers)
 
     def arrivals(self, first: int, sent_rpm: FloatArray, before_s: npt.ArrayLike) -> FloatArray:
@@ -63,23 +63,38 @@ class Link:
             before_s: when the first of these arrived [s], shape (...).
         """
         numbers = first + np.arange(sent_rpm.shape[-1] - 1)
-        deviation = SPREAD * (2.0 * _uniform(self.seed, numbers, _JITTER) - 1.0)
-        own = numbers * self.period_s + np.maximum(self.delay_s + self.jitter_s * deviation, 0.0)
+        own = numbers * self.period_s + own_delay(self.delay_s, self.jitter_s, self.seed, numbers)
         arrivals = np.zeros(sent_rpm.shape)
         arrivals[..., 0] = before_s
         arrivals[..., 1:] = np.where(sent_rpm[..., 1:] != sent_rpm[..., :-1], own, 0.0)
         return np.maximum.accumulate(arrivals, axis=-1)
 
 
-def _uniform(seed: int, numbers: npt.NDArray[np.int64], stream: int) -> FloatArray:
-    """Return a random number from 0 to below 1 for each of the latches (n,), independent in each stream."""
-    start = _mixed(np.array([seed], np.uint64) + _STEP)
-    place = (2 * numbers + stream + 1).astype(np.uint64)
-    return (_mixed(start + place * _STEP) >> np.uint64(11)).astype(float) * 2.0**-53
+def own_delay(
+    delay_s: npt.ArrayLike, jitter_s: npt.ArrayLike, seed: npt.ArrayLike, latches: npt.ArrayLike
+) -> FloatArray:
+    """Return the delay [s] of a change of the command at latches; all shapes broadcast."""
+    deviation = SPREAD * (2.0 * _uniform(seed, latches, _JITTER) - 1.0)
+    delay, jitter = np.asarray(delay_s, float), np.asarray(jitter_s, float)
+    return np.asarray(np.maximum(delay + jitter * deviation, 0.0))
+
+
+def is_lost(loss: npt.ArrayLike, seed: npt.ArrayLike, latches: npt.ArrayLike) -> npt.NDArray[np.bool_]:
+    """Return whether the commands of latches are lost, with a probability `loss`; all shapes broadcast."""
+    return np.asarray(_uniform(seed, latches, _LOSS) < np.asarray(loss, float))
+
+
+def _uniform(seed: npt.ArrayLike, latches: npt.ArrayLike, stream: int) -> FloatArray:
+    """Return a random number from 0 to below 1 for each of the latches, independent in each stream."""
+    seeds, numbers = (np.atleast_1d(np.asarray(one)).astype(np.uint64) for one in (seed, latches))
+    place = (np.uint64(2) * numbers + np.uint64(stream + 1)) * _STEP
+    mixed = _mixed(_mixed(seeds + _STEP) + place) >> np.uint64(11)
+    shape = np.broadcast_shapes(np.shape(seed), np.shape(latches))
+    return (mixed.astype(float) * 2.0**-53).reshape(shape)
 
 
 def _mixed(bits: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
-    """Return the hash of 64 bits, shape (n,)."""
+    """Return the hash of 64 bits, of any shape but ()."""
     bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
     bits = (bits ^ (bits >> np.uint64(27))) * _SECOND
     return bits ^ (bits >> np.uint64(31))

@@ -6,8 +6,10 @@ which is the law's input. All are exact for any part. Ramps are arrays, one entr
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -30,33 +32,70 @@ class Ramp:
         return Ramp(speed, np.zeros(speed.shape))
 
 
-@dataclass(frozen=True)
-class RampLimits:
-    """What bounds a ramp; infinite for no bound."""
+BoolArray: TypeAlias = npt.NDArray[np.bool_]
+Move: TypeAlias = Callable[[Ramp, FloatArray, FloatArray], tuple[Ramp, FloatArray]]
 
-    rise_rpm_s: float
+
+@dataclass(frozen=True, eq=False)
+class RampLimits:
+    """What bounds ramps, of a shape that broadcasts to theirs; infinite for no bound."""
+
+    rise_rpm_s: FloatArray
     """Largest rate while the speed grows in size [rpm/s]."""
-    brake_rpm_s: float
+    brake_rpm_s: FloatArray
     """Largest rate while it falls in size [rpm/s]."""
-    jerk_rpm_s2: float
+    jerk_rpm_s2: FloatArray
     """Largest change of the rate [rpm/s2]."""
-    sample_period_s: float
+    sample_period_s: FloatArray
     """Period of the law's ticks [s]."""
 
     @property
     def act(self) -> bool:
-        """Whether the ramp is anything but the command itself."""
-        return any(map(math.isfinite, (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)))
+        """Whether any ramp is anything but the command itself."""
+        bounds = (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)
+        return any(bool(np.any(np.isfinite(bound))) for bound in bounds)
 
     def moved(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
         """Return the ramp after a part of a tick towards a command, and its contribution to the mean [rpm].
 
         Parts and commands have the ramp's shape, or one that broadcasts to it.
         """
-        if math.isfinite(self.jerk_rpm_s2):
-            return self._s_curve(ramp, command_rpm, part)
-        if self.brake_rpm_s != self.rise_rpm_s:
-            return self._two_rates(ramp, command_rpm, part)
+        (_, move), *others = self._ways
+        after, mean = move(ramp, command_rpm, part)
+        for mask, move in others:
+            other, other_mean = move(ramp, command_rpm, part)
+            after = Ramp(
+                np.where(mask, other.value_rpm, after.value_rpm),
+                np.where(mask, other.slope_rpm_s, after.slope_rpm_s),
+            )
+            mean = np.where(mask, other_mean, mean)
+        return after, mean
+
+    @cached_property
+    def _ways(self) -> list[tuple[BoolArray, Move]]:
+        """Which ramps move in which way, for all ways that occur."""
+        bends = np.isfinite(self.jerk_rpm_s2)
+        differ = ~bends & (self.brake_rpm_s != self.rise_rpm_s)
+        limited = ~bends & ~differ & np.isfinite(self.rise_rpm_s)
+        masks = (~(bends | differ | limited), limited, differ, bends)
+        functions = (RampLimits._jump, RampLimits._one_rate, RampLimits._two_rates, RampLimits._s_curve)
+        return [
+            (mask, partial(function, self._only(mask)))
+            for mask, function in zip(masks, functions, strict=True)
+            if np.any(mask)
+        ]
+
+    def _only(self, mask: BoolArray) -> RampLimits:
+        """Return these limits with harmless numbers where the mask is False."""
+        rise, brake, jerk = (
+            np.where(mask, bound, 1.0) for bound in (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)
+        )
+        return RampLimits(rise, brake, jerk, self.sample_period_s)
+
+    def _jump(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
+        return Ramp(command_rpm, ramp.slope_rpm_s), part * command_rpm
+
+    def _one_rate(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
         limit, before = self.rise_rpm_s * self.sample_period_s, ramp.value_rpm  # change in one tick
         end = np.minimum(np.maximum(command_rpm, before - limit * part), before + limit * part)
         change = end - before
@@ -115,12 +154,12 @@ class RampLimits:
 
 
 def _leg(
-    value: FloatArray, to_rpm: FloatArray, rate: float, left: FloatArray
+    value: FloatArray, to_rpm: FloatArray, rate: FloatArray, left: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return values moved straight to points at a rate [rpm per tick], the part that is left, the area."""
     way = to_rpm - value
     time = np.abs(way) / rate
     spent = np.minimum(left, time)
-    fastest = min(rate, 1e300)  # an infinite rate needs no time, and 0 times infinity is no number
+    fastest = np.minimum(rate, 1e300)  # an infinite rate needs no time, and 0 times infinity is no number
     end = np.where(time <= left, to_rpm, value + np.copysign(fastest * spent, way))
     return end, left - spent, spent * (value + end) / 2

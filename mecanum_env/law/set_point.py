@@ -1,6 +1,7 @@
 """What a drive does to a single command on the way to its setpoint, as functions of numbers.
 
-`mecanum_env.law.drive.received_command` applies them in order.
+`mecanum_env.law.shaping.shaped` applies them in order. Each takes one drive's numbers, or arrays with those
+of many drives.
 """
 
 from __future__ import annotations
@@ -16,31 +17,39 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError
 from mecanum_env.units import FloatArray
 
+MAP_KNOTS: Final = 6
+"""Most knots of a static map."""
+MAP_PARAMETERS: Final = tuple(f"{one}_{i}_rpm" for one in ("knot", "value") for i in range(1, MAP_KNOTS + 1))
+"""Names of the knots of a static map, and then of their values."""
 
-def warm_up_gain(share: float, time_constant_s: float, seconds: npt.ArrayLike) -> FloatArray:
-    """Return the gain of a drive that warms up: 1 - share (1 - exp(-t / time constant)), of the shape of t.
+
+def warm_up_gain(share: npt.ArrayLike, time_constant_s: npt.ArrayLike, seconds: npt.ArrayLike) -> FloatArray:
+    """Return the gain of a drive that warms up: 1 - share (1 - exp(-t / time constant)); shapes broadcast.
 
     `share` is what is lost of the gain in the end, below 0 for a gain that rises; `time_constant_s` [s] is
     above 0, and `seconds` are the times t since the start [s].
     """
+    elapsed = -np.asarray(seconds, float) / np.asarray(time_constant_s, float)
     # The exponential is that of the C library, which the plugin calls: numpy's own differs in the last bit.
-    cooled = np.vectorize(math.exp, otypes=[float])(-np.asarray(seconds, float) / time_constant_s)
-    return np.asarray(1.0 - share * (1.0 - cooled))
+    cooled = np.array([math.exp(x) for x in elapsed.ravel().tolist()], float).reshape(elapsed.shape)
+    return np.asarray(1.0 - np.asarray(share, float) * (1.0 - cooled))
 
 
-def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) -> FloatArray:
-    """Limit commands to +-limit [rpm], along a parabola from `softness_rpm` below it to as much above it."""
-    command, knee = command_rpm, min(softness_rpm, limit_rpm)
-    if knee > 0.0 and math.isfinite(limit_rpm):
-        beyond = np.abs(command) - (limit_rpm - knee)
-        on_knee = np.clip(beyond, 0.0, 2.0 * knee)  # further out the square may overflow
-        bent = np.copysign(limit_rpm - knee + beyond - on_knee * on_knee / (4.0 * knee), command)
-        command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
-    return np.asarray(np.minimum(np.maximum(command, -limit_rpm), limit_rpm))
+def saturated(command_rpm: FloatArray, limit_rpm: npt.ArrayLike, softness_rpm: npt.ArrayLike) -> FloatArray:
+    """Limit commands to +-limit [rpm], along a parabola from `softness_rpm` below it to as much above it.
 
-
-MAP_KNOTS: Final = 6
-"""Most knots of a static map."""
+    All shapes broadcast. A limit of 0 or infinity is none.
+    """
+    limit = np.where(np.asarray(limit_rpm) > 0.0, limit_rpm, np.inf)
+    knee = np.where(np.isfinite(limit), np.minimum(softness_rpm, limit), 0.0)
+    corner = np.where(np.isfinite(limit), limit - knee, 0.0)
+    width = np.where(knee > 0.0, knee, 1.0)
+    beyond = np.abs(command_rpm) - corner
+    on_knee = np.clip(beyond, 0.0, 2.0 * width)  # further out the square may overflow
+    # The parabola leaves the line with slope 1 and reaches the limit with slope 0.
+    bent = np.copysign(corner + beyond - on_knee * on_knee / (4.0 * width), command_rpm)
+    command = np.where((knee > 0.0) & (beyond > 0.0) & (beyond < 2.0 * knee), bent, command_rpm)
+    return np.asarray(np.minimum(np.maximum(command, -limit), limit))
 
 
 def require_map(knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> None:
@@ -70,24 +79,44 @@ def require_map(knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> None
         )
 
 
-def mapped(command_rpm: FloatArray, knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> FloatArray:
+def map_numbers(knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> dict[str, float]:
+    """Return a static map through knots with these values [rpm] as numbers by name, unused ones 0."""
+    rows = (*knots_rpm, *[0.0] * (MAP_KNOTS - len(knots_rpm)), *values_rpm)
+    numbers = dict.fromkeys(MAP_PARAMETERS, 0.0) | dict(zip(MAP_PARAMETERS, rows, strict=False))
+    return {"map_knots": float(len(knots_rpm)), **numbers}
+
+
+def mapped(
+    command_rpm: FloatArray,
+    knots_rpm: Sequence[npt.ArrayLike],
+    values_rpm: Sequence[npt.ArrayLike],
+    count: npt.ArrayLike | None = None,
+) -> FloatArray:
     """Return commands [rpm] after a static map through knots with these values [rpm]; no knots are no map.
 
     `require_map` says which maps there are. A map is linear between knots and keeps its offset beyond the
-    outermost ones. Without a knot below 0 it is mirrored and passes through 0.
+    outermost ones. Without a knot below 0 it is mirrored and passes through 0. Knots and values may be arrays
+    of a shape that broadcasts, of which only the first `count` are used; by default all of them.
     """
-    if not knots_rpm:
+    used = np.asarray(len(knots_rpm) if count is None else count)
+    if not np.any(used > 0):
         return command_rpm
-    mirrored, x, y = _corners(knots_rpm, values_rpm)
-    u = np.abs(command_rpm) if mirrored else np.asarray(command_rpm, float)
-    above = np.searchsorted(x, u, side="left")  # the first corner that is not below u
-    left, right = np.maximum(above - 1, 0), np.minimum(above, x.size - 1)
-    width = x[right] - x[left]
-    # Beyond the outermost corners both neighbours are the same one.
-    along = np.where(width > 0.0, (u - x[left]) / np.where(width > 0.0, width, 1.0), 0.0)
-    inside = y[left] + (y[right] - y[left]) * along
-    out = np.where(width > 0.0, inside, y[left] + (u - x[left]))
-    return np.asarray(np.copysign(out, command_rpm) if mirrored else out)
+    x, y = ([np.asarray(one, float) for one in row] for row in (knots_rpm, values_rpm))
+    mirrored = x[0] >= 0.0
+    u = np.where(mirrored, np.abs(command_rpm), command_rpm)
+    below = [(i < used) & (knot < u) for i, knot in enumerate(x)]
+    # The corners to the left and to the right; beyond the outermost ones both are the same.
+    left_x, left_y = np.where(mirrored, 0.0, x[0]), np.where(mirrored, 0.0, y[0])
+    for is_below, knot, value in zip(below, x, y, strict=True):
+        left_x, left_y = np.where(is_below, knot, left_x), np.where(is_below, value, left_y)
+    right_x, right_y = left_x, left_y
+    for i in reversed(range(len(x))):
+        is_next = (i < used) & ~below[i]
+        right_x, right_y = np.where(is_next, x[i], right_x), np.where(is_next, y[i], right_y)
+    width = right_x - left_x
+    inside = left_y + (right_y - left_y) * ((u - left_x) / np.where(width > 0.0, width, 1.0))
+    out = np.where(width > 0.0, inside, left_y + (u - left_x))
+    return np.where(used > 0, np.where(mirrored, np.copysign(out, command_rpm), out), command_rpm)
 
 
 def unmapped(speed_rpm: FloatArray, knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> FloatArray:

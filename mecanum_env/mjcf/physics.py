@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final, Literal
 
 import mujoco
@@ -13,7 +14,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import Model, Robot
-from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, set_wheel_parameters
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, rotor_inertia, set_wheel_parameters
 
 SIMULATION_TIMESTEP_S: Final = 1 / 480
 """Default upper bound of the physics step [s]; see `fitting_timestep`."""
@@ -123,12 +124,13 @@ def add_drive(
         quantum = None if wheel_quantum else 0.0
         inertia = wheel_inertia(model.robot)
         set_wheel_parameters(spec, actuator, model, law_wheel, quantum, torque_limit_n_m, inertia)
+        if site_gear is None:
+            spec.joint(name).armature += rotor_inertia(model.robot, drive_parameters(model, law_wheel))
         return
-    parameters = drive_parameters(model, law_wheel)
-    if parameters.gap_rad > 0.0 or parameters.coulomb_n_m > 0.0 or parameters.breakaway_n_m > 0.0:
+    if drive_parameters(model, law_wheel).load.acts:
         raise InputError(
-            "effects.backlash, effects.coulomb_friction and effects.stiction need the plugin, "
-            'drive="plugin"; remove them from the model file for drive="servo"'
+            "effects.backlash, effects.torque_ripple, effects.coulomb_friction, effects.stiction and any "
+            'answer_s need the plugin, drive="plugin"; remove them from the model file for drive="servo"'
         )
     limit = model.robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
     actuator.gainprm = [model.robot.servo_n_m_s_rad] + [0.0] * 9
@@ -136,6 +138,7 @@ def add_drive(
         actuator.forcerange = [-limit, limit]
 
 
+@lru_cache(maxsize=64)
 def wheel_inertia(robot: Robot) -> float:
     """Return the moment of inertia [kg m^2] of a robot's free wheel about its axle, rollers included."""
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)

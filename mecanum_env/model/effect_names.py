@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.model.static_map import MAP_PARAMETERS
+from mecanum_env.law.set_point import MAP_PARAMETERS
 
 _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "command_latency": ("delay_s",),
@@ -27,15 +27,25 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "direction_asymmetry": ("reverse_ratio",),
     "battery_sag": ("drop_per_s", "per_volt"),
     "warm_up": ("share", "time_constant_s"),
+    "warm_up/friction": ("share", "time_constant_s"),
     "static_map": MAP_PARAMETERS,
     "speed_saturation": ("limit_rpm", "softness_rpm"),
+    "speed_saturation/supply": ("limit_rpm",),
     "acceleration_limit": ("limit_rpm_s", "brake_rpm_s"),
+    "acceleration_limit/drive": ("limit_rpm_s", "brake_rpm_s"),
     "acceleration_limit/s_curve": ("limit_rpm_s", "jerk_rpm_s2", "brake_rpm_s"),
+    "load_inertia": ("ratio",),
     "weak_servo": ("servo_n_m_s_rad",),
     "backlash": ("gap_deg",),
-    "coulomb_friction": ("torque_n_m",),
-    "stiction": ("breakaway_n_m", "stribeck_rpm"),
-    "viscous_friction": ("damping_n_m_s_rad",),
+    "backlash/rest": ("gap_deg",),
+    "backlash/spring": ("gap_deg",),
+    "coulomb_friction": ("torque_n_m", "answer_s"),
+    "coulomb_friction/washed_out": ("torque_n_m", "answer_s", "washout_s"),
+    "stiction": ("breakaway_n_m", "stribeck_rpm", "answer_s"),
+    "stiction/washed_out": ("breakaway_n_m", "stribeck_rpm", "answer_s", "washout_s"),
+    "viscous_friction": ("damping_n_m_s_rad", "answer_s"),
+    "viscous_friction/washed_out": ("damping_n_m_s_rad", "answer_s", "washout_s"),
+    "torque_ripple": ("per_turn", "share", "torque_n_m", "phase_deg"),
     "roller_friction": ("torque_n_m", "damping_n_m_s_rad"),
     "low_grip": ("friction",),
     "payload": ("mass_kg", "height_m"),
@@ -44,10 +54,14 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "track_width": ("scale",),
     "floor_slope": ("slope_deg", "heading_deg"),
     "mount_yaw": ("angle_deg",),
+    "encoder_eccentricity": ("per_turn", "share", "phase_deg"),
     "sensor_latency": ("delay_s",),
+    **{f"sensor_latency/{form}": ("delay_s",) for form in ("wheels", "body", "pose")},
     "sensor_lowpass": ("time_constant_s",),
+    "sensor_lowpass/window": ("window_s",),
     "sensor_scale": ("wheel", "linear", "yaw"),
     "sensor_bias": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
+    "sensor_bias/drift": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "per_s"),
 }
 
 EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
@@ -59,7 +73,17 @@ _FIRST_FORMS: Final[dict[str, str]] = {
     "command_deadband": "drop",
     "warm_up": "gain",
     "static_map": "curve",
+    "speed_saturation": "clip",
     "acceleration_limit": "set_point",
+    "backlash": "coast",
+    "coulomb_friction": "droop",
+    "stiction": "droop",
+    "viscous_friction": "droop",
+    "torque_ripple": "load",
+    "sensor_latency": "all",
+    "sensor_lowpass": "lag",
+    "encoder_eccentricity": "sensor",
+    "sensor_bias": "constant",
 }
 """Cause -> what its first form is called, for causes with several forms."""
 
@@ -87,7 +111,7 @@ def effect_named(cause: str, form: str | None = None) -> str:
         InputError: the cause does not take this form. An unknown cause is returned as it is.
     """
     first = _FIRST_FORMS.get(cause, "")
-    if form is None or cause not in _SCHEMA or form == first != "":
+    if form is None or not forms_of(cause) or form == first != "":
         return cause
     effect = f"{cause}/{form}"
     if effect not in _SCHEMA:

@@ -13,16 +13,13 @@ from itertools import takewhile
 from typing import Final
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.set_point import MAP_KNOTS, require_map
+from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS, require_map
 
 MAP: Final = "static_map"
 """Name of the effect."""
 LISTS: Final = ("knots_rpm", "values_rpm")
 """Names of the two lists in a model file."""
-_KNOTS: Final = tuple(f"knot_{i}_rpm" for i in range(1, MAP_KNOTS + 1))
-_VALUES: Final = tuple(f"value_{i}_rpm" for i in range(1, MAP_KNOTS + 1))
-MAP_PARAMETERS: Final = (*_KNOTS, *_VALUES)
-"""Names of the effect's parameters."""
+_KNOTS, _VALUES = MAP_PARAMETERS[:MAP_KNOTS], MAP_PARAMETERS[MAP_KNOTS:]
 
 
 def map_parameters(knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> dict[str, float]:

@@ -3,9 +3,9 @@
 chain.h lists the same parameters. They are numeric fields of the wheel's actuator, so copies,
 pickles and batches of models carry them, and a compiled model can be edited (`write_parameters`):
 
-    dynprm[i]   DYNPRM[i]: the wheel law, its clocks, quantum and ceiling (0: none)
+    dynprm      the wheel law, its clocks, quantum and ceiling: `mecanum_env.law.parameters.DYNPRM`
     biasprm     0, 0, -servo_n_m_s_rad
-    user[i]     USER[i]: everything else
+    user        everything else: `mecanum_env.law.parameters.USER`
 
 From "deadband_rpm" on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia
 is fed forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag,
@@ -33,32 +33,18 @@ import numpy.typing as npt
 
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.drive import RING, DriveParameters
+from mecanum_env.law.parameters import USER
+from mecanum_env.law.set_point import map_numbers
+from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.model import Model, Robot
-from mecanum_env.model.static_map import MAP_PARAMETERS, map_parameters
 from mecanum_env.plugin import PLUGIN_NAME
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-DYNPRM: Final = (
-    *COEFFICIENTS,
-    *("sample_period_s", "command_period_s", "command_quantum_rpm", "saturation_rpm"),
-)
-"""Names of the parameters in dynprm."""
 SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""
-USER: Final = (
-    *("servo_integral_n_m_rad", "delay_s", "torque_limit_n_m"),
-    *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
-    *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
-    *("subtracted_rpm", "warm_up_share", "warm_up_s"),
-    *("map_knots", *MAP_PARAMETERS),
-    *("brake_rpm_s", "jerk_rpm_s2", "jitter_s", "loss", "link_seed"),
-)
-"""Names of the parameters in user; the inertia is the wheel's own, the others are those of the drive."""
-CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
-"""Names of all parameters of a drive, in the order of the library's functions."""
 _INERTIA: Final = USER.index("inertia_kg_m2")
+_ROTOR: Final = USER.index("rotor_kg_m2")
 _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
@@ -69,7 +55,7 @@ STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
     *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
-    *("slope", "sent"),
+    *("angle", "slope", "sent"),
 )
 """Names of the first entries of a wheel's plugin state, all zero at rest:
 
@@ -82,6 +68,7 @@ STATE: Final = (
 - change: the wheel's change of speed in the last substep [rad/s]; the torque limit predicts the next from it
 - gap: position of the motor relative to the wheel inside the backlash, from the middle of the gap [rad]
 - load: smoothed torque of everything but the drive on the wheel [N m], for its friction
+- angle: angle that the wheel has turned through since the start [rad]
 - slope: rate of change of an S-curve at the end of the tick [rpm/s]
 - sent: the last latched command that was not lost [rpm], rounded but not shaped
 
@@ -118,12 +105,20 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     limit = robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
     if not limit > 0.0:
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
-    values = {name: value for name, value in vars(drive).items() if name in USER and not math.isinf(value)}
+    own = {**vars(drive), **vars(drive.load), "gap_kind": float(GAP_KINDS.index(drive.load.gap_kind))}
+    values = {name: value for name, value in own.items() if name in USER and not math.isinf(value)}
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
-    values |= {"map_knots": float(len(drive.knots_rpm)), **map_parameters(drive.knots_rpm, drive.values_rpm)}
+    values["supply_share"] = drive.motor_bounds.supply_share
+    values["rotor_kg_m2"] = rotor_inertia(robot, drive)
+    values |= map_numbers(drive.knots_rpm, drive.values_rpm)
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
     return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+
+
+def rotor_inertia(robot: Robot, drive: DriveParameters) -> float:
+    """Return the inertia [kg m^2] that makes a drive answer a load as late as it does."""
+    return robot.servo_n_m_s_rad * drive.load.answer_s
 
 
 def chain_parameters(
@@ -132,13 +127,13 @@ def chain_parameters(
     torque_limit_n_m: float | None = None,
     inertia_kg_m2: float = 0.0,
 ) -> FloatArray:
-    """Return all parameters of a wheel's drive, shape (P,), in the order of `CHAIN`.
+    """Return all parameters of a wheel's drive in the order of `mecanum_env.law.parameters.CHAIN`, (P,).
 
     `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
     drive = drive_parameters(model, wheel_name)
     user = userdata(model.robot, drive, torque_limit_n_m)[: len(USER)]
-    user[_INERTIA] = inertia_kg_m2
+    user[_INERTIA] = inertia_kg_m2 + rotor_inertia(model.robot, drive)
     return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user])
 
 
@@ -158,7 +153,7 @@ def set_wheel_parameters(
 
     `wheel_name` is fl, fr, rl or rr for that wheel's own law and effects, `quantum_rpm` as for `dynprm`,
     `torque_limit_n_m` as for `userdata` (the bench has NO_TORQUE_LIMIT), and `inertia_kg_m2` the free
-    wheel's.
+    wheel's. A rotor (`rotor_inertia`) comes on top; the joint must have it as its armature.
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
@@ -169,7 +164,7 @@ def set_wheel_parameters(
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
     user = userdata(robot, parameters, torque_limit_n_m)
-    user[_INERTIA] = inertia_kg_m2
+    user[_INERTIA] = inertia_kg_m2 + rotor_inertia(robot, parameters)
     actuator.userdata = user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]
@@ -190,8 +185,8 @@ def write_parameters(
     `set_wheel_parameters`.
 
     Raises:
-        InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not
-            above 0.
+        InputError: that actuator is not a wheel drive, the model's delay is too long, the limit is not
+            above 0, or the drive's rotor differs from the compiled one.
         UnstableLawError: the wheel's law is unstable.
     """
     _require_wheel_drive(mjmodel, actuator_id)
@@ -203,8 +198,14 @@ def write_parameters(
         raise InputError(
             f"nuser_actuator = {mjmodel.nuser_actuator}, must be {USER_SIZE} for a model with these effects"
         )
+    given = mjmodel.actuator_user[actuator_id]
+    if user[_ROTOR] != (float(given[_ROTOR]) if len(given) > _ROTOR else 0.0):
+        raise InputError(
+            f"answer_s of the drive's load asks for a rotor of {user[_ROTOR]:g} kg m^2, which is part of the "
+            "compiled joint; compile the model anew"
+        )
     if mjmodel.nuser_actuator > _INERTIA:
-        user[_INERTIA] = mjmodel.actuator_user[actuator_id, _INERTIA]
+        user[_INERTIA] = given[_INERTIA]
     user = user[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError, UnstableLawError
-from mecanum_env.plugin.layout import DYNPRM, SERVO, USER, drive_state, require_valid, write_parameters
+from mecanum_env.law.parameters import DYNPRM, USER
+from mecanum_env.plugin.layout import SERVO, drive_state, require_valid, write_parameters
 
 pytestmark = pytest.mark.usefixtures("in_tmp_path")
 
@@ -60,6 +61,12 @@ BAD_USER = [
     ("map_knots", 1.5),
     ("map_knots", np.nan),
     ("knot_1_rpm", np.inf),
+    ("drive_acceleration_rpm_s", -1.0),
+    ("supply_rpm", np.inf),
+    ("rotor_kg_m2", -0.1),
+    ("friction_warm_share", np.nan),
+    ("ripple_phase_rad", np.inf),
+    ("gap_kind", -1.0),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

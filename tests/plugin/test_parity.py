@@ -13,7 +13,7 @@ from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import ARRIVALS, COMMANDS, RING, STATE, USER, drive_state, state_slice
 from mecanum_env.units import RAD_S_PER_RPM
-from tests.set_points import SET_POINT_EFFECTS, some_of
+from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
 
 def run(mjmodel, commands):
@@ -39,7 +39,7 @@ def run(mjmodel, commands):
     link_seed=st.integers(0, 2**53),
     quantum=st.sampled_from([0.0, 1.0, 0.3]),
     saturation=st.sampled_from([135.0, 40.0, np.inf]),
-    shaping=some_of(SET_POINT_EFFECTS),
+    shaping=some_of({**SET_POINT_EFFECTS, **LAW_EFFECTS, "load_inertia": {"ratio": st.just(1.001)}}),
 )
 def test_state_equals_the_reference_bit_for_bit(
     compile_wheels,

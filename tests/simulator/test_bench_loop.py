@@ -8,10 +8,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.effects import Effect, Parameter, registered
+from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import longest_delay_s
+from mecanum_env.law.free_wheel import free_wheel_speeds
+from mecanum_env.law.parameters import CHAIN
+from mecanum_env.mjcf.physics import wheel_inertia
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import CHAIN
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters
 from mecanum_env.plugin.library import parameter_names
 from mecanum_env.simulator.bench import (
     BenchRun,
@@ -21,19 +25,35 @@ from mecanum_env.simulator.bench import (
     mujoco_bench_motion,
     replay_bench,
 )
+from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.trajectory import SimulationDivergedError
-from tests.set_points import SET_POINT_EFFECTS, some_of
+from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
+ANSWERS = st.one_of(st.just(0.0), st.floats(0.0, 0.2))
 EFFECTS = {
     "command_latency": {"delay_s": st.floats(0.0, 2.0)},
     "command_latency/jitter": {"delay_s": st.floats(0.0, 0.15), "jitter_s": st.floats(0.0, 0.15)},
     "command_loss": {"share": st.floats(0.0, 1.0)},
     **SET_POINT_EFFECTS,
+    **LAW_EFFECTS,
+    "load_inertia": {"ratio": st.floats(1.0, 40.0)},
     "weak_servo": {"servo_n_m_s_rad": st.floats(0.02, 20.0)},
     "backlash": {"gap_deg": st.floats(0.0, 20.0)},
-    "coulomb_friction": {"torque_n_m": st.floats(0.0, 1.0)},
+    "backlash/rest": {"gap_deg": st.floats(0.0, 20.0)},
+    "backlash/spring": {"gap_deg": st.floats(0.0, 20.0)},
+    "coulomb_friction": {"torque_n_m": st.floats(0.0, 1.0), "answer_s": ANSWERS},
+    "coulomb_friction/washed_out": {"torque_n_m": st.floats(0.0, 1.0), "washout_s": st.floats(0.05, 5.0)},
     "stiction": {"breakaway_n_m": st.floats(0.0, 1.0), "stribeck_rpm": st.floats(0.5, 30.0)},
+    "stiction/washed_out": {"breakaway_n_m": st.floats(0.0, 1.0), "answer_s": ANSWERS},
     "viscous_friction": {"damping_n_m_s_rad": st.floats(0.0, 0.5)},
+    "viscous_friction/washed_out": {"damping_n_m_s_rad": st.floats(0.0, 0.5), "answer_s": ANSWERS},
+    "warm_up/friction": {"share": st.floats(0.0, 1.0), "time_constant_s": st.floats(0.1, 10.0)},
+    "torque_ripple": {
+        "per_turn": st.floats(1.0, 24.0),
+        "share": st.floats(0.0, 0.5),
+        "torque_n_m": st.floats(0.0, 1.0),
+        "phase_deg": st.floats(-180.0, 180.0),
+    },
 }
 
 
@@ -79,6 +99,35 @@ def test_the_motion_is_mujocos_bit_for_bit(
     expected_clock, expected = by_mujoco(model, run, timestep_s)
     np.testing.assert_array_equal(clock, expected_clock)
     np.testing.assert_array_equal(speed, expected)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    effects=some_of(EFFECTS),
+    integral=st.sampled_from([0.0, 20.0]),
+    timestep_s=st.sampled_from([None, 1 / 133]),
+    initial_rpm=st.sampled_from([0.0, 45.0]),
+    seed=st.integers(0, 2**32 - 1),
+)
+def test_the_reference_moves_the_wheel_bit_for_bit(effects, integral, timestep_s, initial_rpm, seed):
+    paper = paper_model()
+    model = replace(paper, robot=replace(paper.robot, servo_integral_n_m_rad=integral), effects=effects)
+    run = random_run(np.random.default_rng(seed), initial_rpm)
+    clock, speed = bench_motion(
+        model, run.time_s, run.command_rpm, run.duration_s, initial_rpm, timestep_s=timestep_s
+    )
+    np.testing.assert_array_equal(reference_speed(model, run, clock), speed)
+
+
+def reference_speed(model, run, clock):
+    """Return the free wheel's speed as `mecanum_env.law` alone computes it."""
+    changed, step = changed_model(model, "bench"), clock[1]
+    time, command, initial = run.given
+    held = hold(time, command, clock[:-1], before=initial)
+    row = chain_parameters(changed, None, NO_TORQUE_LIMIT, wheel_inertia(changed.robot))
+    wheel = row[CHAIN.index("inertia_kg_m2")], drive_parameters(changed).load.viscous_n_m_s_rad
+    speeds = free_wheel_speeds(row[None], np.array([wheel]), step, held[None], np.array([initial]))
+    return speeds[0, 0]
 
 
 def test_models_and_runs_of_one_call_do_not_disturb_each_other(paper):

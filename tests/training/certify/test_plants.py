@@ -32,7 +32,7 @@ def test_the_robot_level_plant_has_the_paper_s_six_figures(paper):
 
 def test_every_cause_of_the_catalogue_has_a_size_that_acts(paper):
     sizes = realistic_sizes(paper)
-    assert list(sizes) == [name for name, effect in CATALOGUE.items() if effect.cause == name]
+    assert set(sizes) >= {effect.cause for effect in CATALOGUE.values()}
     for name, values in sizes.items():
         assert [effect.name for effect, _ in active_effects(paper.with_effect(name, **values))] == [name]
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mecanum_env.kinematics import command_to_twist
+from mecanum_env.kinematics import command_to_twist, command_to_wheels
 from mecanum_env.model import paper_model
 from mecanum_env.model.static_map import map_parameters
 from mecanum_env.simulator.robot import RobotSession
@@ -39,8 +39,11 @@ SENSORS = {
     "sensor_bias": {"vx_m_s": 0.2, "vy_m_s": -0.1, "yaw_rate_rad_s": 0.3},
     "sensor_scale": {"linear": 0.6, "yaw": 0.7},
     "mount_yaw": {"angle_deg": 25.0},
+    "sensor_bias/drift": {"vx_m_s": 0.1, "yaw_rate_rad_s": 0.1, "per_s": 0.5},
     "sensor_latency": {"delay_s": 0.2},
+    "sensor_latency/body": {"delay_s": 0.2},
     "sensor_lowpass": {"time_constant_s": 0.2},
+    "sensor_lowpass/window": {"window_s": 0.4},
 }
 NEUTRAL = {
     "command_latency": {"delay_s": 0.0},
@@ -107,6 +110,20 @@ def test_the_robot_keeps_the_speed_that_was_asked_for(name):
     assert with_it < 0.06
 
 
+def test_a_limit_of_the_supply_keeps_the_direction():
+    model = robot_with({"speed_saturation/supply": {"limit_rpm": 40.0}})
+    v, theta, vc = DriveInverse(model).command((80, 30, 0), 0.0)
+    assert (theta, vc) == (30, 0)
+    assert np.max(np.abs(command_to_wheels(v, theta, vc))) == pytest.approx(40.0, abs=1.0)
+
+
+def test_friction_that_the_drive_makes_up_for_is_left_to_it():
+    values = {"torque_n_m": 0.5, "washout_s": 0.3}
+    model = robot_with({"coulomb_friction/washed_out": values, "speed_gain": {"gain": 0.8}})
+    assert DriveInverse(model).command((40, 0, 0), 0.0) == (50, 0, 0)
+    assert Compensated(Passing([(0, 0, 0)]), model).left_alone == ("coulomb_friction/washed_out",)
+
+
 def test_a_limit_of_the_body_keeps_the_direction():
     model = robot_with({"body_speed_limit": {"v_rpm": 40.0, "vc_rpm": 100.0}})
     v, theta, vc = DriveInverse(model).command((80, 30, 20), 0.0)
@@ -136,7 +153,7 @@ def test_the_controller_sees_its_own_motion_as_it_is(name):
     own = slice(10, 13)
     error = np.sqrt(np.mean((corrected[:, own] - truth[:, own]) ** 2))
     assert error < 0.4 * np.sqrt(np.mean((raw[:, own] - truth[:, own]) ** 2))
-    place = [18, 19] if name in ("sensor_bias", "sensor_scale") else [16, 17]
+    place = [18, 19] if name.startswith(("sensor_bias", "sensor_scale")) else [16, 17]
     off, before = np.abs(corrected - truth)[:, place].max(), np.abs(raw - truth)[:, place].max()
     assert off <= max(0.5 * before, 1e-5)
 

@@ -109,6 +109,15 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
     return drive
 
 
+def delayed(model: Model, seconds: float) -> Model:
+    """Return the model with commands that act later by some seconds, in the form of latency that it has."""
+    name = next(
+        (one for one in model.effects if CATALOGUE[one].cause == "command_latency"), "command_latency"
+    )
+    values = dict(model.effects.get(name, {}))
+    return model.with_effect(name, **{**values, "delay_s": values.get("delay_s", 0.0) + seconds})
+
+
 def added_load(model: Model) -> Load:
     """Return what the effects of a model add to the robot's mass and to the friction of each wheel."""
     loads = (effect.load(values) for effect, values in active_effects(model) if effect.load is not None)

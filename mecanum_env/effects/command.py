@@ -63,6 +63,7 @@ def _ramp(asked: float, previous: float, change: float, shares: tuple[float, flo
 EFFECTS: Final = (
     Effect(
         name="command_latency",
+        first_form="fixed",
         station="command",
         acts_on="command",
         parameters=(
@@ -78,6 +79,38 @@ EFFECTS: Final = (
         shifts_time=True,
         undone_by="prediction",
         change_drive=lambda drive, values, _: replace(drive, delay_s=values["delay_s"]),
+    ),
+    Effect(
+        name="command_latency/jitter",
+        station="command",
+        acts_on="command",
+        parameters=(
+            Parameter("delay_s", "s", 0.0, (0.0, 0.3), largest=_longest_delay),
+            Parameter("jitter_s", "s", 0.0, (0.0, 0.1)),
+        ),
+        summary="Each change of a latched command takes effect later by a time of its own, with this mean "
+        "and this standard deviation.",
+        signature="Rises and falls come later, each by another time; the speeds reached are unchanged.",
+        direct_check=TIME_STAMPS,
+        searched=False,
+        shifts_time=True,
+        undone_by="prediction",
+        change_drive=lambda drive, values, _: replace(
+            drive, delay_s=values["delay_s"], jitter_s=values["jitter_s"]
+        ),
+    ),
+    Effect(
+        name="command_loss",
+        first_form="drop",
+        station="command",
+        acts_on="command",
+        parameters=(Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0)),),
+        summary="This share of the latched commands never arrives, and the one before goes on.",
+        signature="Now and then a change of the command comes one command period late, or more.",
+        direct_check=_CONTROLLER_LOG,
+        realistic=lambda _: {"share": 0.05},
+        searched=False,
+        change_drive=lambda drive, values, _: replace(drive, loss=values["share"]),
     ),
     Effect(
         name="body_speed_limit",

@@ -17,10 +17,11 @@ import numpy.typing as npt
 
 from mecanum_env.law.coefficients import law_step
 from mecanum_env.law.drive import EPS, RING
+from mecanum_env.law.link import is_lost, own_delay
 from mecanum_env.law.motor_bounds import bounded
 from mecanum_env.law.parameters import Sets
 from mecanum_env.law.ramp import Ramp, RampLimits
-from mecanum_env.law.shaping import shaped
+from mecanum_env.law.shaping import rounded, shaped
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 Mask = npt.NDArray[np.bool_]
@@ -46,19 +47,21 @@ class DriveState:
     load: FloatArray
     angle: FloatArray
     slope: FloatArray
+    sent: FloatArray
     command: FloatArray
     """Latched commands [rpm], command j at j modulo RING, shape (sets, runs, RING)."""
+    arrival: FloatArray
+    """When they arrive [s], if the delay jitters."""
     substeps: int = field(default=0, init=False)
 
     @staticmethod
     def steady(p: Sets, initial_rpm: FloatArray) -> DriveState:
         """Return drives that have long held steady speeds [rpm], shape (runs,), with parameters `p`."""
         shape = (p["gain"].shape[0], initial_rpm.size)
-        state = DriveState(
-            **{f.name: np.zeros(shape) for f in fields(DriveState) if f.name not in ("command", "substeps")},
-            command=np.tile(initial_rpm[None, :, None], (shape[0], 1, RING)),
-        )
-        for name in ("w0", "w1", "w2", "r1", "r2", "ramp"):
+        state = DriveState(**{f.name: np.zeros(shape) for f in fields(DriveState) if f.init})
+        state.command = np.tile(initial_rpm[None, :, None], (shape[0], 1, RING))
+        state.arrival = np.zeros(state.command.shape)
+        for name in ("w0", "w1", "w2", "r1", "r2", "ramp", "sent"):
             getattr(state, name)[:] = initial_rpm
         state.setpoint[:] = initial_rpm * RAD_S_PER_RPM
         # The motor of a turning wheel has crossed the backlash.
@@ -73,16 +76,30 @@ def begin(s: DriveState, p: Sets, command_rpm: FloatArray, timestep_s: float) ->
     """
     tau, period, now = p["sample_period_s"], p["command_period_s"], s.substeps * timestep_s
     while np.any(due := now >= s.latches * period - EPS * period):
-        acts_at = s.latches * period + p["delay_s"]
-        latched = np.where(due, shaped(p, command_rpm, acts_at), _commands(s, s.latches))
-        np.put_along_axis(s.command, _slots(s.latches), latched[..., None], axis=-1)
-        s.latches = s.latches + due
+        _latch(s, p, command_rpm, due)
     while np.any(due := now >= s.ticks * tau - EPS * tau):
         _tick(s, p, due)
     s.substeps += 1
     share = np.clip((s.substeps * timestep_s - (s.ticks - 1) * tau) / tau, 0.0, 1.0)
     before, s.setpoint = s.setpoint, (s.w1 + (s.w0 - s.w1) * share) * RAD_S_PER_RPM
     s.rise = s.setpoint - before
+
+
+def _latch(s: DriveState, p: Sets, command_rpm: FloatArray, due: Mask) -> None:
+    """Latch the commands that are due: those that are lost leave the ones before."""
+    sent_at, sent = s.latches * p["command_period_s"], rounded(command_rpm, p["command_quantum_rpm"])
+    acts_at, arrival, jitters = sent_at + p["delay_s"], _at(s.arrival, s.latches - 1), p["jitter_s"] > 0.0
+    lost = is_lost(p["loss"], p["link_seed"], s.latches) if np.any(p["loss"] > 0.0) else np.False_
+    if np.any(jitters):
+        own = sent_at + own_delay(p["delay_s"], p["jitter_s"], p["link_seed"], s.latches)
+        arrival = np.where((sent != s.sent) & ~lost, np.maximum(arrival, own), arrival)
+        acts_at = np.where(jitters, np.maximum(sent_at, arrival), acts_at)
+    received = np.where(lost, _at(s.command, s.latches - 1), shaped(p, sent, acts_at))
+    s.sent = np.where(due & ~lost, sent, s.sent)
+    for ring, value in ((s.command, received), (s.arrival, arrival)):
+        kept = np.where(due, value, _at(ring, s.latches))
+        np.put_along_axis(ring, _slots(s.latches), kept[..., None], axis=-1)
+    s.latches = s.latches + due
 
 
 def _tick(s: DriveState, p: Sets, due: Mask) -> None:
@@ -107,33 +124,44 @@ def _off_is_infinite(limit: FloatArray) -> FloatArray:
 
 def _law_input(s: DriveState, p: Sets) -> tuple[FloatArray, Ramp]:
     """Return r(k), the mean over the tick of the delayed command behind the ramp, and the ramp at its end."""
-    tau, period, delay = p["sample_period_s"], p["command_period_s"], p["delay_s"]
+    tau, period, jitters = p["sample_period_s"], p["command_period_s"], p["jitter_s"] > 0.0
     rise, jerk = _off_is_infinite(p["acceleration_rpm_s"]), _off_is_infinite(p["jerk_rpm_s2"])
     limits = RampLimits(rise, np.where(p["brake_rpm_s"] > 0.0, p["brake_rpm_s"], rise), jerk, tau)
     ramp, t = Ramp(s.ramp, s.slope), s.ticks * tau
     latest = np.minimum(np.floor(t / period + EPS), s.latches - 1)
-    j = np.maximum(np.minimum(np.floor((t - delay) / period + EPS), latest), latest - (RING - 1))
+    j = np.maximum(np.minimum(np.floor((t - p["delay_s"]) / period + EPS), latest), latest - (RING - 1))
+    if np.any(jitters):
+        j = np.where(jitters, _newest(s, latest, t + EPS * period), j)
     total, done = np.zeros(t.shape), np.zeros(t.shape)
     for _ in range(RING - 1):
-        arrival = (j + 1) * period + delay
+        arrival = np.where(jitters, _at(s.arrival, j + 1), (j + 1) * period + p["delay_s"])
         arrives = (j + 1 <= latest) & (arrival < t + tau)
         if not np.any(arrives):
             break
         until = np.where(arrives, (arrival - t) / tau, done)
-        moved, part = limits.moved(ramp, _commands(s, j), until - done)
+        moved, part = limits.moved(ramp, _at(s.command, j), until - done)
         total = np.where(arrives, total + part, total)
         ramp = Ramp(
             np.where(arrives, moved.value_rpm, ramp.value_rpm),
             np.where(arrives, moved.slope_rpm_s, ramp.slope_rpm_s),
         )
         done, j = until, j + arrives
-    ramp, part = limits.moved(ramp, _commands(s, j), 1 - done)
+    ramp, part = limits.moved(ramp, _at(s.command, j), 1 - done)
     return total + part, ramp
 
 
-def _commands(s: DriveState, j: FloatArray) -> FloatArray:
-    """Return the latched commands j, of shape (sets, runs)."""
-    return np.take_along_axis(s.command, _slots(j), axis=-1)[..., 0]
+def _newest(s: DriveState, latest: FloatArray, times_s: FloatArray) -> FloatArray:
+    """Return the numbers of the newest commands up to the latest that have arrived, or of the oldest kept."""
+    ages = np.arange(float(RING))
+    arrivals = np.take_along_axis(s.arrival, _slots(latest[..., None] - ages)[..., 0], axis=-1)
+    arrived = arrivals <= times_s[..., None]
+    arrived[..., -1] = True
+    return np.asarray(latest - np.argmax(arrived, axis=-1), float)
+
+
+def _at(ring: FloatArray, j: FloatArray) -> FloatArray:
+    """Return the entries of latches j in a ring, of shape (sets, runs)."""
+    return np.take_along_axis(ring, _slots(j), axis=-1)[..., 0]
 
 
 def _slots(j: FloatArray) -> npt.NDArray[np.intp]:

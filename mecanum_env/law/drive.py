@@ -1,23 +1,11 @@
-"""The drive of one wheel in front of its servo: from the command that is sent to the speed setpoint.
+"""The parameters of a wheel's drive, and what it makes of a single command before the wheel law.
 
-This is the reference for the plugin (mecanum_env/plugin/set_point.c), which tests hold equal to it bit
-for bit, and the drive for engines without plugins. Time counts in substeps n of the timestep h:
-
-- Latch j is due at the first substep with n h >= j T, with T the command period. The latched command is
-  rounded, then changed by dead band, gain and limit (`received_command`).
-- Law tick k is due at the first substep with n h >= k tau, with tau the sample period. Its input r(k) is the
-  mean over the tick of the command delayed by `delay_s`, as far as it was latched by k tau. So the response
-  is continuous in the delay, and without one r(k) is the last latched command. With an acceleration limit
-  r(k) is the mean over the tick of a continuous ramp that follows the delayed command at the limit.
-- The law's step from w(k) to w(k+1) may be bounded by the motor (`mecanum_env.law.motor_bounds`).
-- The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
-  starts: the interpolation adds no delay.
+`mecanum_env.law.inputs` puts commands on the clock of the law.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -25,11 +13,12 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.coefficients import LawState, WheelLaw
+from mecanum_env.law.coefficients import WheelLaw
+from mecanum_env.law.link import MOST_SEEDS, SPREAD, Link
 from mecanum_env.law.motor_bounds import MotorBounds, steepest_share
-from mecanum_env.law.ramp import Ramp, RampLimits
+from mecanum_env.law.ramp import RampLimits
 from mecanum_env.law.set_point import map_numbers, require_map
-from mecanum_env.law.shaping import shaped
+from mecanum_env.law.shaping import rounded, shaped
 from mecanum_env.law.wheel_load import NO_LOAD, WheelLoad
 from mecanum_env.units import FloatArray
 
@@ -64,6 +53,12 @@ class DriveParameters:
     """Commands are clipped to +- this [rpm]."""
     delay_s: float = 0.0
     """Time from the latch to the effect of a command [s]."""
+    jitter_s: float = 0.0
+    """Standard deviation of that time from one change of the command to the next [s]; see `Link`."""
+    loss: float = 0.0
+    """Probability that a latched command is lost and the one before it goes on."""
+    link_seed: int = 0
+    """Seed of jitter and losses."""
     deadband_rpm: float = 0.0
     """Commands smaller than this count as 0 [rpm]."""
     subtracted_rpm: float = 0.0
@@ -123,6 +118,15 @@ class DriveParameters:
             raise InputError(
                 f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"
             )
+        if not (self.jitter_s >= 0.0 and self.delay_s + SPREAD * self.jitter_s <= longest):
+            raise InputError(
+                f"jitter_s = {self.jitter_s}, must not be below 0, and delay_s + {SPREAD:.3g} jitter_s "
+                f"at most {longest:g} ({RING - 3} command periods)"
+            )
+        if not 0.0 <= self.loss <= 1.0:
+            raise InputError(f"loss = {self.loss}, must be from 0 to 1")
+        if not 0 <= self.link_seed <= MOST_SEEDS:
+            raise InputError(f"link_seed = {self.link_seed}, must be a whole number from 0 to 2^53")
 
     @property
     def motor_bounds(self) -> MotorBounds:
@@ -141,6 +145,11 @@ class DriveParameters:
         return self.warm_up_share != 0.0 and self.warm_up_s > 0.0
 
     @property
+    def link(self) -> Link:
+        """How its commands come to the drive."""
+        return Link(self.command_period_s, self.delay_s, self.jitter_s, self.loss, self.link_seed)
+
+    @property
     def ramp_limits(self) -> RampLimits:
         """What bounds the change of the law's input."""
         rise = self.acceleration_rpm_s
@@ -148,10 +157,10 @@ class DriveParameters:
         return RampLimits(*map(np.asarray, limits))
 
 
-def received_command(
-    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
+def shaped_command(
+    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike
 ) -> FloatArray:
-    """Return latched commands after rounding, dead band, gains, static map and saturation [rpm]; NaN is 0.
+    """Return rounded commands after dead band, gains, static map and saturation [rpm].
 
     `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
     """
@@ -159,149 +168,11 @@ def received_command(
     return shaped(numbers, command_rpm, seconds)
 
 
-def law_inputs(
-    parameters: DriveParameters,
-    ticks: npt.ArrayLike,
-    latched_rpm: FloatArray,
-    latches: npt.ArrayLike,
-    start: int,
+def received_command(
+    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
 ) -> FloatArray:
-    """Return the mean of the delayed command over each tick [rpm], shape (..., K), before a ramp.
+    """Return latched commands as the drive receives them [rpm], rounded and shaped; NaN counts as 0.
 
-    Args:
-        parameters: parameters of the drive.
-        ticks: numbers k of the ticks, shape (K,).
-        latched_rpm: commands in order of latching, shape (..., J).
-        latches: number of commands that are latched by each tick, shape (K,) or one number.
-        start: number j of the first of `latched_rpm`; earlier commands equal it.
+    `seconds` is as for `shaped_command`. Latency and loss come before (`mecanum_env.law.inputs`).
     """
-    total = np.zeros((*latched_rpm.shape[:-1], np.size(ticks)))
-    for share, command in _held(parameters, ticks, latched_rpm, latches, start):
-        total = total + share * command
-    return total
-
-
-def ramped_inputs(
-    parameters: DriveParameters,
-    ticks: npt.ArrayLike,
-    latched_rpm: FloatArray,
-    latches: npt.ArrayLike,
-    start: int,
-    ramp: Ramp,
-) -> tuple[FloatArray, Ramp]:
-    """Return the law's inputs r(k) [rpm], shape (..., K), and the ramp at the end, of shape (...).
-
-    The ramp follows the delayed command within the limits; r(k) is its mean over the tick. Without limits the
-    ramp is the command itself, and r(k) that of `law_inputs`.
-
-    The ticks are consecutive; `latched_rpm`, `latches` and `start` are as for `law_inputs`. `ramp` is that at
-    the first tick, of shape (...).
-    """
-    limits = parameters.ramp_limits
-    held = list(_held(parameters, ticks, latched_rpm, latches, start))
-    if not limits.act:
-        inputs = law_inputs(parameters, ticks, latched_rpm, latches, start)
-        return inputs, Ramp.steady(held[-1][1][..., -1]) if inputs.shape[-1] else ramp
-    inputs = np.zeros((*latched_rpm.shape[:-1], np.size(ticks)))
-    for k in range(inputs.shape[-1]):
-        for shares, commands in held:
-            ramp, contribution = limits.moved(ramp, commands[..., k], shares[k])
-            inputs[..., k] += contribution
-    return inputs, ramp
-
-
-def _held(
-    parameters: DriveParameters,
-    ticks: npt.ArrayLike,
-    latched_rpm: FloatArray,
-    latches: npt.ArrayLike,
-    start: int,
-) -> Iterator[tuple[FloatArray, FloatArray]]:
-    """Yield the delayed commands that are held within the ticks, in order of time.
-
-    Each item has the shares (K,) of the ticks for which commands (..., K) are held. If one tick has fewer
-    commands than another, its last shares are 0.
-    """
-    tau, period, delay = parameters.law.sample_period_s, parameters.command_period_s, parameters.delay_s
-    t = np.asarray(ticks, float) * tau
-    latest = np.minimum(np.floor(t / period + EPS), np.asarray(latches, float) - 1.0)
-    j = np.minimum(np.floor((t - delay) / period + EPS), latest)
-    done = np.zeros(t.shape)
-    while True:
-        index = np.clip(j - start, 0, latched_rpm.shape[-1] - 1).astype(np.intp)
-        arrival = (j + 1.0) * period + delay
-        arrives = (j + 1.0 <= latest) & (arrival < t + tau)
-        until = np.where(arrives, (arrival - t) / tau, 1.0)
-        yield until - done, latched_rpm[..., index]
-        if not arrives.any():
-            return
-        done, j = until, np.where(arrives, j + 1.0, j)
-
-
-def simulate_drive(
-    parameters: DriveParameters,
-    command_rpm: npt.ArrayLike,
-    timestep: float,
-    initial_rpm: npt.ArrayLike = 0.0,
-) -> FloatArray:
-    """Return the setpoints at the end of each substep of a `timestep` [s], in rpm, shape (..., n).
-
-    The commands at each substep [rpm] have the shape (..., n), and the steady speeds before the start [rpm]
-    the shape (...); leading axes are wheels or runs.
-    """
-    tau, period = parameters.law.sample_period_s, parameters.command_period_s
-    command = np.asarray(command_rpm, float)
-    n = command.shape[-1]
-    times = np.arange(n + 1) * timestep
-    latched_at = _first_substeps(period, times[:n])
-    ticked_at = _first_substeps(tau, times[:n])
-    initial = np.broadcast_to(np.asarray(initial_rpm, float), command.shape[:-1])
-    acts_at = np.arange(latched_at.size) * period + parameters.delay_s
-    received = received_command(parameters, command[..., latched_at], acts_at)
-    latched = np.concatenate([initial[..., None], received], axis=-1)
-    latches = np.searchsorted(latched_at, ticked_at, side="right")
-    r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, Ramp.steady(initial))
-    w = parameters.motor_bounds.simulate(parameters.law, r, LawState.steady(initial))
-    k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
-    share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
-    return np.asarray(w[..., k] + (w[..., k + 1] - w[..., k]) * share)
-
-
-def latched_commands(
-    parameters: DriveParameters,
-    time_s: npt.ArrayLike,
-    command_rpm: npt.ArrayLike,
-    n_ticks: int,
-    initial_rpm: float = 0.0,
-) -> FloatArray:
-    """Return the law's inputs r(k) [rpm], shape (n_ticks,), for a logged command.
-
-    The run of `n_ticks` law ticks starts at the first of the increasing times [s], shape (N,). Each command
-    [rpm], shape (N,), is held until the next one. NaN is a missing sample: the previous command holds on, or,
-    before the first one, the steady command before the run, `initial_rpm`.
-
-    Raises:
-        InputError: an empty log, or arrays of different shapes.
-    """
-    time, command = np.asarray(time_s, float), np.asarray(command_rpm, float)
-    if time.ndim != 1 or time.shape != command.shape or time.size == 0:
-        raise InputError(
-            f"time of shape {time.shape}, command of shape {command.shape}; must be one equal length"
-        )
-    tau, period = parameters.law.sample_period_s, parameters.command_period_s
-    given = ~np.isnan(command)
-    # Latch j takes the last command given by j T; index 0 stands for "none yet".
-    count = math.floor(max(n_ticks - 1, 0) * tau / period + EPS) + 1
-    index = np.searchsorted(time[given] - time[0], np.arange(count) * period + EPS * period, side="right")
-    acts_at = np.arange(count) * period + parameters.delay_s
-    received = received_command(parameters, np.concatenate([[0.0], command[given]])[index], acts_at)
-    latched = np.concatenate([[initial_rpm], np.where(index == 0, initial_rpm, received)])
-    return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, Ramp.steady(initial_rpm))[0]
-
-
-def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:
-    """Return the first substep at or after each multiple of the period, up to the last of `times` (n,)."""
-    count = math.floor(times[-1] / period + EPS) + 2 if times.size else 0
-    due = np.arange(count) * period - EPS * period
-    first: npt.NDArray[np.intp] = np.searchsorted(times, due, side="left")
-    return first[first < times.size]
+    return shaped_command(parameters, rounded(command_rpm, parameters.command_quantum_rpm), seconds)

@@ -15,23 +15,25 @@ _ABSURD_RPM: Final = 1e10
 """Commands beyond this [rpm], and NaN, count as 0, as they do for MuJoCo's own actuators."""
 
 
+def rounded(command_rpm: npt.ArrayLike, quantum_rpm: npt.ArrayLike) -> FloatArray:
+    """Return commands rounded to a quantum [rpm], halves to even; 0: not rounded. NaN counts as 0."""
+    command, quantum = np.asarray(command_rpm, float), np.asarray(quantum_rpm, float)
+    command = np.where(np.abs(command) <= _ABSURD_RPM, command, 0.0)
+    step = np.where(quantum > 0.0, quantum, 1.0)
+    return np.where(quantum > 0.0, np.rint(command / step) * step, command)
+
+
 def shaped(p: Mapping[str, Any], command_rpm: npt.ArrayLike, seconds: npt.ArrayLike) -> FloatArray:
-    """Return latched commands [rpm] as the drive takes them; NaN counts as 0.
+    """Return rounded commands [rpm] as the drive takes them.
 
     All shapes broadcast. The parameters `p` are those of `mecanum_env.law.parameters` by name, numbers or
     arrays, and `seconds` is the time since the start at which a command takes effect [s].
     """
-    quantum, gain, ratio, drop, lost, warm_up_s = (
+    gain, ratio, drop, lost, warm_up_s = (
         np.asarray(p[name], float)
-        for name in (
-            *("command_quantum_rpm", "gain", "reverse_ratio", "drop_per_s"),
-            *("subtracted_rpm", "warm_up_s"),
-        )
+        for name in ("gain", "reverse_ratio", "drop_per_s", "subtracted_rpm", "warm_up_s")
     )
     command = np.asarray(command_rpm, float)
-    command = np.where(np.abs(command) <= _ABSURD_RPM, command, 0.0)
-    step = np.where(quantum > 0.0, quantum, 1.0)
-    command = np.where(quantum > 0.0, np.rint(command / step) * step, command)
     command = np.where(np.abs(command) < p["deadband_rpm"], 0.0, command)
     if np.any(lost > 0.0):
         beyond = np.where(np.abs(command) > lost, command - np.copysign(lost, command), 0.0)

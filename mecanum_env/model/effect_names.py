@@ -16,6 +16,8 @@ from mecanum_env.law.set_point import MAP_PARAMETERS
 
 _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "command_latency": ("delay_s",),
+    "command_latency/jitter": ("delay_s", "jitter_s"),
+    "command_loss": ("share",),
     "body_speed_limit": ("v_rpm", "vc_rpm"),
     "body_acceleration_limit": ("v_rpm_s", "vc_rpm_s"),
     "command_deadband": ("threshold_rpm",),
@@ -66,6 +68,8 @@ EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHE
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
 _FIRST_FORMS: Final[dict[str, str]] = {
+    "command_latency": "fixed",
+    "command_loss": "drop",
     "command_deadband": "drop",
     "warm_up": "gain",
     "static_map": "curve",

@@ -22,7 +22,7 @@ typedef struct {
 static void start_steady(Drive* s, const double* p, double speed) {
   memset(s, 0, sizeof *s);
   if (speed == 0) return;
-  s->w0 = s->w1 = s->w2 = s->r1 = s->r2 = s->ramp = speed;
+  s->w0 = s->w1 = s->w2 = s->r1 = s->r2 = s->ramp = s->sent = speed;
   s->setpoint = speed * RAD_S_PER_RPM;
   for (int i = 0; i < RING; i++) s->command[i] = speed;
   // The motor of a turning wheel has crossed the backlash.

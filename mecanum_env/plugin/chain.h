@@ -26,6 +26,7 @@
 #define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
 #define MAP_KNOTS 6     // knots of a static map, at most
 #define EPS 1e-9        // tolerance of the clocks, relative to their period
+#define SPREAD 1.7320508075688772  // largest deviation of a delay in multiples of the jitter
 #define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
 
 // All parameters in order: X(index, name, check). mecanum_env/law/parameters.py has the same names; a test holds the
@@ -87,7 +88,10 @@
   X(VALUE_5, "value_5_rpm", FINITE)                         \
   X(VALUE_6, "value_6_rpm", FINITE)                         \
   X(BRAKE, "brake_rpm_s", NOT_BELOW_0)                      \
-  X(JERK, "jerk_rpm_s2", NOT_BELOW_0)
+  X(JERK, "jerk_rpm_s2", NOT_BELOW_0)                       \
+  X(JITTER, "jitter_s", ITS_OWN)                            \
+  X(LOSS, "loss", PART)                                     \
+  X(SEED, "link_seed", NOT_BELOW_0)
 
 // What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
 enum { COAST, REST, SPRING };
@@ -110,7 +114,9 @@ typedef struct {
   double load;                                     // torque of everything else on the wheel, smoothed [N m]
   double angle;                                    // turned by the wheel since the start [rad]
   double slope;                                    // the S-curve's rate of change at the end of the tick [rpm/s]
+  double sent;                                     // the last command that was not lost, before it is shaped [rpm]
   double command[RING];                            // latched command j at j modulo RING [rpm]
+  double arrival[RING];                            // when it arrives, if the delay jitters [s]
 } Drive;
 
 // What the drive meets in a substep.

@@ -55,7 +55,7 @@ STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
     *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
-    *("angle", "slope"),
+    *("angle", "slope", "sent"),
 )
 """Names of the first entries of a wheel's plugin state, all zero at rest:
 
@@ -70,11 +70,14 @@ STATE: Final = (
 - load: smoothed torque of everything but the drive on the wheel [N m], for its friction
 - angle: angle that the wheel has turned through since the start [rad]
 - slope: rate of change of an S-curve at the end of the tick [rpm/s]
+- sent: the last latched command that was not lost [rpm], rounded but not shaped
 
-RING latched commands [rpm] follow, command j at j modulo RING.
+RING latched commands [rpm] follow, command j at j modulo RING, and the times [s] at which they arrive, which
+only count if the delay jitters.
 """
 COMMANDS: Final = slice(len(STATE), len(STATE) + RING)
-STATE_SIZE: Final = len(STATE) + RING
+ARRIVALS: Final = slice(COMMANDS.stop, COMMANDS.stop + RING)
+STATE_SIZE: Final = ARRIVALS.stop
 
 
 def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[float]:
@@ -272,7 +275,7 @@ def set_steady(mjmodel: mujoco.MjModel, data: mujoco.MjData, speeds_rpm: npt.Arr
     for actuator, speed in zip(actuators, np.broadcast_to(speeds, (len(actuators),)), strict=True):
         state = data.plugin_state[state_slice(mjmodel, actuator)]
         state[:] = 0.0
-        for name in ("w0", "w1", "w2", "r1", "r2", "ramp"):
+        for name in ("w0", "w1", "w2", "r1", "r2", "ramp", "sent"):
             state[STATE.index(name)] = speed
         state[STATE.index("setpoint")] = speed * RAD_S_PER_RPM
         state[COMMANDS] = speed

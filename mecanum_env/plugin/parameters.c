@@ -5,7 +5,7 @@
 
 #include "chain.h"
 
-typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, WITHIN_1, ITS_OWN } Check;
+typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, WITHIN_1, PART, ITS_OWN } Check;
 
 #define ROW(index, name, check) {name, check},
 static const struct { const char* name; Check check; } PARAMETERS[] = {
@@ -20,6 +20,7 @@ const char* mecanum_parameter(int64_t index) {
 static int passes(double value, Check check) {
   if (check == ITS_OWN) return 1;
   if (check == WITHIN_1) return fabs(value) < 1;
+  if (check == PART) return value >= 0 && value <= 1;
   return isfinite(value) && (check == FINITE || value > 0 || (check == NOT_BELOW_0 && value == 0));
 }
 
@@ -38,7 +39,7 @@ static int map_is_possible(const double* p) {
 #define REFUSE(...) return snprintf(message, size, __VA_ARGS__), 1
 
 int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) {
-  static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)", " between -1 and 1 (0: off)"};
+  static const char* const wanted[] = {"", " above 0", " not below 0 (0: off)", " between -1 and 1 (0: off)", " from 0 to 1"};
   for (int i = 0; i < N_PARAMETERS; i++) {
     Check check = PARAMETERS[i].check;
     if (passes(p[i], check)) continue;
@@ -57,6 +58,9 @@ int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) 
   if (!(p[DELAY] >= 0) || !(p[DELAY] <= longest))
     REFUSE("delay_s = user[%d] = %g, must be 0 to %g (%d command periods less a timestep)", DELAY - FIRST_USER,
            p[DELAY], longest, RING - 3);
+  if (!(p[JITTER] >= 0) || !(p[DELAY] + SPREAD * p[JITTER] <= longest))
+    REFUSE("jitter_s = user[%d] = %g, must not be below 0, and delay_s + %g jitter_s at most %g (%d command periods less "
+           "a timestep)", JITTER - FIRST_USER, p[JITTER], SPREAD, longest, RING - 3);
   if (!map_is_possible(p))
     REFUSE("map_knots = user[%d] = %g: must be a number of knots up to %d that increase and reach 0, with values that "
            "do not decrease; 0 or more, and 0 at 0, without a knot below 0", MAP_SIZE - FIRST_USER, p[MAP_SIZE],

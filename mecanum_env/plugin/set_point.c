@@ -8,9 +8,7 @@
 
 // Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
 static int slot(double j) {
-  double s = fmod(j, RING);
-  if (s < 0) s += RING;
-  return s >= 0 && s < RING ? (int)s : 0;
+  return fabs(j) < 1e15 ? (int)((int64_t)j & (RING - 1)) : 0;
 }
 
 double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }
@@ -49,16 +47,54 @@ static double shaped(const double* p, double u, double seconds) {
   return u;
 }
 
+// The hash splitmix64 of 64 bits.
+static uint64_t mixed(uint64_t bits) {
+  bits = (bits ^ (bits >> 30)) * 0xBF58476D1CE4E5B9u;
+  bits = (bits ^ (bits >> 27)) * 0x94D049BB133111EBu;
+  return bits ^ (bits >> 31);
+}
+
+enum { JITTER_STREAM, LOSS_STREAM };
+
+// A random number from 0 to below 1 for a latch, from the link's seed.
+static double uniform(const double* p, double latch, int stream) {
+  const uint64_t step = 0x9E3779B97F4A7C15u;
+  const double most = 9007199254740992.0;  // 2^53, up to which whole numbers are exact
+  uint64_t seed = (uint64_t)fmin(fmax(p[SEED], 0), most), number = (uint64_t)fmin(fmax(latch, 0), most);
+  return (double)(mixed(mixed(seed + step) + (2 * number + stream + 1) * step) >> 11) * 0x1p-53;
+}
+
+// Latch a command u [rpm] that is not lost. If the delay jitters, each change of the command has its own, but arrives
+// neither before it is sent nor before an earlier one; a repetition arrives with the change that it repeats.
+static void receive(Drive* s, const double* p, double u) {
+  double sent_at = s->latches * p[COMMAND_PERIOD], acts_at = sent_at + p[DELAY];
+  int here = slot(s->latches);
+  if (p[JITTER] > 0) {
+    double arrival = s->arrival[slot(s->latches - 1)];
+    double deviation = SPREAD * (2 * uniform(p, s->latches, JITTER_STREAM) - 1);
+    if (u != s->sent) arrival = fmax(arrival, sent_at + fmax(p[DELAY] + p[JITTER] * deviation, 0));
+    s->arrival[here] = arrival;
+    acts_at = fmax(sent_at, arrival);
+  }
+  s->sent = u;
+  s->command[here] = shaped(p, u, acts_at);
+}
+
 void set_point_latch(Drive* s, const double* p, double command) {
-  double u = chain_sane(command);
-  if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
-  s->command[slot(s->latches)] = shaped(p, u, s->latches * p[COMMAND_PERIOD] + p[DELAY]);
+  int here = slot(s->latches), last = slot(s->latches - 1);
+  if (p[LOSS] > 0 && uniform(p, s->latches, LOSS_STREAM) < p[LOSS]) {
+    s->command[here] = s->command[last], s->arrival[here] = s->arrival[last];
+  } else {
+    double u = chain_sane(command);
+    if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
+    receive(s, p, u);
+  }
   s->latches += 1;
 }
 
 void set_point_restart(Drive* s) {
   double last = s->command[slot(s->latches - 1)];
-  for (int i = 0; i < RING; i++) s->command[i] = last;
+  for (int i = 0; i < RING; i++) s->command[i] = last, s->arrival[i] = 0;
   s->ticks = s->latches = 0;
 }
 
@@ -125,17 +161,28 @@ static double ramped(Drive* s, const double* p, double command, double part) {
   return part * s->ramp - moved * fabs(moved) / (2 * limit);
 }
 
+// When latched command j arrives [s].
+static double arrival_of(const Drive* s, const double* p, double j) {
+  return p[JITTER] > 0 ? s->arrival[slot(j)] : j * p[COMMAND_PERIOD] + p[DELAY];
+}
+
+// The number of the newest of the commands up to `latest` that have arrived by a time t [s].
+static double newest(const Drive* s, const double* p, double latest, double t) {
+  double T = p[COMMAND_PERIOD], oldest = latest - (RING - 1), j = latest;
+  if (p[JITTER] > 0)
+    while (j > oldest && !(s->arrival[slot(j)] <= t + EPS * T)) j--;
+  else j = floor((t - p[DELAY]) / T + EPS);
+  return !(j <= latest) ? latest : j < oldest ? oldest : j;
+}
+
 double set_point_input(Drive* s, const double* p) {
-  double tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD], delay = p[DELAY];
+  double tau = p[SAMPLE_PERIOD];
   double t = s->ticks * tau;
-  double latest = floor(t / T + EPS);
+  double latest = floor(t / p[COMMAND_PERIOD] + EPS);
   if (!(latest <= s->latches - 1)) latest = s->latches - 1;
-  double j = floor((t - delay) / T + EPS);
-  if (!(j <= latest)) j = latest;
-  if (j < latest - (RING - 1)) j = latest - (RING - 1);
-  double sum = 0, done = 0;
+  double j = newest(s, p, latest, t), sum = 0, done = 0;
   for (int i = 1; i < RING && j + 1 <= latest; i++, j++) {
-    double arrival = (j + 1) * T + delay;
+    double arrival = arrival_of(s, p, j + 1);
     if (!(arrival < t + tau)) break;
     double part = (arrival - t) / tau;
     sum += ramped(s, p, s->command[slot(j)], part - done);

@@ -17,7 +17,7 @@ import numpy as np
 
 from mecanum_env.effects.apply import active_effects, changed_model, drive_parameters, measured
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import simulate_drive
+from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.law.parameters import CHAIN
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
@@ -44,7 +44,7 @@ def replay_bench(
     """Replay a bench log's commands on the free wheel and return its speed [rpm] at the log's samples.
 
     Unless an effect acts behind the law, the speed is that of the law
-    (`mecanum_env.law.drive.simulate_drive`): the servo is fed the wheel's inertia and adds no lag.
+    (`mecanum_env.law.inputs.simulate_drive`): the servo is fed the wheel's inertia and adds no lag.
 
     Args:
         model: the wheel to simulate.

@@ -15,7 +15,8 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.effects.definition import BodyCommand
 from mecanum_env.kinematics import WHEELS, body_to_wheels, wheels_to_body
-from mecanum_env.law.drive import EPS, RING, law_inputs
+from mecanum_env.law.drive import EPS, RING, DriveParameters
+from mecanum_env.law.inputs import Latched, latched, law_inputs
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 
@@ -41,13 +42,22 @@ class BodyLimits:
     """
 
     def __init__(self, model: Model, timestep_s: float) -> None:
-        self._drive = drive_parameters(model)
+        drive = drive_parameters(model)
+        # The link alone; what shapes the wheels' commands comes behind the limits.
+        self._drive = DriveParameters(
+            drive.law,
+            drive.command_period_s,
+            delay_s=drive.delay_s,
+            jitter_s=drive.jitter_s,
+            loss=drive.loss,
+            link_seed=drive.link_seed,
+        )
         self._limits = [
             (effect.limit_body, values) for effect, values in active_effects(model) if effect.limit_body
         ]
         self._timestep_s = timestep_s
         self._substeps = self._ticks = self._latches = 0
-        self._latched = np.zeros((len(WHEELS), RING))
+        self._latched = Latched.steady(np.zeros(len(WHEELS)), RING)
         self._body: BodyCommand = (0.0, 0.0, 0.0)
         self._wheels = np.zeros(len(WHEELS))
 
@@ -56,7 +66,8 @@ class BodyLimits:
         now = self._substeps * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
         while now >= self._latches * period - EPS * period:
-            self._latched = np.concatenate([self._latched[:, 1:], wheels_rpm[:, None]], axis=1)
+            new = latched(self._drive, wheels_rpm[:, None], self._latches, self._latched)
+            self._latched = self._latched.followed_by(new).last(RING)
             self._latches += 1
         while now >= self._ticks * tau - EPS * tau:
             start = self._latches - RING
@@ -74,10 +85,10 @@ class BodyLimits:
         now = np.arange(len(wheels_rpm), dtype=float) * self._timestep_s
         period, tau = self._drive.command_period_s, self._drive.law.sample_period_s
         latched_at, ticked_at = (_due(now, each) for each in (period, tau))
-        before = np.zeros((len(WHEELS), RING))
-        latched = np.concatenate([before, wheels_rpm[latched_at].T], axis=1)
+        before = Latched.steady(np.zeros(len(WHEELS)), RING)
+        commands = before.followed_by(latched(self._drive, wheels_rpm[latched_at].T, 0, before))
         latches = np.searchsorted(latched_at, ticked_at, side="right")
-        asked = law_inputs(self._drive, np.arange(ticked_at.size), latched, latches, -RING).T.copy()
+        asked = law_inputs(self._drive, np.arange(ticked_at.size), commands, latches, -RING).T.copy()
         same = np.append(False, np.all(asked[1:] == asked[:-1], axis=1))
         limited = np.zeros((ticked_at.size, len(WHEELS)))
         for tick, unchanged in enumerate(same.tolist()):

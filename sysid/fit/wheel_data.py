@@ -12,7 +12,8 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.drive import RING, DriveParameters, latched_commands
+from mecanum_env.law.drive import RING, DriveParameters
+from mecanum_env.law.inputs import latched_commands
 from mecanum_env.units import FloatArray
 from sysid.fit.command_path import CommandPath
 from sysid.fit.estimators import WheelRun

@@ -26,7 +26,7 @@ from mecanum_env.model import (
 from .conftest import acting, channels, clear_model, clear_value
 
 ROOT = Path(__file__).parents[2]
-CHAIN = """command_latency body_speed_limit body_acceleration_limit
+CHAIN = """command_latency command_latency/jitter command_loss body_speed_limit body_acceleration_limit
 command_deadband command_deadband/subtract speed_gain wheel_gain_mismatch direction_asymmetry
 battery_sag warm_up warm_up/friction static_map speed_saturation speed_saturation/supply
 acceleration_limit acceleration_limit/drive acceleration_limit/s_curve load_inertia

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.drive import DriveParameters, latched_commands
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.law.inputs import latched_commands
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import RobotPlant, drive
 from sysid.compare.prediction import commands_of

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from mecanum_env.law import LawState, WheelLaw
-from mecanum_env.law.drive import EPS, RING, ramped_inputs, received_command
+from mecanum_env.law.drive import EPS, RING
+from mecanum_env.law.inputs import Latched, latched, ramped_inputs
 from mecanum_env.law.ramp import Ramp
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import set_wheel_parameters
@@ -97,21 +98,21 @@ class SteppedDrive:
         speed = np.asarray(steady_rpm, float)
         self.substeps = self.ticks = self.latches = 0
         self.law, self.ramp = LawState.steady(speed), Ramp.steady(speed)
-        # The last latched commands [rpm], shape (..., RING), the newest last.
-        self.commands = np.repeat(speed[..., None], RING, axis=-1)
+        self.latched = Latched.steady(speed, RING)
 
     def step(self, command_rpm):
         """Advance one substep with these commands, shape (...); return the setpoint [rpm] at its end."""
         parameters, now = self.parameters, self.substeps * self.timestep
         tau, period = parameters.law.sample_period_s, parameters.command_period_s
         while now >= self.latches * period - EPS * period:
-            received = received_command(parameters, command_rpm, self.latches * period + parameters.delay_s)
-            self.commands = np.concatenate([self.commands[..., 1:], received[..., None]], axis=-1)
+            sent = np.asarray(command_rpm, float)[..., None]
+            new = latched(parameters, sent, self.latches, self.latched)
+            self.latched = self.latched.followed_by(new).last(RING)
             self.latches += 1
         while now >= self.ticks * tau - EPS * tau:
             first = self.latches - RING
             r, self.ramp = ramped_inputs(
-                parameters, [self.ticks], self.commands, self.latches, first, self.ramp
+                parameters, [self.ticks], self.latched, self.latches, first, self.ramp
             )
             self.law = parameters.motor_bounds.tick(parameters.law, self.law, r[..., 0])
             self.ticks += 1

@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.law.free_wheel import free_wheel_speeds
+from mecanum_env.law.link import SPREAD
 from mecanum_env.law.parameters import CHAIN
 from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS, map_numbers
 from mecanum_env.law.wheel_load import GAP_KINDS
@@ -43,6 +44,8 @@ RANGES = {
     "warm_up_s": (0.05, 5.0),
     "brake_rpm_s": (50.0, 5000.0),
     "jerk_rpm_s2": (300.0, 1e6),
+    "loss": (0.01, 0.9),
+    "link_seed": (1.0, 2.0**53),
 }
 """Parameters that may be 0, and the range of their other values."""
 STEPS = 150
@@ -57,6 +60,8 @@ def random_row(rng, law, sample_period_s, command_period_s):
     values["servo_n_m_s_rad"] = float(np.exp(rng.uniform(np.log(0.05), np.log(20.0))))
     values["torque_limit_n_m"] = float(rng.choice([1e10, rng.uniform(0.1, 2.0)]))
     values["inertia_kg_m2"] = values["rotor_kg_m2"] + float(rng.uniform(1e-4, 1e-2))
+    room = min(0.1, (29 * command_period_s - 0.02 - values["delay_s"]) / SPREAD)  # what the ring can hold
+    values["jitter_s"] = float(rng.choice([0.0, rng.uniform(0.0, room)]))
     values["gap_kind"] = float(rng.integers(len(GAP_KINDS)))
     values |= map_numbers(*random_map(rng))
     return [values[name] for name in CHAIN]
@@ -84,7 +89,9 @@ def loop(rows, wheels, timestep, commands, initial):
 
 def test_every_parameter_is_varied():
     fixed = {*"ABCDEF", "sample_period_s", "command_period_s", "servo_n_m_s_rad", "torque_limit_n_m"}
-    assert {*RANGES, *fixed, "inertia_kg_m2", "gap_kind", "map_knots", *MAP_PARAMETERS} == set(CHAIN)
+    assert {*RANGES, *fixed, "inertia_kg_m2", "gap_kind", "jitter_s", "map_knots", *MAP_PARAMETERS} == set(
+        CHAIN
+    )
 
 
 @given(

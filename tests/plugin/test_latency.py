@@ -9,13 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import (
-    RING,
-    DriveParameters,
-    latched_commands,
-    received_command,
-    simulate_drive,
-)
+from mecanum_env.law.drive import RING, DriveParameters, received_command
+from mecanum_env.law.inputs import latched_commands, simulate_drive
 from mecanum_env.law.parameters import USER
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import STATE_SIZE, drive_state, set_steady
@@ -87,12 +82,14 @@ def test_a_delay_keeps_the_sum_of_the_command(seed, delay_s):
 @given(
     seed=seeds,
     delay_s=delays,
+    jitter_s=st.just(0.0) | st.floats(0.0, 0.15),
+    loss=st.just(0.0) | st.floats(0.0, 0.5),
     timestep=st.sampled_from([1 / 480, 0.003, 0.02]),
     initial=st.sampled_from([0.0, 33.0]),
 )
-def test_whole_runs_equal_single_steps(stepped_drive, seed, delay_s, timestep, initial):
-    parameters = replace(PAPER, delay_s=delay_s)
-    given_rpm = np.random.default_rng(seed).uniform(-150.0, 150.0, (3, 120))
+def test_whole_runs_equal_single_steps(stepped_drive, seed, delay_s, jitter_s, loss, timestep, initial):
+    parameters = replace(PAPER, delay_s=delay_s, jitter_s=jitter_s, loss=loss, link_seed=seed)
+    given_rpm = np.repeat(np.random.default_rng(seed).uniform(-150.0, 150.0, (3, 6)), 30, axis=-1)
     drive = stepped_drive(parameters, timestep, np.full(3, initial))
     setpoints = [drive.step(command) for command in given_rpm.T]
     whole = simulate_drive(parameters, given_rpm, timestep, initial)

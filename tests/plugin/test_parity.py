@@ -1,5 +1,7 @@
 """The plugin is the Python reference, bit for bit, and a native servo fed by it moves the wheel alike."""
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,9 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.effects.apply import drive_parameters
-from mecanum_env.law.drive import simulate_drive
+from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.model import Model, Robot, Wheel
-from mecanum_env.plugin.layout import COMMANDS, RING, STATE, drive_state, state_slice
+from mecanum_env.plugin.layout import ARRIVALS, COMMANDS, RING, STATE, USER, drive_state, state_slice
 from mecanum_env.units import RAD_S_PER_RPM
 from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
@@ -32,6 +34,9 @@ def run(mjmodel, commands):
     command_period_s=st.sampled_from([0.1, 0.02, 1 / 120, 0.033, 0.005]),
     timestep=st.sampled_from([1 / 480, 1 / 240, 0.002, 0.0031, 0.02]),
     delay_periods=st.one_of(st.just(0.0), st.floats(0.0, 20.0)),
+    jitter_periods=st.just(0.0) | st.floats(0.0, 2.5),
+    loss=st.just(0.0) | st.floats(0.0, 1.0),
+    link_seed=st.integers(0, 2**53),
     quantum=st.sampled_from([0.0, 1.0, 0.3]),
     saturation=st.sampled_from([135.0, 40.0, np.inf]),
     shaping=some_of({**SET_POINT_EFFECTS, **LAW_EFFECTS, "load_inertia": {"ratio": st.just(1.001)}}),
@@ -45,6 +50,9 @@ def test_state_equals_the_reference_bit_for_bit(
     command_period_s,
     timestep,
     delay_periods,
+    jitter_periods,
+    loss,
+    link_seed,
     quantum,
     saturation,
     shaping,
@@ -52,13 +60,16 @@ def test_state_equals_the_reference_bit_for_bit(
     rng = np.random.default_rng(seed)
     law = stable_law(rng, sample_period_s)
     wheel = Wheel(law, command_period_s, quantum, saturation)
-    delay_s = delay_periods * command_period_s
-    model = Model(wheel, Robot(), {"command_latency": {"delay_s": delay_s}, **shaping})
+    latency = {"delay_s": delay_periods * command_period_s, "jitter_s": jitter_periods * command_period_s}
+    link = {"command_latency/jitter": latency, "command_loss": {"share": loss}}
+    model = Model(wheel, Robot(), {**link, **shaping})
     mjmodel = compile_wheels(model, timestep=timestep)
-    parameters = drive_parameters(model)
+    mjmodel.actuator_user[0, USER.index("link_seed")] = link_seed
+    parameters = replace(drive_parameters(model), link_seed=link_seed)
     data, drive = mujoco.MjData(mjmodel), stepped_drive(parameters, timestep)
     where = state_slice(mjmodel, 0)
-    commands, setpoints = rng.uniform(-160.0, 160.0, 150), []
+    # Some commands are repeated: only changes have a delay of their own.
+    commands, setpoints = np.repeat(rng.uniform(-160.0, 160.0, 75), rng.integers(0, 5, 75))[:150], []
     for command in commands:
         data.ctrl[0] = command
         mujoco.mj_step(mjmodel, data)
@@ -70,16 +81,29 @@ def test_state_equals_the_reference_bit_for_bit(
             drive.latches,
         )
         law = drive.law
-        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp", "slope")] == [
-            float(x) for x in (law.w0, law.w1, law.w2, law.r1, law.r2, *vars(drive.ramp).values())
+        assert [kept[name] for name in ("w0", "w1", "w2", "r1", "r2", "ramp", "slope", "sent")] == [
+            float(x)
+            for x in (
+                law.w0,
+                law.w1,
+                law.w2,
+                law.r1,
+                law.r2,
+                *vars(drive.ramp).values(),
+                drive.latched.sent_rpm[..., -1],
+            )
         ]
         assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
         setpoints.append(float(setpoint))
     whole = simulate_drive(parameters, commands, timestep)
     np.testing.assert_allclose(whole, setpoints, rtol=0.0, atol=1e-9)
     newest = np.arange(drive.latches - min(drive.latches, RING), drive.latches)
-    ring = data.plugin_state[where][COMMANDS]
-    np.testing.assert_array_equal(ring[newest % RING], drive.commands[-newest.size :])
+    for part, expected in (
+        (COMMANDS, drive.latched.received_rpm),
+        (ARRIVALS, drive.latched.arrivals_s),
+    ):
+        ring = data.plugin_state[where][part]
+        np.testing.assert_array_equal(ring[newest % RING], expected[-newest.size :])
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.037])

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.drive import simulate_drive
+from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.model import Robot, paper_model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, drive_state, set_steady, write_parameters
 from mecanum_env.units import RAD_S_PER_RPM

@@ -32,6 +32,8 @@ from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 ANSWERS = st.one_of(st.just(0.0), st.floats(0.0, 0.2))
 EFFECTS = {
     "command_latency": {"delay_s": st.floats(0.0, 2.0)},
+    "command_latency/jitter": {"delay_s": st.floats(0.0, 0.15), "jitter_s": st.floats(0.0, 0.15)},
+    "command_loss": {"share": st.floats(0.0, 1.0)},
     **SET_POINT_EFFECTS,
     **LAW_EFFECTS,
     "load_inertia": {"ratio": st.floats(1.0, 40.0)},

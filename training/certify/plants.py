@@ -18,8 +18,9 @@ from types import MappingProxyType
 from typing import Final, Literal, get_args
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.apply import delayed
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.model import Model
+from mecanum_env.model import Model, cause_of
 from mecanum_env.simulator import RobotPlant
 
 Group = Literal["nominal", "effects", "posterior", "robot-level", "latency", "what-if"]
@@ -65,7 +66,6 @@ def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotV
 
     Variants run on the given physics, except on rollers if the planar plant refuses one of their effects.
     """
-    late = model.effects.get("command_latency", {}).get("delay_s", 0.0) + EXTRA_LATENCY_S
     found = [RobotVariant("nominal", "nominal", "the model with all its effects", model)]
     bare = replace(model, effects={})
     if model.effects:
@@ -84,11 +84,11 @@ def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotV
             f"latency+{EXTRA_LATENCY_S:g}s",
             "latency",
             f"every command acts {EXTRA_LATENCY_S:g} s later",
-            model.with_effect("command_latency", delay_s=late),
+            delayed(model, EXTRA_LATENCY_S),
         ),
     ]
     for name, values in realistic_sizes(model).items():
-        if name not in model.effects:
+        if not any(cause_of(own) == name for own in model.effects):
             size = ", ".join(f"{key} {value:g}" for key, value in values.items())
             changed = model.with_effect(name, **values)
             found.append(RobotVariant(f"with-{name}", "what-if", f"the model with {name}: {size}", changed))

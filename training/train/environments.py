@@ -15,6 +15,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor, VecNormalize
 
+from mecanum_env.effects.apply import delayed
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model, read_model
 from mecanum_env.tankendo.actions import FULL_V_RPM
@@ -40,12 +41,11 @@ def level_models(model: Model) -> dict[str, Model]:
 
     They are the model itself, with latency, with the losses that the paper measured, and in between.
     """
-    own = model.effects.get("command_latency", {}).get("delay_s", 0.0)
     limit = _REDUCED_SPEED * min(model.wheel.saturation_rpm, FULL_V_RPM)
     return {
         "nominal": model,
-        "a little late": model.with_effect("command_latency", delay_s=own + _HALF_LATENCY_S),
-        "late": model.with_effect("command_latency", delay_s=own + EXTRA_LATENCY_S),
+        "a little late": delayed(model, _HALF_LATENCY_S),
+        "late": delayed(model, EXTRA_LATENCY_S),
         "a little slow": model.with_effect("speed_saturation", limit_rpm=limit, softness_rpm=40.0),
         "robot-level": robot_level(model),
     }

@@ -48,8 +48,11 @@ SENSORS = {
 NEUTRAL = {
     "command_latency": {"delay_s": 0.0},
     "command_deadband": {"threshold_rpm": 0.0},
+    "command_deadband/subtract": {"threshold_rpm": 0.0},
     "body_speed_limit": {},
     "speed_gain": {"gain": 1.0},
+    "warm_up": {"share": 0.0},
+    "static_map": {},
     "direction_asymmetry": {"reverse_ratio": 1.0},
     "battery_sag": {"drop_per_s": 0.0},
     "coulomb_friction": {"torque_n_m": 0.0},

@@ -73,14 +73,20 @@ class Link:
 def own_delay(
     delay_s: npt.ArrayLike, jitter_s: npt.ArrayLike, seed: npt.ArrayLike, latches: npt.ArrayLike
 ) -> FloatArray:
-    """Return the delay [s] of a change of the command at latches; all shapes broadcast."""
+    """Return the delay [s] of a change of the command at latches; all shapes broadcast.
+
+    It is `delay_s` with a deviation of standard deviation `jitter_s` [s], drawn by a hash of the `seed`.
+    """
     deviation = SPREAD * (2.0 * _uniform(seed, latches, _JITTER) - 1.0)
     delay, jitter = np.asarray(delay_s, float), np.asarray(jitter_s, float)
     return np.asarray(np.maximum(delay + jitter * deviation, 0.0))
 
 
 def is_lost(loss: npt.ArrayLike, seed: npt.ArrayLike, latches: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Return whether the commands of latches are lost, with a probability `loss`; all shapes broadcast."""
+    """Return whether the commands of latches are lost, with a probability `loss`; all shapes broadcast.
+
+    Chance is a hash of the `seed` and the latch's number.
+    """
     return np.asarray(_uniform(seed, latches, _LOSS) < np.asarray(loss, float))
 
 

@@ -25,6 +25,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
+from mecanum_env.law.program import Program, evaluate, inputs_of, require_runs
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
@@ -80,6 +81,12 @@ class DriveParameters:
     """Speed at which 63 % of the breakaway torque is gone [rad/s]."""
     coulomb_n_m: float = 0.0
     """Friction torque of the wheel's bearing at any speed [N m]."""
+    command_program: Program = ()
+    """What a custom effect adds to each command before the dead band [rpm]; see `mecanum_env.law.program`."""
+    set_point_program: Program = ()
+    """What a custom effect adds behind the gains and before the saturation [rpm]."""
+    load_program: Program = ()
+    """Speed that the wheel gains by a custom load, which is a torque of servo times this speed [rpm]."""
 
     def __post_init__(self) -> None:
         for name in ("command_period_s", "gain", "reverse_ratio"):
@@ -94,6 +101,8 @@ class DriveParameters:
         for name in ("saturation_rpm", "acceleration_rpm_s"):
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
+        for program in (self.command_program, self.set_point_program, self.load_program):
+            require_runs(program)
         longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
@@ -102,21 +111,36 @@ class DriveParameters:
 
 
 def received_command(
-    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
+    parameters: DriveParameters,
+    command_rpm: npt.ArrayLike,
+    seconds: npt.ArrayLike = 0.0,
+    speed_rpm: npt.ArrayLike = 0.0,
+    angle_rad: npt.ArrayLike = 0.0,
 ) -> FloatArray:
     """Return latched commands after rounding, dead band, gain and saturation [rpm]; NaN counts as 0.
 
-    `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
+    `seconds` is the time since the start at which each takes effect [s]; `speed_rpm` and `angle_rad` are
+    those of the wheel at the latch, which custom effects may use. They are of shapes that broadcast.
     """
-    command = np.asarray(command_rpm, float)
-    command = np.where(np.abs(command) <= _ABSURD_RPM, command, 0.0)
+
+    def with_custom(program: Program, command: FloatArray) -> FloatArray:
+        given = {"command": command, "speed": speed_rpm, "angle": angle_rad, "time": seconds}
+        return _sane(command + evaluate(program, given)) if program else command
+
+    command = _sane(np.asarray(command_rpm, float))
     if parameters.command_quantum_rpm > 0.0:
         command = np.rint(command / parameters.command_quantum_rpm) * parameters.command_quantum_rpm
+    command = with_custom(parameters.command_program, command)
     command = np.where(np.abs(command) < parameters.deadband_rpm, 0.0, command)
     command = command * parameters.gain
     command = np.where(command < 0.0, command * parameters.reverse_ratio, command)
     command = command * np.maximum(0.0, 1.0 - parameters.drop_per_s * np.asarray(seconds, float))
+    command = with_custom(parameters.set_point_program, command)
     return saturated(command, parameters.saturation_rpm, parameters.softness_rpm)
+
+
+def _sane(command_rpm: FloatArray) -> FloatArray:
+    return np.where(np.abs(command_rpm) <= _ABSURD_RPM, command_rpm, 0.0)
 
 
 def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) -> FloatArray:
@@ -221,7 +245,12 @@ def simulate_drive(
 
     The commands at each substep [rpm] have the shape (..., n), and the steady speeds before the start [rpm]
     the shape (...); leading axes are wheels or runs.
+
+    Raises:
+        InputError: a custom effect changes the command by the wheel's speed or angle, which only a simulation
+            of the wheel knows.
     """
+    _require_open_loop(parameters)
     tau, period = parameters.law.sample_period_s, parameters.command_period_s
     command = np.asarray(command_rpm, float)
     n = command.shape[-1]
@@ -254,8 +283,9 @@ def latched_commands(
     before the first one, the steady command before the run, `initial_rpm`.
 
     Raises:
-        InputError: an empty log, or arrays of different shapes.
+        InputError: an empty log, arrays of different shapes, or a custom effect as for `simulate_drive`.
     """
+    _require_open_loop(parameters)
     time, command = np.asarray(time_s, float), np.asarray(command_rpm, float)
     if time.ndim != 1 or time.shape != command.shape or time.size == 0:
         raise InputError(
@@ -270,6 +300,15 @@ def latched_commands(
     received = received_command(parameters, np.concatenate([[0.0], command[given]])[index], acts_at)
     latched = np.concatenate([[initial_rpm], np.where(index == 0, initial_rpm, received)])
     return ramped_inputs(parameters, np.arange(n_ticks), latched, count, -1, initial_rpm)[0]
+
+
+def _require_open_loop(parameters: DriveParameters) -> None:
+    used = inputs_of(parameters.command_program) | inputs_of(parameters.set_point_program)
+    if used & {"speed", "angle"}:
+        raise InputError(
+            "a custom effect of the command or the set-point uses the wheel's speed or angle: the commands "
+            "alone do not give the set-points, simulate the wheel (mecanum_env.simulator)"
+        )
 
 
 def _first_substeps(period: float, times: FloatArray) -> npt.NDArray[np.intp]:

@@ -125,9 +125,10 @@ def add_drive(
         set_wheel_parameters(spec, actuator, model, law_wheel, quantum, torque_limit_n_m, inertia)
         return
     parameters = drive_parameters(model, law_wheel)
-    if parameters.gap_rad > 0.0 or parameters.coulomb_n_m > 0.0 or parameters.breakaway_n_m > 0.0:
+    behind = (parameters.gap_rad, parameters.coulomb_n_m, parameters.breakaway_n_m)
+    if any(value > 0.0 for value in behind) or parameters.load_program:
         raise InputError(
-            "effects.backlash, effects.coulomb_friction and effects.stiction need the plugin, "
+            "effects.backlash, effects.coulomb_friction, effects.stiction and a custom load need the plugin, "
             'drive="plugin"; remove them from the model file for drive="servo"'
         )
     limit = model.robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m

@@ -8,6 +8,8 @@
 #define ABSURD 1e10         // commands beyond this [rpm] count as 0
 #define TINY 1e-15          // least inertia of a wheel [kg m^2]
 #define LOAD_SMOOTHING 0.1  // share of a change of the load that its estimate follows in a substep
+#define STILL 1e-9          // difference of speeds [rad/s] that is none
+#define ROOT_STEPS 12       // of the search for the speed at which a steep custom load and the drive agree
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
@@ -22,13 +24,23 @@ static int slot(double j) {
 
 double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }
 
+// A command [rpm] with what a custom effect of a station adds to it, at a time [s] since the clocks started.
+static double with_custom(const Drive* s, const double* p, int station, double u, double speed, double seconds) {
+  const double* program = PROGRAM(p, station);
+  if (program[0] == OP_END) return u;
+  Inputs inputs = {u, speed / RAD_S_PER_RPM, s->angle, seconds, 0};
+  return chain_sane(u + program_value(program, &inputs));
+}
+
 // The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
-static double shaped(const double* p, double u, double seconds) {
+static double shaped(const Drive* s, const double* p, double u, double speed, double seconds) {
   double limit = p[SATURATION], knee = fmin(p[SOFTNESS], limit);
+  u = with_custom(s, p, AT_COMMAND, u, speed, seconds);
   if (fabs(u) < p[DEADBAND]) u = 0;
   if (p[GAIN] > 0) u *= p[GAIN];
   if (p[REVERSE_RATIO] > 0 && u < 0) u *= p[REVERSE_RATIO];
   if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
+  u = with_custom(s, p, AT_SET_POINT, u, speed, seconds);
   if (limit > 0 && knee > 0) {
     double beyond = fabs(u) - (limit - knee);
     // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.
@@ -38,10 +50,10 @@ static double shaped(const double* p, double u, double seconds) {
   return u;
 }
 
-static double latched(const double* p, double command, double seconds) {
-  double u = chain_sane(command);
+static double latched(const Drive* s, const double* p, const Substep* now, double seconds) {
+  double u = chain_sane(now->command);
   if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
-  return shaped(p, u, seconds);
+  return shaped(s, p, u, now->speed, seconds);
 }
 
 // Move the ramp towards a command for a part of a tick; return the part's contribution to the mean over the tick.
@@ -89,7 +101,7 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
   if (s->timestep != h || s->sample_period != tau || s->command_period != T) restart_clocks(s, h, tau, T);
   double time = s->substeps * h;
   for (int i = 0; i < MAX_EVENTS && time >= s->latches * T - EPS * T; i++) {
-    s->command[slot(s->latches)] = latched(p, now->command, s->latches * T + p[DELAY]);
+    s->command[slot(s->latches)] = latched(s, p, now, s->latches * T + p[DELAY]);
     s->latches += 1;
   }
   for (int i = 0; i < MAX_EVENTS && time >= s->ticks * tau - EPS * tau; i++) {
@@ -154,6 +166,35 @@ static double limited(const Drive* s, const double* p, const Substep* now, doubl
   return asked;
 }
 
+static double custom_speed(const Drive* s, const double* p, const Substep* now, double speed) {
+  Inputs inputs = {s->r1, speed / RAD_S_PER_RPM, s->angle, (s->substeps - 1) * now->timestep, 0};
+  return program_value(PROGRAM(p, AT_LOAD), &inputs) * RAD_S_PER_RPM;
+}
+
+// The torque of a custom load: the servo's stiffness times the speed [rad/s] that the formula gives for the wheel's
+// speed. A load that falls steeply with speed, as friction does near rest, would make the wheel chatter if it were
+// that of the speed at the start of the substep. It is then that of the speed at the end, which is searched between
+// the start and the end that the plain load leads to (regula falsi, Illinois variant).
+static double custom_torque(const Drive* s, const double* p, const Substep* now, double drive) {
+  if (PROGRAM(p, AT_LOAD)[0] == OP_END) return 0;
+  double kv = p[SERVO], perstep = now->timestep / fmax(effective_inertia(p, now), TINY);
+  double alone = now->speed + perstep * drive, gain = perstep * kv;  // speed at the end without load, and per load
+  double low = now->speed, load = custom_speed(s, p, now, low);
+  double high = alone + gain * load, at_low = high - low;
+  double at_high = alone + gain * custom_speed(s, p, now, high) - high;
+  if (!(at_low * at_high < 0 && fabs(at_high) > fmax(0.5 * fabs(at_low), STILL))) return kv * load;
+  for (int i = 0; i < ROOT_STEPS; i++) {
+    double speed = high - at_high * (high - low) / (at_high - at_low);
+    load = custom_speed(s, p, now, speed);
+    double here = alone + gain * load - speed;
+    if (here * at_high < 0) low = high, at_low = at_high;
+    else at_low *= 0.5;
+    high = speed, at_high = here;
+    if (fabs(here) <= STILL) break;
+  }
+  return kv * (high - alone) / gain;
+}
+
 // Friction of the wheel's bearing: the torque that brings the wheel to rest in this substep, limited to
 // coulomb + breakaway exp(-(speed / stribeck)^2). MuJoCo's frictionloss is not used: its solver knows the bare
 // inertia J, while the implicit step moves J + h kv, four times as much and more. It would stop the wheel with too
@@ -181,14 +222,18 @@ Torques chain_torques(const Drive* s, const double* p, const Substep* now) {
   Torques t;
   t.asked = asked_torque(s, p, now);
   t.drive = limited(s, p, now, t.asked);
-  t.friction = friction(s, p, now, t.drive);
+  t.custom = custom_torque(s, p, now, t.drive);
+  t.friction = friction(s, p, now, t.drive + t.custom);
   return t;
 }
+
+double chain_reported(const Torques* t) { return t->drive + t->friction + t->custom; }
 
 void chain_end(Drive* s, const double* p, const Substep* now, double asked, double delivered, double reported,
                double speed) {
   double h = now->timestep, half = p[GAP] / 2;
   s->change = speed - now->speed;
+  s->angle += h * speed;
   s->load += LOAD_SMOOTHING * (effective_inertia(p, now) * s->change / h - reported - s->load);
   double before = s->gap;
   s->gap = clip(before + h * (unloaded(s, p) - speed), -half, half);

@@ -5,7 +5,7 @@ pickles and batches of models carry them, and a compiled model can be edited (`w
 
     dynprm[i]   DYNPRM[i]: the wheel law, its clocks, quantum and ceiling (0: none)
     biasprm     0, 0, -servo_n_m_s_rad
-    user[i]     USER[i]: everything else
+    user[i]     USER[i]: everything else; from FIRST_PROGRAM on the programs of custom effects, if any
 
 From "deadband_rpm" on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia
 is fed forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag,
@@ -35,6 +35,7 @@ from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.drive import RING, DriveParameters
+from mecanum_env.law.program import PROGRAM_SIZE
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -59,12 +60,17 @@ _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
 USER_SIZE: Final = 16
-"""`nuser_actuator` as this project writes it; the plugin needs at least 3, and unused entries are 0."""
+"""`nuser_actuator` as this project writes it without programs; the plugin needs at least 3, and unused
+entries are 0."""
+FIRST_PROGRAM: Final = 128
+"""Index in user of the first program."""
+PROGRAMS: Final = ("command_program", "set_point_program", "load_program")
+"""Names of the programs in user, each PROGRAM_SIZE numbers; see `mecanum_env.law.program`."""
 
 STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
-    *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
+    *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load", "angle"),
 )
 """Names of the first entries of a wheel's plugin state, all zero at rest:
 
@@ -77,6 +83,7 @@ STATE: Final = (
 - change: the wheel's change of speed in the last substep [rad/s]; the torque limit predicts the next from it
 - gap: position of the motor relative to the wheel inside the backlash, from the middle of the gap [rad]
 - load: smoothed torque of everything but the drive on the wheel [N m], for its friction
+- angle: angle that the wheel has turned since the reset [rad]
 
 RING latched commands [rpm] follow, command j at j modulo RING.
 """
@@ -99,7 +106,7 @@ def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[flo
 
 
 def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | None = None) -> list[float]:
-    """Return the numbers of an actuator's user field, USER_SIZE of them.
+    """Return the numbers of an actuator's user field: USER_SIZE of them, more if there are programs.
 
     The torque limit replaces the robot's; infinite or NO_TORQUE_LIMIT for none.
 
@@ -113,7 +120,14 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
-    return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+    numbers = [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+    programs = _programs(drive)
+    return numbers + [0.0] * (FIRST_PROGRAM - len(numbers)) + programs if any(programs) else numbers
+
+
+def _programs(drive: DriveParameters) -> list[float]:
+    rows = [getattr(drive, name) for name in PROGRAMS]
+    return [number for row in rows for number in (*row, *[0.0] * (PROGRAM_SIZE - len(row)))]
 
 
 def chain_parameters(
@@ -122,14 +136,14 @@ def chain_parameters(
     torque_limit_n_m: float | None = None,
     inertia_kg_m2: float = 0.0,
 ) -> FloatArray:
-    """Return all parameters of a wheel's drive, shape (P,), in the order of `CHAIN`.
+    """Return all parameters of a wheel's drive, shape (P,), in the order of `CHAIN`, and its programs.
 
     `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
     drive = drive_parameters(model, wheel_name)
     user = userdata(model.robot, drive, torque_limit_n_m)[: len(USER)]
     user[_INERTIA] = inertia_kg_m2
-    return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user])
+    return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user, *_programs(drive)])
 
 
 def set_wheel_parameters(
@@ -152,7 +166,6 @@ def set_wheel_parameters(
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
-    spec.nuser_actuator = max(spec.nuser_actuator, USER_SIZE)
     # MjSpec finds a plugin instance by its name only.
     actuator.plugin = spec.add_plugin(name=actuator.name, plugin_name=PLUGIN_NAME, active=True)
     actuator.dynprm = dynprm(parameters, quantum_rpm)
@@ -160,6 +173,7 @@ def set_wheel_parameters(
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
     user = userdata(robot, parameters, torque_limit_n_m)
     user[_INERTIA] = inertia_kg_m2
+    spec.nuser_actuator = max(spec.nuser_actuator, len(user))
     actuator.userdata = user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]
@@ -191,13 +205,14 @@ def write_parameters(
     user = userdata(robot, parameters, torque_limit_n_m)
     if any(user[mjmodel.nuser_actuator :]):
         raise InputError(
-            f"nuser_actuator = {mjmodel.nuser_actuator}, must be {USER_SIZE} for a model with these effects"
+            f"nuser_actuator = {mjmodel.nuser_actuator}, must be {len(user)} for a model with these effects"
         )
     if mjmodel.nuser_actuator > _INERTIA:
         user[_INERTIA] = mjmodel.actuator_user[actuator_id, _INERTIA]
     user = user[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
+    mjmodel.actuator_user[actuator_id] = 0.0
     mjmodel.actuator_user[actuator_id, : len(user)] = user
 
 

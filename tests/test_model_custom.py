@@ -5,7 +5,14 @@ import json
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.model import CustomEffect, Table, model_from_dict, model_to_dict, read_model, write_model
+from mecanum_env.model import (
+    CustomEffect,
+    CustomTable,
+    model_from_dict,
+    model_to_dict,
+    read_model,
+    write_model,
+)
 
 FULL = {
     "station": "load",
@@ -27,7 +34,7 @@ def test_what_is_written_is_read_back_equal(tmp_path, paper, written):
     model = model_from_dict(written(FULL, TABLE))
     assert model.custom == (
         CustomEffect("load", FULL["formula"], source="gap", range={"speed_rpm": (-120.0, 120.0)}),
-        CustomEffect("sensor", table=Table("speed", (-1.0, 0.1, 3.0), (0.0, 1.0, -2.5))),
+        CustomEffect("sensor", table=CustomTable("speed", (-1.0, 0.1, 3.0), (0.0, 1.0, -2.5))),
     )
     assert model_to_dict(model)["custom"] == [FULL, {**TABLE, "unit": "rpm"}]
     write_model(model, tmp_path / "model.json")

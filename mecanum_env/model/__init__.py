@@ -1,6 +1,6 @@
 """`model.json`: the contract between fit, simulator, environment and gap workflow."""
 
-from mecanum_env.model.custom import CustomEffect, Table
+from mecanum_env.model.custom import CustomEffect, CustomTable
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named, form_of, forms_of
 from mecanum_env.model.file import (
     FORMAT,
@@ -18,9 +18,9 @@ __all__ = [
     "EFFECT_PARAMETERS",
     "FORMAT",
     "CustomEffect",
+    "CustomTable",
     "Model",
     "Robot",
-    "Table",
     "Wheel",
     "cause_of",
     "effect_named",

@@ -30,7 +30,7 @@ RANGES: Final = tuple(f"{name}_{unit}" for name, unit in UNITS.items())
 
 
 @dataclass(frozen=True)
-class Table:
+class CustomTable:
     """A function of one input: linear between the knots, held outside."""
 
     input: str
@@ -66,7 +66,7 @@ class CustomEffect:
     """One of `STATIONS`."""
     formula: str | None = None
     """In the language of `mecanum_env.law.formula`."""
-    table: Table | None = None
+    table: CustomTable | None = None
     unit: str = "rpm"
     """Unit of the value; there is no other."""
     source: str = ""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.model.custom import CustomEffect, Table
+from mecanum_env.model.custom import CustomEffect, CustomTable
 from mecanum_env.model.json_checks import mapping, number
 
 _FIELDS: Final = ("station", "formula", "table", "unit", "source", "range")
@@ -73,13 +73,13 @@ def _from_json(where: str, value: Any) -> CustomEffect:
     return CustomEffect(table=table, range=ends, **texts)
 
 
-def _table(where: str, value: Any) -> Table:
+def _table(where: str, value: Any) -> CustomTable:
     section = mapping(where, value)
     _require_known(where, section, _TABLE_FIELDS)
     for name in _TABLE_FIELDS:
         if name not in section:
             raise InputError(f"{where}.{name} is missing")
-    return Table(
+    return CustomTable(
         section["input"],
         _numbers(f"{where}.knots", section["knots"]),
         _numbers(f"{where}.values", section["values"]),

@@ -7,7 +7,7 @@ from mecanum_env.effects.apply import drive_parameters, measured, without_sensor
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import simulate_drive
 from mecanum_env.mjcf.plants import bench_spec
-from mecanum_env.model import CustomEffect, Table
+from mecanum_env.model import CustomEffect, CustomTable
 from mecanum_env.simulator.bench import bench_motion, replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
 from tests.effects.conftest import channels
@@ -52,7 +52,7 @@ def test_the_dead_band_sees_the_changed_command_and_the_set_point_does_not(base)
 
 
 def test_several_effects_of_a_station_add_up(base):
-    table = Table("command", (-100.0, 0.0, 100.0), (-10.0, 0.0, 10.0))
+    table = CustomTable("command", (-100.0, 0.0, 100.0), (-10.0, 0.0, 10.0))
     both = base.with_custom(CustomEffect("set_point", "1"), CustomEffect("set_point", table=table))
     np.testing.assert_allclose(settled(both)[0], [1, 67, 4.3, -65, 1], atol=1e-3)
 

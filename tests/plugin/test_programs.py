@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from mecanum_env.errors import InputError
 from mecanum_env.law.formula import compile_formula
 from mecanum_env.law.program import CODES, INPUTS, PROGRAM_SIZE, evaluate, table_program
-from mecanum_env.model import CustomEffect, Table
+from mecanum_env.model import CustomEffect, CustomTable
 from mecanum_env.plugin.layout import FIRST_PROGRAM, USER_SIZE, drive_state, require_valid, write_parameters
 from mecanum_env.plugin.library import evaluate_program
 from mecanum_env.simulator.bench import bench_motion, compile_bench, mujoco_bench_motion
@@ -24,7 +24,7 @@ FORMULAS = (
 CUSTOM = (
     CustomEffect("load", "-0.08 * speed * sin(3 * angle) + 2 * sin(7 * time)"),
     CustomEffect("set_point", "3 * sin(time * 5) + 0.02 * speed"),
-    CustomEffect("command", table=Table("command", (-100.0, -5.0, 5.0, 100.0), (4.0, 0.0, 0.0, -6.0))),
+    CustomEffect("command", table=CustomTable("command", (-100.0, -5.0, 5.0, 100.0), (4.0, 0.0, 0.0, -6.0))),
 )
 
 

@@ -7,6 +7,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Final
 
+import numpy.typing as npt
+
 from mecanum_env.errors import InputError, did_you_mean, require_one_of
 from mecanum_env.law.formula import compile_formula
 from mecanum_env.law.program import (
@@ -14,11 +16,13 @@ from mecanum_env.law.program import (
     LARGEST_TABLE,
     UNITS,
     Program,
+    evaluate,
     inputs_of,
     joined,
     require_runs,
     table_program,
 )
+from mecanum_env.units import FloatArray
 
 STATIONS: Final = ("command", "set_point", "load", "sensor")
 """Where a custom effect may act: on the command that the drive receives, on the wheel's set-point, as a load
@@ -88,7 +92,7 @@ class CustomEffect:
             require_one_of("range", name, RANGES)
             if not (math.isfinite(low) and math.isfinite(high) and low <= high):
                 raise InputError(f"range.{name} = [{low}, {high}], must be two numbers, the lower first")
-        unknown = inputs_of(self.program) - set(SENSOR_INPUTS)
+        unknown = self.inputs - set(SENSOR_INPUTS)
         if self.station == "sensor" and unknown:
             raise InputError(
                 f"a sensor does not know {' and '.join(sorted(unknown))}; use {', '.join(SENSOR_INPUTS)}"
@@ -103,6 +107,15 @@ class CustomEffect:
             return compile_formula(self.formula or "")
         except InputError as error:
             raise InputError(f"formula = {error}") from error
+
+    def value(self, inputs: Mapping[str, npt.ArrayLike]) -> FloatArray:
+        """Return the value [rpm] for `inputs` by name, of the shape to which they broadcast; the others are 0."""
+        return evaluate(self.program, inputs)
+
+    @property
+    def inputs(self) -> frozenset[str]:
+        """Names of the inputs that it uses."""
+        return inputs_of(self.program)
 
     @property
     def text(self) -> str:

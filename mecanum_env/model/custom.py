@@ -109,7 +109,7 @@ class CustomEffect:
             raise InputError(f"formula = {error}") from error
 
     def value(self, inputs: Mapping[str, npt.ArrayLike]) -> FloatArray:
-        """Return the value [rpm] for `inputs` by name, of the shape to which they broadcast; the others are 0."""
+        """Return the value [rpm] for `inputs` by name, of the shape to which they broadcast; others are 0."""
         return evaluate(self.program, inputs)
 
     @property

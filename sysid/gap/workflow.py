@@ -127,7 +127,11 @@ def _report(
     split, runs = held_out(dataset)
     effects = found_effects(problem, decision)
     improved = _improved(model, decision, effects)
-    proposal = propose(problem) if decision.verdict == "unexplained" else None
+    proposal = None
+    if decision.verdict == "unexplained":
+        situations = data.observations.situations
+        whole = all(run in dataset.runs for situation in situations for run in situation.runs)
+        proposal = propose(problem, whole=whole)
     before = predicted(model, runs, study)
     custom = None
     if proposal is not None:

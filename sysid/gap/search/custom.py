@@ -62,13 +62,14 @@ class _Candidate:
         return self.free.station
 
 
-def propose(problem: ResidualProblem) -> Proposal | None:
+def propose(problem: ResidualProblem, *, whole: bool = True) -> Proposal | None:
     """Return the custom effect that describes best what the base model of a problem leaves.
 
-    None if no formula and no table holds on command sequences left out.
+    None if no formula and no table holds on command sequences left out. `whole`: no run of the problem is a
+    piece of a longer one; in pieces neither time nor angle since the start is known.
     """
     base = base_fit(problem, EffectSet((), ()))
-    extent = _extent(problem)
+    extent = _extent(problem, whole=whole)
     found = [
         candidate
         for station in _stations(problem.base)
@@ -174,7 +175,7 @@ def _parts(problem: ResidualProblem) -> list[npt.NDArray[np.bool_]]:
     return pieces
 
 
-def _extent(problem: ResidualProblem) -> Extent:
+def _extent(problem: ResidualProblem, *, whole: bool) -> Extent:
     runs = [run for situation in problem.observations.situations for run in situation.runs]
     commands = np.concatenate([run.command.wheels_rpm.ravel() for run in runs])
     measured = [v for run in runs for name, v in run.channels.items() if name.startswith("speed_")]
@@ -185,4 +186,4 @@ def _extent(problem: ResidualProblem) -> Extent:
         for name, values in (("command_rpm", commands), ("speed_rpm", speeds))
     ]
     top = max(abs(end) for _, *ends in ranges for end in ends)
-    return Extent(top, longest, (*ranges, ("time_s", 0.0, float(f"{longest:.4g}"))))
+    return Extent(top, longest, (*ranges, ("time_s", 0.0, float(f"{longest:.4g}"))), whole)

@@ -33,7 +33,7 @@ class Term:
     """A summand of a formula without its size; of a wave, sine and cosine belong together."""
 
     text: str
-    """As in a formula; "{}" stands for a width or time constant, "wave" for the sine of an angle and phase."""
+    """As in a formula; "{}" stands for a width or time constant, "wave" for a sine of angle and phase."""
     size: float
     """About its largest value in the logs."""
     harmonic: int = 0
@@ -77,6 +77,8 @@ class Extent:
     """Duration of the longest run."""
     ranges: tuple[tuple[str, float, float], ...]
     """Input with its unit, such as "speed_rpm", and its lowest and highest value."""
+    whole: bool = True
+    """Whether no run is a piece of a longer one, in which time and angle since the start are not known."""
 
     def of(self, name: str) -> tuple[float, float]:
         """Return the lowest and highest value of an input by its `name`, such as "speed"."""
@@ -84,9 +86,15 @@ class Extent:
 
 
 def terms_at(station: str, extent: Extent) -> tuple[Term, ...]:
-    """Return the terms tried at a station: over the command in front of the law, else over the speed."""
+    """Return the terms tried at a station: over the command in front of the law, else over the speed.
+
+    Those over time and angle need runs of a whole `extent`.
+    """
     name = "command" if station in ("command", "set_point") else "speed"
-    return (*_static(name, extent), *_fading(name, extent), *(_waves(extent) if name == "speed" else ()))
+    found = tuple(_static(name, extent))
+    if extent.whole:
+        found = (*found, *_fading(name, extent), *(_waves(extent) if name == "speed" else ()))
+    return found
 
 
 def _static(x: str, extent: Extent) -> Iterator[Term]:
@@ -197,7 +205,7 @@ class Formula(_Nameless):
         return CustomEffect(self.station, " + ".join(parts).replace("+ -", "- "), source=SOURCE)
 
     def start_of(self, coefficients: Sequence[float]) -> FloatArray:
-        """Return the place with these `coefficients` and the terms' own shapes, (p,)."""
+        """Return the place with the `coefficients` and the terms' own shapes, (p,)."""
         return self.place(np.array([*coefficients, *(term.shape for term in self.terms if term.shape)]))
 
 
@@ -217,15 +225,15 @@ class FreeTable(_Nameless):
         return np.tile([-most, most], (len(self.knots), 1))
 
     def effect(self, numbers: Sequence[float], digits: int = 12) -> CustomEffect:
-        """Return the effect with these values at the knots, each in so many `digits`."""
+        """Return the effect with these `numbers` (p,) as values at the knots, each in so many `digits`."""
         values = tuple(float(f"{number:.{digits}g}") for number in numbers)
         return CustomEffect(self.station, table=CustomTable(self.input, self.knots, values), source=SOURCE)
 
 
 def tables_at(station: str, extent: Extent) -> Iterator[FreeTable]:
-    """Return the tables that are tried at a station, each over one input."""
-    inputs = ("command", "time") if station in ("command", "set_point") else ("speed", "time")
-    for name in inputs:
+    """Return the tables that are tried at a station, each over one input of which the `extent` is known."""
+    moving = "command" if station in ("command", "set_point") else "speed"
+    for name in (moving, "time") if extent.whole else (moving,):
         low, high = extent.of(name)
         if high > low:
             knots = tuple(float(f"{knot:.4g}") for knot in np.linspace(low, high, _KNOTS))

@@ -20,6 +20,7 @@ from mecanum_env.model import (
     Model,
     Robot,
     Wheel,
+    cause_of,
     model_from_dict,
     model_to_dict,
     paper_model,
@@ -62,7 +63,7 @@ def models(draw):
         draw(POSITIVE),
         draw(POSITIVE),
     )
-    names = draw(st.sets(st.sampled_from(sorted(EFFECT_PARAMETERS)), max_size=3))
+    names = draw(st.lists(st.sampled_from(sorted(EFFECT_PARAMETERS)), max_size=3, unique_by=cause_of))
     value = st.floats(-1e3, 1e3) | st.just(math.inf)
     effects = {name: {key: draw(value) for key in EFFECT_PARAMETERS[name]} for name in names}
     sections = st.dictionaries(st.text(max_size=5), JSON, max_size=2)

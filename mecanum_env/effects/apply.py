@@ -133,7 +133,8 @@ def without_sensors(model: Model) -> Model:
 def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
     """Return the channels of a motion as the model's sensors show them, given the true ones.
 
-    The channels are columns of a log by name, shape (n,), on the uniform clock `time_s` (n,) [s].
+    The channels are columns of a log by name, shape (n,), on the uniform clock `time_s` (n,) [s], whose 0 is
+    the start of the motion.
     """
     return sensors_of(model)(time_s, channels)
 

@@ -108,7 +108,8 @@ LimitBody = Callable[[FloatArray, FloatArray, Values, float], tuple[FloatArray, 
 """Return the limited body command (forward, left, turn) [rpm] after some time [s], and its mean over that
 time, given the requested and the previous one, shape (3,)."""
 ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
-"""Return the channels as measured, given their uniform clock [s], shape (n,), and their true values."""
+"""Return the channels as measured, given their true values and the uniform clock [s], shape (n,), whose 0 is
+the start of the motion."""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -9,6 +9,7 @@ with w the wheel speed and r the commanded speed [rpm], every `sample_period_s` 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Final
 
@@ -20,6 +21,22 @@ from mecanum_env.law.stability import stability_margins
 from mecanum_env.units import FloatArray
 
 COEFFICIENTS: Final = ("A", "B", "C", "D", "E", "F")
+
+
+def law_step(
+    coefficients: Sequence[float] | Sequence[FloatArray],
+    speeds: Sequence[FloatArray],
+    commands: Sequence[FloatArray],
+) -> FloatArray:
+    """Return w(k+1) [rpm] from the `coefficients` A-F, the speeds w(k), w(k-1), w(k-2) and the commands r.
+
+    The order of the additions is part of the definition: the C plugin repeats it, and tests hold the two
+    equal bit for bit.
+    """
+    a, b, c, d, e, f = coefficients
+    w0, w1, w2 = speeds
+    r0, r1, r2 = commands
+    return np.asarray(a * w0 + b * w1 + c * w2 + d * r0 + e * r1 + f * r2)
 
 
 @dataclass(frozen=True)
@@ -124,14 +141,10 @@ class WheelLaw:
         return replace(self, E=1.0 - (self.A + self.B + self.C + self.D + self.F))
 
     def tick(self, state: LawState, command_rpm: npt.ArrayLike) -> tuple[FloatArray, LawState]:
-        """Advance one tick: return w(k+1) [rpm] and the next state for r(k) = `command_rpm`.
-
-        The order of the additions is part of the definition: the C plugin repeats it, and tests hold the two
-        equal bit for bit.
-        """
+        """Advance one tick: return w(k+1) [rpm] and the next state for r(k) = `command_rpm`."""
         w0, w1, w2 = (np.asarray(x, float) for x in (state.w0, state.w1, state.w2))
         r0, r1, r2 = (np.asarray(x, float) for x in (command_rpm, state.r1, state.r2))
-        after = self.A * w0 + self.B * w1 + self.C * w2 + self.D * r0 + self.E * r1 + self.F * r2
+        after = law_step((self.A, self.B, self.C, self.D, self.E, self.F), (w0, w1, w2), (r0, r1, r2))
         return after, LawState(after, w0, w1, r0, r1)
 
     def simulate(self, command_rpm: npt.ArrayLike, initial: LawState | None = None) -> FloatArray:

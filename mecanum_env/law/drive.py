@@ -25,13 +25,12 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
-from mecanum_env.law.program import Program, evaluate, inputs_of, require_runs
+from mecanum_env.law.program import Program, inputs_of, require_runs
+from mecanum_env.law.shaping import shaped
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
 """Share of its period by which a clock may be early; it absorbs the rounding of n h."""
-_ABSURD_RPM: Final = 1e10
-"""Commands beyond this [rpm], and NaN, count as 0, as they do for MuJoCo's own actuators."""
 RING: Final = 32
 """Number of latched commands that a drive remembers; it bounds the delay, see `longest_delay_s`."""
 
@@ -70,7 +69,7 @@ class DriveParameters:
     drop_per_s: float = 0.0
     """Share of the gain that is lost in each second [1/s]."""
     softness_rpm: float = 0.0
-    """The saturation begins this far below its limit [rpm]; see `saturated`."""
+    """The saturation begins this far below its limit [rpm]; see `mecanum_env.law.shaping.saturated`."""
     acceleration_rpm_s: float = math.inf
     """Largest rate of change of the law's input [rpm/s]."""
     gap_rad: float = 0.0
@@ -122,36 +121,7 @@ def received_command(
     `seconds` is the time since the start at which each takes effect [s]; `speed_rpm` and `angle_rad` are
     those of the wheel at the latch, which custom effects may use. They are of shapes that broadcast.
     """
-
-    def with_custom(program: Program, command: FloatArray) -> FloatArray:
-        given = {"command": command, "speed": speed_rpm, "angle": angle_rad, "time": seconds}
-        return _sane(command + evaluate(program, given)) if program else command
-
-    command = _sane(np.asarray(command_rpm, float))
-    if parameters.command_quantum_rpm > 0.0:
-        command = np.rint(command / parameters.command_quantum_rpm) * parameters.command_quantum_rpm
-    command = with_custom(parameters.command_program, command)
-    command = np.where(np.abs(command) < parameters.deadband_rpm, 0.0, command)
-    command = command * parameters.gain
-    command = np.where(command < 0.0, command * parameters.reverse_ratio, command)
-    command = command * np.maximum(0.0, 1.0 - parameters.drop_per_s * np.asarray(seconds, float))
-    command = with_custom(parameters.set_point_program, command)
-    return saturated(command, parameters.saturation_rpm, parameters.softness_rpm)
-
-
-def _sane(command_rpm: FloatArray) -> FloatArray:
-    return np.where(np.abs(command_rpm) <= _ABSURD_RPM, command_rpm, 0.0)
-
-
-def saturated(command_rpm: FloatArray, limit_rpm: float, softness_rpm: float) -> FloatArray:
-    """Limit commands to +-limit [rpm], along a parabola from `softness_rpm` below it to as much above it."""
-    command, knee = command_rpm, min(softness_rpm, limit_rpm)
-    if knee > 0.0 and math.isfinite(limit_rpm):
-        beyond = np.abs(command) - (limit_rpm - knee)
-        on_knee = np.clip(beyond, 0.0, 2.0 * knee)  # further out the square may overflow
-        bent = np.copysign(limit_rpm - knee + beyond - on_knee * on_knee / (4.0 * knee), command)
-        command = np.where((beyond > 0.0) & (beyond < 2.0 * knee), bent, command)
-    return np.asarray(np.minimum(np.maximum(command, -limit_rpm), limit_rpm))
+    return shaped(vars(parameters), command_rpm, seconds, speed_rpm, angle_rad)
 
 
 def law_inputs(

@@ -135,6 +135,21 @@ def evaluate(program: Program, inputs: Mapping[str, npt.ArrayLike]) -> FloatArra
     return np.where(finite, stack[-1], 0.0) if stack else np.zeros(finite.shape)
 
 
+def evaluate_sets(programs: npt.ArrayLike, inputs: Mapping[str, npt.ArrayLike]) -> FloatArray:
+    """Return the values [rpm] of one program for all sets, or of one for each, shape (sets, ...).
+
+    `programs` are one or (sets, n) padded with 0; `inputs` are as for `evaluate`, with the sets first if
+    there is a program for each.
+    """
+    rows = np.asarray(programs, float)
+    if rows.ndim < 2:
+        return evaluate(tuple(rows.tolist()), inputs)
+    names = list(inputs)
+    shaped = np.broadcast_arrays(*inputs.values(), np.zeros((len(rows), 1)))
+    of_set = [dict(zip(names, arrays, strict=False)) for arrays in zip(*shaped, strict=True)]
+    return np.stack([evaluate(tuple(row.tolist()), given) for row, given in zip(rows, of_set, strict=True)])
+
+
 def _interpolated(x: FloatArray, knots: FloatArray, values: FloatArray) -> FloatArray:
     # Spelt out rather than np.interp, whose last bit is its own.
     i = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, knots.size - 2)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Final, Literal
 
 import mujoco
@@ -137,6 +138,7 @@ def add_drive(
         actuator.forcerange = [-limit, limit]
 
 
+@lru_cache(maxsize=64)
 def wheel_inertia(robot: Robot) -> float:
     """Return the moment of inertia [kg m^2] of a robot's free wheel about its axle, rollers included."""
     geometry = wheel_geometry(robot.wheel_radius_m, robot.rollers_per_wheel)

@@ -37,16 +37,25 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "track_width": ("scale",),
     "floor_slope": ("slope_deg", "heading_deg"),
     "mount_yaw": ("angle_deg",),
+    "encoder_eccentricity": ("per_turn", "share", "phase_deg"),
     "sensor_latency": ("delay_s",),
+    **{f"sensor_latency/{form}": ("delay_s",) for form in ("wheels", "body", "pose")},
     "sensor_lowpass": ("time_constant_s",),
+    "sensor_lowpass/window": ("window_s",),
     "sensor_scale": ("wheel", "linear", "yaw"),
     "sensor_bias": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
+    "sensor_bias/drift": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "per_s"),
 }
 
 EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHEMA)
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
-_FIRST_FORMS: Final[dict[str, str]] = {}
+_FIRST_FORMS: Final[dict[str, str]] = {
+    "sensor_latency": "all",
+    "sensor_lowpass": "lag",
+    "encoder_eccentricity": "sensor",
+    "sensor_bias": "constant",
+}
 """Cause -> what its first form is called, for causes with several forms."""
 
 

@@ -17,9 +17,7 @@ static double clip(double x, double low, double high) { return x < low ? low : x
 
 // Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
 static int slot(double j) {
-  double s = fmod(j, RING);
-  if (s < 0) s += RING;
-  return s >= 0 && s < RING ? (int)s : 0;
+  return fabs(j) < 1e15 ? (int)((int64_t)j & (RING - 1)) : 0;
 }
 
 double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }

@@ -26,7 +26,7 @@
 #define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
 #define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
 
-// All parameters in order: X(index, name, check). mecanum_env/plugin/layout.py has the same names; a test holds the
+// All parameters in order: X(index, name, check). mecanum_env/law/parameters.py has the same names; a test holds the
 // two lists equal. The law's are the actuator's dynprm, the servo is -biasprm[2], and the others are user[0], user[1]
 // ... From DEADBAND on 0 means "off", also for a gain, and a model may leave them out.
 #define LAW_PARAMETERS(X)                      \

@@ -3,9 +3,10 @@
 chain.h lists the same parameters. They are numeric fields of the wheel's actuator, so copies,
 pickles and batches of models carry them, and a compiled model can be edited (`write_parameters`):
 
-    dynprm[i]   DYNPRM[i]: the wheel law, its clocks, quantum and ceiling (0: none)
+    dynprm      the wheel law, its clocks, quantum and ceiling: `mecanum_env.law.parameters.DYNPRM`
     biasprm     0, 0, -servo_n_m_s_rad
-    user[i]     USER[i]: everything else; from FIRST_PROGRAM on the programs of custom effects, if any
+    user        everything else: `mecanum_env.law.parameters.USER`; from FIRST_PROGRAM on the programs of
+                custom effects, if there are any
 
 From "deadband_rpm" on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia
 is fed forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag,
@@ -33,28 +34,15 @@ import numpy.typing as npt
 
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.drive import RING, DriveParameters
+from mecanum_env.law.parameters import PROGRAMS, USER
 from mecanum_env.law.program import PROGRAM_SIZE
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-DYNPRM: Final = (
-    *COEFFICIENTS,
-    *("sample_period_s", "command_period_s", "command_quantum_rpm", "saturation_rpm"),
-)
-"""Names of the parameters in dynprm."""
 SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""
-USER: Final = (
-    *("servo_integral_n_m_rad", "delay_s", "torque_limit_n_m"),
-    *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
-    *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
-)
-"""Names of the parameters in user; the last is the wheel's own inertia, the others are those of the drive."""
-CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
-"""Names of all parameters of a drive, in the order of the library's functions."""
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
@@ -64,8 +52,6 @@ USER_SIZE: Final = 16
 entries are 0."""
 FIRST_PROGRAM: Final = 128
 """Index in user of the first program."""
-PROGRAMS: Final = ("command_program", "set_point_program", "load_program")
-"""Names of the programs in user, each PROGRAM_SIZE numbers; see `mecanum_env.law.program`."""
 
 STATE: Final = (
     *("substeps", "ticks", "latches"),
@@ -136,7 +122,7 @@ def chain_parameters(
     torque_limit_n_m: float | None = None,
     inertia_kg_m2: float = 0.0,
 ) -> FloatArray:
-    """Return all parameters of a wheel's drive, shape (P,), in the order of `CHAIN`, and its programs.
+    """Return a wheel's drive in the order of `mecanum_env.law.parameters.CHAIN`, with its programs, (P,).
 
     `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """

@@ -9,18 +9,16 @@ import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Final
 
 import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.law.parameters import with_programs
 from mecanum_env.law.program import INPUTS, PROGRAM_SIZE, Program
 from mecanum_env.plugin import library_path
 from mecanum_env.units import FloatArray
 
-_PROGRAMS: Final = 3 * PROGRAM_SIZE
-"""Numbers of the programs at the stations command, set_point and load."""
 Counts = npt.NDArray[np.int64]
 
 
@@ -56,8 +54,8 @@ def free_wheels(
     """Return the speeds of free wheels on hinges, as MuJoCo's integrator "implicitfast" moves them.
 
     Args:
-        parameters: sets of parameters of the drive, shape (sets, P), in the order of `parameter_names`,
-            followed by the programs of custom effects.
+        parameters: sets of parameters of the drive, shape (sets, P), in the order of `parameter_names`;
+            programs of custom effects may follow them.
         wheels: moment of inertia [kg m^2] and viscous damping [N m s/rad] of each set's wheel, (sets, 2).
         timestep_s: physics step [s].
         commands: what each run is commanded.
@@ -68,9 +66,9 @@ def free_wheels(
         steps that each run took before its state stopped being finite, shape (sets, runs); else all of them.
     """
     sets, runs = len(parameters), len(steps)
-    rows, bodies = np.ascontiguousarray(parameters, float), np.ascontiguousarray(wheels, float)
+    rows, bodies = np.ascontiguousarray(with_programs(parameters)), np.ascontiguousarray(wheels, float)
     counts = np.ascontiguousarray(steps, np.int64)
-    if rows.shape != (sets, len(parameter_names()) + _PROGRAMS) or bodies.shape != (sets, 2):
+    if bodies.shape != (sets, 2):
         raise ValueError(f"parameters of shape {rows.shape} and wheels of shape {bodies.shape} do not fit")
     speeds = np.empty((sets, int(np.sum(counts)) + runs))
     reached = np.empty((sets, runs), np.int64)
@@ -105,7 +103,10 @@ def parameter_names() -> tuple[str, ...]:
 
 def refusal(parameters: FloatArray, timestep_s: float) -> str | None:
     """Return why a drive refuses `parameters` (P,) with a physics step [s]; None if it does not."""
-    row, message = np.ascontiguousarray(parameters, float), ctypes.create_string_buffer(400)
+    row, message = (
+        np.ascontiguousarray(with_programs(np.atleast_2d(parameters))),
+        ctypes.create_string_buffer(400),
+    )
     refused = _library().mecanum_refuses(row.ctypes.data, timestep_s, message, len(message))
     return message.value.decode() if refused else None
 

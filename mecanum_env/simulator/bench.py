@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import mujoco
 import numpy as np
@@ -101,6 +102,12 @@ class BenchRun:
     duration_s: float
     initial_rpm: float = 0.0
 
+    @cached_property
+    def given(self) -> tuple[FloatArray, FloatArray, float]:
+        """Commands that are no missing samples: times since the start [s], commands, initial speed [rpm]."""
+        given = ~np.isnan(self.command_rpm)
+        return self.time_s[given] - self.time_s[0], self.command_rpm[given], self.initial_rpm
+
 
 def bench_motions(
     models: Sequence[Model],
@@ -135,7 +142,7 @@ def bench_motions(
             np.stack([wheels[i].parameters for i in members]),
             np.array([(wheels[i].inertia_kg_m2, wheels[i].damping_n_m_s_rad) for i in members]),
             step,
-            HeldCommands.of([_given(run) for run in runs]),
+            HeldCommands.of([run.given for run in runs]),
             steps,
         )
         if np.any(reached < steps):
@@ -177,7 +184,7 @@ class _FreeWheel:
 
     timestep_s: float
     parameters: FloatArray
-    """In the order of `mecanum_env.plugin.layout.CHAIN`, shape (P,)."""
+    """In the order of `mecanum_env.law.parameters.CHAIN`, shape (P,)."""
     inertia_kg_m2: float
     damping_n_m_s_rad: float
     mj_model: mujoco.MjModel | None = None
@@ -229,12 +236,6 @@ def compile_bench(model: Model, wheel: str | None = None, timestep_s: float | No
     of the physics step [s], 1/480 s when None.
     """
     return bench_spec(model, timestep_s, wheel=wheel, visuals=False).compile()
-
-
-def _given(run: BenchRun) -> tuple[FloatArray, FloatArray, float]:
-    """Return a run's commands without missing samples: times since its start [s], commands, initial speed."""
-    given = ~np.isnan(run.command_rpm)
-    return run.time_s[given] - run.time_s[0], run.command_rpm[given], run.initial_rpm
 
 
 def _held_command(

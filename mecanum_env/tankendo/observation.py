@@ -156,7 +156,7 @@ class Senses:
         past.append(sample)
         del past[:-_WINDOW]
         channels = dict(zip(_OWN, np.array(past).T[1:], strict=True))
-        clock = np.asarray(np.arange(len(past)) * self._step_s, float)
+        clock = now_s - self._step_s * np.arange(len(past) - 1.0, -1.0, -1.0)
         now = measured(model, clock, channels)
         shown[10:13, row] = [now[name][-1] for name in _OWN[:3]]
         shown[16:18, row] = [now[name][-1] for name in _OWN[3:5]]

@@ -34,6 +34,9 @@ BESIDE = {
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
+    ("encoder_eccentricity", "per_turn"): {"share": 0.1},
+    ("encoder_eccentricity", "phase_deg"): {"share": 0.1},
+    ("sensor_bias/drift", "per_s"): {"vx_m_s": 0.1},
 }
 
 

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import saturated
+from mecanum_env.law.shaping import saturated
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.plugin.layout import write_parameters
 from mecanum_env.simulator import BodyCommands, WheelCommands, drive, replay_bench

@@ -19,6 +19,11 @@ def two_forms():
         yield
 
 
+@pytest.mark.parametrize("effect", CATALOGUE.values(), ids=lambda effect: effect.name)
+def test_catalogue_and_model_files_call_a_form_the_same(effect):
+    assert form_of(effect.name) == effect.form
+
+
 def test_a_cause_knows_its_forms():
     assert forms_of("ramp") == ("ramp", "ramp/bent")
     assert [form_of(name) for name in forms_of("ramp")] == ["straight", "bent"]

@@ -15,9 +15,15 @@ STEP = np.full(TIME.shape, 60.0)
 SENSORS = [
     ("mount_yaw", {"angle_deg": 10.0}),
     ("sensor_latency", {"delay_s": 0.1}),
+    ("sensor_latency/wheels", {"delay_s": 0.1}),
+    ("sensor_latency/body", {"delay_s": 0.1}),
+    ("sensor_latency/pose", {"delay_s": 0.1}),
     ("sensor_lowpass", {"time_constant_s": 0.1}),
+    ("sensor_lowpass/window", {"window_s": 0.1}),
+    ("encoder_eccentricity", {"share": 0.1}),
     ("sensor_scale", {"wheel": 0.9, "linear": 0.9, "yaw": 0.9}),
     ("sensor_bias", {"vx_m_s": 0.1, "vy_m_s": 0.1, "yaw_rate_rad_s": 0.1}),
+    ("sensor_bias/drift", {"vx_m_s": 0.1, "per_s": 0.1}),
 ]
 
 

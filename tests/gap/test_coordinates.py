@@ -71,3 +71,11 @@ def test_the_law_fitted_again_starts_from_the_law_and_stays_stable() -> None:
         law = rival.model(MODEL, rng.uniform(0.0, 1.0, 5)).wheel.law
         assert law.is_stable
         assert law.dc_gain == pytest.approx(MODEL.wheel.law.dc_gain, abs=1e-9)
+
+
+def test_another_form_of_a_cause_takes_the_place_of_the_one_that_the_model_has():
+    base = MODEL.with_effect("sensor_lowpass", time_constant_s=0.05)
+    added = effect_set(base, ["sensor_lowpass/window"])
+    changed = added.model(base, added.start() + 0.1)
+    assert list(changed.effects) == ["sensor_lowpass/window"]
+    assert list(added.model(MODEL, added.start() + 0.1).effects) == ["sensor_lowpass/window"]

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.drive import DriveParameters, latched_commands, saturated
+from mecanum_env.law.drive import DriveParameters, latched_commands
+from mecanum_env.law.shaping import saturated
 from mecanum_env.model import paper_model
 
 FINE = 2000  # parts of a tick

@@ -16,8 +16,9 @@ from mecanum_env.law.drive import (
     received_command,
     simulate_drive,
 )
+from mecanum_env.law.parameters import USER
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import STATE_SIZE, USER, drive_state, set_steady
+from mecanum_env.plugin.layout import STATE_SIZE, drive_state, set_steady
 
 delays = st.floats(0.0, 0.35)
 seeds = st.integers(0, 2**32 - 1)

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.law.parameters import USER
 from mecanum_env.plugin.layout import (
     NO_TORQUE_LIMIT,
-    USER,
     USER_SIZE,
     require_valid,
     state_slice,

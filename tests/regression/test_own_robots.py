@@ -52,7 +52,7 @@ def test_nothing_is_said_of_the_unchanged_robot(tmp_path: Path) -> None:
         "turned_sensor",
         pytest.param("weak_motor", marks=pytest.mark.slow),
         pytest.param("load", marks=pytest.mark.slow),
-        pytest.param("rough_rollers", marks=pytest.mark.slow),
+        pytest.param("smooth_floor", marks=pytest.mark.slow),
         pytest.param("slow_wheels_turned_sensor", marks=pytest.mark.slow),
     ],
 )

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from mecanum_env.effects import Effect, Parameter, registered
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import longest_delay_s
+from mecanum_env.law.parameters import CHAIN
 from mecanum_env.model import paper_model
-from mecanum_env.plugin.layout import CHAIN
 from mecanum_env.plugin.library import parameter_names
 from mecanum_env.simulator.bench import (
     BenchRun,

@@ -56,7 +56,10 @@ def test_noise_differs_from_step_to_step(begin):
         ("sensor_scale", {"linear": 1.5}, {"vx": None, "vy": None}),
         ("mount_yaw", {"angle_deg": 20.0}, {"vx": None, "vy": None, "x": None, "y": None}),
         ("sensor_latency", {"delay_s": 0.1}, {"vx": None, "vy": None, "yaw_rate": None}),
+        ("sensor_latency/body", {"delay_s": 0.1}, {"vx": None, "vy": None, "yaw_rate": None}),
+        ("sensor_latency/pose", {"delay_s": 0.1}, {"x": None, "y": None, "heading_sin": None}),
         ("sensor_lowpass", {"time_constant_s": 0.1}, {"vx": None, "vy": None, "yaw_rate": None}),
+        ("sensor_lowpass/window", {"window_s": 0.2}, {"vx": None, "vy": None, "yaw_rate": None}),
     ],
 )
 def test_a_sensor_effect_changes_what_the_robot_measures_of_itself(make, paper, effect, values, changed):
@@ -77,3 +80,22 @@ def test_sensor_latency_adds_to_the_delay_of_the_observation(make, paper):
     seen, _ = observed(make, (0.4, 0, 0), 5, model=late)
     before, _ = observed(make, (0.4, 0, 0), 4)
     assert seen.vx == pytest.approx(before.vx, abs=1e-6)
+
+
+def test_a_drift_counts_the_time_since_the_episode_began(make, paper):
+    model = paper.with_effect("sensor_bias", "drift", vx_m_s=0.1, per_s=0.5)
+    for steps in (1, 12, 60):
+        seen, arena = observed(make, (0, 0, 0), steps, model=model, task="track")
+        assert seen.vx == pytest.approx(0.1 * (1 + 0.5 * arena.time_s()[0]), abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [("sensor_latency/wheels", {"delay_s": 0.1}), ("encoder_eccentricity", {"share": 0.2})],
+)
+def test_what_wheels_measure_is_not_observed(make, paper, effect, values):
+    plain, _ = observed(make, (0.4, 0.2, 0.2))
+    seen, _ = observed(make, (0.4, 0.2, 0.2), model=paper.with_effect(effect, **values))
+    np.testing.assert_allclose(
+        [float(v) for v in vars(seen).values()], [float(v) for v in vars(plain).values()]
+    )

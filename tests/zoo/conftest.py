@@ -1,7 +1,5 @@
 """A plain drive with numbers that a test can compute with, and outcomes of cases that nobody ran."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any
@@ -15,8 +13,6 @@ from sysid.studies.zoo.drives.simulate import move
 from sysid.studies.zoo.outcome import Outcome
 
 RPM = 60.0 / (2.0 * math.pi)
-
-MakeOutcome = Callable[..., Outcome]
 
 
 @pytest.fixture
@@ -46,6 +42,9 @@ def last_rpm():
         return motion.wheel_rad_s[motion.time_s > seconds - 0.2].mean() * RPM
 
     return run
+
+
+MakeOutcome = Callable[..., Outcome]
 
 
 @pytest.fixture

@@ -28,7 +28,7 @@ PLAY = Hidden("backlash", "rest", {"gap_deg": 2.0})
 CASE = Case(3, "bench", "single", "pi", "steps", "plain", hidden=(PLAY,))
 TIED = (("backlash",), ("stiction",))
 QUICK = GapOptions(only=("backlash", "acceleration_limit"), max_effects=1, next_experiment=False)
-DRIVEN = Round(TIED, 12.0, 0.95, decides=True)
+DRIVEN = Round(TIED, 12.0, 0.95, True, 0.8, 1.0)
 
 
 def experiment(duration_s: float = 4.0) -> Experiment:
@@ -101,7 +101,9 @@ def test_an_experiment_is_driven_three_times_and_its_recordings_are_studied_as_r
     settled = settle(CASE, logs, study, record)
     assert (settled.verdict, settled.names, settled.right) == ("named", (("backlash",),), True)
     assert settled.result == "settled"
-    assert settled.rounds == (Round(TIED, 12.0, 0.9, decides=True),)
+    (driven,) = settled.rounds
+    assert (driven.candidates, driven.driving_s, driven.power, driven.decides) == (TIED, 12.0, 0.9, True)
+    assert (driven.reach, driven.kept) == (pytest.approx(50.0 / 60.0), 1.0)
     new = [run for run in seen[1].runs if run.file.startswith("next")]
     assert [run.file for run in new] == ["next_1_1.csv", "next_1_2.csv", "next_1_3.csv"]
     assert {run.group for run in new} == {"next_1_1"}
@@ -215,10 +217,22 @@ def test_only_ambiguous_cases_are_driven_and_none_twice(tmp_path):
     assert [one.result for one in settle_cases(outcomes, tmp_path, jobs=1)] == ["settled"]
 
 
-def test_the_table_says_which_recordings_decided_nothing():
-    aside = replace(DRIVEN, decides=False)
-    assert "of 1 of 2 experiments" in settle_table([done("no_gap", rounds=(aside, DRIVEN))])
-    assert "decided nothing" not in settle_table([done("no_gap")])
+def test_changes_of_command_that_the_link_does_not_send_are_counted(logs):
+    def record_half(asked, rng):
+        return {name: values[::2] for name, values in record(asked, rng).items()}
+
+    fast = replace(experiment(), columns={"command_rpm": np.arange(40.0)})
+    study, _ = played(tied(fast), report("no_gap"))
+    assert settle(CASE, logs, study, record_half).rounds[0].kept == pytest.approx(0.5, abs=0.02)
+
+
+def test_the_table_says_what_was_wrong_with_experiments():
+    odd = replace(DRIVEN, decides=False, reach=2.8, kept=0.2)
+    text = settle_table([done("no_gap", rounds=(odd, DRIVEN, DRIVEN))])
+    assert "| of 3 experiments | count |" in text
+    assert "times the largest speed of the logs | 1 |" in text
+    assert "% of the changes) | 1 |" in text
+    assert "aside for the test | 1 |" in text
 
 
 def test_the_table_counts_what_could_be_settled_and_says_how_sure_it_is():

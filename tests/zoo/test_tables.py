@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
 from sysid.studies.zoo.calibration import calibrate, choose_p_value, quantile
+from sysid.studies.zoo.cases.case import Hidden
 from sysid.studies.zoo.metrics import at_least, at_most, metrics
 from sysid.studies.zoo.page import Provenance, page_markdown, run_json, summary_text
 from sysid.studies.zoo.power import curve, power_table, write_power_plot
-from sysid.studies.zoo.tables import coverage_table, false_alarm_table, share, size_of, word_tables
+from sysid.studies.zoo.tables import coverage_table, false_alarm_table, share, signal_of, size_of, word_tables
 
 
 @pytest.mark.parametrize(
@@ -19,6 +21,13 @@ from sysid.studies.zoo.tables import coverage_table, false_alarm_table, share, s
 )
 def test_sizes_are_by_signal(signal, size):
     assert size_of(signal) == size
+
+
+def test_several_effects_are_as_large_as_the_smallest_alone(outcome):
+    pair = (Hidden("a", "fixed", {}, 8.0), Hidden("b", "fixed", {}, 0.5))
+    unknown = outcome("a + b", signal=9.0)
+    assert signal_of(unknown) == 9.0
+    assert signal_of(replace(unknown, case=replace(unknown.case, hidden=pair))) == 0.5
 
 
 def test_a_target_is_reached_only_by_the_whole_interval():

@@ -13,11 +13,13 @@ from typing import Any
 import pytest
 
 import sysid.studies.zoo.__main__ as program
+from mecanum_env import checkout
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
-from sysid.studies.zoo import work
+from mecanum_env.files import write_json
+from sysid.studies.zoo import calibrate, seeds, work
 from sysid.studies.zoo.cases.case import Case, Hidden
-from sysid.studies.zoo.outcome import Outcome
+from sysid.studies.zoo.outcome import Outcome, to_json
 from sysid.studies.zoo.sources import fingerprint, sources
 from sysid.studies.zoo.work import Task, read_outcome, run_task, run_tasks, saved
 
@@ -180,6 +182,48 @@ def test_the_command_writes_its_files(bench, tmp_path, monkeypatch, capsys):
     assert "python -m sysid.studies.zoo --bench 3 --robot 0" in (tmp_path / "docs" / "zoo.md").read_text()
     assert (tmp_path / "docs" / "zoo_power.png").exists()
     assert "bench-0002" in (tmp_path / "out" / "zoo" / "zoo.txt").read_text()
+
+
+def test_a_sealed_run_spends_its_seeds_and_goes_on_if_interrupted(bench, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(checkout, "checkout", lambda: tmp_path / "repo")
+    monkeypatch.setattr(checkout, "commit", lambda: "abc")
+    monkeypatch.setattr(seeds, "changed_files", lambda _root: ())
+    sealed = ["--sealed", "--bench", "2", "--robot", "0"]
+    with monkeypatch.context() as patch:
+        patch.setattr(work, "run_tasks", interrupt)
+        assert run(program.main, sealed) == 130
+    ledger = tmp_path / "repo" / seeds.LEDGER
+    assert [(b.first, b.commit, b.finished) for b in seeds.read_ledger(ledger)] == [(1000, "abc", False)]
+    assert run(program.main, sealed) == 0
+    assert run(program.main, sealed) == 0
+    assert sorted(bench.studied) == [1000, 1001, 1002, 1003]
+    assert [(b.first, b.finished) for b in seeds.read_ledger(ledger)] == [(1000, True), (1002, True)]
+    capsys.readouterr()
+    assert run(program.main, [*sealed, "--first-seed", "1001"]) == 2
+    assert "were spent on" in capsys.readouterr().err
+
+
+def interrupt(*_: Any) -> None:
+    raise KeyboardInterrupt
+
+
+def test_calibration_reads_development_seeds_of_this_code_alone(bench, tmp_path, capsys):
+    folder = tmp_path / fingerprint() / "cases"
+    assert run(calibrate.main, [str(tmp_path)]) == 2
+    assert "no outcome of a development seed by this code" in capsys.readouterr().err
+    for seed in (3, 1000):
+        case = Case(seed, "bench", "quiet", "pi", "steps", "few")
+        made = Outcome(case, "no_gap", before=2.0, floor=1.0, p_value=0.5)
+        write_json(folder / f"bench-{seed:04d}.json", to_json(made))
+    assert run(calibrate.main, [str(tmp_path)]) == 0
+    said = capsys.readouterr().out
+    assert "above_noise = 4 (sysid/gap/search/thresholds.py, line " in said
+    assert "laws leave at most 4 (-inf to inf) in 95 % of 1 quiet studies" in said
+    written = json.loads((tmp_path / "calibration.json").read_text())
+    assert written["seeds"] == {"bench": "3"}
+    assert written["levels"]["bench"]["above_noise"]["value"] == 4.0
+    assert bench.studied == []
 
 
 @pytest.mark.parametrize(

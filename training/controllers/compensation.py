@@ -4,8 +4,8 @@
 pass `SensorInverse`:
 
 - `sensor_bias` is subtracted, `sensor_scale` divided out, `mount_yaw` turned back.
-- `sensor_latency` and `sensor_lowpass` are known filters: what they removed from the motion that the commands
-  led to is added back. Unlike an inverse filter this does not amplify noise.
+- `sensor_latency` and `sensor_lowpass`, in all forms, are known filters: what they removed from the motion
+  that the commands led to is added back. Unlike an inverse filter this does not amplify noise.
 - `command_latency`: the observation is brought forward by it, so that the controller sees a robot that obeys
   at once: its own motion by the commands under way, the opponent's by its velocity.
 
@@ -129,7 +129,7 @@ class SensorInverse:
         return shown
 
     def _correct(self, shown: FloatArray) -> None:
-        names, now = _CHANNELS[:5], np.zeros(1)
+        names, now = _CHANNELS[:5], np.array([self._own.time_s])
         channels = dict(zip(names, np.r_[shown[_OWN], shown[_PLACE]][:, None], strict=True))
         for restore, values in self._restorers:
             channels = restore(now, channels, values)

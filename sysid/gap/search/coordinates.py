@@ -78,8 +78,16 @@ class EffectSet:
         return len(self.coordinates)
 
     def model(self, base: Model, unit: Sequence[float] | FloatArray) -> Model:
-        """Return the `base` model with the set's effects at a place `unit`, shape (p,)."""
-        effects = {name: dict(values) for name, values in base.effects.items()}
+        """Return the `base` model with the set's effects at a place `unit`, shape (p,).
+
+        An effect of the set takes the place of another form of its cause in the base model.
+        """
+        taken = {cause_of(name): name for name in self.names}
+        effects = {
+            name: dict(values)
+            for name, values in base.effects.items()
+            if taken.get(cause_of(name), name) == name
+        }
         robot = base.robot
         for coordinate, place in zip(self.coordinates, unit, strict=True):
             value = coordinate.value(float(place))

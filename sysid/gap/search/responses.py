@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import Final, TypeAlias
 
 import numpy as np
@@ -93,6 +94,8 @@ def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Tri
     trials: list[_Trial] = []
     primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
     secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
+    beside = [coordinate(base, effect, other, scale) for other in secondary]
+    grids = [scanned(other, place, scale) for other, place in zip(secondary, beside, strict=True)]
     for parameter in primary:
         one = coordinate(base, effect, parameter, scale)
         neutral = one.neutral_place
@@ -105,12 +108,10 @@ def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Tri
             size = abs(place - neutral)
             if size < 1e-9:
                 continue
-            if not secondary:
-                trials.append((EffectSet((effect.name,), (one,)), np.array([place]), linear, size))
-            for other in secondary:
-                second = coordinate(base, effect, other, scale)
-                both = EffectSet((effect.name,), (one, second))
-                trials += [(both, np.array([place, x]), linear, size) for x in scanned(other, second, scale)]
+            # A frequency tried with one phase only would miss the other phases.
+            for rest in product(*grids):
+                chosen = EffectSet((effect.name,), (one, *beside))
+                trials.append((chosen, np.array([place, *rest]), linear, size))
     if effect.depends_on_integral:
         trials += _with_integral(base, effect, scale)
     return trials

@@ -44,11 +44,14 @@ class Reach:
 
 
 def reaches(base: Model) -> list[Reach]:
-    """Return the range of each effect of the catalogue on the six numbers of the base model."""
+    """Return the range of each effect of the catalogue on the six numbers of the base model.
+
+    The first form of a cause stands for the others, which six numbers do not tell apart.
+    """
     fitters = {plant: Fitter(base, plant, hold_s=HOLD_S) for plant in PLANTS}
     found = []
     for name, effect in CATALOGUE.items():
-        if name in LEFT_OUT:
+        if name in LEFT_OUT or name != effect.cause:
             continue
         fitter = fitters["planar" if effect.acts_in("planar") else "rollers"]
         chosen = fitter.set_of([name])

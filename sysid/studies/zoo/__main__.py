@@ -65,6 +65,7 @@ def main(
     from sysid.studies.zoo.power import write_power_plot
     from sysid.studies.zoo.seeds import development_seeds, finish, spread_seeds
     from sysid.studies.zoo.settle import settle_cases
+    from sysid.studies.zoo.settled import settled_json
     from sysid.studies.zoo.settled_table import settle_table
     from sysid.studies.zoo.work import Task, run_tasks
 
@@ -92,12 +93,14 @@ def main(
             if not undrawn
             else f"no case could be drawn; the first error: {undrawn[0]}"
         )
-    settled = settle_table(settle_cases(outcomes, out, jobs)) if settle else ""
+    driven = settle_cases(outcomes, out, jobs) if settle else ()
+    settled = settle_table(driven) if settle else ""
     options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
     command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)
     about = provenance_of(outcomes, command, datetime.date.today().isoformat(), block)
-    write_json(out / "zoo.json", run_json(outcomes, undrawn, about))
-    write_text(out / "zoo.txt", summary_text(outcomes, undrawn) + "\n")
+    record = {**run_json(outcomes, undrawn, about), "settled": [settled_json(one) for one in driven]}
+    write_json(out / "zoo.json", record)
+    write_text(out / "zoo.txt", "\n\n".join(filter(None, (summary_text(outcomes, undrawn), settled))) + "\n")
     if markdown is not None and picture is not None:
         write_power_plot(outcomes, picture)
         write_text(markdown, page_markdown(outcomes, undrawn, about, FAMILIES, picture.name, settled))

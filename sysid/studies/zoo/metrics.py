@@ -10,7 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from sysid.studies.zoo.outcome import Outcome
-from sysid.studies.zoo.tables import is_found, is_visible, of_kind, share, size_of
+from sysid.studies.zoo.tables import is_found, is_visible, of_kind, share, signal_of, size_of
 from sysid.studies.zoo.words import word_of
 
 Reached = Literal["reached", "missed", "open", "-"]
@@ -82,7 +82,7 @@ def _seen(outcomes: Iterable[Outcome]) -> list[Outcome]:
 
 
 def _weak(outcomes: Iterable[Outcome]) -> list[Outcome]:
-    return [outcome for outcome in outcomes if size_of(outcome.case.signal) == "weak"]
+    return [outcome for outcome in outcomes if size_of(signal_of(outcome)) == "weak"]
 
 
 def _is_false(outcome: Outcome) -> bool:

@@ -121,7 +121,8 @@ def page_markdown(
         "In brackets 95 % Wilson intervals. A target is reached if the whole interval is on its right side, "
         "missed if it is on the wrong one, and open between. Found: right or rightly ambiguous. Closure: "
         "(before - after)/(before - noise floor) on test runs, 0 where nothing was named.",
-        f"The size of a change is the rms of what it does to the logs, over the noise: {sizes}, gross above.",
+        f"The size of a change is the rms of what it does to the logs, over the noise: {sizes}, gross above. "
+        "Several effects are as large as the smallest of them is alone.",
         time_text(outcomes),
         "## Words",
         "\n".join(f"- **{word}**: {meaning}." for word, meaning in WORDS.items()),

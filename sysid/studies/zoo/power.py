@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 from mecanum_env.files import atomic_path
 from sysid.studies.zoo.outcome import Outcome
-from sysid.studies.zoo.tables import SIZES, Share, Table, is_found, of_kind, share, size_of
+from sysid.studies.zoo.tables import SIZES, Share, Table, is_found, of_kind, share, signal_of, size_of
 
 EDGES: Final = (0.0, 0.1, 0.3, 0.6, 1.0, 2.0, 5.0, 10.0, 20.0, math.inf)
 """Signals between which the cases of an overall curve are pooled."""
@@ -48,9 +48,9 @@ def curve(label: str, outcomes: Iterable[Outcome], edges: Sequence[float] = EDGE
     cases = list(outcomes)
     points = []
     for low, high in itertools.pairwise(edges):
-        inside = [o for o in cases if low <= o.case.signal < high]
+        inside = [o for o in cases if low <= signal_of(o) < high]
         if inside:
-            logs = [math.log(max(o.case.signal, _LEAST_SIGNAL)) for o in inside]
+            logs = [math.log(max(signal_of(o), _LEAST_SIGNAL)) for o in inside]
             points.append(Point(math.exp(sum(logs) / len(logs)), share(map(is_found, inside))))
     return Curve(label, tuple(points))
 
@@ -78,7 +78,7 @@ def power_table(outcomes: Sequence[Outcome]) -> Table:
     rows = tuple(
         (
             label,
-            *(share(is_found(o) for o in group if size_of(o.case.signal) == size).text() for size in SIZES),
+            *(share(is_found(o) for o in group if size_of(signal_of(o)) == size).text() for size in SIZES),
         )
         for label, group in groups.items()
     )

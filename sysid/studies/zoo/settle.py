@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import as_completed
 from dataclasses import replace
 from pathlib import Path
@@ -20,10 +20,11 @@ from tqdm import tqdm
 
 from mecanum_env.files import write_json
 from mecanum_env.parallel import process_pool
+from mecanum_env.units import FloatArray
 from sysid.gap.design.trial import REPEATS
 from sysid.gap.result import Experiment, GapOptions, GapReport
 from sysid.gap.workflow import analyse
-from sysid.logs import Dataset, read_dataset
+from sysid.logs import BenchCommand, BodyCommand, Dataset, read_dataset
 from sysid.logs.writer import write_columns
 from sysid.studies.zoo.cases.case import Case
 from sysid.studies.zoo.nominal import nominal_model
@@ -115,15 +116,32 @@ def settle(case: Case, logs: Path, study: Study, record: Recorder) -> Settled:
         if spent_s + driving_s > BUDGET_S:
             why_not = f"{spent_s:g} s were driven, and the next experiment takes {driving_s:g} s"
             return Settled(first, tuple(rounds), outcome, True, why_not)
-        rounds.append(Round(outcome.candidates, driving_s, asked.power, decides=True))
-        _drive(asked, case.seed, len(rounds), logs, record)
+        first_log = _drive(asked, case.seed, len(rounds) + 1, logs, record)
+        kept = _changes(first_log, asked) / max(1, _changes(asked.columns, asked))
+        reach = _largest_rpm(case, asked) / max(np.max(np.abs(r.command.wheels_rpm)) for r in dataset.runs)
+        rounds.append(Round(outcome.candidates, driving_s, asked.power, True, float(reach), kept))
 
 
-def _drive(asked: Experiment, seed: int, number: int, logs: Path, record: Recorder) -> None:
-    """Add the recordings of the experiment of a round, by its number, to a folder of logs."""
-    for repeat in range(1, REPEATS + 1):
-        rng = np.random.default_rng([seed, _STREAM, number, repeat])
-        write_columns(record(asked, rng), logs / f"{_stem(number)}_{repeat}.csv")
+def _drive(asked: Experiment, seed: int, number: int, logs: Path, record: Recorder) -> dict[str, FloatArray]:
+    """Add the recordings of a round, by its number, to a folder of logs; return the first one's columns."""
+    recordings = [
+        record(asked, np.random.default_rng([seed, _STREAM, number, repeat])) for repeat in range(REPEATS)
+    ]
+    for repeat, columns in enumerate(recordings, start=1):
+        write_columns(columns, logs / f"{_stem(number)}_{repeat}.csv")
+    return recordings[0]
+
+
+def _changes(columns: Mapping[str, FloatArray], asked: Experiment) -> int:
+    """Return how often the commands of an experiment change in columns that contain them."""
+    rows = np.stack([columns[name] for name in asked.columns], axis=1)
+    return int(np.count_nonzero(np.any(np.diff(rows, axis=0) != 0.0, axis=1)))
+
+
+def _largest_rpm(case: Case, asked: Experiment) -> float:
+    """Return the largest wheel speed that an experiment commands [rpm]."""
+    command = BenchCommand if case.level == "bench" else BodyCommand
+    return float(np.max(np.abs(command(*asked.columns.values()).wheels_rpm)))
 
 
 def _decides(dataset: Dataset, number: int) -> bool:

@@ -41,6 +41,10 @@ class Round:
     """Probability with which it was promised to settle the case."""
     decides: bool
     """Whether the recordings were among the runs that decide; reading may set them aside for the test."""
+    reach: float
+    """Largest wheel command over the largest one of the logs before: beyond 1 nobody has tried the drive."""
+    kept: float
+    """Share of the asked changes of command that the log of the first repeat has: a slow link sends fewer."""
 
 
 @dataclass(frozen=True)

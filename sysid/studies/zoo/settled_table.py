@@ -13,10 +13,14 @@ from typing import Final
 
 from mecanum_env.markdown import markdown_table
 from mecanum_env.statistics import wilson_interval
-from sysid.studies.zoo.settled import BUDGET_S, Result, Settled
+from sysid.studies.zoo.settled import BUDGET_S, Result, Round, Settled
 
 _WANTED: Final = 0.8
 """Share of cases that the experiments are to settle within the budget."""
+_FAR: Final = 1.2
+"""Reach from which an experiment leaves the range of the logs."""
+_MOST: Final = 0.9
+"""Share of kept changes below which another experiment was driven than the one that was asked for."""
 _OTHERS: Final[tuple[Result, ...]] = ("wrong", "lost", "not offered", "still tied", "over budget", "error")
 """Results beside those that are counted on their own."""
 
@@ -37,12 +41,8 @@ def settle_table(results: Sequence[Settled]) -> str:
         markdown_table(("promised", "cases", "mean promise", "settled"), _promises(results)),
     ]
     rounds = [one for settled in results for one in settled.rounds]
-    aside = sum(not one.decides for one in rounds)
-    if aside:
-        parts.append(
-            f"The recordings of {aside} of {len(rounds)} experiments decided nothing: reading the folder set "
-            "them aside for the test."
-        )
+    if rounds:
+        parts.append(markdown_table((f"of {len(rounds)} experiments", "count"), _odd(rounds)))
     return "\n\n".join(parts)
 
 
@@ -86,6 +86,23 @@ def _promises(results: Sequence[Settled]) -> list[tuple[str, ...]]:
         settled = sum(one.result == "settled" for one in band)
         rows.append((name, f"{len(band)}", promise, _share(settled, len(band))))
     return rows
+
+
+def _odd(rounds: Sequence[Round]) -> list[tuple[str, str]]:
+    """Return what may keep an experiment from settling anything, and of how many that is true."""
+    counts = {
+        "promise less than an even chance": sum(one.power < 0.5 for one in rounds),
+        f"command more than {_FAR:g} times the largest speed of the logs": sum(
+            one.reach > _FAR for one in rounds
+        ),
+        f"change commands faster than the link sends them (less than {100 * _MOST:g} % of the changes)": sum(
+            one.kept < _MOST for one in rounds
+        ),
+        "decide nothing: reading the folder sets the recordings aside for the test": sum(
+            not one.decides for one in rounds
+        ),
+    }
+    return [(what, f"{count}") for what, count in counts.items()]
 
 
 def _share(count: int, of: int) -> str:

@@ -66,9 +66,15 @@ def size_of(signal: float) -> Size:
     return next(size for size, (_, end) in SIZES.items() if signal < end or math.isinf(end))
 
 
+def signal_of(outcome: Outcome) -> float:
+    """Return the signal of a case's change; of several effects, the smallest that one has alone, if known."""
+    alone = [hidden.signal for hidden in outcome.case.hidden]
+    return min(alone) if len(alone) > 1 and all(alone) else outcome.case.signal
+
+
 def is_visible(outcome: Outcome) -> bool:
     """Return whether a case's change is clear or gross."""
-    return outcome.case.signal >= SIZES["clear"][0]
+    return signal_of(outcome) >= SIZES["clear"][0]
 
 
 def is_found(outcome: Outcome) -> bool:
@@ -120,7 +126,7 @@ def word_tables(outcomes: Sequence[Outcome]) -> tuple[Table, ...]:
             "Singles, twins, pairs and triples.",
             hidden,
             "size",
-            level(lambda o: (f"{list(SIZES).index(size_of(o.case.signal)) + 1} {size_of(o.case.signal)}",)),
+            level(lambda o: (f"{list(SIZES).index(size_of(signal_of(o))) + 1} {size_of(signal_of(o))}",)),
         ),
         word_table(
             "By name and form",

@@ -35,8 +35,11 @@ SENSORS = {
     "sensor_bias": {"vx_m_s": 0.2, "vy_m_s": -0.1, "yaw_rate_rad_s": 0.3},
     "sensor_scale": {"linear": 0.6, "yaw": 0.7},
     "mount_yaw": {"angle_deg": 25.0},
+    "sensor_bias/drift": {"vx_m_s": 0.1, "yaw_rate_rad_s": 0.1, "per_s": 0.5},
     "sensor_latency": {"delay_s": 0.2},
+    "sensor_latency/body": {"delay_s": 0.2},
     "sensor_lowpass": {"time_constant_s": 0.2},
+    "sensor_lowpass/window": {"window_s": 0.4},
 }
 NEUTRAL = {
     "command_latency": {"delay_s": 0.0},
@@ -129,7 +132,7 @@ def test_the_controller_sees_its_own_motion_as_it_is(name):
     own = slice(10, 13)
     error = np.sqrt(np.mean((corrected[:, own] - truth[:, own]) ** 2))
     assert error < 0.4 * np.sqrt(np.mean((raw[:, own] - truth[:, own]) ** 2))
-    place = [18, 19] if name in ("sensor_bias", "sensor_scale") else [16, 17]
+    place = [18, 19] if name.startswith(("sensor_bias", "sensor_scale")) else [16, 17]
     off, before = np.abs(corrected - truth)[:, place].max(), np.abs(raw - truth)[:, place].max()
     assert off <= max(0.5 * before, 1e-5)
 

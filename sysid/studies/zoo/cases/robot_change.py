@@ -50,7 +50,10 @@ class RobotChange:
         return "/".join(part for part in (self.name, self.form, self.variant) if part)
 
     def apply(self, robot: Robot, size: float, rng: Rng) -> Robot:
-        """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross)."""
+        """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross).
+
+        `rng` draws what the size leaves open, such as signs and wheels.
+        """
         return self.changed(robot, strength(size), rng) if size > 0.0 else robot
 
     def hidden(self, before: Robot, after: Robot, signal: float) -> Hidden:
@@ -79,11 +82,6 @@ def with_sensors(robot: Robot, **values: Any) -> Robot:
     return replace(robot, sensors=replace(robot.sensors, **values))
 
 
-def with_link(robot: Robot, **values: Any) -> Robot:
-    """Return the robot with other values of its link's fields."""
-    return replace(robot, drive=replace(robot.drive, link=replace(robot.drive.link, **values)))
-
-
 def with_controller(robot: Robot, **values: Any) -> Robot:
     """Return the robot whose drives' controllers have other values."""
     return replace(robot, drive=replace(robot.drive, controller=replace(robot.drive.controller, **values)))
@@ -95,10 +93,10 @@ def wheel_load_n(robot: Robot) -> float:
 
 
 def sign(rng: Rng) -> float:
-    """Return 1 or -1, at random."""
+    """Return 1 or -1, drawn from `rng`."""
     return float(rng.choice([-1.0, 1.0]))
 
 
 def factor(rng: Rng, share: float) -> float:
-    """Return a factor that is off 1 by a share [1] up or down, alike in both directions."""
+    """Return a factor off 1 by a share [1], up or down as `rng` draws, alike in both directions."""
     return float((1.0 + share) ** sign(rng))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from sysid.studies.zoo.cases import command_changes, load_changes
+from sysid.studies.zoo.cases.changes import CHANGES
 from sysid.studies.zoo.cases.robot_change import RobotChange, of_drives
 from sysid.studies.zoo.cases.robot_changes_body import BODY_CHANGES
 from sysid.studies.zoo.cases.robot_changes_sensor import SENSOR_CHANGES
@@ -16,15 +16,7 @@ _NOT_OF_DRIVES: Final = ("load_inertia", "sensor_latency", "sensor_lowpass", "se
 ROBOT_CHANGES: Final[tuple[RobotChange, ...]] = (
     *BODY_CHANGES,
     *SENSOR_CHANGES,
-    *(
-        of_drives(change)
-        for change in (
-            *command_changes.COMMAND_CHANGES,
-            *load_changes.LOAD_CHANGES,
-            *load_changes.SENSOR_CHANGES,
-        )
-        if change.name not in _NOT_OF_DRIVES
-    ),
+    *(of_drives(change) for change in CHANGES if change.name not in _NOT_OF_DRIVES),
 )
 
 UNSEEN_WHEN_GENTLE: Final = (

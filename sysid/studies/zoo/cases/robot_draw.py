@@ -79,6 +79,9 @@ def draw_robot_case(seed: int) -> tuple[Case, Robot, Robot]:
     plan = GENTLE_PLAN if kind == "untestable" else STUDY_PLANS[int(rng.integers(len(STUDY_PLANS)))]
     robot = draw_robot(seed)
     robot = replace(robot, drive=layout.sensed(robot.drive))
+    if kind == "twin":
+        # A voltage that is logged on time would tell a late command from late sensors.
+        robot = replace(robot, drive=replace(robot.drive, battery=replace(robot.drive.battery, logged=False)))
     case = Case(seed, "robot", kind, robot.drive.family, plan, layout.name)
     drawn = _drawn(case, robot, turn)
     case = replace(case, hidden=drawn.hidden, outsider=drawn.outsider, twins=drawn.twins, signal=drawn.signal)

@@ -30,7 +30,10 @@ class RobotOutsider:
     possible: Callable[[Robot], bool] = always
 
     def apply(self, robot: Robot, size: float, rng: Rng) -> Robot:
-        """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross)."""
+        """Return the robot with this change at a size from 0 (the robot itself) to 1 (gross).
+
+        `rng` draws what the size leaves open, such as signs and wheels.
+        """
         return self.changed(robot, strength(size), rng) if size > 0.0 else robot
 
 

@@ -45,5 +45,7 @@ def in_turn(count: int, turn: int, stream: int) -> list[int]:
         stream: of the random numbers, one for each list of things.
     """
     cycle, place = divmod(turn, count)
-    order = np.random.default_rng([_STREAM, stream, cycle]).permutation(count).tolist()
-    return [*order[place:], *order[:place]]
+    first = int(np.random.default_rng([_STREAM, stream, cycle]).permutation(count)[place])
+    # In another order each time, so that what follows an impossible thing is not always the same.
+    others = np.random.default_rng([_STREAM, stream, cycle, place]).permutation(count).tolist()
+    return [first, *(k for k in others if k != first)]

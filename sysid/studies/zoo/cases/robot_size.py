@@ -21,7 +21,7 @@ _REPEATS = 3
 _LEAST_NOISE = 1e-6
 _NO_MOTION = ("battery_v",)
 """Channels that say under which conditions a robot moved, not how."""
-_HALVINGS = 9
+_STEPS = 9
 _CLOSE = math.log(1.1)
 
 
@@ -91,7 +91,9 @@ def _exact(robot: Robot) -> Robot:
 
 
 def solve_size(signal: Callable[[float], float], target: float) -> tuple[float, float]:
-    """Return the size in (0, 1] whose signal comes closest to a target, by bisection, and that signal.
+    """Return the size in (0, 1] whose signal comes closest to a target, and that signal.
+
+    The search narrows a bracket and ends at size 1 where even that shows less.
 
     Args:
         signal: of a size; it grows with the size, if not always smoothly.
@@ -99,12 +101,16 @@ def solve_size(signal: Callable[[float], float], target: float) -> tuple[float, 
     """
     low, high = 0.0, 1.0
     found = {high: signal(high)}
-    while len(found) <= _HALVINGS:
-        size = 0.5 * (low + high)
+    for _ in range(_STEPS):
+        # The logarithm of most signals is nearly linear in the size.
+        share = 0.5
+        if low > 0.0 and 0.0 < found[low] < target and math.isfinite(found[high]):
+            share = math.log(target / found[low]) / math.log(found[high] / found[low])
+        size = low + min(max(share, 0.1), 0.9) * (high - low)
         found[size] = signal(size)
-        low, high = (size, high) if found[size] < target else (low, size)
         if _distance(found[size], target) < _CLOSE:
             break
+        low, high = (size, high) if found[size] < target else (low, size)
     return min(found.items(), key=lambda item: _distance(item[1], target))
 
 

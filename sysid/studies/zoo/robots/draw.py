@@ -33,6 +33,7 @@ from sysid.studies.zoo.robots.robot import (
 )
 from sysid.studies.zoo.robots.trial import try_out
 
+_FEWEST_ROLLERS: Final = 4  # that a model may have
 _ATTEMPTS: Final = 400
 _STREAM: Final = 10_000
 """First of the random streams of robots; the drives' streams of the same seed are below."""
@@ -65,18 +66,22 @@ def draw_with_attempts(seed: int, family: Family | None = None) -> tuple[Robot, 
 
 
 def known(robot: Robot, rng: np.random.Generator) -> dict[str, float]:
-    """Return what a ruler and a scale say of a robot: keys of a model's `robot`, with errors."""
+    """Return what a ruler and a scale say of a robot: keys of a model's `robot`, with errors.
+
+    A model has four rollers on a wheel or more, so the user of a robot with three leaves their number out.
+    """
 
     def measured(true: float, error: float) -> float:
         return true * (1.0 + error * float(rng.standard_normal()))
 
     body = robot.body
+    rollers = {"rollers_per_wheel": robot.wheels.rollers} if robot.wheels.rollers >= _FEWEST_ROLLERS else {}
     return {
         "wheel_radius_m": measured(robot.wheels.radius_m, 0.003),
         "half_wheelbase_m": measured(body.half_wheelbase_m, 0.005),
         "half_track_m": measured(body.half_track_m, 0.005),
         "mass_kg": measured(body.mass_kg, 0.01),
-        "rollers_per_wheel": robot.wheels.rollers,
+        **rollers,
     }
 
 

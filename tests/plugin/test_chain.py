@@ -1,0 +1,106 @@
+"""The batched Python reference of the whole chain and the C library's loop give the same bits."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from mecanum_env.law.formula import compile_formula
+from mecanum_env.law.free_wheel import free_wheel_speeds
+from mecanum_env.law.parameters import CHAIN
+from mecanum_env.law.program import PROGRAM_SIZE
+from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
+
+RANGES = {
+    "command_quantum_rpm": (0.1, 3.0),
+    "saturation_rpm": (20.0, 150.0),
+    "servo_integral_n_m_rad": (0.1, 30.0),
+    "delay_s": (0.0, 0.2),
+    "deadband_rpm": (1.0, 40.0),
+    "gain": (0.5, 1.5),
+    "reverse_ratio": (0.5, 1.5),
+    "drop_per_s": (0.01, 0.5),
+    "softness_rpm": (1.0, 80.0),
+    "acceleration_rpm_s": (50.0, 5000.0),
+    "gap_rad": (0.01, 0.3),
+    "breakaway_n_m": (0.01, 1.0),
+    "stribeck_rad_s": (0.05, 3.0),
+    "coulomb_n_m": (0.01, 1.0),
+}
+"""Parameters that may be 0, and the range of their other values."""
+STEERING = ("sin(5 * time)", "sign(command)", "min(abs(speed), 3) * cos(angle)", "exp(-time)")
+LOADS = (
+    "sign(speed)",
+    "speed",
+    "0.1 * speed * sin(3 * angle)",
+    "exp(-abs(command) / 20)",
+    "sign(speed) * time",
+)
+STEPS = 150
+
+
+def random_row(rng, law, sample_period_s, command_period_s):
+    values = dict.fromkeys(CHAIN, 0.0)
+    for name, (low, high) in RANGES.items():
+        values[name] = float(rng.choice([0.0, rng.uniform(low, high)]))
+    values |= dict(zip("ABCDEF", law.coefficients.tolist(), strict=True))
+    values |= {"sample_period_s": sample_period_s, "command_period_s": command_period_s}
+    values["servo_n_m_s_rad"] = float(np.exp(rng.uniform(np.log(0.05), np.log(20.0))))
+    values["torque_limit_n_m"] = float(rng.choice([1e10, rng.uniform(0.1, 2.0)]))
+    values["inertia_kg_m2"] = float(rng.uniform(1e-4, 1e-2))
+    return [*(values[name] for name in CHAIN), *random_programs(rng)]
+
+
+def random_programs(rng):
+    """Return the programs of the three stations, each empty or a random one."""
+    found = []
+    for formulas in (STEERING, STEERING, LOADS):
+        scale, text = float(rng.uniform(-3.0, 3.0)), rng.choice([*formulas, "0", "0"])
+        program = () if text == "0" else compile_formula(f"{scale!r} * {text}")
+        found += [*program, *[0.0] * (PROGRAM_SIZE - len(program))]
+    return found
+
+
+def loop(rows, wheels, timestep, commands, initial):
+    """Return what the library's loop gives, shape (sets, runs, steps + 1)."""
+    times = np.arange(commands.shape[1]) * timestep
+    held = HeldCommands.of([(times, row, float(speed)) for row, speed in zip(commands, initial, strict=True)])
+    steps = np.full(len(commands), commands.shape[1])
+    speeds, _ = free_wheels(rows, wheels, timestep, held, steps)
+    return speeds.reshape(len(rows), len(commands), -1)
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    timestep=st.sampled_from([1 / 480, 1 / 240, 0.0031, 0.02]),
+    periods=st.lists(
+        st.tuples(
+            st.sampled_from([1 / 120, 0.01, 0.0073, 1 / 480, 0.05]),
+            st.sampled_from([0.1, 0.02, 1 / 120, 0.033]),
+        ),
+        min_size=4,
+        max_size=4,
+    ),
+)
+def test_sets_and_runs_at_once_equal_the_loop_bit_for_bit(stable_law, seed, timestep, periods):
+    rng = np.random.default_rng(seed)
+    rows = np.array([random_row(rng, stable_law(rng), *pair) for pair in periods])
+    wheels = np.stack([rows[:, CHAIN.index("inertia_kg_m2")], rng.choice([0.0, 0.1], len(rows))], axis=1)
+    commands = np.repeat(rng.uniform(-160.0, 160.0, (3, STEPS // 10)), 10, axis=1)
+    commands[0, 40:60] = 0.0
+    initial = rng.choice([0.0, 40.0, -70.0], 3)
+    for row in rows:
+        assert refusal(row, timestep) is None
+    found = free_wheel_speeds(rows, wheels, timestep, commands, initial)
+    np.testing.assert_array_equal(found, loop(rows, wheels, timestep, commands, initial))
+
+
+@pytest.mark.parametrize("also", [{}, {"inertia_kg_m2": 0.0}])
+def test_a_heavier_wheel_than_the_drive_knows_of_is_the_same_in_both(stable_law, also):
+    rng = np.random.default_rng(3)
+    row = dict(zip(CHAIN, random_row(rng, stable_law(rng), 1 / 120, 0.1), strict=False)) | also
+    rows, wheels = np.array([list(row.values())] * 2), np.array([[0.01, 0.0], [0.2, 0.3]])
+    commands = np.repeat(rng.uniform(-100.0, 100.0, (2, 10)), 48, axis=1)
+    found = free_wheel_speeds(rows, wheels, 1 / 480, commands, np.zeros(2))
+    np.testing.assert_array_equal(found, loop(rows, wheels, 1 / 480, commands, np.zeros(2)))
+    assert np.all(np.isfinite(found))

@@ -63,9 +63,10 @@ def check_effects(model: Model, plant: PlantKind) -> None:
 
 
 def changed_model(model: Model, plant: PlantKind) -> Model:
-    """Return the model for a plant with the effects that only change numbers written into its sections.
+    """Return the model for a plant with the effects that change its numbers written into its sections.
 
-    These effects are no longer listed in the result.
+    Those that do nothing else are no longer listed in the result. The others stay, and change nothing when
+    they are applied once more.
 
     Raises:
         EffectRefusedError: as `check_effects`, or an effect that acts before the wheels' commands.
@@ -80,7 +81,8 @@ def changed_model(model: Model, plant: PlantKind) -> Model:
                 "through mecanum_env.simulator, or remove it from the model file"
             )
         if effect.change_model is not None and effect.acts_in(plant):
-            left = {name: kept for name, kept in changed.effects.items() if name != effect.name}
+            acts_elsewhere = effect.change_drive is not None or effect.change_spec is not None
+            left = {n: kept for n, kept in changed.effects.items() if acts_elsewhere or n != effect.name}
             with _named(effect):
                 changed = replace(effect.change_model(changed, values), effects=left)
     return changed

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from types import MappingProxyType
 from typing import Final
 
-from mecanum_env.effects import body, command, drive, sensor
+from mecanum_env.effects import body, command, drive, friction, load, motor, sensor
 from mecanum_env.effects.definition import PLANTS, Effect, Parameter, PlantKind
 from mecanum_env.errors import InputError
 from mecanum_env.markdown import markdown_table
@@ -58,7 +58,8 @@ def _fill(effects: Mapping[str, Effect]) -> None:
     _EFFECTS.update({name: effects[name] for name in EFFECT_PARAMETERS})
 
 
-_fill({e.name: e for station in (command, drive, body, sensor) for e in station.EFFECTS})
+_STATIONS: Final = (command, drive, motor, load, friction, body, sensor)
+_fill({effect.name: effect for station in _STATIONS for effect in station.EFFECTS})
 
 
 def catalogue_table() -> str:

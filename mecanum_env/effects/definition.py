@@ -24,9 +24,10 @@ PlantKind = Literal["bench", "rollers", "planar"]
 RobotPlant = Literal["rollers", "planar"]
 """The plants that are the whole robot."""
 PLANTS: Final[tuple[PlantKind, ...]] = ("bench", "rollers", "planar")
-Station = Literal["command", "body_command", "set_point", "load", "transmission", "body", "sensor"]
+Station = Literal["command", "body_command", "set_point", "law", "load", "transmission", "body", "sensor"]
 """Where on the way from command to log an effect acts: path and timing of the command; limits on V, theta and
-VC; each wheel's setpoint; what loads the drive; motor to wheel; robot and floor; measurement."""
+VC; each wheel's setpoint; how the wheel follows it; what loads the drive; motor to wheel; robot and floor;
+measurement."""
 Remedy = Literal["command", "observation", "prediction"]
 """How a controller can undo an effect: by other commands, by corrected observations, by predicting ahead."""
 
@@ -58,6 +59,8 @@ class Parameter:
     """The response jumps where the value passes a command, and is flat in between."""
     simulated: bool = True
     """False: the name is reserved, but values other than the neutral one are refused."""
+    searched: bool = True
+    """False: a search leaves it at its neutral or default value."""
     largest: Callable[[Model], float] | None = None
     """Largest value that a simulation of the given model can represent, if that is below `bounds`."""
 
@@ -73,9 +76,9 @@ class Parameter:
     def scaled(self, factor: float) -> Parameter:
         """Return the parameter as a search needs it on a robot `factor` times as fast as the packaged one.
 
-        Only speeds and accelerations are scaled; `valid` stays.
+        Only speeds, accelerations and jerks are scaled; `valid` stays.
         """
-        if factor == 1.0 or self.unit not in ("rpm", "rpm/s"):
+        if factor == 1.0 or self.unit not in ("rpm", "rpm/s", "rpm/s2"):
             return self
         low, high = self.bounds
         scan = None if self.scan is None else tuple(factor * value for value in self.scan)
@@ -139,6 +142,8 @@ class Effect:
     """Plants that have the part but cannot express the effect: they refuse the model."""
     understated_by: tuple[PlantKind, ...] = ()
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
+    searched: bool = True
+    """Whether a search for the effects that a model lacks tries it."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
     depends_on_integral: bool = False
@@ -156,6 +161,7 @@ class Effect:
     """For an effect with a direction in the world: its values in axes turned by some yaw [rad]."""
 
     change_model: ChangeModel | None = None
+    """If the effect has one of the next two functions as well, this one must be idempotent."""
     change_spec: ChangeSpec | None = None
     change_drive: ChangeDrive | None = None
     limit_body: LimitBody | None = None

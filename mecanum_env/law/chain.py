@@ -2,31 +2,25 @@
 
 This is the reference for the plugin: mecanum_env/plugin/chain.c does the same for one wheel, and tests hold
 the two equal bit for bit. Time counts in substeps of the timestep h. In each of them `begin` brings latches,
-law and setpoint to its end, `torques` gives what acts on the wheel, and `end` takes over how the wheel has
-moved. What each step is, and why, is told in chain.h and chain.c.
+law and setpoint to its end. In `mecanum_env.law.servo`, `torques` gives what acts on the wheel, and `end`
+takes over how the wheel has moved. What each step is, and why, is told in chain.h and chain.c.
 
 Arrays have the shape (sets, runs), parameters (sets, 1). Numbers are added in the order of the C code.
 """
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field, fields
-from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.law.coefficients import law_step
-from mecanum_env.law.custom_load import custom_torque
 from mecanum_env.law.drive import EPS, RING
+from mecanum_env.law.motor_bounds import reached
 from mecanum_env.law.parameters import Sets
 from mecanum_env.law.shaping import shaped
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-
-LOAD_SMOOTHING: Final = 0.1
-"""Share of a change of the load that its estimate follows in a substep."""
-_TINY: Final = 1e-15  # least inertia of a wheel [kg m^2]
 
 Mask = npt.NDArray[np.bool_]
 
@@ -70,28 +64,6 @@ class DriveState:
         return state
 
 
-@dataclass(frozen=True, eq=False)
-class Torques:
-    """Torques on wheels [N m], each of shape (sets, runs)."""
-
-    asked: FloatArray
-    """What the servo asks for."""
-    drive: FloatArray
-    """The same, limited."""
-    friction: FloatArray
-    """That of the wheel's bearing."""
-    custom: FloatArray
-    """That of a custom effect which loads the wheel."""
-
-    @property
-    def reported(self) -> FloatArray:
-        """Their sum."""
-        return self.drive + self.friction + self.custom
-
-
-# ------------------------------------------------------------------------------------ command to setpoint
-
-
 def begin(
     s: DriveState, p: Sets, command_rpm: FloatArray, timestep_s: float, speed: FloatArray | float = 0.0
 ) -> None:
@@ -119,7 +91,15 @@ def begin(
 def _tick(s: DriveState, p: Sets, due: Mask) -> None:
     """Tick the laws that are due."""
     r, ramp = _law_input(s, p)
-    w = law_step([p[name] for name in "ABCDEF"], (s.w0, s.w1, s.w2), (r, s.r1, s.r2))
+    wanted = law_step([p[name] for name in "ABCDEF"], (s.w0, s.w1, s.w2), (r, s.r1, s.r2))
+    w = reached(
+        s.w0,
+        wanted,
+        p["drive_acceleration_rpm_s"] * p["sample_period_s"],
+        p["drive_brake_rpm_s"] * p["sample_period_s"],
+        p["supply_rpm"],
+        p["supply_share"],
+    )
     after = {"w0": w, "w1": s.w0, "w2": s.w1, "r1": r, "r2": s.r1, "ramp": ramp}
     for name, value in after.items():
         setattr(s, name, np.where(due, value, getattr(s, name)))
@@ -168,82 +148,3 @@ def _commands(s: DriveState, j: FloatArray) -> FloatArray:
 
 def _slots(j: FloatArray) -> npt.NDArray[np.intp]:
     return np.asarray(np.mod(j, RING), np.intp)[..., None]
-
-
-# ------------------------------------------------------------------------------------ setpoint to torque
-
-
-def torques(s: DriveState, p: Sets, speed: FloatArray, timestep_s: float) -> Torques:
-    """Return the torques to report for wheels of a `speed` [rad/s], to an implicit integrator.
-
-    Such an integrator subtracts the servo times the coming change of speed from their sum. `s` is the state
-    after `begin`, and `p` are the parameters.
-    """
-    kv, half = p["servo_n_m_s_rad"], p["gap_rad"] / 2
-    off = kv * s.change
-    rate = _unloaded(s, p) + p["inertia_kg_m2"] * s.rise / (timestep_s * kv) - speed
-    # The motor moves the wheel only by the part of its travel that lies beyond the gap.
-    position = s.gap + timestep_s * rate
-    beyond = position - np.clip(position, -half, half)
-    geared = np.where(beyond == 0.0, off, kv * beyond / timestep_s)
-    asked = np.where(half > 0.0, geared, kv * rate)
-    # The limit is that of the torque which reaches the wheel, if its speed changes as in the last substep.
-    limit = p["torque_limit_n_m"]
-    drive = np.where(asked - off > limit, limit + off, np.where(asked - off < -limit, -limit + off, asked))
-    custom = np.zeros(speed.shape)
-    if np.any(p["load_program"]):
-        now: dict[str, npt.ArrayLike] = {
-            "command": s.r1,
-            "angle": s.angle,
-            "time": (s.substeps - 1) * timestep_s,
-        }
-        perstep = timestep_s / np.maximum(_effective_inertia(p, timestep_s), _TINY)
-        custom = custom_torque(p["load_program"], now, kv, perstep, speed, drive)
-    return Torques(asked, drive, _friction(s, p, speed, timestep_s, drive + custom), custom)
-
-
-def end(s: DriveState, p: Sets, acted: Torques, before: FloatArray, speed: FloatArray, h: float) -> None:
-    """Take over into `s` how torques that `acted` moved the wheels in a substep of `h` [s].
-
-    `p` are the parameters; the wheels' speed was `before` [rad/s], and is `speed` after it.
-    """
-    half = p["gap_rad"] / 2
-    s.change = speed - before
-    s.angle = s.angle + h * speed
-    s.load = s.load + LOAD_SMOOTHING * (_effective_inertia(p, h) * s.change / h - acted.reported - s.load)
-    gap, s.gap = s.gap, np.clip(s.gap + h * (_unloaded(s, p) - speed), -half, half)
-    # The error of the motor, which turns without the wheel inside the gap.
-    error = s.setpoint - speed - (s.gap - gap) / h
-    # The integral does not wind up while the torque is limited.
-    limited = ((acted.asked > acted.drive) & (error > 0)) | ((acted.asked < acted.drive) & (error < 0))
-    s.integral = np.where(limited, s.integral, s.integral + h * error)
-
-
-def _unloaded(s: DriveState, p: Sets) -> FloatArray:
-    """Return the motors' speed without load, at which the servo's torque is 0."""
-    return s.setpoint + p["servo_integral_n_m_rad"] / p["servo_n_m_s_rad"] * s.integral
-
-
-def _effective_inertia(p: Sets, h: float) -> FloatArray:
-    """Return the free wheels' inertia as a reported torque meets it: with that of the implicit damping."""
-    return p["inertia_kg_m2"] + h * p["servo_n_m_s_rad"]
-
-
-def _friction(s: DriveState, p: Sets, speed: FloatArray, h: float, drive: FloatArray) -> FloatArray:
-    """Return the torque that brings wheels to rest in this substep, within Coulomb friction and stiction."""
-    breakaway, stribeck = p["breakaway_n_m"], p["stribeck_rad_s"]
-    falling = (breakaway > 0.0) & (stribeck > 0.0)
-    limit = np.broadcast_to(p["coulomb_n_m"], speed.shape)
-    perstep, left = np.maximum(_effective_inertia(p, h), _TINY) / h, speed
-    stop = drive + s.load + left * perstep
-    # Friction that falls with speed is that of the speed after the substep, found by iteration.
-    for _ in range(3 if np.any(falling) else 0):
-        ratio = left / np.where(falling, stribeck, 1.0)
-        limit = np.where(falling, p["coulomb_n_m"] + breakaway * _exp(-ratio * ratio), limit)
-        left = (stop - np.clip(stop, -limit, limit)) / perstep
-    return -np.clip(stop, -limit, limit)
-
-
-def _exp(values: FloatArray) -> FloatArray:
-    """Return the exponential as the C library rounds it; numpy's own differs in the last bit."""
-    return np.array([math.exp(x) for x in values.ravel()]).reshape(values.shape)

@@ -9,6 +9,7 @@ for bit, and the drive for engines without plugins. Time counts in substeps n of
   mean over the tick of the command delayed by `delay_s`, as far as it was latched by k tau. So the response
   is continuous in the delay, and without one r(k) is the last latched command. With an acceleration limit
   r(k) is the mean over the tick of a continuous ramp that follows the delayed command at the limit.
+- The law's step from w(k) to w(k+1) may be bounded by the motor (`mecanum_env.law.motor_bounds`).
 - The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
   starts: the interpolation adds no delay.
 """
@@ -25,8 +26,10 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState, WheelLaw
+from mecanum_env.law.motor_bounds import MotorBounds, steepest_share
 from mecanum_env.law.program import Program, inputs_of, require_runs
 from mecanum_env.law.shaping import shaped
+from mecanum_env.law.wheel_load import NO_LOAD, WheelLoad
 from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
@@ -72,14 +75,14 @@ class DriveParameters:
     """The saturation begins this far below its limit [rpm]; see `mecanum_env.law.shaping.saturated`."""
     acceleration_rpm_s: float = math.inf
     """Largest rate of change of the law's input [rpm/s]."""
-    gap_rad: float = 0.0
-    """Backlash between motor and wheel [rad]. From here on: behind the setpoint, in the plugin only."""
-    breakaway_n_m: float = 0.0
-    """Friction torque of the wheel's bearing at rest beyond that in motion [N m]."""
-    stribeck_rad_s: float = 0.0
-    """Speed at which 63 % of the breakaway torque is gone [rad/s]."""
-    coulomb_n_m: float = 0.0
-    """Friction torque of the wheel's bearing at any speed [N m]."""
+    drive_acceleration_rpm_s: float = math.inf
+    """Largest acceleration of the wheel itself by its motor [rpm/s]."""
+    drive_brake_rpm_s: float = 0.0
+    """Largest deceleration of the wheel itself by its motor [rpm/s]; 0: as its acceleration."""
+    supply_rpm: float = math.inf
+    """Speed at which the supply leaves the motor no torque [rpm]."""
+    load: WheelLoad = NO_LOAD
+    """What acts behind the setpoint; see `mecanum_env.law.servo`."""
     command_program: Program = ()
     """What a custom effect adds to each command before the dead band [rpm]; see `mecanum_env.law.program`."""
     set_point_program: Program = ()
@@ -92,12 +95,12 @@ class DriveParameters:
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
-            *("command_quantum_rpm", "deadband_rpm", "drop_per_s", "softness_rpm"),
-            *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m"),
+            *("command_quantum_rpm", "deadband_rpm", "drop_per_s", "softness_rpm", "drive_brake_rpm_s"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
-        for name in ("saturation_rpm", "acceleration_rpm_s"):
+        limits = ("saturation_rpm", "acceleration_rpm_s", "drive_acceleration_rpm_s", "supply_rpm")
+        for name in limits:
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
         for program in (self.command_program, self.set_point_program, self.load_program):
@@ -107,6 +110,17 @@ class DriveParameters:
             raise InputError(
                 f"delay_s = {self.delay_s}, must be 0 to {longest:g} ({RING - 3} command periods)"
             )
+
+    @property
+    def motor_bounds(self) -> MotorBounds:
+        """What the motor's torque and its supply leave of the law's steps."""
+        tick = self.law.sample_period_s
+        return MotorBounds(
+            self.drive_acceleration_rpm_s * tick,
+            (self.drive_brake_rpm_s or self.drive_acceleration_rpm_s) * tick,
+            self.supply_rpm,
+            steepest_share(self.law) if math.isfinite(self.supply_rpm) else 0.0,
+        )
 
 
 def received_command(
@@ -233,7 +247,7 @@ def simulate_drive(
     latched = np.concatenate([initial[..., None], received], axis=-1)
     latches = np.searchsorted(latched_at, ticked_at, side="right")
     r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), latched, latches, -1, initial)
-    w = parameters.law.simulate(r, LawState.steady(initial))
+    w = parameters.motor_bounds.simulate(parameters.law, r, LawState.steady(initial))
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
     return np.asarray(w[..., k] + (w[..., k + 1] - w[..., k]) * share)

@@ -6,8 +6,9 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.law.chain import DriveState, begin, end, torques
+from mecanum_env.law.chain import DriveState, begin
 from mecanum_env.law.parameters import by_name
+from mecanum_env.law.servo import end, torques
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 _LARGEST: Final = 1e10

@@ -24,11 +24,14 @@ USER: Final = (
     *("servo_integral_n_m_rad", "delay_s", "torque_limit_n_m"),
     *("deadband_rpm", "gain", "reverse_ratio", "drop_per_s", "softness_rpm", "acceleration_rpm_s"),
     *("gap_rad", "breakaway_n_m", "stribeck_rad_s", "coulomb_n_m", "inertia_kg_m2"),
+    *("drive_acceleration_rpm_s", "drive_brake_rpm_s", "supply_rpm", "supply_share"),
+    *("rotor_kg_m2", "viscous_n_m_s_rad", "friction_warm_share", "friction_warm_s"),
+    *("ripple_n_m", "ripple_share", "ripple_per_turn", "ripple_phase_rad", "gap_kind"),
 )
 """The servo and the effects; from "deadband_rpm" on 0 means "off", also for a gain.
 
-The last is the wheel's own inertia; the others are those of `mecanum_env.law.drive.DriveParameters` and of
-the robot.
+The inertia is that of the wheel; the others are those of `mecanum_env.law.drive.DriveParameters`, of its
+load, and of the robot.
 """
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
 """All of them, in order."""

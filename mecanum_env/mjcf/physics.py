@@ -14,7 +14,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.mjcf.geometry import wheel_geometry
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import Model, Robot
-from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, set_wheel_parameters
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, rotor_inertia, set_wheel_parameters
 
 SIMULATION_TIMESTEP_S: Final = 1 / 480
 """Default upper bound of the physics step [s]; see `fitting_timestep`."""
@@ -124,13 +124,15 @@ def add_drive(
         quantum = None if wheel_quantum else 0.0
         inertia = wheel_inertia(model.robot)
         set_wheel_parameters(spec, actuator, model, law_wheel, quantum, torque_limit_n_m, inertia)
+        if site_gear is None:
+            spec.joint(name).armature += rotor_inertia(model.robot, drive_parameters(model, law_wheel))
         return
     parameters = drive_parameters(model, law_wheel)
-    behind = (parameters.gap_rad, parameters.coulomb_n_m, parameters.breakaway_n_m)
-    if any(value > 0.0 for value in behind) or parameters.load_program:
+    if parameters.load.acts or parameters.load_program:
         raise InputError(
-            "effects.backlash, effects.coulomb_friction, effects.stiction and a custom load need the plugin, "
-            'drive="plugin"; remove them from the model file for drive="servo"'
+            "effects.backlash, effects.torque_ripple, effects.coulomb_friction, effects.stiction, any "
+            'answer_s and a custom load need the plugin, drive="plugin"; remove them from the model file for '
+            'drive="servo"'
         )
     limit = model.robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
     actuator.gainprm = [model.robot.servo_n_m_s_rad] + [0.0] * 9

@@ -11,7 +11,7 @@ from typing import Final
 
 import mujoco
 
-from mecanum_env.effects.apply import change_spec, changed_model
+from mecanum_env.effects.apply import change_spec, changed_model, drive_parameters
 from mecanum_env.effects.definition import PlantKind, RobotPlant
 from mecanum_env.errors import EffectRefusedError
 from mecanum_env.files import write_text
@@ -31,7 +31,7 @@ from mecanum_env.mjcf.physics import (
 from mecanum_env.mjcf.scene import add_appearance, add_bench_view, add_scene, add_views
 from mecanum_env.mjcf.wheel import add_still_wheel, add_wheel, dress_bench, set_inertia
 from mecanum_env.model import Model, Robot
-from mecanum_env.plugin.layout import NO_TORQUE_LIMIT
+from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, rotor_inertia
 
 
 def robot_spec(
@@ -125,7 +125,7 @@ def planar_spec(
     # The body does not roll or pitch; half the yaw inertia each is that of a flat body.
     yaw = robot.yaw_inertia_kg_m2
     set_inertia(base, Inertia(robot.mass_kg, (yaw / 2, yaw / 2, yaw)))
-    translation, rotation = wheel_armature(robot)
+    translation, rotation = wheel_armature(robot, rotor_inertia(robot, drive_parameters(model)))
     for name, kind, axis, armature in (
         ("base_x", mujoco.mjtJoint.mjJNT_SLIDE, [1, 0, 0], translation),
         ("base_y", mujoco.mjtJoint.mjJNT_SLIDE, [0, 1, 0], translation),
@@ -146,9 +146,12 @@ def planar_spec(
     return spec
 
 
-def wheel_armature(robot: Robot) -> tuple[float, float]:
-    """Return what the turning wheels add to the body's mass [kg] and yaw inertia [kg m^2]."""
-    return wheels_on_body(robot, wheel_inertia(robot))
+def wheel_armature(robot: Robot, rotor_kg_m2: float = 0.0) -> tuple[float, float]:
+    """Return what the turning wheels add to the body's mass [kg] and yaw inertia [kg m^2].
+
+    `rotor_kg_m2` is the inertia of the rotor that turns with each wheel.
+    """
+    return wheels_on_body(robot, wheel_inertia(robot) + rotor_kg_m2)
 
 
 def bench_spec(

@@ -22,13 +22,23 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "wheel_gain_mismatch": ("gain_fl", "gain_fr", "gain_rl", "gain_rr"),
     "direction_asymmetry": ("reverse_ratio",),
     "battery_sag": ("drop_per_s", "per_volt"),
+    "warm_up/friction": ("share", "time_constant_s"),
     "speed_saturation": ("limit_rpm", "softness_rpm"),
+    "speed_saturation/supply": ("limit_rpm",),
     "acceleration_limit": ("limit_rpm_s",),
+    "acceleration_limit/drive": ("limit_rpm_s", "brake_rpm_s"),
+    "load_inertia": ("ratio",),
     "weak_servo": ("servo_n_m_s_rad",),
     "backlash": ("gap_deg",),
-    "coulomb_friction": ("torque_n_m",),
-    "stiction": ("breakaway_n_m", "stribeck_rpm"),
-    "viscous_friction": ("damping_n_m_s_rad",),
+    "backlash/rest": ("gap_deg",),
+    "backlash/spring": ("gap_deg",),
+    "coulomb_friction": ("torque_n_m", "answer_s"),
+    "coulomb_friction/washed_out": ("torque_n_m", "answer_s", "washout_s"),
+    "stiction": ("breakaway_n_m", "stribeck_rpm", "answer_s"),
+    "stiction/washed_out": ("breakaway_n_m", "stribeck_rpm", "answer_s", "washout_s"),
+    "viscous_friction": ("damping_n_m_s_rad", "answer_s"),
+    "viscous_friction/washed_out": ("damping_n_m_s_rad", "answer_s", "washout_s"),
+    "torque_ripple": ("per_turn", "share", "torque_n_m", "phase_deg"),
     "roller_friction": ("torque_n_m", "damping_n_m_s_rad"),
     "low_grip": ("friction",),
     "payload": ("mass_kg", "height_m"),
@@ -51,6 +61,13 @@ EFFECT_PARAMETERS: Final[Mapping[str, tuple[str, ...]]] = MappingProxyType(_SCHE
 """Effect -> names of its parameters, in the order of the chain; a live view of what is known now."""
 
 _FIRST_FORMS: Final[dict[str, str]] = {
+    "speed_saturation": "clip",
+    "acceleration_limit": "set_point",
+    "backlash": "coast",
+    "coulomb_friction": "droop",
+    "stiction": "droop",
+    "viscous_friction": "droop",
+    "torque_ripple": "load",
     "sensor_latency": "all",
     "sensor_lowpass": "lag",
     "encoder_eccentricity": "sensor",
@@ -82,7 +99,7 @@ def effect_named(cause: str, form: str | None = None) -> str:
         InputError: the cause does not take this form. An unknown cause is returned as it is.
     """
     first = _FIRST_FORMS.get(cause, "")
-    if form is None or cause not in _SCHEMA or form == first != "":
+    if form is None or not forms_of(cause) or form == first != "":
         return cause
     effect = f"{cause}/{form}"
     if effect not in _SCHEMA:

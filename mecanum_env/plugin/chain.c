@@ -10,6 +10,7 @@
 #define LOAD_SMOOTHING 0.1  // share of a change of the load that its estimate follows in a substep
 #define STILL 1e-9          // difference of speeds [rad/s] that is none
 #define ROOT_STEPS 12       // of the search for the speed at which a steep custom load and the drive agree
+#define UNLIMITED 1e10      // torque limit [N m] that means none, as on the bench
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
@@ -94,6 +95,22 @@ static void restart_clocks(Drive* s, double h, double tau, double T) {
   s->change = 0;  // that of a substep of the old length
 }
 
+// The speed w(k+1) [rpm] that the motor reaches where the law asks for `wanted`, from w(k) = `speed`.
+//
+// A torque limit bounds the change, with another bound where it slows the wheel. The supply bounds it by the line of a
+// motor at full voltage, forwards or in reverse: it falls to 0 at the speed SUPPLY, which is so never passed.
+static double reached(const double* p, double speed, double wanted) {
+  double rise = p[DRIVE_RISE] * p[SAMPLE_PERIOD], brake = p[DRIVE_BRAKE] * p[SAMPLE_PERIOD];
+  if (!(brake > 0)) brake = rise;
+  double up = speed < 0 ? brake : rise, down = speed > 0 ? brake : rise;
+  double low = down > 0 ? speed - down : wanted, high = up > 0 ? speed + up : wanted;
+  if (p[SUPPLY] > 0) {
+    low = fmax(low, speed - p[SUPPLY_SHARE] * (p[SUPPLY] + speed));
+    high = fmin(high, speed + p[SUPPLY_SHARE] * (p[SUPPLY] - speed));
+  }
+  return clip(wanted, low, high);
+}
+
 void chain_begin(Drive* s, const double* p, const Substep* now) {
   const double h = now->timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   if (s->timestep != h || s->sample_period != tau || s->command_period != T) restart_clocks(s, h, tau, T);
@@ -106,6 +123,7 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
     double r = law_input(s, p);
     double w = p[LAW_A] * s->w0 + p[LAW_B] * s->w1 + p[LAW_C] * s->w2 + p[LAW_D] * r + p[LAW_E] * s->r1 +
                p[LAW_F] * s->r2;
+    w = reached(p, s->w0, w);
     s->w2 = s->w1, s->w1 = s->w0, s->w0 = w;
     s->r2 = s->r1, s->r1 = r;
     s->ticks += 1;
@@ -138,11 +156,27 @@ static double damping(const Drive* s, const double* p, const Substep* now) {
 // The torque to report, without its limit.
 static double asked_torque(const Drive* s, const double* p, const Substep* now) {
   double h = now->timestep, kv = p[SERVO], half = p[GAP] / 2;
-  double rate = unloaded(s, p) + p[INERTIA] * s->rise / (h * kv) - now->speed;
+  double motor = unloaded(s, p) + p[INERTIA] * s->rise / (h * kv), rate = motor - now->speed;
   if (!(half > 0)) return kv * rate;
-  // The motor moves the wheel only by the part of its travel that lies beyond the gap.
-  double position = s->gap + h * rate, beyond = position - clip(position, -half, half);
+  // The motor moves the wheel only by the part of its travel that lies beyond the gap: of its travel relative to a
+  // wheel that would coast on, or to one that would rest. The servo then brakes the wheel as a strong friction does.
+  int rests = p[GAP_KIND] == REST;
+  double position = s->gap + h * (rests ? motor : rate), beyond = position - clip(position, -half, half);
+  if (rests) return kv * (beyond / h - now->speed);
+  if (p[GAP_KIND] == SPRING) {
+    // Each half of the gap takes up the torque that closes it further, all of it at its end. What the integrator
+    // subtracts is left, which only adds kv h to the wheel's inertia: predicted, it would make the wheel overshoot.
+    return position * rate > 0 ? fmin(fabs(position) / half, 1) * (kv * rate) : 0;
+  }
   return beyond == 0 ? damping(s, p, now) : kv * beyond / h;
+}
+
+// A torque that follows the wheel's angle. It is limited together with the servo's: with a weak motor and a stiff servo,
+// a share of its speed is more than the motor can hold, and would drive the wheel away.
+static double ripple(const Drive* s, const double* p, const Substep* now) {
+  if (!(p[RIPPLE] > 0 || p[RIPPLE_SHARE] > 0)) return 0;
+  double size = p[RIPPLE] + p[RIPPLE_SHARE] * p[SERVO] * now->speed;
+  return size * sin(p[RIPPLE_PER_TURN] * s->angle + p[RIPPLE_PHASE]);
 }
 
 // The torque to report, limited. The implicit integrators subtract kv times the coming change of speed from it,
@@ -157,10 +191,18 @@ static double asked_torque(const Drive* s, const double* p, const Substep* now) 
 // Measured on random drives of the packaged robot at 1/480 s: a wheel's speed changes by at most 6.5 rpm in one
 // substep (28 rpm with forcerange; 50 rpm back and forth on a slippery floor with twice the limit). While limited,
 // the wheel gets 4 % more than the limit on average, and over 1.2 times the limit in 0.3 % of substeps.
+//
+// A rotor is accelerated beside the limit, which is that of the torque on the rest of the wheel.
 static double limited(const Drive* s, const double* p, const Substep* now, double asked) {
-  double limit = p[TORQUE_LIMIT], off = damping(s, p, now);
-  if (asked - off > limit) return limit + off;
-  if (asked - off < -limit) return -limit + off;
+  double limit = p[TORQUE_LIMIT], forwards = limit, backwards = limit;
+  double off = damping(s, p, now) + p[ROTOR] * s->change / now->timestep;
+  if (p[SUPPLY] > 0 && limit < UNLIMITED) {
+    // What the supply leaves at this speed.
+    double ratio = now->speed / (p[SUPPLY] * RAD_S_PER_RPM);
+    forwards *= clip(1 - ratio, 0, 1), backwards *= clip(1 + ratio, 0, 1);
+  }
+  if (asked - off > forwards) return forwards + off;
+  if (asked - off < -backwards) return -backwards + off;
   return asked;
 }
 
@@ -193,6 +235,18 @@ static double custom_torque(const Drive* s, const double* p, const Substep* now,
   return kv * (high - alone) / gain;
 }
 
+// The share of the bearing's friction that is left: it falls from 1 while the bearing warms up.
+static double cold(const Drive* s, const double* p, const Substep* now) {
+  if (!(p[WARM_SHARE] > 0 && p[WARM_TIME] > 0)) return 1;
+  double seconds = (s->substeps - 1) * now->timestep;
+  return 1 - p[WARM_SHARE] * (1 - exp(-seconds / p[WARM_TIME]));
+}
+
+// What a warm bearing has lost of its viscous friction, which the engine's damping of the joint holds at its cold value.
+static double thawed(const Drive* s, const double* p, const Substep* now) {
+  return p[VISCOUS] * (1 - cold(s, p, now)) * now->speed;
+}
+
 // Friction of the wheel's bearing: the torque that brings the wheel to rest in this substep, limited to
 // coulomb + breakaway exp(-(speed / stribeck)^2). MuJoCo's frictionloss is not used: its solver knows the bare
 // inertia J, while the implicit step moves J + h kv, four times as much and more. It would stop the wheel with too
@@ -202,7 +256,8 @@ static double custom_torque(const Drive* s, const double* p, const Substep* now,
 // torques on the wheel (a slope) are estimated from its motion and smoothed: without smoothing, wheels that stick
 // on the rollers' soft contacts tremble by up to 0.5 rpm per substep, with LOAD_SMOOTHING not at all.
 static double friction(const Drive* s, const double* p, const Substep* now, double drive) {
-  double breakaway = p[BREAKAWAY], stribeck = p[STRIBECK], limit = p[COULOMB];
+  double share = cold(s, p, now), breakaway = p[BREAKAWAY] * share, coulomb = p[COULOMB] * share;
+  double stribeck = p[STRIBECK], limit = coulomb;
   int falling = breakaway > 0 && stribeck > 0;  // friction falls with speed
   if (!(limit > 0 || falling)) return 0;
   double perstep = fmax(effective_inertia(p, now), TINY) / now->timestep, left = now->speed;
@@ -210,7 +265,7 @@ static double friction(const Drive* s, const double* p, const Substep* now, doub
   // Falling friction is that of the speed after the substep, found by iteration from the present one.
   for (int i = 0; i < 3 && falling; i++) {
     double ratio = left / stribeck;
-    limit = p[COULOMB] + breakaway * exp(-ratio * ratio);
+    limit = coulomb + breakaway * exp(-ratio * ratio);
     left = (stop - clip(stop, -limit, limit)) / perstep;
   }
   return -clip(stop, -limit, limit);
@@ -218,10 +273,11 @@ static double friction(const Drive* s, const double* p, const Substep* now, doub
 
 Torques chain_torques(const Drive* s, const double* p, const Substep* now) {
   Torques t;
-  t.asked = asked_torque(s, p, now);
+  t.asked = asked_torque(s, p, now) + ripple(s, p, now);
   t.drive = limited(s, p, now, t.asked);
+  double back = thawed(s, p, now);
   t.custom = custom_torque(s, p, now, t.drive);
-  t.friction = friction(s, p, now, t.drive + t.custom);
+  t.friction = back + friction(s, p, now, t.drive + back + t.custom);
   return t;
 }
 

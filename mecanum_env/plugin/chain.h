@@ -6,8 +6,10 @@
 //   w(k+1) = A w(k) + B w(k-1) + C w(k-2) + D r(k) + E r(k-1) + F r(k-2)          [rpm]
 //   torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
 //
-// limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel follow the
-// setpoint without lag. Friction of the wheel's bearing acts beside this torque.
+// The motor may bound the step from w(k) to w(k+1); as the law's memory is the wheel's own speed, nothing winds up.
+// The torque is limited to torque_limit_n_m. J is the inertia of the free wheel; fed forward, it makes the free wheel
+// follow the setpoint without lag. A rotor is the part of J that the limit leaves alone. Friction of the wheel's
+// bearing acts beside this torque.
 //
 // A substep is: chain_begin, chain_torques, the motion of the wheel under these torques, chain_end. Around it stand
 // the actuator plugin (mecanum_wheel.c) and the bench (bench.c). mecanum_env/law is the same chain in Python; the
@@ -54,7 +56,23 @@
   X(BREAKAWAY, "breakaway_n_m", NOT_BELOW_0)                \
   X(STRIBECK, "stribeck_rad_s", NOT_BELOW_0)                \
   X(COULOMB, "coulomb_n_m", NOT_BELOW_0)                    \
-  X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)
+  X(INERTIA, "inertia_kg_m2", NOT_BELOW_0)                  \
+  X(DRIVE_RISE, "drive_acceleration_rpm_s", NOT_BELOW_0)    \
+  X(DRIVE_BRAKE, "drive_brake_rpm_s", NOT_BELOW_0)          \
+  X(SUPPLY, "supply_rpm", NOT_BELOW_0)                      \
+  X(SUPPLY_SHARE, "supply_share", NOT_BELOW_0)              \
+  X(ROTOR, "rotor_kg_m2", NOT_BELOW_0)                      \
+  X(VISCOUS, "viscous_n_m_s_rad", NOT_BELOW_0)              \
+  X(WARM_SHARE, "friction_warm_share", NOT_BELOW_0)         \
+  X(WARM_TIME, "friction_warm_s", NOT_BELOW_0)              \
+  X(RIPPLE, "ripple_n_m", NOT_BELOW_0)                      \
+  X(RIPPLE_SHARE, "ripple_share", NOT_BELOW_0)              \
+  X(RIPPLE_PER_TURN, "ripple_per_turn", NOT_BELOW_0)        \
+  X(RIPPLE_PHASE, "ripple_phase_rad", FINITE)               \
+  X(GAP_KIND, "gap_kind", NOT_BELOW_0)
+
+// What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
+enum { COAST, REST, SPRING };
 
 #define INDEX(index, name, check) index,
 enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };
@@ -77,7 +95,7 @@ typedef struct {
   double change;                                   // change of the wheel's speed in the last substep [rad/s]
   double gap;                                      // motor minus wheel in the backlash, +- half of it [rad]
   double load;                                     // torque of everything else on the wheel, smoothed [N m]
-  double angle;                                    // that the wheel has turned [rad]
+  double angle;                                    // turned by the wheel since the start [rad]
   double command[RING];                            // latched command j at j modulo RING [rpm]
 } Drive;
 

@@ -37,6 +37,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.drive import RING, DriveParameters
 from mecanum_env.law.parameters import PROGRAMS, USER
 from mecanum_env.law.program import PROGRAM_SIZE
+from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -44,19 +45,21 @@ from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""
 _INERTIA: Final = USER.index("inertia_kg_m2")
+_ROTOR: Final = USER.index("rotor_kg_m2")
 _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
-USER_SIZE: Final = 16
+USER_SIZE: Final = 128
 """`nuser_actuator` as this project writes it without programs; the plugin needs at least 3, and unused
 entries are 0."""
-FIRST_PROGRAM: Final = 128
+FIRST_PROGRAM: Final = USER_SIZE
 """Index in user of the first program."""
 
 STATE: Final = (
     *("substeps", "ticks", "latches"),
     *("timestep", "sample_period", "command_period"),
-    *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load", "angle"),
+    *("w0", "w1", "w2", "r1", "r2", "ramp", "setpoint", "rise", "integral", "change", "gap", "load"),
+    "angle",
 )
 """Names of the first entries of a wheel's plugin state, all zero at rest:
 
@@ -69,7 +72,7 @@ STATE: Final = (
 - change: the wheel's change of speed in the last substep [rad/s]; the torque limit predicts the next from it
 - gap: position of the motor relative to the wheel inside the backlash, from the middle of the gap [rad]
 - load: smoothed torque of everything but the drive on the wheel [N m], for its friction
-- angle: angle that the wheel has turned since the reset [rad]
+- angle: angle that the wheel has turned through since the start [rad]
 
 RING latched commands [rpm] follow, command j at j modulo RING.
 """
@@ -102,18 +105,26 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     limit = robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
     if not limit > 0.0:
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
-    values = {name: value for name, value in vars(drive).items() if name in USER and not math.isinf(value)}
+    own = {**vars(drive), **vars(drive.load), "gap_kind": float(GAP_KINDS.index(drive.load.gap_kind))}
+    values = {name: value for name, value in own.items() if name in USER and not math.isinf(value)}
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
+    values["supply_share"] = drive.motor_bounds.supply_share
+    values["rotor_kg_m2"] = rotor_inertia(robot, drive)
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
     numbers = [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
     programs = _programs(drive)
-    return numbers + [0.0] * (FIRST_PROGRAM - len(numbers)) + programs if any(programs) else numbers
+    return numbers + programs if any(programs) else numbers
 
 
 def _programs(drive: DriveParameters) -> list[float]:
     rows = [getattr(drive, name) for name in PROGRAMS]
     return [number for row in rows for number in (*row, *[0.0] * (PROGRAM_SIZE - len(row)))]
+
+
+def rotor_inertia(robot: Robot, drive: DriveParameters) -> float:
+    """Return the inertia [kg m^2] that makes a drive answer a load as late as it does."""
+    return robot.servo_n_m_s_rad * drive.load.answer_s
 
 
 def chain_parameters(
@@ -128,7 +139,7 @@ def chain_parameters(
     """
     drive = drive_parameters(model, wheel_name)
     user = userdata(model.robot, drive, torque_limit_n_m)[: len(USER)]
-    user[_INERTIA] = inertia_kg_m2
+    user[_INERTIA] = inertia_kg_m2 + rotor_inertia(model.robot, drive)
     return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user, *_programs(drive)])
 
 
@@ -148,7 +159,7 @@ def set_wheel_parameters(
 
     `wheel_name` is fl, fr, rl or rr for that wheel's own law and effects, `quantum_rpm` as for `dynprm`,
     `torque_limit_n_m` as for `userdata` (the bench has NO_TORQUE_LIMIT), and `inertia_kg_m2` the free
-    wheel's.
+    wheel's. A rotor (`rotor_inertia`) comes on top; the joint must have it as its armature.
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
@@ -158,7 +169,7 @@ def set_wheel_parameters(
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
     user = userdata(robot, parameters, torque_limit_n_m)
-    user[_INERTIA] = inertia_kg_m2
+    user[_INERTIA] = inertia_kg_m2 + rotor_inertia(robot, parameters)
     spec.nuser_actuator = max(spec.nuser_actuator, len(user))
     actuator.userdata = user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
@@ -180,8 +191,8 @@ def write_parameters(
     `set_wheel_parameters`.
 
     Raises:
-        InputError: that actuator is not a wheel drive, the model's delay is too long, or the limit is not
-            above 0.
+        InputError: that actuator is not a wheel drive, the model's delay is too long, the limit is not
+            above 0, or the drive's rotor differs from the compiled one.
         UnstableLawError: the wheel's law is unstable.
     """
     _require_wheel_drive(mjmodel, actuator_id)
@@ -193,8 +204,14 @@ def write_parameters(
         raise InputError(
             f"nuser_actuator = {mjmodel.nuser_actuator}, must be {len(user)} for a model with these effects"
         )
+    given = mjmodel.actuator_user[actuator_id]
+    if user[_ROTOR] != (float(given[_ROTOR]) if len(given) > _ROTOR else 0.0):
+        raise InputError(
+            f"answer_s of the drive's load asks for a rotor of {user[_ROTOR]:g} kg m^2, which is part of the "
+            "compiled joint; compile the model anew"
+        )
     if mjmodel.nuser_actuator > _INERTIA:
-        user[_INERTIA] = mjmodel.actuator_user[actuator_id, _INERTIA]
+        user[_INERTIA] = given[_INERTIA]
     user = user[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad

@@ -10,6 +10,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -17,6 +18,7 @@ import numpy as np
 from mecanum_env.effects.apply import active_effects, changed_model, drive_parameters, measured
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import simulate_drive
+from mecanum_env.law.parameters import CHAIN
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
@@ -25,6 +27,8 @@ from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.trajectory import diverged, step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+
+_INERTIA: Final = CHAIN.index("inertia_kg_m2")
 
 
 def replay_bench(
@@ -203,7 +207,8 @@ def _free_wheel(model: Model, wheel: str | None, timestep_s: float | None) -> _F
     parameters = chain_parameters(changed, wheel, NO_TORQUE_LIMIT, inertia)
     if why := refusal(parameters, step):
         raise InputError(f"the bench: {why}")
-    return _FreeWheel(step, parameters, inertia, damping, mj_model)
+    # The drive feeds forward the inertia that it turns, its rotor's included.
+    return _FreeWheel(step, parameters, float(parameters[_INERTIA]), damping, mj_model)
 
 
 def _steps(duration_s: float, timestep_s: float) -> int:

@@ -1,6 +1,7 @@
 """What the tests of the effects share: short drives with and without them."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -22,6 +23,9 @@ BENCH_COMMAND = np.select([BENCH_TIME < 0.4, BENCH_TIME < 0.9], [60.0, -100.0], 
 # Sizes at which a parameter shows clearly, where three quarters of the search range would not do.
 CLEAR = {
     ("speed_saturation", "limit_rpm"): 30.0,
+    ("speed_saturation/supply", "limit_rpm"): 30.0,
+    ("acceleration_limit/drive", "limit_rpm_s"): 300.0,
+    ("acceleration_limit/drive", "brake_rpm_s"): 150.0,
     ("low_grip", "friction"): 0.1,
     ("weak_servo", "servo_n_m_s_rad"): 0.5,
     ("body_speed_limit", "v_rpm"): 30.0,
@@ -34,10 +38,26 @@ BESIDE = {
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
+    ("acceleration_limit/drive", "brake_rpm_s"): {"limit_rpm_s": 300.0},
+    ("coulomb_friction", "answer_s"): {"torque_n_m": 0.5},
+    ("coulomb_friction/washed_out", "answer_s"): {"torque_n_m": 0.5},
+    ("coulomb_friction/washed_out", "washout_s"): {"torque_n_m": 0.5},
+    ("stiction", "answer_s"): {"breakaway_n_m": 0.5},
+    ("stiction/washed_out", "stribeck_rpm"): {"breakaway_n_m": 0.5},
+    ("stiction/washed_out", "answer_s"): {"breakaway_n_m": 0.5},
+    ("stiction/washed_out", "washout_s"): {"breakaway_n_m": 0.5},
+    ("viscous_friction", "answer_s"): {"damping_n_m_s_rad": 0.3},
+    ("viscous_friction/washed_out", "answer_s"): {"damping_n_m_s_rad": 0.3},
+    ("viscous_friction/washed_out", "washout_s"): {"damping_n_m_s_rad": 0.3},
+    ("warm_up/friction", "time_constant_s"): {"share": 0.8},
+    ("torque_ripple", "per_turn"): {"torque_n_m": 0.5},
+    ("torque_ripple", "phase_deg"): {"torque_n_m": 0.5},
     ("encoder_eccentricity", "per_turn"): {"share": 0.1},
     ("encoder_eccentricity", "phase_deg"): {"share": 0.1},
     ("sensor_bias/drift", "per_s"): {"vx_m_s": 0.1},
 }
+# Other effects without which this one has nothing to act on.
+COMPANIONS = {"warm_up/friction": {"coulomb_friction": {"torque_n_m": 0.5}}}
 
 
 def clear_value(name: str, parameter: str) -> float:
@@ -51,7 +71,8 @@ def clear_model(name: str, parameter: str | None = None) -> Model:
     """Return the paper's model with a clearly visible effect, by its first parameter if none is named."""
     parameter = CATALOGUE[name].parameters[0].name if parameter is None else parameter
     beside = BESIDE.get((name, parameter), {})
-    return paper_model().with_effect(name, **beside, **{parameter: clear_value(name, parameter)})
+    model = paper_model().with_effect(name, **beside, **{parameter: clear_value(name, parameter)})
+    return replace(model, effects={**model.effects, **COMPANIONS.get(name, {})})
 
 
 def acting(plant: PlantKind) -> list[Effect]:

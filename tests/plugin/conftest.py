@@ -112,7 +112,7 @@ class SteppedDrive:
             r, self.ramp = ramped_inputs(
                 parameters, [self.ticks], self.commands, self.latches, first, self.ramp
             )
-            _, self.law = parameters.law.tick(self.law, r[..., 0])
+            self.law = parameters.motor_bounds.tick(parameters.law, self.law, r[..., 0])
             self.ticks += 1
         self.substeps += 1
         w0, w1 = np.asarray(self.law.w0, float), np.asarray(self.law.w1, float)

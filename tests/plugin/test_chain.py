@@ -26,6 +26,18 @@ RANGES = {
     "breakaway_n_m": (0.01, 1.0),
     "stribeck_rad_s": (0.05, 3.0),
     "coulomb_n_m": (0.01, 1.0),
+    "drive_acceleration_rpm_s": (50.0, 5000.0),
+    "drive_brake_rpm_s": (50.0, 5000.0),
+    "supply_rpm": (20.0, 150.0),
+    "supply_share": (0.05, 1.0),
+    "rotor_kg_m2": (0.01, 0.5),
+    "viscous_n_m_s_rad": (0.01, 0.5),
+    "friction_warm_share": (0.1, 1.0),
+    "friction_warm_s": (0.1, 3.0),
+    "ripple_n_m": (0.01, 1.0),
+    "ripple_share": (0.01, 0.5),
+    "ripple_per_turn": (0.5, 24.0),
+    "ripple_phase_rad": (-4.0, 4.0),
 }
 """Parameters that may be 0, and the range of their other values."""
 STEERING = ("sin(5 * time)", "sign(command)", "min(abs(speed), 3) * cos(angle)", "exp(-time)")
@@ -48,6 +60,7 @@ def random_row(rng, law, sample_period_s, command_period_s):
     values["servo_n_m_s_rad"] = float(np.exp(rng.uniform(np.log(0.05), np.log(20.0))))
     values["torque_limit_n_m"] = float(rng.choice([1e10, rng.uniform(0.1, 2.0)]))
     values["inertia_kg_m2"] = float(rng.uniform(1e-4, 1e-2))
+    values["gap_kind"] = float(rng.integers(3))
     return [*(values[name] for name in CHAIN), *random_programs(rng)]
 
 

@@ -47,6 +47,20 @@ def run(mjmodel, commands):
                 "acceleration_limit": st.fixed_dictionaries({"limit_rpm_s": st.floats(10.0, 1e5)}),
             }
         ),
+        st.fixed_dictionaries(
+            {
+                "speed_saturation/supply": st.fixed_dictionaries({"limit_rpm": st.floats(10.0, 150.0)}),
+                "acceleration_limit/drive": st.fixed_dictionaries(
+                    {"limit_rpm_s": st.floats(10.0, 1e5), "brake_rpm_s": st.floats(0.0, 1e5)}
+                ),
+            }
+        ),
+        st.fixed_dictionaries(
+            {
+                "acceleration_limit/drive": st.fixed_dictionaries({"limit_rpm_s": st.floats(10.0, 1e4)}),
+                "load_inertia": st.fixed_dictionaries({"ratio": st.just(1.001)}),
+            }
+        ),
     ),
 )
 def test_state_equals_the_reference_bit_for_bit(

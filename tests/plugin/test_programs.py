@@ -83,7 +83,7 @@ def test_programs_come_and_go_in_a_compiled_model(compile_wheels, free_model):
     np.testing.assert_array_equal(rewritten.actuator_user[0, USER_SIZE:], 0.0)
     write_parameters(rewritten, 0, custom)
     np.testing.assert_array_equal(rewritten.actuator_user, compile_wheels(custom).actuator_user)
-    with pytest.raises(InputError, match="nuser_actuator = 16, must be"):
+    with pytest.raises(InputError, match="nuser_actuator = 128, must be"):
         write_parameters(compile_wheels(plain), 0, custom)
 
 

@@ -11,7 +11,7 @@ from mecanum_env.effects import Effect, Parameter, registered
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.law.parameters import CHAIN
-from mecanum_env.model import paper_model
+from mecanum_env.model import cause_of, paper_model
 from mecanum_env.plugin.library import parameter_names
 from mecanum_env.simulator.bench import (
     BenchRun,
@@ -23,6 +23,7 @@ from mecanum_env.simulator.bench import (
 )
 from mecanum_env.simulator.trajectory import SimulationDivergedError
 
+ANSWERS = st.one_of(st.just(0.0), st.floats(0.0, 0.2))
 EFFECTS = {
     "command_latency": {"delay_s": st.floats(0.0, 2.0)},
     "command_deadband": {"threshold_rpm": st.floats(0.0, 40.0)},
@@ -30,16 +31,34 @@ EFFECTS = {
     "direction_asymmetry": {"reverse_ratio": st.floats(0.5, 1.5)},
     "battery_sag": {"drop_per_s": st.floats(0.0, 0.5)},
     "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 60.0)},
+    "speed_saturation/supply": {"limit_rpm": st.floats(10.0, 150.0)},
     "acceleration_limit": {"limit_rpm_s": st.floats(50.0, 5000.0)},
+    "acceleration_limit/drive": {
+        "limit_rpm_s": st.floats(50.0, 5000.0),
+        "brake_rpm_s": st.floats(0.0, 5000.0),
+    },
+    "load_inertia": {"ratio": st.floats(1.0, 40.0)},
     "weak_servo": {"servo_n_m_s_rad": st.floats(0.02, 20.0)},
     "backlash": {"gap_deg": st.floats(0.0, 20.0)},
-    "coulomb_friction": {"torque_n_m": st.floats(0.0, 1.0)},
+    "backlash/rest": {"gap_deg": st.floats(0.0, 20.0)},
+    "backlash/spring": {"gap_deg": st.floats(0.0, 20.0)},
+    "coulomb_friction": {"torque_n_m": st.floats(0.0, 1.0), "answer_s": ANSWERS},
+    "coulomb_friction/washed_out": {"torque_n_m": st.floats(0.0, 1.0), "washout_s": st.floats(0.05, 5.0)},
     "stiction": {"breakaway_n_m": st.floats(0.0, 1.0), "stribeck_rpm": st.floats(0.5, 30.0)},
+    "stiction/washed_out": {"breakaway_n_m": st.floats(0.0, 1.0), "answer_s": ANSWERS},
     "viscous_friction": {"damping_n_m_s_rad": st.floats(0.0, 0.5)},
+    "viscous_friction/washed_out": {"damping_n_m_s_rad": st.floats(0.0, 0.5), "answer_s": ANSWERS},
+    "warm_up/friction": {"share": st.floats(0.0, 1.0), "time_constant_s": st.floats(0.1, 10.0)},
+    "torque_ripple": {
+        "per_turn": st.floats(1.0, 24.0),
+        "share": st.floats(0.0, 0.5),
+        "torque_n_m": st.floats(0.0, 1.0),
+        "phase_deg": st.floats(-180.0, 180.0),
+    },
 }
 SOME_EFFECTS = st.fixed_dictionaries(
     {}, optional={name: st.fixed_dictionaries(values) for name, values in EFFECTS.items()}
-)
+).map(lambda found: {name: found[name] for name in {cause_of(name): name for name in found}.values()})
 
 
 def random_run(rng: np.random.Generator, initial_rpm: float = 0.0) -> BenchRun:

@@ -33,7 +33,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from training.controllers.interface import Command
-from training.controllers.motion_model import received_wheels, wheel_drives
+from training.controllers.motion_model import changed_robot, received_wheels, wheel_drives
 
 _ITERATIONS: Final = 20
 _TOLERANCE_RPM: Final = 0.02
@@ -71,11 +71,7 @@ class DriveInverse:
         self._limit_rpm = model.wheel.saturation_rpm
         self._drives = wheel_drives(model)
         self._smooth = [replace(drive, deadband_rpm=0.0) for drive in self._drives]
-        changed = model
-        for effect, values in effects:
-            if effect.change_model is not None:
-                changed = effect.change_model(changed, values)
-        self._nominal, self._robot = model.robot, changed.robot
+        self._nominal, self._robot = model.robot, changed_robot(model)
         load, servo = added_load(model), self._robot.servo_n_m_s_rad
         self._friction = _Friction(0.0, 0.0)
         if self._robot.servo_integral_n_m_rad <= 0.0:

@@ -10,7 +10,7 @@ the setpoints s, the body's twist v, its wheel speeds w = J v and its inertia M,
 where g = h b / (M + h b), b = servo J'J, is the share of e that a servo of finite stiffness removes in a
 tick. Wheel friction f raises the torque that the drive is asked for by g f and is subtracted from the result.
 The model's effects on drives, servo, wheel friction, dimensions and mass are included. Not modelled: limits
-of V and VC, backlash, slip, Coriolis forces and external forces.
+of V and VC and of the drives' acceleration, backlash, slip, Coriolis forces and external forces.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from mecanum_env.effects.apply import active_effects, added_load, drive_parameters
+from mecanum_env.effects.definition import Load
 from mecanum_env.kinematics import WHEELS, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import EPS, DriveParameters, received_command
@@ -60,13 +61,15 @@ class MotionModel:
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
         self.drives = wheel_drives(model)
-        robot, load = _changed_robot(model), added_load(model)
+        robot, load = changed_robot(model), added_load(model)
         robot = replace(robot, mass_kg=robot.mass_kg + load.mass_kg)
+        if robot.servo_integral_n_m_rad > 0.0:
+            load = Load(mass_kg=load.mass_kg)  # integral action makes up for friction
         self._coulomb_n_m, self._damping = load.coulomb_n_m, load.damping_n_m_s_rad
         self._has_friction = self._coulomb_n_m > 0.0 or self._damping > 0.0
         most = math.ceil(self.period_s / self.tick_s + EPS) + 1
-        laws = [model.law_of(wheel) for wheel in WHEELS]
-        self._responses = np.array([_law_powers(law, most) for law in laws])  # (4, most, 6, 6)
+        # (4, most, 6, 6)
+        self._responses = np.array([_law_powers(drive.law, most) for drive in self.drives])
         jacobian = twist_to_wheels(np.eye(3), robot).T * RAD_S_PER_RPM  # (4, 3) rad/s per unit of twist
         gram = np.sum(jacobian * jacobian, axis=0)  # J'J is diagonal
         translation, rotation = wheel_armature(robot)
@@ -122,12 +125,20 @@ def wheel_drives(model: Model) -> list[DriveParameters]:
 
 
 def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, seconds: float) -> FloatArray:
-    """Return wheel commands, shape (4, ...), after the drives' effects at a time since the start."""
+    """Return wheel commands, shape (4, ...), after the drives' effects at a time since the start.
+
+    A ceiling of the supply counts as one of the command.
+    """
     pairs = zip(drives, wheels_rpm, strict=True)
-    return np.stack([received_command(drive, one, seconds) for drive, one in pairs])
+    return np.stack(
+        [
+            np.clip(received_command(drive, one, seconds), -drive.supply_rpm, drive.supply_rpm)
+            for drive, one in pairs
+        ]
+    )
 
 
-def _changed_robot(model: Model) -> Robot:
+def changed_robot(model: Model) -> Robot:
     """Return the robot of a model with the effects that change its parameters, without added mass."""
     for effect, values in active_effects(model):
         if effect.change_model is not None:

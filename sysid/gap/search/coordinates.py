@@ -153,7 +153,7 @@ def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[f
 
 
 def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, scale: float = 1.0) -> EffectSet:
-    """Return the set of effects with these `names`, in any order, and all their parameters free.
+    """Return the set of effects with these `names`, in any order, and all parameters free that are searched.
 
     `integral`: whether the drive is assumed to have integral action too, of unknown size; `scale` is as for
     `coordinate`.
@@ -163,7 +163,7 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
         coordinate(base, CATALOGUE[n], p, scale)
         for n in ordered
         for p in CATALOGUE[n].parameters
-        if p.simulated
+        if p.simulated and p.searched
     ]
     if integral:
         free.append(integral_action(base))

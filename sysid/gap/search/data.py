@@ -70,9 +70,12 @@ def is_meant(effect: str, names: Collection[str]) -> bool:
 
 
 def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]:
-    """Return the effects that act on logs of a level, simulated by a plant, in the order of the chain."""
+    """Return the effects that a search tries on logs of a level, in the order of the chain.
+
+    `plant` simulates robot logs.
+    """
     used: PlantKind = "bench" if level == "bench" else plant
-    return tuple(name for name, effect in CATALOGUE.items() if effect.acts_in(used))
+    return tuple(name for name, effect in CATALOGUE.items() if effect.searched and effect.acts_in(used))
 
 
 def require_movement(dataset: Dataset) -> None:

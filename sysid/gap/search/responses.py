@@ -92,8 +92,9 @@ def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None
 def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
     """Return the simulations of an effect, one for each of its sizes."""
     trials: list[_Trial] = []
-    primary = [p for p in effect.parameters if p.simulated and p.neutral is not None]
-    secondary = [p for p in effect.parameters if p.simulated and p.neutral is None and p.scan]
+    searched = [p for p in effect.parameters if p.simulated and p.searched]
+    primary = [p for p in searched if p.neutral is not None]
+    secondary = [p for p in searched if p.neutral is None and p.scan]
     beside = [coordinate(base, effect, other, scale) for other in secondary]
     grids = [scanned(other, place, scale) for other, place in zip(secondary, beside, strict=True)]
     for parameter in primary:

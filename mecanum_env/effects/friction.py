@@ -1,0 +1,213 @@
+"""Effects of the wheel's bearing: friction, and how a drive answers it.
+
+A torque T on a wheel takes T / servo [rad/s] of its speed from a drive without integral action (`droop`); one
+with integral action brings it back (`washed_out`). Both may answer late, as a rotor's inertia makes them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import TYPE_CHECKING, Final
+
+import numpy as np
+
+from mecanum_env.effects.definition import (
+    ChangeDrive,
+    Effect,
+    Load,
+    Parameter,
+    PlantKind,
+    Values,
+    usual_ceiling_rpm,
+)
+from mecanum_env.kinematics import WHEELS
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.law.wheel_load import WheelLoad
+from mecanum_env.model import Model, cause_of
+from mecanum_env.units import RAD_S_PER_RPM
+
+if TYPE_CHECKING:
+    import mujoco
+
+_WHEEL_JOINTS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
+_CURRENT: Final = "the motor's current at several steady speeds and at break-away"
+_TORQUE: Final = Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0))
+_BREAKAWAY: Final = Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0), scan=(0.05, 0.1, 0.2, 0.4, 0.8))
+_STRIBECK: Final = Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0)
+_DAMPING: Final = Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.5))
+_ANSWER: Final = Parameter("answer_s", "s", None, (0.0, 0.3), searched=False)
+_WASHOUT: Final = Parameter(
+    "washout_s", "s", None, (0.02, 5.0), (1e-3, 1e6), default=0.3, scan=(0.05, 0.3, 1.5)
+)
+
+
+def droop_rpm(name: str, values: Values, model: Model, speed_rpm: float | None = None) -> float:
+    """Return the speed [rpm] that a friction takes from a drive of the model without integral action.
+
+    It is torque / servo, at a wheel speed that counts for viscous friction only, by default the usual highest
+    one. `name` is the effect's, in any form, and `values` are its parameters. Breakaway counts as at rest.
+    """
+    speed = usual_ceiling_rpm(model) if speed_rpm is None else speed_rpm
+    torque = {
+        "coulomb_friction": values.get("torque_n_m", 0.0),
+        "stiction": values.get("breakaway_n_m", 0.0),
+        "viscous_friction": values.get("damping_n_m_s_rad", 0.0) * speed * RAD_S_PER_RPM,
+    }[cause_of(name)]
+    weak = model.effects.get("weak_servo", {})
+    servo = weak.get("servo_n_m_s_rad", model.robot.servo_n_m_s_rad)
+    return torque / servo / RAD_S_PER_RPM
+
+
+def _damped_joints(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
+    damping = values["damping_n_m_s_rad"]
+    for joint in spec.joints:
+        if joint.name in ("wheel", *_WHEEL_JOINTS):
+            joint.damping[0] += damping
+    if plant == "planar":
+        # This plant has no wheel joints. The gears of its actuators are the rows of the matrix G from body
+        # velocity to wheel speeds, so four dampers d dissipate like d G'G on the body, which has no cross
+        # terms. The joints lie along the world's axes: forward and sideways share their mean.
+        gears = [spec.actuator(name).gear for name in _WHEEL_JOINTS]
+        rows = np.array([[gear[0], gear[1], gear[5]] for gear in gears])
+        forward, sideways, yaw = damping * np.diag(rows.T @ rows)
+        mean = (forward + sideways) / 2
+        for name, share in (("base_x", mean), ("base_y", mean), ("base_yaw", yaw)):
+            spec.joint(name).damping[0] += float(share)
+
+
+def _loads(load: Callable[[WheelLoad, Values], WheelLoad]) -> ChangeDrive:
+    """Return the change of a drive by a friction; of several frictions the longest answer counts."""
+
+    def change(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
+        changed = load(drive.load, values)
+        return replace(drive, load=replace(changed, answer_s=max(changed.answer_s, values["answer_s"])))
+
+    return change
+
+
+def _coulomb(load: WheelLoad, values: Values) -> WheelLoad:
+    return replace(load, coulomb_n_m=values["torque_n_m"])
+
+
+def _stiction(load: WheelLoad, values: Values) -> WheelLoad:
+    speed = values["stribeck_rpm"] * RAD_S_PER_RPM
+    return replace(load, breakaway_n_m=values["breakaway_n_m"], stribeck_rad_s=speed)
+
+
+def _viscous(load: WheelLoad, values: Values) -> WheelLoad:
+    return replace(load, viscous_n_m_s_rad=values["damping_n_m_s_rad"])
+
+
+def _washed_out(model: Model, values: Values) -> Model:
+    """Give the drive integral action; of several the strongest counts, the model's own included."""
+    robot = model.robot
+    action = max(robot.servo_integral_n_m_rad, robot.servo_n_m_s_rad / values["washout_s"])
+    return replace(model, robot=replace(robot, servo_integral_n_m_rad=action))
+
+
+def _warm(drive: DriveParameters, values: Values, _wheel: str | None) -> DriveParameters:
+    load = replace(drive.load, friction_warm_share=values["share"], friction_warm_s=values["time_constant_s"])
+    return replace(drive, load=load)
+
+
+EFFECTS: Final = (
+    Effect(
+        name="warm_up/friction",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(
+            Parameter("share", "1", 0.0, (0.0, 0.9), (0.0, 1.0)),
+            Parameter(
+                "time_constant_s", "s", None, (0.1, 300.0), (1e-3, 1e6), default=10.0, scan=(0.5, 3, 20, 120)
+            ),
+        ),
+        summary="The bearing's frictions fall by this share of themselves while it warms up; a model without "
+        "friction has none to lose.",
+        signature="The loss in speed and the hold at rest fade from the start of the run on.",
+        direct_check="the motor's current at one speed, cold and warm",
+        searched=False,
+        change_drive=_warm,
+    ),
+    Effect(
+        name="coulomb_friction",
+        first_form="droop",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(_TORQUE, _ANSWER),
+        summary="A constant torque against the wheel's motion, which holds a wheel at rest.",
+        signature="The same loss in rpm at every speed (torque / servo), so the relative loss falls with "
+        "speed; with integral action in the drive it shows only at starts and reversals.",
+        direct_check=_CURRENT,
+        realistic=lambda _: {"torque_n_m": 0.3},
+        depends_on_integral=True,
+        undone_by="command",
+        load=lambda values: Load(coulomb_n_m=values["torque_n_m"]),
+        change_drive=_loads(_coulomb),
+    ),
+    Effect(
+        name="coulomb_friction/washed_out",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(_TORQUE, _ANSWER, _WASHOUT),
+        summary="The same torque, on a drive whose integral action makes up for it within the wash-out time.",
+        signature="A loss after each start and reversal that fades; steady speeds are reached.",
+        direct_check=_CURRENT,
+        load=lambda values: Load(coulomb_n_m=values["torque_n_m"]),
+        change_model=_washed_out,
+        change_drive=_loads(_coulomb),
+    ),
+    Effect(
+        name="stiction",
+        first_form="droop",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(_BREAKAWAY, _STRIBECK, _ANSWER),
+        summary="Friction near rest beyond coulomb_friction: breakaway exp(-(speed / stribeck)^2).",
+        signature="Small commands do not start the wheel; large ones are reached as without it.",
+        direct_check=_CURRENT,
+        realistic=lambda _: {"breakaway_n_m": 0.3},
+        depends_on_integral=True,
+        change_drive=_loads(_stiction),
+    ),
+    Effect(
+        name="stiction/washed_out",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(_BREAKAWAY, _STRIBECK, _ANSWER, _WASHOUT),
+        summary="The same friction, on a drive whose integral action breaks the wheel loose at last.",
+        signature="The wheel starts late at small commands, with a jerk, and reaches them.",
+        direct_check=_CURRENT,
+        change_model=_washed_out,
+        change_drive=_loads(_stiction),
+    ),
+    Effect(
+        name="viscous_friction",
+        first_form="droop",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(_DAMPING, _ANSWER),
+        summary="A torque against the wheel's motion in proportion to its speed.",
+        signature="The same relative loss at every speed; none with integral action in the drive.",
+        direct_check=_CURRENT,
+        realistic=lambda _: {"damping_n_m_s_rad": 0.05},
+        depends_on_integral=True,
+        undone_by="command",
+        load=lambda values: Load(damping_n_m_s_rad=values["damping_n_m_s_rad"]),
+        change_drive=_loads(_viscous),
+        change_spec=_damped_joints,
+    ),
+    Effect(
+        name="viscous_friction/washed_out",
+        station="load",
+        acts_on="wheel joint",
+        parameters=(_DAMPING, _ANSWER, _WASHOUT),
+        summary="The same torque, on a drive whose integral action makes up for it within the wash-out time.",
+        signature="A loss in proportion to the last change of speed, which fades; steady speeds are reached.",
+        direct_check=_CURRENT,
+        load=lambda values: Load(damping_n_m_s_rad=values["damping_n_m_s_rad"]),
+        change_model=_washed_out,
+        change_drive=_loads(_viscous),
+        change_spec=_damped_joints,
+    ),
+)

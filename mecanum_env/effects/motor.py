@@ -1,0 +1,55 @@
+"""Effects of the motor: how its torque, its supply and the inertia at the wheel change what the law does."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Final
+
+from mecanum_env.effects.definition import Effect, Parameter
+from mecanum_env.effects.drive import LIMITS_RPM, POSITIVE, RATES_RPM_S
+from mecanum_env.law.motor_bounds import loaded_law
+
+EFFECTS: Final = (
+    Effect(
+        name="speed_saturation/supply",
+        station="law",
+        acts_on="drive",
+        parameters=(Parameter("limit_rpm", "rpm", math.inf, (10.0, 200.0), POSITIVE, scan=LIMITS_RPM),),
+        summary="The motor is at full voltage: its torque falls with speed, to nothing at this limit.",
+        signature="An error at high speed only, which grows with the load; the end of the rise is slower.",
+        direct_check="the motor's voltage at full speed, with and without load",
+        undone_by="command",
+        change_drive=lambda drive, values, _: replace(drive, supply_rpm=values["limit_rpm"]),
+    ),
+    Effect(
+        name="acceleration_limit/drive",
+        station="law",
+        acts_on="drive",
+        parameters=(
+            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),
+            Parameter("brake_rpm_s", "rpm/s", None, (0.0, 5000.0), searched=False),
+        ),
+        summary="The motor's torque or current is limited, and so the wheel's own acceleration; braking has "
+        "the same limit, or one of its own.",
+        signature="Straight rises that end where the setpoint is met; small steps and the speeds reached are "
+        "unchanged.",
+        direct_check="the motor's current during a large step",
+        change_drive=lambda drive, values, _: replace(
+            drive,
+            drive_acceleration_rpm_s=values["limit_rpm_s"],
+            drive_brake_rpm_s=values["brake_rpm_s"],
+        ),
+    ),
+    Effect(
+        name="load_inertia",
+        station="law",
+        acts_on="drive",
+        parameters=(Parameter("ratio", "1", 1.0, (0.5, 40.0), (1e-3, 1e3)),),
+        summary="The moment of inertia at the wheel, over that of the wheel whose law was identified.",
+        signature="Slower starts and stops, which may overshoot; the speeds reached are unchanged.",
+        direct_check="what the wheel carries: whether the robot stood on it, or which parts were mounted",
+        realistic=lambda _: {"ratio": 2.0},
+        change_drive=lambda drive, values, _: replace(drive, law=loaded_law(drive.law, values["ratio"])),
+    ),
+)

@@ -1,0 +1,130 @@
+"""What the torque of a motor and its supply leave of the law's step from one tick to the next.
+
+The law says which speed w(k+1) it wants from w(k). A motor of limited torque changes the speed by no more
+than some amount per tick, another one where it slows the wheel. A motor at full voltage has a torque that
+falls in a straight line with speed, to 0 at the speed n at which its back-EMF uses the supply up:
+
+    -s (n + w(k)) <= w(k+1) - w(k) <= s (n - w(k))
+
+with s the share of a step that the law itself covers in its fastest tick (`steepest_share`): the motor of a
+law that is not limited must be able to do that. A law of first order then ends at n as it ends at any speed;
+others bend towards it. As s <= 1, the wheel never passes n.
+
+The law's memory holds the speeds w that were reached, since its past outputs are the wheel's speeds: nothing
+winds up while a bound acts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.errors import InputError
+from mecanum_env.law.coefficients import LawState, WheelLaw
+from mecanum_env.units import FloatArray
+
+_SETTLED: Final = 1e-4
+"""Size of the slowest part of a step response behind which no fastest tick is looked for."""
+_MOST_TICKS: Final = 20_000
+
+
+@dataclass(frozen=True)
+class MotorBounds:
+    """Bounds on what a wheel's speed changes by in one tick of its law; infinite without one."""
+
+    rise_rpm: float = math.inf
+    """Largest change away from rest [rpm]."""
+    brake_rpm: float = math.inf
+    """Largest change towards rest [rpm], also where the wheel passes through rest within the tick."""
+    supply_rpm: float = math.inf
+    """Speed n at which the supply leaves no torque [rpm]."""
+    supply_share: float = 0.0
+    """Share s of n - w(k) that the wheel gains in a tick at full voltage."""
+
+    @property
+    def acts(self) -> bool:
+        """Whether there is any bound."""
+        return any(map(math.isfinite, (self.rise_rpm, self.brake_rpm, self.supply_rpm)))
+
+    def reached(self, speed_rpm: npt.ArrayLike, wanted_rpm: npt.ArrayLike) -> FloatArray:
+        """Return w(k+1) [rpm] where the law wants some speed, from w(k) = `speed_rpm`, of one shape."""
+        bounds = (self.rise_rpm, self.brake_rpm, self.supply_rpm)
+        if not self.acts:
+            return np.asarray(wanted_rpm, float)
+        rise, brake, supply = (bound if math.isfinite(bound) else 0.0 for bound in bounds)
+        return reached(speed_rpm, wanted_rpm, rise, brake, supply, self.supply_share)
+
+    def tick(self, law: WheelLaw, state: LawState, command_rpm: npt.ArrayLike) -> LawState:
+        """Return the law's next state, whose w0 is the speed reached, for r(k) = `command_rpm`."""
+        wanted, after = law.tick(state, command_rpm)
+        return LawState(self.reached(state.w0, wanted), after.w1, after.w2, after.r1, after.r2)
+
+    def simulate(self, law: WheelLaw, command_rpm: FloatArray, initial: LawState) -> FloatArray:
+        """Return the speeds w(0..N) [rpm], shape (..., N+1), as `WheelLaw.simulate`, but bounded."""
+        if not self.acts:
+            return law.simulate(command_rpm, initial)
+        state, speeds = initial, [np.broadcast_to(initial.w0, command_rpm.shape[:-1])]
+        for k in range(command_rpm.shape[-1]):
+            state = self.tick(law, state, command_rpm[..., k])
+            speeds.append(np.asarray(state.w0))
+        return np.stack(speeds, axis=-1)
+
+
+def reached(
+    speed_rpm: npt.ArrayLike,
+    wanted_rpm: npt.ArrayLike,
+    rise_rpm: npt.ArrayLike,
+    brake_rpm: npt.ArrayLike,
+    supply_rpm: npt.ArrayLike,
+    supply_share: npt.ArrayLike,
+) -> FloatArray:
+    """Return w(k+1) [rpm] where the law wants `wanted_rpm`, from w(k) = `speed_rpm`; all shapes broadcast.
+
+    `rise_rpm`, `brake_rpm`, `supply_rpm` and `supply_share` are those of `MotorBounds`, but 0 for none;
+    without a brake's bound that of the rise counts.
+    """
+    speed, wanted = np.asarray(speed_rpm, float), np.asarray(wanted_rpm, float)
+    rise, supply = np.asarray(rise_rpm, float), np.asarray(supply_rpm, float)
+    brake = np.where(np.asarray(brake_rpm) > 0.0, brake_rpm, rise)
+    up, down = np.where(speed < 0.0, brake, rise), np.where(speed > 0.0, brake, rise)
+    low = np.where(down > 0.0, speed - down, wanted)
+    high = np.where(up > 0.0, speed + up, wanted)
+    low = np.where(supply > 0.0, np.maximum(low, speed - supply_share * (supply + speed)), low)
+    high = np.where(supply > 0.0, np.minimum(high, speed + supply_share * (supply - speed)), high)
+    return np.where(wanted < low, low, np.where(wanted > high, high, wanted))
+
+
+@lru_cache(maxsize=1024)
+def steepest_share(law: WheelLaw) -> float:
+    """Return the largest change in one tick of a law's response to a unit step, at most 1.
+
+    Raises:
+        InputError: the response never rises.
+    """
+    slowest = min(float(np.max(np.abs(law.poles))), 1.0 - 1e-9)
+    ticks = math.log(_SETTLED) / math.log(slowest) if slowest > 0.0 else 0.0
+    speeds = law.simulate(np.ones(min(math.ceil(ticks) + 4, _MOST_TICKS)))
+    share = float(np.max(np.diff(speeds)))
+    if not share > 0.0:
+        raise InputError("the wheel law does not follow its command, so that no supply can limit it")
+    return min(share, 1.0)
+
+
+def loaded_law(law: WheelLaw, ratio: float) -> WheelLaw:
+    """Return the law of a wheel whose moment of inertia is `ratio` times as large.
+
+    The drive's torque is that which the law asks for, and changes the speed by 1 / ratio of what it did:
+    w(k+1) = w(k) + (law's w(k+1) - w(k)) / ratio. The unit DC gain is kept.
+
+    Raises:
+        UnstableLawError: the drive does not hold such a wheel at a speed.
+    """
+    shares = law.coefficients / ratio
+    shares[0] += 1.0 - 1.0 / ratio
+    changed = WheelLaw.from_coefficients(shares, law.sample_period_s)
+    return law if ratio == 1.0 else changed.require_stable()

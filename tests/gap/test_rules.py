@@ -92,8 +92,7 @@ def test_an_error_far_above_the_noise_is_unexplained_in_logs_that_the_model_was_
     options = GapOptions(next_experiment=False)
     assert analyse(logs, fitted, options).verdict == "no_gap"
     for run in logs.runs:
-        angle = np.cumsum(run.channels["speed_rpm"]) * 0.01 * 0.1047
-        run.channels["speed_rpm"][:] += 3.0 * np.sin(2.0 * angle)
+        run.channels["speed_rpm"][:] += 3.0 * np.sin(8.0 * run.time_s)
     report = analyse(logs, fitted, options)
     assert report.verdict == "unexplained"
     assert report.effects == ()

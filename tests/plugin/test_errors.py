@@ -45,6 +45,12 @@ BAD_USER = [
     ("gap_rad", -0.1),
     ("breakaway_n_m", -1.0),
     ("stribeck_rad_s", np.nan),
+    ("drive_acceleration_rpm_s", -1.0),
+    ("supply_rpm", np.inf),
+    ("rotor_kg_m2", -0.1),
+    ("friction_warm_share", np.nan),
+    ("ripple_phase_rad", np.inf),
+    ("gap_kind", -1.0),
 ]
 BAD_SERVO = [5.0, 0.0, np.nan, -np.inf]
 

@@ -53,6 +53,8 @@ def test_an_effect_is_written_as_the_contract_says(named: GapReport):
     assert gap_json(named)["effects"] == [
         {
             "name": "backlash",
+            "form": "coast",
+            "forms_tied": [],
             "parameters": {"gap_deg": {"value": 2.1, "low": 1.9, "high": 2.3}},
             "selection_frequency": 0.97,
         }

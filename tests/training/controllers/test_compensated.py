@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mecanum_env.kinematics import command_to_twist
+from mecanum_env.kinematics import command_to_twist, command_to_wheels
 from mecanum_env.model import paper_model
 from mecanum_env.simulator.robot import RobotSession
 from mecanum_env.tankendo import command_to_action
@@ -101,6 +101,20 @@ def test_the_robot_keeps_the_speed_that_was_asked_for(name):
     with_it, without = relative_speed_error(model, True), relative_speed_error(model, False)
     assert with_it < 0.5 * without
     assert with_it < 0.06
+
+
+def test_a_limit_of_the_supply_keeps_the_direction():
+    model = robot_with({"speed_saturation/supply": {"limit_rpm": 40.0}})
+    v, theta, vc = DriveInverse(model).command((80, 30, 0), 0.0)
+    assert (theta, vc) == (30, 0)
+    assert np.max(np.abs(command_to_wheels(v, theta, vc))) == pytest.approx(40.0, abs=1.0)
+
+
+def test_friction_that_the_drive_makes_up_for_is_left_to_it():
+    values = {"torque_n_m": 0.5, "washout_s": 0.3}
+    model = robot_with({"coulomb_friction/washed_out": values, "speed_gain": {"gain": 0.8}})
+    assert DriveInverse(model).command((40, 0, 0), 0.0) == (50, 0, 0)
+    assert Compensated(Passing([(0, 0, 0)]), model).left_alone == ("coulomb_friction/washed_out",)
 
 
 def test_a_limit_of_the_body_keeps_the_direction():

@@ -6,10 +6,9 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from mecanum_env.effects.definition import Effect, Parameter, Values, usual_ceiling_rpm
+from mecanum_env.effects.definition import BodyCommand, Effect, Parameter, Values, usual_ceiling_rpm
 from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
-from mecanum_env.units import FloatArray
 
 TIME_STAMPS: Final = (
     "when a command is sent, when the drive acts and when a sensor reads, by time stamps of one clock"
@@ -25,29 +24,40 @@ def _longest_delay(model: Model) -> float:
 
 
 def _limit_speed(
-    body: FloatArray, previous: FloatArray, values: Values, seconds: float
-) -> tuple[FloatArray, FloatArray]:
-    limited = body.copy()
-    speed = math.hypot(body[0], body[1])
-    if speed > values["v_rpm"]:
-        limited[:2] *= values["v_rpm"] / speed
-    limited[2] = min(max(body[2], -values["vc_rpm"]), values["vc_rpm"])
+    body: BodyCommand, previous: BodyCommand, values: Values, seconds: float
+) -> tuple[BodyCommand, BodyCommand]:
+    forward, left, turn = body
+    speed, most = math.hypot(forward, left), values["vc_rpm"]
+    share = values["v_rpm"] / speed if speed > values["v_rpm"] else 1.0
+    limited = share * forward, share * left, min(max(turn, -most), most)
     return limited, limited
 
 
 def _limit_acceleration(
-    body: FloatArray, previous: FloatArray, values: Values, seconds: float
-) -> tuple[FloatArray, FloatArray]:
-    change = body - previous
-    end, mean = body.copy(), body.copy()
-    for part, rate in ((slice(0, 2), values["v_rpm_s"]), (slice(2, 3), values["vc_rpm_s"])):
-        length, most = math.hypot(*change[part]), rate * seconds
-        if length > 0.0:
-            share = min(1.0, most / length)
-            # A straight ramp that ends at the request, or as far towards it as the limit allows.
-            end[part] = previous[part] + share * change[part] if share < 1.0 else body[part]
-            mean[part] = end[part] - 0.5 * share * min(1.0, length / most) * change[part]
-    return end, mean
+    body: BodyCommand, previous: BodyCommand, values: Values, seconds: float
+) -> tuple[BodyCommand, BodyCommand]:
+    changes = body[0] - previous[0], body[1] - previous[1], body[2] - previous[2]
+    linear = _shares(math.hypot(changes[0], changes[1]), values["v_rpm_s"] * seconds)
+    turning = _shares(abs(changes[2]), values["vc_rpm_s"] * seconds)
+    forward, mean_forward = _ramp(body[0], previous[0], changes[0], linear)
+    left, mean_left = _ramp(body[1], previous[1], changes[1], linear)
+    turn, mean_turn = _ramp(body[2], previous[2], changes[2], turning)
+    return (forward, left, turn), (mean_forward, mean_left, mean_turn)
+
+
+def _shares(length: float, most: float) -> tuple[float, float]:
+    """Return what share of a change of some `length` is made if `most` of it can be, and lost in the mean."""
+    if length == 0.0:
+        return 1.0, 0.0
+    share = min(1.0, most / length)
+    return share, 0.5 * share * min(1.0, length / most)
+
+
+def _ramp(asked: float, previous: float, change: float, shares: tuple[float, float]) -> tuple[float, float]:
+    """Return the end and the mean of a straight ramp to what is asked, or as far as the `shares` allow."""
+    made, lost = shares
+    end = previous + made * change if made < 1.0 else asked
+    return end, end - lost * change
 
 
 EFFECTS: Final = (

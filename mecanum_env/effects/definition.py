@@ -107,9 +107,11 @@ ChangeSpec = Callable[["mujoco.MjSpec", Values, Model, PlantKind], None]
 """Change the finished MuJoCo spec of a plant in place; the `Model` is the one it was generated from."""
 ChangeDrive = Callable[[DriveParameters, Values, str | None], DriveParameters]
 """Return the changed drive of a wheel (fl .. rr, or None for the common one)."""
-LimitBody = Callable[[FloatArray, FloatArray, Values, float], tuple[FloatArray, FloatArray]]
-"""Return the limited body command (forward, left, turn) [rpm] after some time [s], and its mean over that
-time, given the requested and the previous one, shape (3,)."""
+BodyCommand = tuple[float, float, float]
+"""Command of the robot as a whole: forward, left, turn [rpm]."""
+LimitBody = Callable[[BodyCommand, BodyCommand, Values, float], tuple[BodyCommand, BodyCommand]]
+"""Return the limited body command after some time [s], and its mean over that time, given the requested and
+the previous one."""
 ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
 """Return the channels as measured, given their true values and the uniform clock [s], shape (n,), whose 0 is
 the start of the motion."""

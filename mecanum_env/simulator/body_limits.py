@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects, drive_parameters
+from mecanum_env.effects.definition import BodyCommand
 from mecanum_env.kinematics import WHEELS, body_to_wheels, wheels_to_body
 from mecanum_env.law.drive import EPS, RING, law_inputs
 from mecanum_env.model import Model
@@ -47,7 +48,7 @@ class BodyLimits:
         self._timestep_s = timestep_s
         self._substeps = self._ticks = self._latches = 0
         self._latched = np.zeros((len(WHEELS), RING))
-        self._body = np.zeros(3)
+        self._body: BodyCommand = (0.0, 0.0, 0.0)
         self._wheels = np.zeros(len(WHEELS))
 
     def step(self, wheels_rpm: FloatArray) -> FloatArray:
@@ -59,7 +60,8 @@ class BodyLimits:
             self._latches += 1
         while now >= self._ticks * tau - EPS * tau:
             start = self._latches - RING
-            self._tick(law_inputs(self._drive, [self._ticks], self._latched, self._latches, start)[:, 0])
+            asked = law_inputs(self._drive, [self._ticks], self._latched, self._latches, start)[:, 0]
+            self._tick(*_parts(asked))
             self._ticks += 1
         self._substeps += 1
         return self._wheels
@@ -76,21 +78,33 @@ class BodyLimits:
         latched = np.concatenate([before, wheels_rpm[latched_at].T], axis=1)
         latches = np.searchsorted(latched_at, ticked_at, side="right")
         asked = law_inputs(self._drive, np.arange(ticked_at.size), latched, latches, -RING).T.copy()
+        same = np.append(False, np.all(asked[1:] == asked[:-1], axis=1))
         limited = np.zeros((ticked_at.size, len(WHEELS)))
-        for tick in range(ticked_at.size):
-            self._tick(asked[tick])
+        for tick, unchanged in enumerate(same.tolist()):
+            if not unchanged:
+                body, opposed, settled = *_parts(asked[tick]), False
+            if not settled:
+                last = self._body
+                self._tick(body, opposed)
+                # The next tick would start where this one did: while the command stays, so do the wheels.
+                settled = unchanged and self._body == last
             limited[tick] = self._wheels
         return limited[np.searchsorted(ticked_at, np.arange(len(wheels_rpm)), side="right") - 1]
 
-    def _tick(self, asked_rpm: FloatArray) -> None:
-        """Limit the wheel commands [rpm] of one tick of the wheel law."""
-        body = wheels_to_body(asked_rpm)
-        opposed = asked_rpm - body_to_wheels(body)
+    def _tick(self, body: BodyCommand, opposed_rpm: FloatArray) -> None:
+        """Limit the body's command of one tick of the wheel law; the rest of the wheels' passes, (4,)."""
         mean = body
         for limit, values in self._limits:
             body, mean = limit(body, self._body, values, self._drive.law.sample_period_s)
         self._body = body
-        self._wheels = body_to_wheels(mean) + opposed
+        self._wheels = body_to_wheels(mean) + opposed_rpm
+
+
+def _parts(wheels_rpm: FloatArray) -> tuple[BodyCommand, FloatArray]:
+    """Return the body's command in wheel commands [rpm], (4,), and what no body motion follows, (4,)."""
+    body = wheels_to_body(wheels_rpm)
+    forward, left, turn = body.tolist()
+    return (forward, left, turn), wheels_rpm - body_to_wheels(body)
 
 
 def _due(now_s: FloatArray, every_s: float) -> npt.NDArray[np.intp]:

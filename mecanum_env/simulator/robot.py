@@ -49,7 +49,7 @@ def drive(
     plant: RobotPlant = "rollers",
     timestep_s: float | None = None,
     mj_model: mujoco.MjModel | None = None,
-    turned_rad: Sequence[float] = (),
+    stance: FloatArray | None = None,
 ) -> Trajectory:
     """Drive the robot from rest at the origin through commands and return every physics step.
 
@@ -60,8 +60,7 @@ def drive(
         plant: "rollers" or "planar".
         timestep_s: upper bound of the physics step [s]; 1/480 s when None.
         mj_model: the result of `compile_plant` with the same arguments, to save compiling.
-        turned_rad: initial angles of the four wheels [rad], which decide what rollers touch the floor; 0 by
-            default.
+        stance: `standing` of the compiled model, to save settling on the floor, or to turn the wheels.
 
     Raises:
         InputError: an effect that the plant cannot simulate, or a duration that is not a number above 0.
@@ -70,7 +69,7 @@ def drive(
     if not (math.isfinite(duration_s) and duration_s > 0.0):
         raise InputError(f"duration_s = {duration_s}, must be a number of seconds above 0")
     compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
-    data = at_rest(compiled, turned_rad)
+    data = at_rest(compiled) if stance is None else _still(compiled, stance)
     step = compiled.opt.timestep
     time_s = np.arange(math.ceil(duration_s / step - 1e-9) + 1) * step
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
@@ -83,7 +82,16 @@ def drive(
 def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoco.MjData:
     """Return data in which the robot, or another model, stands still on the floor, drives at rest, at time 0.
 
-    The four wheels are turned by angles [rad], 0 by default; the planar plant's wheels have none.
+    The initial angles of the wheels, `turned_rad`, are those of `standing`.
+    """
+    return _still(mj_model, standing(mj_model, turned_rad))
+
+
+def standing(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> FloatArray:
+    """Return MuJoCo's generalised positions, shape (nq,), of the robot that has settled on the floor.
+
+    The four wheels are turned by angles [rad], 0 by default, which decide what rollers touch the floor; the
+    planar plant's wheels have none.
     """
     data = mujoco.MjData(mj_model)
     for wheel, angle in zip(WHEELS, turned_rad, strict=False):
@@ -92,13 +100,17 @@ def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoc
         # On a slope the robot would creep while it settles, so it settles on level ground.
         level = copy.copy(mj_model)
         level.opt.gravity[:] = 0.0, 0.0, -np.linalg.norm(mj_model.opt.gravity)
-        data.qpos[:] = at_rest(level, turned_rad).qpos
-    elif mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
+        return standing(level, turned_rad)
+    if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
         # In half a second the rollers sink into the floor by some micrometres and come to rest.
         mujoco.mj_step(mj_model, data, math.ceil(0.5 / mj_model.opt.timestep))
-        standing = data.qpos.copy()
-        mujoco.mj_resetData(mj_model, data)  # time, velocities and the drives' clocks back to 0
-        data.qpos[:] = standing
+    return np.array(data.qpos)
+
+
+def _still(mj_model: mujoco.MjModel, stance: FloatArray) -> mujoco.MjData:
+    """Return data with positions (nq,), velocities 0 and the drives' clocks at 0."""
+    data = mujoco.MjData(mj_model)
+    data.qpos[:] = stance
     mujoco.mj_forward(mj_model, data)
     return data
 

@@ -112,7 +112,7 @@ class Motion:
 
 
 def compile_robot(model: Model, study: Study = Study()) -> mujoco.MjModel:
-    """Compile the robot that `motion_of` simulates, without visuals.
+    """Compile the robot that `motion_of` simulates, without visuals and without computing its sensors.
 
     If the study gives no time step, the planar plant takes `TRAINING_TIMESTEP_S`, accurate enough there.
 
@@ -122,7 +122,10 @@ def compile_robot(model: Model, study: Study = Study()) -> mujoco.MjModel:
     plant, timestep_s = study.plant, study.timestep_s
     if plant == "planar" and timestep_s is None:
         timestep_s = TRAINING_TIMESTEP_S
-    return compile_plant(model, plant, timestep_s, visuals=False)
+    compiled = compile_plant(model, plant, timestep_s, visuals=False)
+    # The motion is read off positions and velocities; the accelerometer alone takes a sixth of a step.
+    compiled.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+    return compiled
 
 
 def in_run_frame(model: Model, start: Start) -> Model:
@@ -173,15 +176,15 @@ def bench_motions_of(model: Model, runs: Sequence[BenchRun], study: Study = Stud
 
 
 def robot_motion(
-    model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()
+    model: Model, run: Run, start: Start, mj_model: mujoco.MjModel, stance: FloatArray | None = None
 ) -> Motion:
-    """Return `motion_of` a robot that is `in_run_frame`, given `compile_robot` of it.
+    """Return `motion_of` a robot that is `in_run_frame`, given `compile_robot` of it and how it stands.
 
-    The wheels on rollers start at the angles `turned_rad` [rad].
+    The `stance` is `mecanum_env.simulator.robot.standing`; by default it is found here.
     """
     lead = _LEAD_S if start.moving else 0.0
     commands = commands_of(run, model.wheel.command_period_s, lead)
-    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, turned_rad=turned_rad)
+    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, stance=stance)
     columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 

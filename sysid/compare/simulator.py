@@ -17,6 +17,7 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.model import Model
 from mecanum_env.simulator.bench import BenchRun
+from mecanum_env.simulator.robot import standing
 from mecanum_env.units import FloatArray
 from sysid.compare.observations import Observations, Situation
 from sysid.compare.prediction import (
@@ -119,16 +120,28 @@ class Simulator:
     def _robot_motions(self, model: Model, groups: Sequence[_Alike]) -> list[Motion]:
         # A direction in the world makes the compiled model depend on where a run starts.
         by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
-        common = None if by_heading else compile_robot(model, self.study)
+        compiled: dict[float, mujoco.MjModel] = {}
+        stances: dict[Hashable, FloatArray] = {}
         motions = []
         for group in groups:
             situation = group.longest
-            rng = np.random.default_rng((self.wheel_angle_seed, group.members[0]))
-            angles = rng.uniform(0.0, 2.0 * np.pi, 4).tolist() if self.wheel_angle_seed else []
+            heading = situation.start.yaw_rad if by_heading else 0.0
             local = in_run_frame(model, situation.start)
-            compiled = common or compile_robot(local, self.study)
-            motions.append(robot_motion(local, situation.runs[0], situation.start, compiled, angles))
+            if heading not in compiled:
+                compiled[heading] = compile_robot(local, self.study)
+            angles = self._wheel_angles(group)
+            if (heading, angles) not in stances:
+                stances[heading, angles] = standing(compiled[heading], angles)
+            stance = stances[heading, angles]
+            motions.append(robot_motion(local, situation.runs[0], situation.start, compiled[heading], stance))
         return motions
+
+    def _wheel_angles(self, group: _Alike) -> tuple[float, ...]:
+        """Return the initial angles of the four wheels [rad] in a group; none if they are 0."""
+        if not self.wheel_angle_seed:
+            return ()
+        rng = np.random.default_rng((self.wheel_angle_seed, group.members[0]))
+        return tuple(rng.uniform(0.0, 2.0 * np.pi, 4).tolist())
 
 
 @dataclass(frozen=True, eq=False)

@@ -30,6 +30,7 @@ def fit(
     command_period: float | None = None,
     quantum: float | None = None,
     saturation: float | None = None,
+    effects: Literal["auto", "off"] = "auto",
 ) -> None:
     """Fit the wheel law A-F to a folder of logs and write model.json, fit.json, report.html and plots.
 
@@ -49,6 +50,7 @@ def fit(
         command_period: Shortest time between commands [s]; default 0.1.
         quantum: Rounding of commands [rpm]; default 1.
         saturation: Ceiling of the wheel speed [rpm]; default 135, or estimated if commands exceed it.
+        effects: Whether bench logs may show friction or limits beside the law; off: the law alone.
     """
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.errors import install_command
@@ -73,6 +75,7 @@ def fit(
         command_period_s=command_period,
         quantum_rpm=quantum,
         saturation_rpm=saturation,
+        effects=effects,
         robot=read_robot(robot) if robot else Robot(),
         robot_given=tuple(json.loads(robot.read_text(encoding="utf-8"))) if robot else (),
     )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -23,6 +23,7 @@ from sysid.fit.drive_choice import (
     pooled,
     runs_by_split,
 )
+from sysid.fit.drive_effects import DriveEffects, find_drive_effects
 from sysid.fit.estimators import DEFAULT_METHOD, Estimate
 from sysid.fit.metrics import MethodMetrics, Runs, method_metrics
 from sysid.fit.robot_parameters import RobotFit, robot_of
@@ -49,6 +50,8 @@ class FitOptions:
     """Whether the DC gain is held at exactly 1."""
     delay_s: float | None = None
     """Transport delay [s]; None: estimated, and adopted on evidence."""
+    effects: Literal["auto", "off"] = "auto"
+    """Whether bench logs may show that the drive does more than its law; see `drive_effects`."""
     per_wheel: bool = False
     """Whether a law is fitted to each wheel, too."""
     sample_period_s: float | None = None
@@ -80,6 +83,8 @@ class Fit:
     wheels: Mapping[str, Estimate]
     """With `per_wheel`: wheel name -> its own estimate."""
     runs: Runs
+    drive_effects: DriveEffects | None = None
+    """From bench logs: what the drive does besides its law; None if the law alone is enough."""
     robot: RobotFit | None = None
     """From robot logs: the law behind the servo and the robot parameters that they show."""
     notes: tuple[str, ...] = field(default=())
@@ -165,6 +170,10 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         known_robot = Model(wheel_model(path, found), options.robot, latency(found))
         robot, note = robot_of(dataset, runs, known_robot, options.robot_given, sigma, known)
         notes.append(note)
+    effects = None
+    if dataset.level == "bench" and options.effects == "auto":
+        effects = _drive_effects(dataset, runs, search, options, found, progress)
+        notes += [effects.note] if effects else []
     data = pooled(runs["fit"])
     return Fit(
         dataset=dataset,
@@ -178,9 +187,31 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         methods=methods,
         wheels=wheels,
         runs=runs,
+        drive_effects=effects,
         robot=robot,
         notes=tuple(notes),
     )
+
+
+def _drive_effects(
+    dataset: Dataset, runs: Runs, search: Search, options: FitOptions, found: Estimate, progress: Progress
+) -> DriveEffects | None:
+    """Look for effects beside the law that was `found`, and beside one whose DC gain is free."""
+    path = search.path
+    laws = [Model(wheel_model(path, found), options.robot, latency(found))]
+    if options.unit_gain:
+        free = search.run(
+            pooled(runs["fit"]),
+            starts=options.starts,
+            delay_s=found.delay_s,
+            unit_gain=False,
+        )
+        gain = free.law.dc_gain
+        if gain > 0.0 and math.isfinite(gain):
+            law = replace(free.law, D=free.law.D / gain, E=free.law.E / gain, F=free.law.F / gain)
+            wheel = replace(wheel_model(path, free), law=law)
+            laws.append(Model(wheel, options.robot, {**latency(free), "speed_gain": {"gain": gain}}))
+    return find_drive_effects(dataset, laws, progress)
 
 
 def wheel_model(path: CommandPath, found: Estimate) -> Wheel:

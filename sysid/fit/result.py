@@ -51,6 +51,11 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
             "notes": list(fit.notes),
         },
     )
+    if fit.drive_effects is not None:
+        together = fit.drive_effects.model
+        stated = {**model.uncertainty, "effects": together.uncertainty["effects"]}
+        stated["wheel"] = {**stated["wheel"], **together.uncertainty["wheel"]}
+        model = replace(model, wheel=together.wheel, effects=together.effects, uncertainty=stated)
     if fit.dataset.level == "robot" and not fit.wheels:
         model, note = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
         notes = [*model.provenance["notes"], note]
@@ -70,6 +75,7 @@ def fit_json(fit: Fit) -> dict[str, Any]:
             "methods": {name: metrics.as_json() for name, metrics in fit.methods.items()},
             "parameters": {q.name: _quantity(q) for q in sure.parameters},
             "functionals": {q.name: _quantity(q) for q in sure.metrics},
+            "drive_effects": _drive_effects(fit),
             "wheels": {wheel: estimate.law for wheel, estimate in fit.wheels.items()},
             "robot": {p.name: {k: v for k, v in asdict(p).items() if k != "name"} for p in robot},
             "noise": {
@@ -101,6 +107,15 @@ def fit_json(fit: Fit) -> dict[str, Any]:
         }
     )
     return content
+
+
+def _drive_effects(fit: Fit) -> dict[str, Any] | None:
+    """Return what the drive does besides its law, with the held-out error without and with it [rpm]."""
+    found = fit.drive_effects
+    if found is None:
+        return None
+    values = {name: dict(parameters) for name, parameters in found.model.effects.items()}
+    return {"effects": values, "before_rpm": found.before_rpm, "after_rpm": found.after_rpm}
 
 
 def _robot_errors(fit: Fit) -> dict[str, float]:

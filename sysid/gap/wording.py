@@ -20,6 +20,12 @@ _SURE: Final = 0.01
 _CONCENTRATED: Final = 0.1
 """A region stands out if its share of the error exceeds its share of the samples by this."""
 _SPEED_UNITS: Final = ("rpm", "m/s", "rad/s")
+_CHANNEL_GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
+    "the wheels' speeds": ("speed_fl_rpm", "speed_fr_rpm", "speed_rl_rpm", "speed_rr_rpm"),
+    "the body's velocity": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
+    "the pose": ("x_m", "y_m", "yaw_rad"),
+}
+"""Channels that a robot may measure in addition, by what they are called in a sentence."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +91,8 @@ def next_step(report: GapReport) -> str:
         gives = "names the truth" if experiment.candidates else "shows what these logs could not"
         return (
             f"run {NEXT_FILE} ({experiment.duration_s:.3g} s, three times; {gives} with a "
-            f"probability of {experiment.power:.0%}), add the logs and study again"
+            f"probability of {experiment.power:.0%}), add the recordings, in dataset.toml with "
+            'split = "fit", and study again'
         )
     if report.verdict == "no_gap":
         return "nothing to do; harder or longer runs may show what these do not"
@@ -94,7 +101,7 @@ def next_step(report: GapReport) -> str:
     if report.verdict == "named":
         return "use the new model.json; study again with it to see whether anything is left"
     if report.verdict == "ambiguous":
-        return "record other commands; these cannot tell the candidates apart"
+        return what_to_measure(report.candidates, tuple(report.channels))
     if _law_is_best(report):
         return "fit the wheel again with these logs (python -m sysid.fit), then study the new model"
     if report.custom is not None and report.custom.adopted:
@@ -106,6 +113,19 @@ def proposal_text(custom: CustomProposal) -> str:
     """Return a proposed custom effect in a line: station, formula, and what it explains."""
     where = " or ".join((custom.effect.station, *custom.stations_tied))
     return f"custom effect at {where}: {custom.effect.text} [rpm] ({custom.explained:.0%} of the difference)"
+
+
+def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> str:
+    """Return, as the end of a sentence, what to measure besides `channels` to tell sets of effects apart."""
+    shared = set(sets[0]).intersection(*sets[1:])
+    differing = [CATALOGUE[n] for names in sets for n in names if n not in shared and n in CATALOGUE]
+    checks = dict.fromkeys(effect.direct_check for effect in differing if effect.direct_check)
+    missing = [what for what, names in _CHANNEL_GROUPS.items() if not set(names) & set(channels)]
+    if tuple(channels) == ("speed_rpm",):
+        missing = ["the body of the whole robot on the floor"]
+    ways = [f"measure {'; or '.join(checks)}"] if checks else []
+    ways += [f"log {listed(missing)} too"] if missing else []
+    return "; or ".join(ways) if ways else "measure with a second, independent sensor"
 
 
 def compared_runs(report: GapReport) -> str:

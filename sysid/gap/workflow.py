@@ -152,7 +152,7 @@ def _report(
     unseen = untestable(considered, search.library, detectable, dataset.level)
     asked = Design(None, "")
     if options.next_experiment:
-        asked = design_next_experiment(problem, decision, improved, unseen, threshold)
+        asked = design_next_experiment(problem, dataset.runs, decision, improved, unseen, threshold)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
     return GapReport(
         verdict=decision.verdict,

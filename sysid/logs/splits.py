@@ -8,7 +8,9 @@ Splits that `dataset.toml` does not state are deterministic and hold out whole g
 fitted sequence tests the noise and not the model. With three or more groups, a fifth (rounded, at least one)
 is for validation and as many for test. The groups are ordered by the rms of their command; the held-out
 ones are spread evenly over that order, and the largest is always fitted, so that the fit covers the range.
-With fewer groups, repeats are split instead, if there are any; a single run is fitted.
+With fewer groups, repeats are split instead, if there are any; a single run is fitted. Groups that are stated
+to be fitted take no part in this: recordings can be added for the fit, and what is held out stays the same.
+If `dataset.toml` states what is held out, the rest is fitted.
 """
 
 from __future__ import annotations
@@ -105,7 +107,7 @@ def assign_splits(runs: Sequence[Run], stated: Mapping[str, Split]) -> tuple[lis
             common = counts.most_common(1)[0][0]
             splits.update({run.file: common for run in members if run.file not in stated})
     open_groups = {name: members for name, members in groups.items() if members[0].file not in splits}
-    if not stated:
+    if set(stated.values()) <= {"fit"}:
         splits.update(_split_groups(open_groups) if len(open_groups) >= 3 else _split_repeats(open_groups))
     else:
         splits.update(_complete(open_groups, set(stated.values())))

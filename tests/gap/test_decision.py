@@ -10,6 +10,7 @@ import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
+from sysid.compare.coordinates import EffectSet
 from sysid.compare.fitted import Fitted
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -17,7 +18,6 @@ from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, Interval
-from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.responses import Growth, growths, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
@@ -165,3 +165,16 @@ def test_effects_behind_a_delay_are_screened_with_the_delay(bench_logs: MakeLogs
     promised = search.growths(parent)[0].expected
     assert promised < 0.3 * growths(base, parent, library)[0].expected
     assert promised < 0.3 * parent.cost
+
+
+def test_behind_a_delay_no_other_form_of_a_cause_of_the_set_is_screened(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    dataset = bench_logs(base.with_effect("sensor_latency", delay_s=0.15).with_effect("speed_gain", gain=0.8))
+    observations = observe(dataset)
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
+    library = responses(problem, ("sensor_latency", "sensor_latency/wheels", "speed_gain"))
+    search = Search(problem, library, SearchEffort())
+    search.grow(1)
+    grown = search.growths(search.fitted[("sensor_latency",), False])
+    assert [growth.candidate.names for growth in grown] == [("speed_gain", "sensor_latency")]

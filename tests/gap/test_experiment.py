@@ -1,4 +1,4 @@
-"""The next experiment: within the robot's limits, reproducible, of the power it states, and decisive."""
+"""The next experiment: within its limits, reproducible, of the power it states, and decisive."""
 
 from dataclasses import replace
 from itertools import permutations
@@ -17,12 +17,14 @@ from sysid.compare.observations import observe
 from sysid.compare.prediction import Start, Study, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
-from sysid.gap.design.experiment import Rival, design_separating, power, separation, what_to_measure
+from sysid.gap.design.experiment import Rival, design_separating, power, separation
+from sysid.gap.design.limits import Limits
 from sysid.gap.design.next_experiment import conditions_of, design_for_untestable
-from sysid.gap.design.sequences import FIELD_M, Limits, changed, library, path_m
+from sysid.gap.design.sequences import FIELD_M, changed, library, path_m
 from sysid.gap.design.trial import EFFORT, DesignEffort, ExperimentConditions, Trial, command_of
 from sysid.gap.result import GapOptions
 from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.gap.wording import what_to_measure
 from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
@@ -32,12 +34,14 @@ ROBOT = Limits(135.0, geometry=Robot())
 
 def bench_conditions(sigma_rpm: float = 0.5, seed: int = 0, jobs: int = 1) -> ExperimentConditions:
     noise = Noise({"speed_rpm": sigma_rpm}, {"speed_rpm": "repeats"})
-    return ExperimentConditions("bench", ("speed_rpm",), 0.01, noise, None, Study(seed=seed, jobs=jobs))
+    return ExperimentConditions(
+        "bench", ("speed_rpm",), 0.01, noise, None, BENCH, Study(seed=seed, jobs=jobs)
+    )
 
 
 def robot_conditions(plant: RobotPlant = "rollers", **sigma: float) -> ExperimentConditions:
     noise = Noise(sigma, dict.fromkeys(sigma, "repeats"))
-    return ExperimentConditions("body", tuple(sigma), 0.02, noise, None, Study(plant))
+    return ExperimentConditions("body", tuple(sigma), 0.02, noise, None, ROBOT, Study(plant))
 
 
 def rivals(model: Model, friction_n_m: float = 0.5) -> tuple[Rival, Rival]:
@@ -88,9 +92,9 @@ def test_the_path_of_a_turn_and_a_straight_is_where_geometry_says():
     assert path[-1] == pytest.approx([0.0, 60.0 * np.pi / 30.0 * 0.0762 * quarter_s], abs=1e-12)
 
 
-def test_wheel_commands_are_whole_too(paper: Model):
+def test_wheel_commands_are_whole_too():
     rows = np.array([[50.0, 33.0, 7.0], [0.0, 0.0, 0.0]])
-    columns = command_of(rows, paper, "wheels").columns()
+    columns = command_of(rows, replace(robot_conditions(), kind="wheels")).columns()
     assert list(columns) == [f"command_{wheel}_rpm" for wheel in ("fl", "fr", "rl", "rr")]
     assert all(np.all(values == np.rint(values)) for values in columns.values())
 
@@ -100,7 +104,7 @@ def test_the_same_seed_gives_the_same_experiment_whatever_the_jobs(
 ):
     monkeypatch.setitem(EFFORT, "bench", DesignEffort(4, 2, 3))
     noisy = [bench_conditions(8.0, seed=3, jobs=jobs) for jobs in (1, 2)]
-    one, two = (design_separating(paper, rivals(paper), some, BENCH).experiment for some in noisy)
+    one, two = (design_separating(paper, rivals(paper), some).experiment for some in noisy)
     assert one is not None
     assert two is not None
     assert one.power == two.power < 0.999  # so that it had to be improved, at random
@@ -108,7 +112,7 @@ def test_the_same_seed_gives_the_same_experiment_whatever_the_jobs(
 
 
 def test_the_experiment_separates_better_than_a_step(paper: Model):
-    found = design_separating(paper, rivals(paper), bench_conditions(), BENCH).experiment
+    found = design_separating(paper, rivals(paper), bench_conditions()).experiment
     assert found is not None
     step = np.concatenate([np.zeros((2, 1)), np.full((56, 1), 60.0), np.zeros((2, 1))])
     designed, plain = (
@@ -157,10 +161,31 @@ def test_power_is_that_of_the_truth_worst_off():
 )
 def test_exact_twins_get_no_experiment_but_what_to_measure(paper: Model, one, other, needed: str):
     twins = [Rival((name,), paper.with_effect(name, **values)) for name, values in (one, other)]
-    found = design_separating(paper, twins, bench_conditions(), BENCH)
+    found = design_separating(paper, twins, bench_conditions())
     assert found.experiment is None
     assert "No command" in found.why
     assert needed in found.why
+
+
+def test_an_experiment_that_would_leave_the_question_open_is_not_offered(paper: Model):
+    """Studies asked for experiments with a promised power of 3e-8, and 0 for others."""
+    assert design_separating(paper, rivals(paper), bench_conditions(8.0)).experiment is not None
+    found = design_separating(paper, rivals(paper, 0.02), bench_conditions(40.0))
+    assert found.experiment is None
+    assert "tells coulomb_friction or speed_gain apart" in found.why
+    assert "with a probability of 50%: measure" in found.why
+    assert CATALOGUE["speed_gain"].direct_check in found.why
+
+
+def test_pairs_that_cannot_be_told_apart_do_not_cost_the_others_their_experiment(paper: Model):
+    """Two gains that differ by nothing: the experiment still sets the friction apart from both."""
+    friction, gain = rivals(paper)
+    same = Rival(("sensor_scale",), gain.model, gain.plausible)
+    found = design_separating(paper, (friction, gain, same), bench_conditions())
+    assert found.experiment is not None
+    assert found.experiment.power > 0.99
+    assert "tells speed_gain or sensor_scale apart" in found.why
+    assert "tells coulomb_friction" not in found.why
 
 
 def test_every_effect_has_a_direct_check():
@@ -178,7 +203,7 @@ def test_a_robot_experiment_stays_in_the_field_and_slips_no_wheel(
     slope = paper.with_effect("floor_slope", slope_deg=1.0, heading_deg=0.0)
     offset = paper.with_effect("com_offset", x_m=0.02, y_m=0.0)
     both = [Rival(("floor_slope",), slope), Rival(("com_offset",), offset)]
-    found = design_separating(paper, both, conditions, ROBOT).experiment
+    found = design_separating(paper, both, conditions).experiment
     assert found is not None
     assert found.power > 0.9
     assert list(found.columns) == ["command_v_rpm", "command_theta_deg", "command_vc_rpm"]
@@ -210,18 +235,18 @@ def test_the_conditions_of_an_experiment_hold_the_whole_study(paper: Model):
     noise = Noise({"speed_fl_rpm": 0.5}, {"speed_fl_rpm": "repeats"})
     study = Study("planar", jobs=2, timestep_s=1 / 480, seed=5)
     problem = ResidualProblem(paper, Whitener(observations, noise, None), study)
-    assert conditions_of(problem, 1.0).study == problem.study == study
+    assert conditions_of(problem, (planar_run(paper),), 1.0).study == problem.study == study
 
 
 def test_slip_effects_are_not_designed_for_without_slip(paper: Model):
     conditions = robot_conditions("planar", speed_fl_rpm=0.5)
-    found = design_for_untestable(paper, ["roller_friction", "low_grip"], conditions, ROBOT, 12.0)
+    found = design_for_untestable(paper, ["roller_friction", "low_grip"], conditions, 12.0)
     assert (found.experiment, found.why) == (None, "")
 
 
 def test_untestable_effects_get_commands_that_show_them(paper: Model):
     found = design_for_untestable(
-        paper, ["direction_asymmetry", "speed_saturation", "payload"], bench_conditions(), BENCH, 12.0
+        paper, ["direction_asymmetry", "speed_saturation", "payload"], bench_conditions(), 12.0
     ).experiment
     assert found is not None
     assert found.power > 0.99
@@ -260,6 +285,7 @@ def test_feeding_the_experiment_back_settles_an_ambiguous_study(paper: Model):
     assert before.next_experiment is not None
     assert before.next_experiment.power > 0.9
     commands = before.next_experiment.columns["command_rpm"]
+    assert np.max(np.abs(commands)) <= 60.0
     more = logs_of(hidden, {"next": ("fit", commands)}, 1)
     after = analyse(Dataset("with the experiment", gentle + more, ()), paper, options)
     assert after.verdict == "named"

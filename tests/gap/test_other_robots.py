@@ -11,11 +11,11 @@ import pytest
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
+from sysid.compare.coordinates import Coordinate, coordinate, effect_set, scanned
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem, speed_scale
 from sysid.compare.whitening import Whitener
-from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, scanned
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import SearchEffort

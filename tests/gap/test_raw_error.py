@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
+from sysid.compare.coordinates import EffectSet, effect_set
 from sysid.compare.fitted import Fitted, base_fit
 from sysid.compare.model_error import ChannelError, ModelError, with_model_error
 from sysid.compare.noise import measure_noise
@@ -16,7 +17,6 @@ from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.result import GapOptions
-from sysid.gap.search.coordinates import EffectSet, effect_set
 from sysid.gap.search.scores import fitted_rms, rises
 from sysid.gap.search.sets import EMPTY
 from sysid.gap.workflow import analyse

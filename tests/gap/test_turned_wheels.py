@@ -8,7 +8,7 @@ import pytest
 from mecanum_env.mjcf import robot_spec
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
-from mecanum_env.simulator.robot import at_rest
+from mecanum_env.simulator.robot import at_rest, compile_plant, standing
 from sysid.compare.fitted import base_fit
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -27,6 +27,7 @@ KNOWN = Floor(1e6, trusted=True)
 def problem_of(model: Model, turned: bool) -> ResidualProblem:
     """Return a study of three robot runs, twice each, whose wheels start at angle 0 or at random angles."""
     rng = np.random.default_rng(2)
+    compiled = compile_plant(model, visuals=False)
     runs = []
     for number, (v, theta, vc) in enumerate(LEVELS):
         moving = TIME >= 0.2
@@ -34,7 +35,9 @@ def problem_of(model: Model, turned: bool) -> ResidualProblem:
         sent = BodyCommands.from_rows([(0.0, 0.0, 0.0, 0.0), (0.2, v, theta, vc)])
         for repeat in range(2):
             angles = rng.uniform(0.0, 2.0 * np.pi, 4) if turned else ()
-            true = drive(model, sent, float(TIME[-1]), turned_rad=angles).channels_at(TIME)
+            stance = standing(compiled, angles)
+            path = drive(model, sent, float(TIME[-1]), mj_model=compiled, stance=stance)
+            true = path.channels_at(TIME)
             channels = {n: true[n] + 0.005 * rng.standard_normal(TIME.size) for n in ("vx_m_s", "vy_m_s")}
             name = f"run{number}"
             runs.append(Run(f"{name}_{repeat}.csv", name, "fit", TIME, command, channels))

@@ -149,6 +149,23 @@ def test_splits_that_none_states_are_assigned(split_of: SplitOf) -> None:
     assert splits == {"10_0.csv": "validation", "40_0.csv": "fit", "80_0.csv": "test", "120_0.csv": "fit"}
 
 
+@given(count=st.integers(1, 12), repeats=st.integers(1, 3), added=st.integers(1, 4))
+def test_groups_added_for_the_fit_leave_the_others_as_they_were(
+    count: int, repeats: int, added: int, bench_run: BenchRun, step_command: Step
+) -> None:
+    """Reading used to deal out all groups again: runs of the test came to decide, and new ones did not."""
+
+    def runs_at(speeds: list[float]) -> list[Run]:
+        names = [(f"{speed:g}_{r}.csv", speed) for speed in speeds for r in range(repeats)]
+        return [bench_run(name, step_command(speed), group=f"{speed:g}") for name, speed in names]
+
+    logs, new = runs_at([10.0 * (i + 1) for i in range(count)]), runs_at([10.0 * i + 5 for i in range(added)])
+    alone, _ = assign_splits(logs, {})
+    # One entry for each new group suffices: its repeats follow.
+    together, _ = assign_splits(logs + new, {run.file: "fit" for run in new[::repeats]})
+    assert together == alone + ["fit"] * len(new)
+
+
 def test_a_split_without_runs_is_reported(bench_run: BenchRun, step_command: Step) -> None:
     runs = [bench_run(f"{v}.csv", step_command(v), group=f"{v}") for v in (10, 20)]
     _, findings = assign_splits(runs, {"10.csv": "fit", "20.csv": "fit"})

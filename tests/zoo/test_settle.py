@@ -117,13 +117,18 @@ def test_driving_ends_before_the_budget_is_exceeded(logs):
     assert "54 s were driven" in settled.why_not
 
 
-def test_recordings_that_reading_sets_aside_for_the_test_are_marked(logs):
-    (logs / "3.csv").unlink()
-    state_splits(logs, "fit", "validation")
-    study, seen = played(tied(experiment()), report("no_gap"))
+@pytest.mark.parametrize("splits", [(), ("fit", "validation"), ("fit", "validation", "test")])
+def test_recordings_decide_and_leave_the_splits_of_the_logs_as_they_were(logs, splits):
+    for file in sorted(logs.glob("*.csv"))[len(splits) or 3 :]:
+        file.unlink()
+    state_splits(logs, *splits)
+    study, seen = played(tied(experiment()), tied(experiment(5.0)), report("no_gap"))
     settled = settle(CASE, logs, study, record)
-    assert {run.split for run in seen[1].runs if run.file.startswith("next")} == {"test"}
-    assert not settled.rounds[0].decides
+    before, *after = ({run.file: run.split for run in dataset.runs} for dataset in seen)
+    for later in after:
+        assert {file: later[file] for file in before} == before
+        assert {later[file] for file in later if file not in before} == {"fit"}
+    assert [one.decides for one in settled.rounds] == [True, True]
 
 
 def test_an_error_of_the_study_ends_the_case(logs):

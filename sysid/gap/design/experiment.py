@@ -1,4 +1,4 @@
-"""The experiment that separates tied candidate sets best, within the robot's limits.
+"""The experiment that separates tied candidate sets best, with commands like those of the logs.
 
 A set of effects is dropped if its score is worse than the best one's by more than a limit L
 (`sysid.gap.search.decision`). If a sequence puts truth and rival a squared distance S apart
@@ -15,7 +15,7 @@ sequence with the largest z of the worst pair: a T-optimal design (Atkinson and 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import permutations
 from typing import Final
@@ -24,11 +24,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import norm
 
-from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.prediction import POSE
-from sysid.gap.design.sequences import Limits
+from sysid.gap.design.limits import Limits
 from sysid.gap.design.trial import (
     ExperimentConditions,
     JudgedSequence,
@@ -39,19 +38,11 @@ from sysid.gap.design.trial import (
 )
 from sysid.gap.result import Experiment
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.wording import amount, listed, set_name
+from sysid.gap.wording import amount, listed, number, set_name, what_to_measure
 from sysid.logs.runs import UNITS
 
-_LEAST_POWER: Final = 0.1
-"""A pair that no sequence separates with this probability counts as inseparable by commands."""
 _LEAST_Z: Final = -50.0
 """z of two identical predictions."""
-_CHANNEL_GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
-    "the wheels' speeds": ("speed_fl_rpm", "speed_fr_rpm", "speed_rl_rpm", "speed_rr_rpm"),
-    "the body's velocity": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
-    "the pose": ("x_m", "y_m", "yaw_rad"),
-}
-"""Channels that a robot may measure in addition, by what they are called in a sentence."""
 
 Pairs = npt.NDArray[np.bool_]
 
@@ -82,12 +73,12 @@ def design_separating(
     base: Model,
     candidates: Sequence[Rival],
     conditions: ExperimentConditions,
-    limits: Limits,
     *,
     common: Model | None = None,
 ) -> Design:
-    """Return the experiment that separates at least two candidates best; none if no command can.
+    """Return the experiment that separates at least two candidates best.
 
+    None if no command that the platform takes separates any with the probability `THRESHOLDS.least_power`.
     `common` is the base model with the effects that all candidates share; the base model by default.
     """
     names, count = tuple(c.names for c in candidates), len(candidates)
@@ -98,10 +89,10 @@ def design_separating(
         return separation(trial, without, candidates, thorough=thorough)
 
     def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
-        separable[:] = _separable(np.max([one.z for one in judged], axis=0), count)
-        return (lambda one: float(np.min(one.z[separable]))) if np.any(separable) else None
+        separable[:] = _separable(np.stack([one.z for one in judged]), count)
+        return (lambda one: float(norm.isf(_failure(one.z, separable, count)))) if any(separable) else None
 
-    best = best_sequence(base, conditions, limits, judge, value_of)
+    best = best_sequence(base, conditions, judge, value_of)
     inseparable = _inseparable(names, separable, conditions)
     if best is None:
         only_slipping = (
@@ -149,13 +140,19 @@ def separation(
 def power(z: FloatArray, separable: Pairs, count: int) -> float:
     """Return a lower bound of the probability that the truth, whichever it is, remains alone.
 
-    Each pair fails with probability 1 - Phi(z); all rivals of a truth together with at most the sum of these.
     `z` (p,) is from `separation`, `separable` (p,) says which pairs of the `count` candidates matter.
     """
-    failure = np.zeros(count)
-    for index, (truth, _) in enumerate(permutations(range(count), 2)):
-        failure[truth] += norm.sf(z[index]) if separable[index] else 0.0
-    return float(max(0.0, 1.0 - np.max(failure)))
+    return 1.0 - _failure(z, separable, count)
+
+
+def _failure(z: FloatArray, separable: Pairs, count: int) -> float:
+    """Return an upper bound of the probability that a rival of the truth remains.
+
+    Each pair fails with probability 1 - Phi(z); all rivals of a truth together with at most the sum of these.
+    """
+    failure = np.where(separable, norm.sf(z), 0.0)
+    # The pairs of one truth follow each other.
+    return float(min(1.0, np.max(failure.reshape(count, count - 1).sum(axis=1))))
 
 
 def experiment_of(
@@ -180,12 +177,12 @@ def experiment_of(
     """
     trial = Trial(base, rows, conditions)
     predicted = {set_name(rival.names): trial.predict(rival.model) for rival in drawn}
-    period = base.wheel.command_period_s
+    period = conditions.limits.period_s
     return Experiment(
         why=why,
         candidates=candidates,
         time_s=np.round(np.arange(len(rows)) * period, 9),
-        columns=command_of(rows, base, conditions.kind).columns(),
+        columns=command_of(rows, conditions).columns(),
         duration_s=round(len(rows) * period, 9),
         power=least_power,
         predicted={name: values for name, values in predicted.items() if values is not None},
@@ -193,11 +190,20 @@ def experiment_of(
     )
 
 
-def _separable(best_z: FloatArray, count: int) -> Pairs:
-    """Return which ordered pairs some sequence separates, in either order."""
+def _separable(z: FloatArray, count: int) -> Pairs:
+    """Return which ordered pairs one of m sequences, with z (m, p), can be asked to separate.
+
+    These are as many as it separates all together with the probability that is wanted, in either order; the
+    pairs that are hardest to separate are given up first.
+    """
     pairs = list(permutations(range(count), 2))
-    reverse = [pairs.index((j, i)) for i, j in pairs]
-    return np.asarray(np.maximum(best_z, best_z[reverse]) >= norm.ppf(_LEAST_POWER))
+    best = np.max(z, axis=0)
+    ease = np.minimum(best, best[[pairs.index((j, i)) for i, j in pairs]])
+    for least in np.unique(ease):
+        separable = ease >= least
+        if max(power(one, separable, count) for one in z) >= THRESHOLDS.least_power:
+            return np.asarray(separable)
+    return np.zeros(len(pairs), bool)
 
 
 def _inseparable(names: Sequence[tuple[str, ...]], separable: Pairs, conditions: ExperimentConditions) -> str:
@@ -212,23 +218,21 @@ def _inseparable(names: Sequence[tuple[str, ...]], separable: Pairs, conditions:
     for group in groups:
         sets = [names[i] for i in sorted(group)]
         sentences.append(
-            f"No command within the robot's limits tells {listed(map(set_name, sets), 'or')} apart by "
-            f"{listed(conditions.channels)}: {what_to_measure(sets, conditions.channels)}."
+            f"{no_command(conditions.limits)} tells {listed(map(set_name, sets), 'or')} apart by "
+            f"{listed(conditions.channels)} with a probability of {THRESHOLDS.least_power:.0%}: "
+            f"{what_to_measure(sets, conditions.channels)}."
         )
     return " ".join(sentences)
 
 
-def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> str:
-    """Return, as the end of a sentence, what to measure besides `channels` to tell sets of effects apart."""
-    shared = set(sets[0]).intersection(*sets[1:])
-    differing = [CATALOGUE[n] for names in sets for n in names if n not in shared and n in CATALOGUE]
-    checks = dict.fromkeys(effect.direct_check for effect in differing if effect.direct_check)
-    missing = [what for what, names in _CHANNEL_GROUPS.items() if not set(names) & set(channels)]
-    if tuple(channels) == ("speed_rpm",):
-        missing = ["the body of the whole robot on the floor"]
-    ways = [f"measure {'; or '.join(checks)}"] if checks else []
-    ways += [f"log {listed(missing)} too"] if missing else []
-    return "; or ".join(ways) if ways else "measure with a second, independent sensor"
+def no_command(limits: Limits) -> str:
+    """Return the beginning of a sentence on what no command that a platform is known to take does."""
+    largest = f"up to {number(limits.limit_rpm)} rpm"
+    if limits.level == "robot":
+        largest = f"V up to {number(limits.v_rpm)} rpm, VC up to {number(limits.vc_rpm)} rpm"
+    return (
+        f"No command like those of the logs ({largest}, each held for {number(limits.period_s)} s or longer)"
+    )
 
 
 def _difference(

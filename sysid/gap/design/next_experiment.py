@@ -13,12 +13,13 @@ from scipy.stats import norm
 from mecanum_env.effects import CATALOGUE, Effect, PlantKind
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.compare.coordinates import coordinate
 from sysid.compare.fitted import Fitted
 from sysid.compare.observations import Observations
 from sysid.compare.prediction import POSE
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.design.experiment import Design, Rival, design_separating, experiment_of
-from sysid.gap.design.sequences import Limits
+from sysid.gap.design.experiment import Design, Rival, design_separating, experiment_of, no_command
+from sysid.gap.design.limits import limits_of
 from sysid.gap.design.trial import (
     CommandKind,
     ExperimentConditions,
@@ -28,9 +29,9 @@ from sysid.gap.design.trial import (
     best_sequence,
 )
 from sysid.gap.result import Untestable
-from sysid.gap.search.coordinates import coordinate
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.wording import listed, set_name
 from sysid.logs import BenchCommand, BodyCommand, Run
 from sysid.logs.runs import Level
@@ -41,12 +42,11 @@ _MOST_UNTESTABLE: Final[dict[Level, int]] = {"bench": 8, "robot": 4}
 """Effects that one experiment is designed for, the first in the chain: each costs simulations."""
 _MOST_CANDIDATES: Final[dict[Level, int]] = {"bench": 6, "robot": 4}
 """Candidates that one experiment is designed for, those of best score: each costs simulations."""
-_LEAST_POWER: Final = 0.5
-"""Probability with which an effect must show to be worth an experiment."""
 
 
 def design_next_experiment(
     problem: ResidualProblem,
+    runs: Sequence[Run],
     decision: Decision,
     improved: Model,
     untestable: Sequence[Untestable],
@@ -54,21 +54,25 @@ def design_next_experiment(
 ) -> Design:
     """Return the experiment that separates tied candidates or, without a gap, shows what the logs could not.
 
-    `improved` is the model with the effects found, `untestable` the effects that the logs could not show, and
-    `threshold` the fall of the cost that counts as seen.
+    Args:
+        problem: what the study decided on.
+        runs: all runs of the logs: the experiment stays within their commands.
+        decision: the verdict.
+        improved: the model with the effects found.
+        untestable: effects that the logs could not show.
+        threshold: fall of the cost that counts as seen.
     """
     if decision.verdict not in ("ambiguous", "no_gap"):
         return Design(None, "")
-    conditions = conditions_of(problem, decision.facts.inflation)
-    limits = _limits_of(problem.base, problem.observations)
+    conditions = conditions_of(problem, runs, decision.facts.inflation)
     if decision.verdict == "ambiguous":
-        return _separating(problem.base, decision, conditions, limits)
+        return _separating(problem.base, decision, conditions)
     names = [effect.name for effect in untestable]
-    return design_for_untestable(improved, names, conditions, limits, threshold)
+    return design_for_untestable(improved, names, conditions, threshold)
 
 
 def design_for_untestable(
-    model: Model, effects: Sequence[str], conditions: ExperimentConditions, limits: Limits, threshold: float
+    model: Model, effects: Sequence[str], conditions: ExperimentConditions, threshold: float
 ) -> Design:
     """Return the experiment on which as many of the effects as possible would show, if they were there.
 
@@ -87,14 +91,15 @@ def design_for_untestable(
 
     def value_of(judged: Sequence[JudgedSequence]) -> Value | None:
         best_z = np.max([one.z for one in judged], axis=0)
-        visible[:] = np.flatnonzero(best_z >= norm.ppf(_LEAST_POWER)).tolist()
+        visible[:] = np.flatnonzero(best_z >= norm.ppf(THRESHOLDS.least_power)).tolist()
         return (lambda one: float(norm.ppf(np.mean(norm.cdf(one.z[visible]))))) if visible else None
 
-    best = best_sequence(model, conditions, limits, judge, value_of)
-    if best is None:
+    best = best_sequence(model, conditions, judge, value_of)
+    least_z = norm.ppf(THRESHOLDS.least_power)
+    seen = [] if best is None else [i for i in visible if best.z[i] >= least_z]
+    if best is None or not seen:
         which = listed((rival.names[0] for rival in rivals), "or")
-        return Design(None, f"No command within the robot's limits would show {which} here.")
-    seen = [i for i in visible if best.z[i] >= norm.ppf(_LEAST_POWER)]
+        return Design(None, f"{no_command(conditions.limits)} would show {which} here.")
     which = listed(rivals[i].names[0] for i in seen)
     why = f"These logs could not show {which}; these commands would, were they there in a size to matter."
     drawn = [Rival((), model), *(rivals[i] for i in seen)]
@@ -138,7 +143,7 @@ def _typical(model: Model, effect: Effect, scale: float) -> Rival:
     return Rival((effect.name,), model.with_effect(effect.name, **values))
 
 
-def _separating(base: Model, decision: Decision, conditions: ExperimentConditions, limits: Limits) -> Design:
+def _separating(base: Model, decision: Decision, conditions: ExperimentConditions) -> Design:
     tied = decision.candidates[: _MOST_CANDIDATES[conditions.level]]
     shared = [name for name in tied[0].names if all(name in judged.names for judged in tied)]
     common = base
@@ -148,7 +153,7 @@ def _separating(base: Model, decision: Decision, conditions: ExperimentCondition
         common = replace(best, effects=kept)
     without = min(j.fitted.cost for j in decision.facts.judged if set(j.names) == set(shared) or not j.names)
     rivals = [_rival(base, judged, without, decision.facts.inflation) for judged in tied]
-    found = design_separating(base, rivals, conditions, limits, common=common)
+    found = design_separating(base, rivals, conditions, common=common)
     others = [set_name(judged.names) for judged in decision.candidates[len(tied) :]]
     if found.experiment is None or not others:
         return found
@@ -174,10 +179,11 @@ def _plausible(base: Model, fitted: Fitted[Any], inflation: float) -> tuple[Mode
     return tuple(found)
 
 
-def conditions_of(problem: ResidualProblem, inflation: float) -> ExperimentConditions:
+def conditions_of(problem: ResidualProblem, logs: Sequence[Run], inflation: float) -> ExperimentConditions:
     """Return conditions like those of the logs so far, simulated with the settings of the study.
 
-    `inflation` is the residual variance of the best fit relative to the expected one.
+    `logs` are all runs, those of the test too, and `inflation` is the residual variance of the best fit
+    relative to the expected one.
     """
     observations, whitener = problem.observations, problem.whitener
     runs = [run for situation in observations.situations for run in situation.runs]
@@ -191,6 +197,7 @@ def conditions_of(problem: ResidualProblem, inflation: float) -> ExperimentCondi
         interval_s=float(np.median([run.median_interval_s for run in runs])),
         noise=replace(whitener.noise, sigma=sigma),
         error=whitener.error,
+        limits=limits_of(problem.base, logs),
         inflation=inflation,
         study=problem.study,
     )
@@ -207,13 +214,3 @@ def _kind(run: Run) -> CommandKind:
     if isinstance(run.command, BenchCommand):
         return "bench"
     return "body" if isinstance(run.command, BodyCommand) else "wheels"
-
-
-def _limits_of(model: Model, observations: Observations) -> Limits:
-    """Return the commands that the robot can execute: up to its ceiling, or the largest in the logs."""
-    limit = model.wheel.saturation_rpm
-    runs = [situation.runs[0] for situation in observations.situations]
-    if not math.isfinite(limit):
-        limit = max(float(np.max(np.abs(run.command.wheels_rpm))) for run in runs)
-    geometry = None if runs[0].level == "bench" else model.robot
-    return Limits(limit, model.wheel.command_quantum_rpm, model.wheel.command_period_s, geometry)

@@ -30,7 +30,8 @@ from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import observe
 from sysid.compare.prediction import POSE, Start, Study, motion_of, readings
 from sysid.compare.whitening import Whitener
-from sysid.gap.design.sequences import FIELD_M, Limits, changed, library
+from sysid.gap.design.limits import Limits
+from sysid.gap.design.sequences import FIELD_M, changed, library
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
 from sysid.logs.runs import Level
 
@@ -64,6 +65,8 @@ class ExperimentConditions:
     """Noise of single samples."""
     error: ModelError | None
     """Error of the model itself, as its file states it."""
+    limits: Limits
+    """Commands that the platform takes."""
     study: Study
     """Plant, time step, seed and jobs of the simulations, and the scale of the catalogue's bounds."""
     inflation: float = 1.0
@@ -93,9 +96,9 @@ class Trial:
         if coarse and conditions.level == "robot" and self._study.timestep_s is None:
             self._study = replace(self._study, timestep_s=TRAINING_TIMESTEP_S)
         step = max(conditions.interval_s, _FINEST_S)
-        samples = round(len(rows) * base.wheel.command_period_s / step)
+        samples = round(len(rows) * conditions.limits.period_s / step)
         time = np.asarray(np.arange(samples + 1) * step, float)
-        self.run = self._run(command_of(rows, base, conditions.kind, time), time, conditions.channels)
+        self.run = self._run(command_of(rows, conditions, time), time, conditions.channels)
         self.observations = observe(Dataset("next experiment", (self.run,) * REPEATS, ()))
         averaging = math.sqrt(conditions.interval_s / step)
         sigma = {
@@ -175,19 +178,21 @@ class Trial:
         return Run("next", "next", "fit", time, command, dict.fromkeys(channels, np.zeros(time.size)))
 
 
-def command_of(rows: FloatArray, base: Model, kind: CommandKind, time_s: FloatArray | None = None) -> Command:
-    """Return a sequence as the commands of a log: one per command period, or held at stamps `time_s` (m,).
+def command_of(
+    rows: FloatArray, conditions: ExperimentConditions, time_s: FloatArray | None = None
+) -> Command:
+    """Return a sequence as the commands of a log: one per row, or held at stamps `time_s` (m,).
 
-    Rows have the shape (n, 1) on the bench and (n, 3) on the robot; `kind` says which columns the log has.
+    Rows have the shape (n, 1) on the bench and (n, 3) on the robot.
     """
     if time_s is not None:
-        index = np.floor(time_s / base.wheel.command_period_s + 1e-9).astype(int)
+        index = np.floor(time_s / conditions.limits.period_s + 1e-9).astype(int)
         rows = rows[np.clip(index, 0, len(rows) - 1)]
-    if kind == "bench":
+    if conditions.kind == "bench":
         return BenchCommand(rows[:, 0])
-    if kind == "body":
+    if conditions.kind == "body":
         return BodyCommand(*rows.T)
-    wheels, quantum = command_to_wheels(*rows.T), base.wheel.command_quantum_rpm
+    wheels, quantum = command_to_wheels(*rows.T), conditions.limits.quantum_rpm
     return WheelCommand(np.rint(wheels / quantum) * quantum if quantum else wheels)
 
 
@@ -224,7 +229,6 @@ Value: TypeAlias = Callable[[JudgedSequence], float]
 def best_sequence(
     base: Model,
     conditions: ExperimentConditions,
-    limits: Limits,
     judge: Judge,
     value_of: Callable[[Sequence[JudgedSequence]], Value | None],
 ) -> JudgedSequence | None:
@@ -236,11 +240,10 @@ def best_sequence(
     Args:
         base: the model under study.
         conditions: how the experiment will be recorded; its study has the seed of the random sequences.
-        limits: commands that the robot can execute.
         judge: judges the trial of one sequence; called from `study.jobs` threads.
         value_of: derives from the library's judged sequences the value to maximise; None if there is none.
     """
-    study = conditions.study
+    study, limits = conditions.study, conditions.limits
     rng, effort = np.random.default_rng(study.seed), EFFORT[limits.level]
 
     def judge_all(sequences: Sequence[FloatArray], thorough: bool) -> list[JudgedSequence]:

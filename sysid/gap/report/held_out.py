@@ -16,6 +16,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of, form_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
+from sysid.compare.coordinates import EffectSet
 from sysid.compare.observations import observe
 from sysid.compare.prediction import POSE, Study, predict
 from sysid.compare.problem import ResidualProblem
@@ -23,7 +24,6 @@ from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
 from sysid.gap.search.chance import Floor, enough, expected
-from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
 from sysid.logs import Dataset, Run, Split

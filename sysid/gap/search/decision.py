@@ -20,11 +20,11 @@ import numpy as np
 
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
+from sysid.compare.coordinates import EffectSet
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, roller_scatter
-from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search

@@ -18,9 +18,7 @@ from scipy.optimize import lsq_linear
 from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.fitted import Fitted
-from sysid.compare.problem import ResidualProblem
-from sysid.gap.search.coordinates import (
+from sysid.compare.coordinates import (
     Coordinate,
     EffectSet,
     coordinate,
@@ -29,6 +27,8 @@ from sysid.gap.search.coordinates import (
     joined,
     scanned,
 )
+from sysid.compare.fitted import Fitted
+from sysid.compare.problem import ResidualProblem
 
 _TORQUES: Final = (0.05, 0.2, 0.5)
 """Friction torques that are tried on a drive with integral action, on the scale 0 .. 1."""

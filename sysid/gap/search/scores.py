@@ -27,11 +27,11 @@ from scipy.stats import chi2, norm, t
 
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
+from sysid.compare.coordinates import EffectSet
 from sysid.compare.descent import Minimum, derivative_free, reach
 from sysid.compare.fitted import PRIOR, Fitted, function_near, marginal_function
 from sysid.compare.observations import Observations
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.search.coordinates import EffectSet
 from sysid.gap.search.thresholds import THRESHOLDS
 
 

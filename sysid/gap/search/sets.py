@@ -14,10 +14,10 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from sysid.compare.coordinates import EffectSet, excludes_itself
 from sysid.compare.descent import Minimum, compass_search
 from sysid.compare.fitted import Fitted, base_fit, fit, marginal_function
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.search.coordinates import EffectSet, excludes_itself
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 
@@ -69,7 +69,7 @@ class Search:
         form of a cause that the set has.
         """
         found = growths(self.problem.base, parent, self._library_at(parent), self.problem.study.scale)
-        return [g for g in found if not excludes_itself(g.candidate.names, bench=self.problem.bench)]
+        return [g for g in found if not self._excluded(g.candidate.names)]
 
     def swap(self, chosen: Fitted[EffectSet]) -> None:
         """Fit the sets that differ from a `chosen` one in one effect and may explain as much.
@@ -157,6 +157,9 @@ class Search:
             raise AssertionError(f"{growth.key[0]} fits worse than {growth.parent.names}, which it contains")
         return found
 
+    def _excluded(self, names: Sequence[str]) -> bool:
+        return excludes_itself(names, bench=self.problem.bench)
+
     def _library_at(self, parent: Fitted[EffectSet]) -> Sequence[Response]:
         """Return the responses to grow a set by, measured at the set itself if it has a delay.
 
@@ -167,9 +170,10 @@ class Search:
             return self.library
         key = parent.names, parent.candidate.integral
         if key not in self._behind:
-            names = {response.effect for response in self.library} - set(parent.names)
+            others = {response.effect for response in self.library} - set(parent.names)
+            names = [name for name in others if not self._excluded((*parent.names, name))]
             at = parent.candidate.model(self.problem.base, parent.place)
-            self._behind[key] = responses(self.problem, tuple(names), at)
+            self._behind[key] = responses(self.problem, names, at)
         return self._behind[key]
 
     def _rest(self, chosen: Fitted[EffectSet], name: str) -> Fitted[EffectSet] | None:

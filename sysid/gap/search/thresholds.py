@@ -20,6 +20,9 @@ class Thresholds:
     sqrt(0.01 x 0.99 / 2000) = 0.2 %."""
     power: float = 0.9
     """Probability with which an effect of the smallest detectable size is seen. Assumed; the usual choice."""
+    least_power: float = 0.5
+    """Probability with which an experiment must do what it is for to be offered. Assumed: below it, its
+    recordings more often leave the question open than not, and a direct check costs a user less."""
     tie_sigmas: float = 3.0
     """Standard deviations by which a set may be worse than the best one and still be tied with it: if it is
     the truth, it is dropped with a probability of Phi(-3) = 0.13 %."""

@@ -1,7 +1,7 @@
 """Driving the experiments that a study asks for, on the same drive or robot, until its case is settled.
 
 As the documentation tells a user: run the next experiment three times, put the recordings into the folder of
-the logs, and study the same model again.
+the logs, state in its `dataset.toml` that they are fitted, and study the same model again.
 """
 
 from __future__ import annotations
@@ -25,6 +25,7 @@ from sysid.gap.design.trial import REPEATS
 from sysid.gap.result import Experiment, GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, BodyCommand, Dataset, read_dataset
+from sysid.logs.settings import FILE_NAME
 from sysid.logs.writer import write_columns
 from sysid.studies.zoo.cases.case import Case
 from sysid.studies.zoo.nominal import nominal_model
@@ -127,8 +128,11 @@ def _drive(asked: Experiment, seed: int, number: int, logs: Path, record: Record
     recordings = [
         record(asked, np.random.default_rng([seed, _STREAM, number, repeat])) for repeat in range(REPEATS)
     ]
-    for repeat, columns in enumerate(recordings, start=1):
-        write_columns(columns, logs / f"{_stem(number)}_{repeat}.csv")
+    with (logs / FILE_NAME).open("a", encoding="utf-8") as settings:
+        for repeat, columns in enumerate(recordings, start=1):
+            name = f"{_stem(number)}_{repeat}.csv"
+            write_columns(columns, logs / name)
+            settings.write(f'\n[[runs]]\nfile = "{name}"\nsplit = "fit"\n')
     return recordings[0]
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
 from sysid.compare.samples import HeldCommand, Samples
 from sysid.gap import GapOptions, analyse
@@ -17,6 +18,7 @@ from sysid.gap.wording import (
     closure,
     concentrations,
     interval_text,
+    next_step,
     number,
     sizes,
     verdict_sentence,
@@ -103,6 +105,13 @@ def test_the_sentences_name_what_was_found(every_report: dict[str, GapReport]):
     assert "cannot tell which" in said["ambiguous"]
     assert said["no_gap"].startswith("No gap")
     assert "There is a gap" in said["unexplained"]
+
+
+def test_without_an_experiment_the_next_step_is_a_direct_check(ambiguous: GapReport):
+    assert "run next_experiment.csv" in next_step(ambiguous)
+    asked = next_step(replace(ambiguous, next_experiment=None))
+    assert asked.startswith("measure ")
+    assert CATALOGUE["mount_yaw"].direct_check in asked
 
 
 def test_the_words_say_which_runs_the_differences_are_of(named: GapReport):

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
+from sysid.compare.coordinates import Coordinate, coordinate, effect_set, joined
 from sysid.compare.fitted import RefittedLaw
-from sysid.gap.search.coordinates import Coordinate, coordinate, effect_set, joined
 
 MODEL = paper_model()
 COORDINATES = [

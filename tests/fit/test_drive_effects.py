@@ -1,0 +1,89 @@
+"""Law and effects of a drive, fitted together: found where they are, left out where the law is enough."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.simulator import replay_bench
+from sysid.fit import FitOptions, fit_dataset, fitted_model
+from sysid.fit.result import fit_json
+from sysid.logs import BenchCommand, Dataset, Run
+
+SAMPLE_S, SECONDS = 1.0 / 120.0, 2.5
+SPLITS = ("fit", "fit", "fit", "fit", "validation", "validation", "test")
+NOISE_RPM = 0.3
+
+
+def logs(model, seed: int = 0) -> Dataset:
+    """Return seven sequences of commands, each driven twice by a model, with noise."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(round(SECONDS / SAMPLE_S) + 1) * SAMPLE_S
+    runs = []
+    for number, split in enumerate(SPLITS):
+        levels = np.concatenate([[0], rng.integers(-110, 111, 7)]).astype(float)
+        command = levels[np.minimum((time_s / 0.3 + 1e-9).astype(int), 7)]
+        speed = replay_bench(model, time_s, command)
+        for repeat in (1, 2):
+            noisy = speed + NOISE_RPM * rng.standard_normal(speed.size)
+            name = f"run_{number}_{repeat}.csv"
+            runs.append(
+                Run(name, f"run_{number}", split, time_s, BenchCommand(command), {"speed_rpm": noisy})
+            )
+    return Dataset("made", tuple(runs), ())
+
+
+@pytest.fixture(scope="module")
+def rubbing(paper_module):
+    """Return a drive that reaches 0.9 of its command and rubs, and the fit of its logs."""
+    soft = replace(paper_module, robot=replace(paper_module.robot, servo_n_m_s_rad=0.5))
+    true = soft.with_effect("speed_gain", gain=0.9).with_effect("coulomb_friction", torque_n_m=0.4)
+    return true, fit_dataset(logs(true), FitOptions(starts=2, robot=soft.robot))
+
+
+@pytest.fixture(scope="module")
+def paper_module():
+    from mecanum_env.model import paper_model
+
+    return paper_model()
+
+
+def test_a_drive_that_is_its_law_has_no_effects(paper_module):
+    fit = fit_dataset(logs(paper_module), FitOptions(starts=2))
+    assert fit.drive_effects is None
+    assert dict(fitted_model(fit).effects) == {}
+    assert fit_json(fit)["drive_effects"] is None
+
+
+def test_friction_and_gain_are_fitted_together_with_the_law(rubbing):
+    _, fit = rubbing
+    found = fit.drive_effects
+    assert found is not None
+    model = fitted_model(fit)
+    assert model.effects["speed_gain"]["gain"] == pytest.approx(0.9, abs=0.02)
+    assert "coulomb_friction" in model.effects
+    assert found.before_rpm > 3.0 * found.after_rpm
+    assert any("fitted together with the law" in note for note in fit.notes)
+
+
+def test_the_model_with_effects_predicts_runs_that_nothing_was_fitted_to(rubbing):
+    true, fit = rubbing
+    model = fitted_model(fit)
+    test = logs(true, seed=1).runs[-1]
+    predicted = replay_bench(model, test.time_s, test.command.wheels_rpm[:, 0])
+    error = np.sqrt(np.mean((predicted - test.channels["speed_rpm"]) ** 2))
+    assert error < 3.0 * NOISE_RPM
+
+
+def test_the_law_alone_is_fitted_on_request(rubbing):
+    true, _ = rubbing
+    fit = fit_dataset(logs(true), FitOptions(starts=2, effects="off", robot=true.robot))
+    assert fit.drive_effects is None
+
+
+def test_what_was_found_is_stated_with_its_uncertainty(rubbing):
+    _, fit = rubbing
+    model = fitted_model(fit)
+    stated = model.uncertainty["effects"]["speed_gain"]["gain"]
+    assert stated["low"] < model.effects["speed_gain"]["gain"] < stated["high"]
+    assert np.all(np.linalg.eigvalsh(np.array(model.uncertainty["wheel"]["covariance"])) > -1e-9)

@@ -29,6 +29,8 @@ _LEAST_GAIN: Final = 0.02
 """Share of the squared error that each further term must explain."""
 _SURE: Final = 2.0
 """Standard errors over the parts by which a gain must exceed zero."""
+_PLAIN: Final = 0.5
+"""Explained share from which a gain is sure anyway: parts in which little happens gain little."""
 _RIDGE: Final = 1e-9
 """Relative ridge that keeps the normal equations regular when columns are collinear."""
 
@@ -157,6 +159,7 @@ def _how_many(left: FloatArray, squares: FloatArray) -> int:
         share = gains.sum() / total
         standard_error = np.std(gains, ddof=1) * np.sqrt(len(gains)) / total
         needed = _LEAST_EXPLAINED if count == 0 else _LEAST_GAIN
-        if share >= needed * (more - count) and share > _SURE * standard_error:
+        sure = share > min(_SURE * standard_error, _PLAIN)
+        if share >= needed * (more - count) and sure:
             count = more
     return count

@@ -45,8 +45,8 @@ def programs(out: Path) -> dict[str, list[str]]:
     commands = {
         "fit": ["sysid.fit", "examples/logs", "--out", str(out / "fit")],
         "gap": ["sysid.gap", "examples/gap_logs", "--model", fit, "--out", str(out / "gap")],
-        "gap_empirical": ["sysid.gap", "examples/gap_logs", "--model", fit, "--out", str(out / "gap_empirical"),
-                          "--only", "weak_servo", "battery_sag", "--empirical"],
+        "gap_adopt": ["sysid.gap", "examples/gap_logs", "--model", fit, "--out", str(out / "gap_adopt"),
+                          "--only", "weak_servo", "battery_sag", "--adopt"],
         "gap_none": ["sysid.gap", "examples/gap_logs", "--model", gap, "--out", str(out / "gap_none")],
         "online": ["sysid.online", "examples/logs", "--out", str(out / "online")],
         "reproduce": ["sysid.studies.reproduce", "--quick", "--out", str(out / "reproduce")],

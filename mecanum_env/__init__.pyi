@@ -4,7 +4,7 @@ from .errors import InputError, MecanumError
 from .files import asset_path
 from .law import WheelLaw
 from .law.metrics import law_step_metrics
-from .model import Model, Robot, Wheel, paper_model, read_model, write_model
+from .model import CustomEffect, CustomTable, Model, Robot, Wheel, paper_model, read_model, write_model
 from .rendering.backend import use_backend
 from .rendering.video import render_frames, write_video
 from .rendering.view import View
@@ -16,6 +16,8 @@ from .tankendo.vector import TankendoVectorEnv
 __all__ = [
     "CATALOGUE",
     "BodyCommands",
+    "CustomEffect",
+    "CustomTable",
     "Effect",
     "InputError",
     "MecanumError",

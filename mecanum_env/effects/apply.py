@@ -8,12 +8,16 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.definition import Channels, Effect, Load, PlantKind
 from mecanum_env.errors import EffectRefusedError, InputError
 from mecanum_env.law.drive import DriveParameters
+from mecanum_env.law.program import Program, evaluate
 from mecanum_env.model import Model
-from mecanum_env.units import FloatArray
+from mecanum_env.model.custom import program_at
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 if TYPE_CHECKING:
     import mujoco
@@ -106,7 +110,12 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
         if effect.change_drive is not None:
             with _named(effect):
                 drive = effect.change_drive(drive, values, wheel_name)
-    return drive
+    return replace(
+        drive,
+        command_program=program_at(model.custom, "command"),
+        set_point_program=program_at(model.custom, "set_point"),
+        load_program=program_at(model.custom, "load"),
+    )
 
 
 def delayed(model: Model, seconds: float) -> Model:
@@ -128,7 +137,8 @@ def without_sensors(model: Model) -> Model:
     """Return the model without the effects that only change the measurement: it moves the same."""
     known = {name: CATALOGUE[name] for name in model.effects}
     kept = [name for name, effect in known.items() if effect.changes_motion or not effect.simulated]
-    return replace(model, effects={name: model.effects[name] for name in kept})
+    custom = tuple(effect for effect in model.custom if effect.station != "sensor")
+    return replace(model, effects={name: model.effects[name] for name in kept}, custom=custom)
 
 
 def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
@@ -143,14 +153,26 @@ def measured(model: Model, time_s: FloatArray, channels: Channels) -> dict[str, 
 def sensors_of(model: Model) -> Sensors:
     """Return the sensors of a model, as a function that does what `measured` does."""
     acting = [(e.change_channels, values) for e, values in active_effects(model) if e.change_channels]
+    program = program_at(model.custom, "sensor")
 
     def read(time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
-        shown = dict(channels)
+        shown = _with_custom(program, time_s, channels) if program else dict(channels)
         for change, values in acting:
             shown = change(time_s, shown, values)
         return shown
 
     return read
+
+
+def _with_custom(program: Program, time_s: FloatArray, channels: Channels) -> dict[str, FloatArray]:
+    """Add the value of a custom effect, which is that of the true motion, to each wheel speed."""
+    shown = dict(channels)
+    for name, speed in channels.items():
+        if name.startswith("speed_"):
+            turned = np.diff(time_s, prepend=time_s[:1]) * speed * RAD_S_PER_RPM
+            given = {"speed": speed, "angle": np.cumsum(turned), "time": time_s}
+            shown[name] = speed + evaluate(program, given)
+    return shown
 
 
 def in_turned_axes(model: Model, yaw_rad: float) -> Model:

@@ -69,14 +69,17 @@ class DriveState:
         return state
 
 
-def begin(s: DriveState, p: Sets, command_rpm: FloatArray, timestep_s: float) -> None:
+def begin(
+    s: DriveState, p: Sets, command_rpm: FloatArray, timestep_s: float, speed: FloatArray | float = 0.0
+) -> None:
     """Advance the clocks, the law and the setpoint of `s` to the end of the substep.
 
-    `p` are the parameters, `command_rpm` are the commands [rpm], of a shape that broadcasts to (sets, runs).
+    `p` are the parameters, `command_rpm` are the commands [rpm], of a shape that broadcasts to (sets, runs),
+    and `speed` is that of the wheels [rad/s], which custom effects may use.
     """
     tau, period, now = p["sample_period_s"], p["command_period_s"], s.substeps * timestep_s
     while np.any(due := now >= s.latches * period - EPS * period):
-        _latch(s, p, command_rpm, due)
+        _latch(s, p, command_rpm, due, speed)
     while np.any(due := now >= s.ticks * tau - EPS * tau):
         _tick(s, p, due)
     s.substeps += 1
@@ -85,7 +88,7 @@ def begin(s: DriveState, p: Sets, command_rpm: FloatArray, timestep_s: float) ->
     s.rise = s.setpoint - before
 
 
-def _latch(s: DriveState, p: Sets, command_rpm: FloatArray, due: Mask) -> None:
+def _latch(s: DriveState, p: Sets, command_rpm: FloatArray, due: Mask, speed: FloatArray | float) -> None:
     """Latch the commands that are due: those that are lost leave the ones before."""
     sent_at, sent = s.latches * p["command_period_s"], rounded(command_rpm, p["command_quantum_rpm"])
     acts_at, arrival, jitters = sent_at + p["delay_s"], _at(s.arrival, s.latches - 1), p["jitter_s"] > 0.0
@@ -94,7 +97,9 @@ def _latch(s: DriveState, p: Sets, command_rpm: FloatArray, due: Mask) -> None:
         own = sent_at + own_delay(p["delay_s"], p["jitter_s"], p["link_seed"], s.latches)
         arrival = np.where((sent != s.sent) & ~lost, np.maximum(arrival, own), arrival)
         acts_at = np.where(jitters, np.maximum(sent_at, arrival), acts_at)
-    received = np.where(lost, _at(s.command, s.latches - 1), shaped(p, sent, acts_at))
+    received = np.where(
+        lost, _at(s.command, s.latches - 1), shaped(p, sent, acts_at, speed / RAD_S_PER_RPM, s.angle)
+    )
     s.sent = np.where(due & ~lost, sent, s.sent)
     for ring, value in ((s.command, received), (s.arrival, arrival)):
         kept = np.where(due, value, _at(ring, s.latches))

@@ -16,6 +16,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.link import MOST_SEEDS, SPREAD, Link
 from mecanum_env.law.motor_bounds import MotorBounds, steepest_share
+from mecanum_env.law.program import Program, inputs_of, require_runs
 from mecanum_env.law.ramp import RampLimits
 from mecanum_env.law.set_point import map_numbers, require_map
 from mecanum_env.law.shaping import rounded, shaped
@@ -93,6 +94,12 @@ class DriveParameters:
     """Speed at which the supply leaves the motor no torque [rpm]."""
     load: WheelLoad = NO_LOAD
     """What acts behind the setpoint; see `mecanum_env.law.servo`."""
+    command_program: Program = ()
+    """What a custom effect adds to each command before the dead band [rpm]; see `mecanum_env.law.program`."""
+    set_point_program: Program = ()
+    """What a custom effect adds behind the gains and before the saturation [rpm]."""
+    load_program: Program = ()
+    """Speed that the wheel gains by a custom load, which is a torque of servo times this speed [rpm]."""
 
     def __post_init__(self) -> None:
         for name in ("command_period_s", "gain", "reverse_ratio"):
@@ -113,6 +120,8 @@ class DriveParameters:
         if not abs(self.warm_up_share) < 1.0:
             raise InputError(f"warm_up_share = {self.warm_up_share}, must lie between -1 and 1")
         require_map(self.knots_rpm, self.values_rpm)
+        for program in (self.command_program, self.set_point_program, self.load_program):
+            require_runs(program)
         longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
@@ -158,21 +167,46 @@ class DriveParameters:
 
 
 def shaped_command(
-    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike
+    parameters: DriveParameters,
+    command_rpm: npt.ArrayLike,
+    seconds: npt.ArrayLike,
+    speed_rpm: npt.ArrayLike = 0.0,
+    angle_rad: npt.ArrayLike = 0.0,
 ) -> FloatArray:
     """Return rounded commands after dead band, gains, static map and saturation [rpm].
 
-    `seconds` is the time since the start at which each takes effect [s], of a shape that broadcasts.
+    `seconds` is the time since the start at which each takes effect [s]; `speed_rpm` and `angle_rad` are
+    those of the wheel at the latch, which custom effects may use. They are of shapes that broadcast.
     """
     numbers = {**vars(parameters), **map_numbers(parameters.knots_rpm, parameters.values_rpm)}
-    return shaped(numbers, command_rpm, seconds)
+    return shaped(numbers, command_rpm, seconds, speed_rpm, angle_rad)
 
 
 def received_command(
-    parameters: DriveParameters, command_rpm: npt.ArrayLike, seconds: npt.ArrayLike = 0.0
+    parameters: DriveParameters,
+    command_rpm: npt.ArrayLike,
+    seconds: npt.ArrayLike = 0.0,
+    speed_rpm: npt.ArrayLike = 0.0,
+    angle_rad: npt.ArrayLike = 0.0,
 ) -> FloatArray:
     """Return latched commands as the drive receives them [rpm], rounded and shaped; NaN counts as 0.
 
-    `seconds` is as for `shaped_command`. Latency and loss come before (`mecanum_env.law.inputs`).
+    `seconds`, `speed_rpm` and `angle_rad` are as for `shaped_command`. Latency and loss come before
+    (`mecanum_env.law.inputs`).
     """
-    return shaped_command(parameters, rounded(command_rpm, parameters.command_quantum_rpm), seconds)
+    sent = rounded(command_rpm, parameters.command_quantum_rpm)
+    return shaped_command(parameters, sent, seconds, speed_rpm, angle_rad)
+
+
+def require_open_loop(parameters: DriveParameters) -> None:
+    """Refuse a drive whose set-points the commands alone do not give.
+
+    Raises:
+        InputError: a custom effect changes the command by the wheel's speed or angle.
+    """
+    used = inputs_of(parameters.command_program) | inputs_of(parameters.set_point_program)
+    if used & {"speed", "angle"}:
+        raise InputError(
+            "a custom effect of the command or the set-point uses the wheel's speed or angle: the commands "
+            "alone do not give the set-points, simulate the wheel (mecanum_env.simulator)"
+        )

@@ -27,7 +27,8 @@ def free_wheel_speeds(
     The wheels move as MuJoCo's integrator "implicitfast" moves a hinge; speeds are NaN once they diverge.
 
     Args:
-        parameters: of the drives, in the order of `mecanum_env.law.parameters.CHAIN`, shape (sets, P).
+        parameters: of the drives, in the order of `mecanum_env.law.parameters.CHAIN`, shape (sets, P);
+            programs may follow them.
         wheels: moment of inertia [kg m^2] and viscous damping [N m s/rad] of each wheel, shape (sets, 2).
         timestep_s: the substep [s].
         command_rpm: command in each substep [rpm], shape (runs, n).
@@ -42,9 +43,9 @@ def free_wheel_speeds(
     speeds = np.empty((*speed.shape, command_rpm.shape[1] + 1))
     speeds[..., 0] = speed / RAD_S_PER_RPM
     for n, command in enumerate(command_rpm.T):
-        begin(s, p, command, h)
+        begin(s, p, command, h, speed)
         acted = torques(s, p, speed, h)
-        torque = acted.drive + acted.friction - damping * speed
+        torque = acted.reported - damping * speed
         after = speed + h * (torque * mobility)
         sane = (np.abs(torque / inertia) <= _LARGEST) & (np.abs(after) <= _LARGEST)
         after = np.where(sane, after, np.nan)

@@ -26,7 +26,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState
-from mecanum_env.law.drive import EPS, DriveParameters, shaped_command
+from mecanum_env.law.drive import EPS, DriveParameters, require_open_loop, shaped_command
 from mecanum_env.law.ramp import Ramp
 from mecanum_env.law.shaping import rounded
 from mecanum_env.units import FloatArray
@@ -184,7 +184,12 @@ def simulate_drive(
 
     The commands at each substep [rpm] have the shape (..., n), and the steady speeds before the start [rpm]
     the shape (...); leading axes are wheels or runs.
+
+    Raises:
+        InputError: a custom effect changes the command by the wheel's speed or angle, which only a simulation
+            of the wheel knows.
     """
+    require_open_loop(parameters)
     tau, period = parameters.law.sample_period_s, parameters.command_period_s
     command = np.asarray(command_rpm, float)
     n = command.shape[-1]
@@ -215,8 +220,9 @@ def latched_commands(
     before the first one, the steady command before the run, `initial_rpm`.
 
     Raises:
-        InputError: an empty log, or arrays of different shapes.
+        InputError: an empty log, arrays of different shapes, or a custom effect as for `simulate_drive`.
     """
+    require_open_loop(parameters)
     time, command = np.asarray(time_s, float), np.asarray(command_rpm, float)
     if time.ndim != 1 or time.shape != command.shape or time.size == 0:
         raise InputError(

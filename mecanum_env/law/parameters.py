@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.law.program import PROGRAM_SIZE
 from mecanum_env.law.set_point import MAP_PARAMETERS
 from mecanum_env.units import FloatArray
 
@@ -38,11 +39,33 @@ The inertia is that of the wheel and its rotor; the others are those of
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
 """All of them, in order."""
 
+PROGRAMS: Final = ("command_program", "set_point_program", "load_program")
+"""Programs of custom effects (`mecanum_env.law.program`) behind the parameters, PROGRAM_SIZE numbers each."""
+
 Sets = Mapping[str, FloatArray]
-"""Name of a parameter -> its value in each set, shape (sets, 1), so that it broadcasts over runs."""
+"""Name of a parameter -> its value in each set, shape (sets, 1), so that it broadcasts over runs.
+
+Programs have the shape (sets, PROGRAM_SIZE).
+"""
 
 
 def by_name(rows: FloatArray) -> Sets:
-    """Return rows of parameters, shape (sets, P) in the order of `CHAIN`, by name."""
-    columns = np.asarray(rows, float).T[:, :, None]
-    return dict(zip(CHAIN, columns, strict=True))
+    """Return rows of parameters in the order of `CHAIN`, (sets, P), by name; programs may follow them."""
+    full = with_programs(rows)
+    programs = np.split(full[:, len(CHAIN) :], len(PROGRAMS), axis=1)
+    columns = full[:, : len(CHAIN)].T[:, :, None]
+    return dict(zip(CHAIN, columns, strict=True)) | dict(zip(PROGRAMS, programs, strict=True))
+
+
+def with_programs(rows: FloatArray) -> FloatArray:
+    """Return rows of parameters, shape (sets, P), with empty programs behind them where they have none.
+
+    Raises:
+        ValueError: they have neither the length of `CHAIN` nor that with programs.
+    """
+    given, programs = np.asarray(rows, float), len(PROGRAMS) * PROGRAM_SIZE
+    if given.ndim != 2 or given.shape[1] not in (len(CHAIN), len(CHAIN) + programs):
+        raise ValueError(
+            f"parameters of shape {given.shape}, must have {len(CHAIN)} or {programs} more columns"
+        )
+    return np.pad(given, ((0, 0), (0, len(CHAIN) + programs - given.shape[1])))

@@ -15,8 +15,10 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.law.chain import DriveState
+from mecanum_env.law.custom_load import custom_torque
 from mecanum_env.law.parameters import Sets
 from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -37,6 +39,13 @@ class Torques:
     """The same, limited."""
     friction: FloatArray
     """That of the wheel's bearing."""
+    custom: FloatArray
+    """That of a custom effect which loads the wheel."""
+
+    @property
+    def reported(self) -> FloatArray:
+        """Their sum."""
+        return self.drive + self.friction + self.custom
 
 
 def torques(s: DriveState, p: Sets, speed: FloatArray, timestep_s: float) -> Torques:
@@ -50,7 +59,9 @@ def torques(s: DriveState, p: Sets, speed: FloatArray, timestep_s: float) -> Tor
     cold = _coldness(s, p, timestep_s)
     # What a warm bearing has lost of its viscous friction, which the engine's joint holds at its cold value.
     back = p["viscous_n_m_s_rad"] * (1 - cold) * speed
-    return Torques(asked, drive, back + _friction(s, p, speed, timestep_s, drive + back, cold))
+    custom = _custom(s, p, speed, timestep_s, drive)
+    friction = back + _friction(s, p, speed, timestep_s, drive + back + custom, cold)
+    return Torques(asked, drive, friction, custom)
 
 
 def end(s: DriveState, p: Sets, acted: Torques, before: FloatArray, speed: FloatArray, h: float) -> None:
@@ -61,8 +72,7 @@ def end(s: DriveState, p: Sets, acted: Torques, before: FloatArray, speed: Float
     half = p["gap_rad"] / 2
     s.change = speed - before
     s.angle = s.angle + h * speed
-    reported = acted.drive + acted.friction
-    s.load = s.load + LOAD_SMOOTHING * (_effective_inertia(p, h) * s.change / h - reported - s.load)
+    s.load = s.load + LOAD_SMOOTHING * (_effective_inertia(p, h) * s.change / h - acted.reported - s.load)
     gap, s.gap = s.gap, np.clip(s.gap + h * (_unloaded(s, p) - speed), -half, half)
     # The error of the motor, which turns without the wheel inside the gap.
     error = s.setpoint - speed - (s.gap - gap) / h
@@ -118,6 +128,16 @@ def _limited(s: DriveState, p: Sets, speed: FloatArray, h: float, asked: FloatAr
     backwards = np.where(falls, limit * np.clip(1 + ratio, 0, 1), limit)
     high, low = asked - off > forwards, asked - off < -backwards
     return np.where(high, forwards + off, np.where(low, -backwards + off, asked))
+
+
+def _custom(s: DriveState, p: Sets, speed: FloatArray, h: float, drive: FloatArray) -> FloatArray:
+    """Return the torque of a custom effect that loads the wheels."""
+    if not np.any(p["load_program"]):
+        return np.zeros(speed.shape)
+    seconds = (s.substeps - 1) * h  # `begin` has counted this substep
+    now: dict[str, npt.ArrayLike] = {"command": s.r1, "angle": s.angle, "time": seconds}
+    per_torque = h / np.maximum(_effective_inertia(p, h), _TINY)
+    return custom_torque(p["load_program"], now, p["servo_n_m_s_rad"], per_torque, speed, drive)
 
 
 def _coldness(s: DriveState, p: Sets, h: float) -> FloatArray:

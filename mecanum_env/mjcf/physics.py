@@ -127,10 +127,12 @@ def add_drive(
         if site_gear is None:
             spec.joint(name).armature += rotor_inertia(model.robot, drive_parameters(model, law_wheel))
         return
-    if drive_parameters(model, law_wheel).load.acts:
+    parameters = drive_parameters(model, law_wheel)
+    if parameters.load.acts or parameters.load_program:
         raise InputError(
-            "effects.backlash, effects.torque_ripple, effects.coulomb_friction, effects.stiction and any "
-            'answer_s need the plugin, drive="plugin"; remove them from the model file for drive="servo"'
+            "effects.backlash, effects.torque_ripple, effects.coulomb_friction, effects.stiction, any "
+            'answer_s and a custom load need the plugin, drive="plugin"; remove them from the model file for '
+            'drive="servo"'
         )
     limit = model.robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
     actuator.gainprm = [model.robot.servo_n_m_s_rad] + [0.0] * 9

@@ -1,5 +1,6 @@
 """`model.json`: the contract between fit, simulator, environment and gap workflow."""
 
+from mecanum_env.model.custom import CustomEffect, CustomTable
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named, form_of, forms_of
 from mecanum_env.model.file import (
     FORMAT,
@@ -16,6 +17,8 @@ from mecanum_env.model.model import Model, Robot, Wheel
 __all__ = [
     "EFFECT_PARAMETERS",
     "FORMAT",
+    "CustomEffect",
+    "CustomTable",
     "Model",
     "Robot",
     "Wheel",

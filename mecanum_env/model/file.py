@@ -16,13 +16,14 @@ from typing import Any, Final
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import asset_path, write_json
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
+from mecanum_env.model.custom_file import custom_from_json, custom_to_json
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named, form_of
 from mecanum_env.model.json_checks import mapping, number_list, numbers, uncertainty_from_dict
 from mecanum_env.model.model import Model, Robot, Wheel
 from mecanum_env.model.static_map import LISTS, MAP, map_lists, map_parameters
 
 FORMAT: Final = "mecanum-model/1"
-_SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "uncertainty", "provenance")
+_SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "custom", "uncertainty", "provenance")
 _LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
 _WHEEL_FIELDS: Final = tuple(f.name for f in fields(Wheel) if f.name != "law")
 _ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
@@ -47,6 +48,8 @@ def model_to_dict(model: Model) -> dict[str, Any]:
         "provenance": dict(model.provenance),
         **{name: item for name, item in model.extra.items() if name not in _SECTIONS},
     }
+    if model.custom:
+        value["custom"] = custom_to_json(model.custom)
     if model.wheels:
         value["wheels"] = {
             wheel: {name: getattr(law, name) for name in COEFFICIENTS} for wheel, law in model.wheels.items()
@@ -83,6 +86,7 @@ def model_from_dict(value: Any) -> Model:
         provenance=dict(mapping("provenance", top.get("provenance", {}))),
         extra=extra | {k: v for k, v in (("wheel", wheel_extra), ("robot", robot_extra)) if v},
         wheels=wheels,
+        custom=custom_from_json(top.get("custom", [])),
     )
 
 

@@ -11,6 +11,7 @@ from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import DriveParameters
+from mecanum_env.model.custom import STATIONS, CustomEffect, program_at
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named
 
 
@@ -101,6 +102,8 @@ class Model:
     section under "wheel" and "robot"."""
     wheels: Mapping[str, WheelLaw] = field(default_factory=dict)
     """Laws of single wheels (fl, fr, rl, rr) that differ from `wheel.law`; see `law_of`."""
+    custom: tuple[CustomEffect, ...] = ()
+    """Effects without a name; they act on every wheel alike."""
 
     def __post_init__(self) -> None:
         for name, parameters in self.effects.items():
@@ -116,6 +119,8 @@ class Model:
                 if key not in known:
                     raise InputError(f"effects.{name}.{key}: no such parameter; known: {', '.join(known)}")
                 _require(f"effects.{name}.{key}", value, -math.inf, strict=True, finite=False)
+        for station in STATIONS:
+            program_at(self.custom, station)
         for name, law in self.wheels.items():
             _require_wheel(f"wheels.{name}", name)
             if law.sample_period_s != self.wheel.law.sample_period_s:
@@ -146,6 +151,14 @@ class Model:
         if effect in self.effects:
             others = dict(self.effects)
         return replace(self, effects={**others, effect: parameters})
+
+    def with_custom(self, *effects: CustomEffect) -> Model:
+        """Return a copy to which custom `effects` are added.
+
+        Raises:
+            InputError: all those of a station together are too long.
+        """
+        return replace(self, custom=(*self.custom, *effects))
 
 
 def _require_wheel(where: str, name: str) -> None:

@@ -42,7 +42,7 @@ static int64_t simulate(const double* p, double inertia, double damping, double 
     for (; given < run->commands && run->times[given] <= n * h + EARLY; given++) now.command = run->values[given];
     chain_begin(&s, p, &now);
     Torques t = chain_torques(&s, p, &now);
-    double reported = t.drive + t.friction, torque = reported - damping * now.speed;
+    double reported = chain_reported(&t), torque = reported - damping * now.speed;
     double speed = now.speed + h * (torque * (1 / moved));
     if (!(fabs(torque / inertia) <= LARGEST && fabs(speed) <= LARGEST)) {
       for (int64_t i = n + 1; i <= run->steps; i++) speeds[i] = NAN;
@@ -55,7 +55,7 @@ static int64_t simulate(const double* p, double inertia, double damping, double 
   return run->steps;
 }
 
-// Simulate every run with every set of parameters: row i of `parameters` (sets, N_PARAMETERS) drives a wheel of the
+// Simulate every run with every set of parameters: row i of `parameters` (sets, N_NUMBERS) drives a wheel of the
 // inertia [kg m^2] and viscous damping [N m s/rad] in row i of `wheels` (sets, 2), in steps of h [s]. Run j has the
 // commands first[j] .. first[j + 1] - 1 of `times` and `values`. Results: `speeds` (sets, sum of steps + 1), run after
 // run, and `reached` (sets, runs), the substeps before the state diverged, else all of them.
@@ -65,7 +65,7 @@ EXPORT void mecanum_bench(int64_t sets, int64_t runs, double h, const double* pa
   for (int64_t i = 0; i < sets; i++) {
     for (int64_t j = 0; j < runs; j++) {
       Run run = {steps[j], first[j + 1] - first[j], times + first[j], values + first[j], initial[j]};
-      *reached++ = simulate(parameters + i * N_PARAMETERS, wheels[2 * i], wheels[2 * i + 1], h, &run, speeds);
+      *reached++ = simulate(parameters + i * N_NUMBERS, wheels[2 * i], wheels[2 * i + 1], h, &run, speeds);
       speeds += run.steps + 1;
     }
   }

@@ -6,6 +6,8 @@
 
 #define TINY 1e-15          // least inertia of a wheel [kg m^2]
 #define LOAD_SMOOTHING 0.1  // share of a change of the load that its estimate follows in a substep
+#define STILL 1e-9          // difference of speeds [rad/s] that is none
+#define ROOT_STEPS 12       // of the search for the speed at which a steep custom load and the drive agree
 #define UNLIMITED 1e10      // torque limit [N m] that means none, as on the bench
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
@@ -39,7 +41,7 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
   const double h = now->timestep, tau = p[SAMPLE_PERIOD], T = p[COMMAND_PERIOD];
   if (s->timestep != h || s->sample_period != tau || s->command_period != T) restart_clocks(s, h, tau, T);
   double time = s->substeps * h;
-  for (int i = 0; i < MAX_EVENTS && time >= s->latches * T - EPS * T; i++) set_point_latch(s, p, now->command);
+  for (int i = 0; i < MAX_EVENTS && time >= s->latches * T - EPS * T; i++) set_point_latch(s, p, now);
   for (int i = 0; i < MAX_EVENTS && time >= s->ticks * tau - EPS * tau; i++) {
     double r = set_point_input(s, p);
     double w = p[LAW_A] * s->w0 + p[LAW_B] * s->w1 + p[LAW_C] * s->w2 + p[LAW_D] * r + p[LAW_E] * s->r1 +
@@ -127,6 +129,35 @@ static double limited(const Drive* s, const double* p, const Substep* now, doubl
   return asked;
 }
 
+static double custom_speed(const Drive* s, const double* p, const Substep* now, double speed) {
+  Inputs inputs = {s->r1, speed / RAD_S_PER_RPM, s->angle, (s->substeps - 1) * now->timestep, 0};
+  return program_value(PROGRAM(p, AT_LOAD), &inputs) * RAD_S_PER_RPM;
+}
+
+// The torque of a custom load: the servo's stiffness times the speed [rad/s] that the formula gives for the wheel's
+// speed. A load that falls steeply with speed, as friction does near rest, would make the wheel chatter if it were
+// that of the speed at the start of the substep. It is then that of the speed at the end, which is searched between
+// the start and the end that the plain load leads to (regula falsi, Illinois variant).
+static double custom_torque(const Drive* s, const double* p, const Substep* now, double drive) {
+  if (PROGRAM(p, AT_LOAD)[0] == OP_END) return 0;
+  double kv = p[SERVO], perstep = now->timestep / fmax(effective_inertia(p, now), TINY);
+  double alone = now->speed + perstep * drive, gain = perstep * kv;  // speed at the end without load, and per load
+  double low = now->speed, load = custom_speed(s, p, now, low);
+  double high = alone + gain * load, at_low = high - low;
+  double at_high = alone + gain * custom_speed(s, p, now, high) - high;
+  if (!(at_low * at_high < 0 && fabs(at_high) > fmax(0.5 * fabs(at_low), STILL))) return kv * load;
+  for (int i = 0; i < ROOT_STEPS; i++) {
+    double speed = high - at_high * (high - low) / (at_high - at_low);
+    load = custom_speed(s, p, now, speed);
+    double here = alone + gain * load - speed;
+    if (here * at_high < 0) low = high, at_low = at_high;
+    else at_low *= 0.5;
+    high = speed, at_high = here;
+    if (fabs(here) <= STILL) break;
+  }
+  return kv * (high - alone) / gain;
+}
+
 // The share of the bearing's friction that is left: it falls from 1 while the bearing warms up.
 static double cold(const Drive* s, const double* p, const Substep* now) {
   if (!(p[WARM_SHARE] > 0 && p[WARM_TIME] > 0)) return 1;
@@ -168,9 +199,12 @@ Torques chain_torques(const Drive* s, const double* p, const Substep* now) {
   t.asked = asked_torque(s, p, now) + ripple(s, p, now);
   t.drive = limited(s, p, now, t.asked);
   double back = thawed(s, p, now);
-  t.friction = back + friction(s, p, now, t.drive + back);
+  t.custom = custom_torque(s, p, now, t.drive);
+  t.friction = back + friction(s, p, now, t.drive + back + t.custom);
   return t;
 }
+
+double chain_reported(const Torques* t) { return t->drive + t->friction + t->custom; }
 
 void chain_end(Drive* s, const double* p, const Substep* now, double asked, double delivered, double reported,
                double speed) {

@@ -20,6 +20,8 @@
 
 #include <stdint.h>
 
+#include "program.h"
+
 #define EXPORT __attribute__((visibility("default")))  // for other programs, which call it through a pointer
 
 #define RING 32         // latched commands kept, which bounds the delay
@@ -101,6 +103,11 @@ enum { LAW_PARAMETERS(INDEX) SERVO, USER_PARAMETERS(INDEX) N_PARAMETERS };
 enum { N_LAW = SERVO, FIRST_USER = SERVO + 1, N_USER = N_PARAMETERS - FIRST_USER };
 #undef INDEX
 
+// The programs of custom effects follow the parameters; in the actuator they begin at user[FIRST_PROGRAM].
+enum { AT_COMMAND, AT_SET_POINT, AT_LOAD, N_STATIONS };
+enum { FIRST_PROGRAM = 128, N_PROGRAMS = N_STATIONS * PROGRAM_SIZE, N_NUMBERS = N_PARAMETERS + N_PROGRAMS };
+#define PROGRAM(p, station) ((p) + N_PARAMETERS + (station) * PROGRAM_SIZE)
+
 typedef struct {
   double substeps, ticks, latches;                 // counts since the clocks started
   double timestep, sample_period, command_period;  // the clocks in use [s]; another value restarts them
@@ -130,20 +137,21 @@ typedef struct {
 typedef struct {
   double asked;     // torque that the servo asks for [N m]
   double drive;     // the same, limited [N m]
+  double custom;    // of a custom effect that loads the wheel [N m]
   double friction;  // of the wheel's bearing [N m]
 } Torques;
 
 // The name of a parameter by its index; NULL beyond the last.
 EXPORT const char* mecanum_parameter(int64_t index);
 
-// Whether a drive refuses parameters p with substeps of h [s]; if so, `message` of at most `size` bytes says why.
+// Whether a drive refuses N_NUMBERS parameters p with substeps of h [s]; if so, `message` of at most `size` bytes says why.
 EXPORT int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size);
 
 // The command [rpm]; NaN and absurd values count as 0, as for MuJoCo's own actuators.
 double chain_sane(double command);
 
 // Latch the command that is sent [rpm], shaped as the drive does it.
-void set_point_latch(Drive* s, const double* p, double command);
+void set_point_latch(Drive* s, const double* p, const Substep* now);
 
 // The law's input r(k) [rpm]: the mean over the coming tick of the delayed command behind the acceleration limit. Only
 // commands latched by the start of the tick count.
@@ -157,6 +165,9 @@ void chain_begin(Drive* s, const double* p, const Substep* now);
 
 // The torques to report: an implicit integrator subtracts kv times the coming change of speed from their sum.
 Torques chain_torques(const Drive* s, const double* p, const Substep* now);
+
+// Their sum.
+double chain_reported(const Torques* t);
 
 // Take over the substep's motion: the wheel's speed at its end [rad/s], the drive's torque that was delivered (0 while
 // actuation is disabled) and the whole torque that was reported [N m].

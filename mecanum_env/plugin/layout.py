@@ -5,7 +5,8 @@ pickles and batches of models carry them, and a compiled model can be edited (`w
 
     dynprm      the wheel law, its clocks, quantum and ceiling: `mecanum_env.law.parameters.DYNPRM`
     biasprm     0, 0, -servo_n_m_s_rad
-    user        everything else: `mecanum_env.law.parameters.USER`
+    user        everything else: `mecanum_env.law.parameters.USER`; from FIRST_PROGRAM on the programs of
+                custom effects, if there are any
 
 From "deadband_rpm" on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia
 is fed forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag,
@@ -34,7 +35,8 @@ import numpy.typing as npt
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.law.drive import RING, DriveParameters
-from mecanum_env.law.parameters import USER
+from mecanum_env.law.parameters import PROGRAMS, USER
+from mecanum_env.law.program import PROGRAM_SIZE
 from mecanum_env.law.set_point import map_numbers
 from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.model import Model, Robot
@@ -49,7 +51,10 @@ _GAP: Final = USER.index("gap_rad")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
 USER_SIZE: Final = 128
-"""`nuser_actuator` as this project writes it; the plugin needs at least 3, and unused entries are 0."""
+"""`nuser_actuator` as this project writes it without programs; the plugin needs at least 3, and unused
+entries are 0."""
+FIRST_PROGRAM: Final = USER_SIZE
+"""Index in user of the first program."""
 
 STATE: Final = (
     *("substeps", "ticks", "latches"),
@@ -95,7 +100,7 @@ def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[flo
 
 
 def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | None = None) -> list[float]:
-    """Return the numbers of an actuator's user field, USER_SIZE of them.
+    """Return the numbers of an actuator's user field: USER_SIZE of them, more if there are programs.
 
     The torque limit replaces the robot's; infinite or NO_TORQUE_LIMIT for none.
 
@@ -113,7 +118,14 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     values |= map_numbers(drive.knots_rpm, drive.values_rpm)
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
-    return [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+    numbers = [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+    programs = _programs(drive)
+    return numbers + programs if any(programs) else numbers
+
+
+def _programs(drive: DriveParameters) -> list[float]:
+    rows = [getattr(drive, name) for name in PROGRAMS]
+    return [number for row in rows for number in (*row, *[0.0] * (PROGRAM_SIZE - len(row)))]
 
 
 def rotor_inertia(robot: Robot, drive: DriveParameters) -> float:
@@ -127,14 +139,14 @@ def chain_parameters(
     torque_limit_n_m: float | None = None,
     inertia_kg_m2: float = 0.0,
 ) -> FloatArray:
-    """Return all parameters of a wheel's drive in the order of `mecanum_env.law.parameters.CHAIN`, (P,).
+    """Return a wheel's drive in the order of `mecanum_env.law.parameters.CHAIN`, with its programs, (P,).
 
     `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
     drive = drive_parameters(model, wheel_name)
     user = userdata(model.robot, drive, torque_limit_n_m)[: len(USER)]
     user[_INERTIA] = inertia_kg_m2 + rotor_inertia(model.robot, drive)
-    return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user])
+    return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user, *_programs(drive)])
 
 
 def set_wheel_parameters(
@@ -157,7 +169,6 @@ def set_wheel_parameters(
     """
     robot, parameters = model.robot, drive_parameters(model, wheel_name)
     spec.activate_plugin(PLUGIN_NAME)
-    spec.nuser_actuator = max(spec.nuser_actuator, USER_SIZE)
     # MjSpec finds a plugin instance by its name only.
     actuator.plugin = spec.add_plugin(name=actuator.name, plugin_name=PLUGIN_NAME, active=True)
     actuator.dynprm = dynprm(parameters, quantum_rpm)
@@ -165,6 +176,7 @@ def set_wheel_parameters(
     actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
     user = userdata(robot, parameters, torque_limit_n_m)
     user[_INERTIA] = inertia_kg_m2 + rotor_inertia(robot, parameters)
+    spec.nuser_actuator = max(spec.nuser_actuator, len(user))
     actuator.userdata = user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]
@@ -196,7 +208,7 @@ def write_parameters(
     user = userdata(robot, parameters, torque_limit_n_m)
     if any(user[mjmodel.nuser_actuator :]):
         raise InputError(
-            f"nuser_actuator = {mjmodel.nuser_actuator}, must be {USER_SIZE} for a model with these effects"
+            f"nuser_actuator = {mjmodel.nuser_actuator}, must be {len(user)} for a model with these effects"
         )
     given = mjmodel.actuator_user[actuator_id]
     if user[_ROTOR] != (float(given[_ROTOR]) if len(given) > _ROTOR else 0.0):
@@ -209,6 +221,7 @@ def write_parameters(
     user = user[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
+    mjmodel.actuator_user[actuator_id] = 0.0
     mjmodel.actuator_user[actuator_id, : len(user)] = user
 
 

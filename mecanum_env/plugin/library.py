@@ -14,6 +14,8 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.law.parameters import with_programs
+from mecanum_env.law.program import INPUTS, PROGRAM_SIZE, Program
 from mecanum_env.plugin import library_path
 from mecanum_env.units import FloatArray
 
@@ -52,7 +54,8 @@ def free_wheels(
     """Return the speeds of free wheels on hinges, as MuJoCo's integrator "implicitfast" moves them.
 
     Args:
-        parameters: sets of parameters of the drive, shape (sets, P), in the order of `parameter_names`.
+        parameters: sets of parameters of the drive, shape (sets, P), in the order of `parameter_names`;
+            programs of custom effects may follow them.
         wheels: moment of inertia [kg m^2] and viscous damping [N m s/rad] of each set's wheel, (sets, 2).
         timestep_s: physics step [s].
         commands: what each run is commanded.
@@ -63,9 +66,9 @@ def free_wheels(
         steps that each run took before its state stopped being finite, shape (sets, runs); else all of them.
     """
     sets, runs = len(parameters), len(steps)
-    rows, bodies = np.ascontiguousarray(parameters, float), np.ascontiguousarray(wheels, float)
+    rows, bodies = np.ascontiguousarray(with_programs(parameters)), np.ascontiguousarray(wheels, float)
     counts = np.ascontiguousarray(steps, np.int64)
-    if rows.shape != (sets, len(parameter_names())) or bodies.shape != (sets, 2):
+    if bodies.shape != (sets, 2):
         raise ValueError(f"parameters of shape {rows.shape} and wheels of shape {bodies.shape} do not fit")
     speeds = np.empty((sets, int(np.sum(counts)) + runs))
     reached = np.empty((sets, runs), np.int64)
@@ -73,6 +76,20 @@ def free_wheels(
     arrays = (rows, bodies, *given, speeds, reached)
     _library().mecanum_bench(sets, runs, timestep_s, *(array.ctypes.data for array in arrays))
     return speeds, reached
+
+
+def evaluate_program(program: Program, inputs: FloatArray) -> FloatArray:
+    """Return the values of a program, shape (n,), as `mecanum_env.law.program.evaluate` does.
+
+    `inputs` are in the order of `mecanum_env.law.program.INPUTS`, shape (n, 5).
+    """
+    numbers, given = np.zeros(PROGRAM_SIZE), np.ascontiguousarray(inputs, float)
+    if given.ndim != 2 or given.shape[1] != len(INPUTS) or len(program) > PROGRAM_SIZE:
+        raise ValueError(f"inputs of shape {given.shape} and {len(program)} instructions do not fit")
+    numbers[: len(program)] = program
+    values = np.empty(len(given))
+    _library().mecanum_evaluate(numbers.ctypes.data, len(given), given.ctypes.data, values.ctypes.data)
+    return values
 
 
 @cache
@@ -86,7 +103,10 @@ def parameter_names() -> tuple[str, ...]:
 
 def refusal(parameters: FloatArray, timestep_s: float) -> str | None:
     """Return why a drive refuses `parameters` (P,) with a physics step [s]; None if it does not."""
-    row, message = np.ascontiguousarray(parameters, float), ctypes.create_string_buffer(400)
+    row, message = (
+        np.ascontiguousarray(with_programs(np.atleast_2d(parameters))),
+        ctypes.create_string_buffer(400),
+    )
     refused = _library().mecanum_refuses(row.ctypes.data, timestep_s, message, len(message))
     return message.value.decode() if refused else None
 
@@ -98,6 +118,7 @@ def _library() -> ctypes.CDLL:
     count, real, array = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
     library.mecanum_bench.argtypes = [count, count, real, *[array] * 9]
     library.mecanum_bench.restype = None
+    library.mecanum_evaluate.argtypes, library.mecanum_evaluate.restype = [array, count, array, array], None
     library.mecanum_parameter.argtypes, library.mecanum_parameter.restype = [count], ctypes.c_char_p
     library.mecanum_refuses.argtypes = [array, real, ctypes.c_char_p, count]
     library.mecanum_refuses.restype = ctypes.c_int32

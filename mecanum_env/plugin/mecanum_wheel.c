@@ -16,6 +16,7 @@
 
 _Static_assert(sizeof(mjtNum) == sizeof(double), "the plugin needs MuJoCo in double precision");
 enum { NSTATE = sizeof(Drive) / sizeof(double), NEEDED_USER = DEADBAND - FIRST_USER };
+_Static_assert((int)N_USER <= (int)FIRST_PROGRAM, "the named parameters end before the programs");
 
 // The actuator of a plugin instance; -1 if it has none or several.
 static int actuator_of(const mjModel* m, int instance) {
@@ -29,12 +30,15 @@ static int actuator_of(const mjModel* m, int instance) {
 }
 
 // The parameters of an actuator; what the model leaves out is 0.
-static void read_parameters(const mjModel* m, int id, double p[N_PARAMETERS]) {
-  int given = m->nuser_actuator < N_USER ? m->nuser_actuator : N_USER;
+static void read_parameters(const mjModel* m, int id, double p[N_NUMBERS]) {
+  const mjtNum* user = m->actuator_user + id * m->nuser_actuator;
+  int size = m->nuser_actuator, given = size < N_USER ? size : N_USER;
+  int programs = size < FIRST_PROGRAM + N_PROGRAMS ? size - FIRST_PROGRAM : N_PROGRAMS;
   memcpy(p, m->actuator_dynprm + id * mjNDYN, N_LAW * sizeof *p);
   p[SERVO] = -m->actuator_biasprm[id * mjNBIAS + 2];
-  memset(p + FIRST_USER, 0, N_USER * sizeof *p);
-  memcpy(p + FIRST_USER, m->actuator_user + id * m->nuser_actuator, given * sizeof *p);
+  memset(p + FIRST_USER, 0, (N_NUMBERS - FIRST_USER) * sizeof *p);
+  memcpy(p + FIRST_USER, user, given * sizeof *p);
+  if (programs > 0) memcpy(p + N_PARAMETERS, user + FIRST_PROGRAM, programs * sizeof *p);
 }
 
 // The command as MuJoCo clamps it.
@@ -64,20 +68,20 @@ static void wheel_compute(const mjModel* m, mjData* d, int instance, int capabil
   (void)capability;
   int id = actuator_of(m, instance);
   if (id < 0) return;
-  double p[N_PARAMETERS];
+  double p[N_NUMBERS];
   read_parameters(m, id, p);
   Substep now = this_substep(m, d, id);
   Drive s;
   memcpy(&s, d->plugin_state + m->plugin_stateadr[instance], sizeof s);
   chain_begin(&s, p, &now);
   Torques t = chain_torques(&s, p, &now);
-  d->actuator_force[m->actuator_outadr[id]] = t.drive + t.friction;
+  d->actuator_force[m->actuator_outadr[id]] = chain_reported(&t);
 }
 
 static void wheel_advance(const mjModel* m, mjData* d, int instance) {
   int id = actuator_of(m, instance);
   if (id < 0) return;
-  double p[N_PARAMETERS];
+  double p[N_NUMBERS];
   read_parameters(m, id, p);
   Substep now = this_substep(m, d, id);
   Drive s;
@@ -86,7 +90,7 @@ static void wheel_advance(const mjModel* m, mjData* d, int instance) {
   Torques t = chain_torques(&s, p, &now);
   // While actuation is disabled, MuJoCo has cleared the force, and the drive delivers nothing.
   double force = d->actuator_force[m->actuator_outadr[id]];
-  double delivered = force == t.drive + t.friction ? t.drive : 0;
+  double delivered = force == chain_reported(&t) ? t.drive : 0;
   // MuJoCo has advanced qvel already. Read here rather than in the next substep, so that a speed set by hand in
   // between does not count as acceleration.
   chain_end(&s, p, &now, t.asked, delivered, force, speed_now(d, m->actuator_outadr[id]));
@@ -126,7 +130,7 @@ static int wheel_init(const mjModel* m, mjData* d, int instance) {
   if (m->nuser_actuator < NEEDED_USER)
     REFUSE(PLUGIN_NAME ", actuator \"%s\": nuser_actuator = %d, must be at least %d (user = servo_integral_n_m_rad, "
            "delay_s, torque_limit_n_m and, for effects, more)", name, (int)m->nuser_actuator, NEEDED_USER);
-  double p[N_PARAMETERS];
+  double p[N_NUMBERS];
   read_parameters(m, id, p);
   char why[400];
   if (mecanum_refuses(p, m->opt.timestep, why, sizeof why)) REFUSE(PLUGIN_NAME ", actuator \"%s\": %s", name, why);

@@ -47,6 +47,11 @@ int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) 
            i < SERVO ? "dynprm" : i == SERVO ? "-biasprm" : "user",
            i < SERVO ? i : i == SERVO ? 2 : i - FIRST_USER, p[i], wanted[check]);
   }
+  static const char* const stations[] = {"command", "set_point", "load"};
+  for (int i = 0; i < N_STATIONS; i++)
+    if (!program_is_valid(PROGRAM(p, i)))
+      REFUSE("custom effect of the station %s = user[%d] ..., must be a program (mecanum_env/law/program.py)",
+             stations[i], FIRST_PROGRAM + i * PROGRAM_SIZE);
   double A = p[LAW_A], B = p[LAW_B], C = p[LAW_C];
   if (!(1 - A - B - C > 0 && 3 + A + B - 3 * C > 0 && 1 + A - B + C > 0 && 1 + B + A * C - C * C > 0))
     REFUSE("the wheel law is unstable (A, B, C = %g, %g, %g); all roots of z^3 - A z^2 - B z - C must lie inside the "

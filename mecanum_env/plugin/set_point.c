@@ -28,9 +28,18 @@ static double mapped(const double* p, double u) {
   return mirrored ? copysign(out, u) : out;
 }
 
+// A command [rpm] with what a custom effect of a station adds to it, at a time [s] since the clocks started.
+static double with_custom(const Drive* s, const double* p, int station, double u, double speed, double seconds) {
+  const double* program = PROGRAM(p, station);
+  if (program[0] == OP_END) return u;
+  Inputs inputs = {u, speed / RAD_S_PER_RPM, s->angle, seconds, 0};
+  return chain_sane(u + program_value(program, &inputs));
+}
+
 // The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
-static double shaped(const double* p, double u, double seconds) {
+static double shaped(const Drive* s, const double* p, double u, double speed, double seconds) {
   double limit = p[SATURATION], knee = fmin(p[SOFTNESS], limit);
+  u = with_custom(s, p, AT_COMMAND, u, speed, seconds);
   if (fabs(u) < p[DEADBAND]) u = 0;
   if (p[SUBTRACTED] > 0) u = fabs(u) > p[SUBTRACTED] ? u - copysign(p[SUBTRACTED], u) : 0;
   if (p[GAIN] > 0) u *= p[GAIN];
@@ -38,6 +47,7 @@ static double shaped(const double* p, double u, double seconds) {
   if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
   if (p[WARM_UP_TIME] > 0 && p[WARM_UP] != 0) u *= 1 - p[WARM_UP] * (1 - exp(-seconds / p[WARM_UP_TIME]));
   if (p[MAP_SIZE] >= 1) u = mapped(p, u);
+  u = with_custom(s, p, AT_SET_POINT, u, speed, seconds);
   if (limit > 0 && knee > 0) {
     double beyond = fabs(u) - (limit - knee);
     // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.
@@ -66,7 +76,7 @@ static double uniform(const double* p, double latch, int stream) {
 
 // Latch a command u [rpm] that is not lost. If the delay jitters, each change of the command has its own, but arrives
 // neither before it is sent nor before an earlier one; a repetition arrives with the change that it repeats.
-static void receive(Drive* s, const double* p, double u) {
+static void receive(Drive* s, const double* p, double u, double speed) {
   double sent_at = s->latches * p[COMMAND_PERIOD], acts_at = sent_at + p[DELAY];
   int here = slot(s->latches);
   if (p[JITTER] > 0) {
@@ -77,17 +87,17 @@ static void receive(Drive* s, const double* p, double u) {
     acts_at = fmax(sent_at, arrival);
   }
   s->sent = u;
-  s->command[here] = shaped(p, u, acts_at);
+  s->command[here] = shaped(s, p, u, speed, acts_at);
 }
 
-void set_point_latch(Drive* s, const double* p, double command) {
+void set_point_latch(Drive* s, const double* p, const Substep* now) {
   int here = slot(s->latches), last = slot(s->latches - 1);
   if (p[LOSS] > 0 && uniform(p, s->latches, LOSS_STREAM) < p[LOSS]) {
     s->command[here] = s->command[last], s->arrival[here] = s->arrival[last];
   } else {
-    double u = chain_sane(command);
+    double u = chain_sane(now->command);
     if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
-    receive(s, p, u);
+    receive(s, p, u, now->speed);
   }
   s->latches += 1;
 }

@@ -19,7 +19,6 @@ from mecanum_env.model import Model
 from mecanum_env.simulator.bench import BenchRun
 from mecanum_env.simulator.robot import standing
 from mecanum_env.units import FloatArray
-from sysid.compare.correction import correction_of
 from sysid.compare.observations import Observations, Situation
 from sysid.compare.prediction import (
     Motion,
@@ -69,14 +68,13 @@ class Simulator:
             SimulationDivergedError: the state stopped being finite.
         """
         situations = self.observations.situations
-        correction = correction_of(model)
         motions, sensors = self._motion(without_sensors(model)), sensors_of(model)
         # Situations with the same commands share a motion, which is seen once.
         seen = {id(motion): motion.seen_by(sensors) for motion in motions}
-        channels = []
-        for situation, motion in zip(situations, motions, strict=True):
-            read = readings(seen[id(motion)], situation.runs[0], situation.start)
-            channels.append(correction.added_to(situation.runs[0], read) if correction else read)
+        channels = [
+            readings(seen[id(motion)], situation.runs[0], situation.start)
+            for situation, motion in zip(situations, motions, strict=True)
+        ]
         return [
             block.of(situations[block.situation].runs[0], channels[block.situation])
             for block in self.observations.blocks

@@ -24,7 +24,7 @@ def gap(
     jobs: int = 1,
     plant: Literal["rollers", "planar"] = "rollers",
     seconds: float | None = None,
-    empirical: bool = False,
+    adopt: bool = False,
 ) -> None:
     """Compare a model with logs, name the effects that it lacks, add them, and show the gap before and after.
 
@@ -44,7 +44,7 @@ def gap(
         jobs: Simulations at a time; results do not depend on it.
         plant: How a robot is simulated; planar does not slip and is much faster.
         seconds: Duration of the runs that decide, repeats not counted [s]; default 240 (bench), 60 (robot).
-        empirical: If no effect explains the gap, add a correction found by regression to the model.
+        adopt: If no named effect explains the gap, add the proposed custom effect to the model.
     """
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.errors import install_command
@@ -66,7 +66,7 @@ def gap(
         jobs=jobs,
         plant=plant,
         seconds=seconds,
-        empirical=empirical,
+        adopt=adopt,
     )
     base = read_model(model)
     dataset = read_dataset(logs)

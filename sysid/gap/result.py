@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
-from mecanum_env.model import Model, cause_of, form_of
+from mecanum_env.model import CustomEffect, Model, cause_of, form_of
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.logs import Finding, Split
@@ -37,8 +37,8 @@ class GapOptions:
     """How a robot is simulated; the planar plant does not slip and is much faster."""
     seconds: float | None = None
     """Duration of the runs that decide, repeats not counted [s]; None: 240 on the bench, 60 on the robot."""
-    empirical: bool = False
-    """Whether to add a correction by regression, which is not physics, if no effect explains the gap."""
+    adopt: bool = False
+    """Whether to add the proposed custom effect to the model if no named effect explains the gap."""
     next_experiment: bool = True
     """Whether to design the next experiment."""
 
@@ -189,15 +189,19 @@ class Experiment:
 
 
 @dataclass(frozen=True)
-class EmpiricalTerm:
-    """A readable correction found by regression on the residual: a clue, not physics."""
+class CustomProposal:
+    """A custom effect for a gap that no named effect explains: a description, not a cause."""
 
-    formula: Mapping[str, str]
-    """Channel -> sum of terms with their units."""
-    explained: Mapping[str, float]
-    """Channel -> share of the squared residual that it explains on runs it was not fitted to."""
+    effect: CustomEffect
+    """As the model file has it."""
+    explained: float
+    """Share of the squared difference that it explains in command sequences left out of its choice."""
+    stations_tied: tuple[str, ...]
+    """Other stations at which some formula explains these logs as well."""
+    after: float
+    """Rms error with it, in the unit and on the runs of the study's gap."""
     adopted: bool
-    """Whether it was added to the improved model (`--empirical`)."""
+    """Whether it was added to the improved model (`--adopt`)."""
 
 
 @dataclass(frozen=True)
@@ -236,7 +240,8 @@ class GapReport:
     """What was assumed, inferred or could not be told, in sentences."""
     overlays: tuple[Overlay, ...]
     """The runs of largest error before."""
-    empirical: EmpiricalTerm | None
+    custom: CustomProposal | None
+    """Proposed where the verdict is "unexplained" and a formula or a table describes the difference."""
     provenance: Mapping[str, Any]
     """Seed, checksums of data and model, and version."""
     held_out: Split = "test"
@@ -245,3 +250,8 @@ class GapReport:
     """Whether those runs took no part in the decision."""
     trusted: bool = True
     """Whether it is known what a right model would leave; if not, a difference may be noise or not."""
+
+    @property
+    def changed(self) -> bool:
+        """Whether the improved model differs from the one that was given."""
+        return bool(self.effects) or (self.custom is not None and self.custom.adopted)

@@ -9,7 +9,7 @@ from typing import Final
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import cause_of, form_of
-from sysid.gap.result import Difference, GapReport, Interval, Region
+from sysid.gap.result import CustomProposal, Difference, GapReport, Interval, Region
 
 NEXT_FILE: Final = "next_experiment.csv"
 """File with the commands of the next experiment."""
@@ -104,7 +104,15 @@ def next_step(report: GapReport) -> str:
         return what_to_measure(report.candidates, tuple(report.channels))
     if _law_is_best(report):
         return "fit the wheel again with these logs (python -m sysid.fit), then study the new model"
+    if report.custom is not None and report.custom.adopted:
+        return "verify the new model.json on other logs; its custom effect describes and does not explain"
     return "look at the worst runs on the page; the regions say what the robot was doing"
+
+
+def proposal_text(custom: CustomProposal) -> str:
+    """Return a proposed custom effect in a line: station, formula, and what it explains."""
+    where = " or ".join((custom.effect.station, *custom.stations_tied))
+    return f"custom effect at {where}: {custom.effect.text} [rpm] ({custom.explained:.0%} of the difference)"
 
 
 def what_to_measure(sets: Sequence[Sequence[str]], channels: Sequence[str]) -> str:

@@ -12,7 +12,6 @@ import numpy as np
 import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
-from sysid.compare.correction import KEY
 from sysid.compare.model_error import ModelError, estimate_model_error
 from sysid.compare.own_error import block_residuals
 from sysid.compare.prediction import Study
@@ -31,8 +30,9 @@ from sysid.gap.report.held_out import (
     predicted,
 )
 from sysid.gap.report.where import regions
-from sysid.gap.result import EmpiricalTerm, FoundEffect, GapOptions, GapReport
+from sysid.gap.result import CustomProposal, FoundEffect, GapOptions, GapReport
 from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
+from sysid.gap.search.custom import propose
 from sysid.gap.search.data import (
     StudyData,
     is_meant,
@@ -42,7 +42,6 @@ from sysid.gap.search.data import (
     study_data,
 )
 from sysid.gap.search.decision import Decision, decide, explore
-from sysid.gap.search.regression import empirical_term, fit_correction
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import EFFORT
@@ -128,10 +127,21 @@ def _report(
     split, runs = held_out(dataset)
     effects = found_effects(problem, decision)
     improved = _improved(model, decision, effects)
-    term = None
+    proposal = None
     if decision.verdict == "unexplained":
-        improved, term = _corrected(improved, data, study, adopt=options.empirical)
+        situations = data.observations.situations
+        whole = all(run in dataset.runs for situation in situations for run in situation.runs)
+        proposal = propose(problem, whole=whole)
     before = predicted(model, runs, study)
+    custom = None
+    if proposal is not None:
+        described = model.with_custom(proposal.effect)
+        with_it = compare(split, runs, before, predicted(described, runs, study))
+        left = differences(dataset, with_it)[0].after
+        custom = CustomProposal(
+            proposal.effect, proposal.explained, proposal.stations_tied, left, options.adopt
+        )
+        improved = described if options.adopt else improved
     after = before if improved is model else predicted(improved, runs, study)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
@@ -163,7 +173,7 @@ def _report(
         findings=dataset.findings,
         notes=(*data.notes, *decision.notes, *unanswered),
         overlays=overlays(comparison),
-        empirical=term,
+        custom=custom,
         provenance={
             "seed": study.seed,
             "data_sha256": dataset.sha256,
@@ -187,17 +197,3 @@ def _improved(model: Model, decision: Decision, effects: Sequence[FoundEffect]) 
     stated = {found.name: found.intervals for found in effects}
     known = model.uncertainty.get("effects") or {}
     return replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})
-
-
-def _corrected(
-    model: Model, data: StudyData, study: Study, *, adopt: bool
-) -> tuple[Model, EmpiricalTerm | None]:
-    """Return the model, with an empirical correction of its residual if asked, and the correction to read."""
-    runs = [run for situation in data.observations.situations for run in situation.runs]
-    shown = predicted(model, runs, study)
-    correction = fit_correction(compare("fit", runs, shown, shown).samples)
-    if correction is None:
-        return model, None
-    if adopt:
-        model = replace(model, extra={**model.extra, KEY: correction.as_json()})
-    return model, empirical_term(correction, adopted=adopt)

@@ -17,7 +17,6 @@ from mecanum_env.model import Model, cause_of, form_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet
-from sysid.compare.correction import correction_of
 from sysid.compare.observations import observe
 from sysid.compare.prediction import POSE, Study, predict
 from sysid.compare.problem import ResidualProblem
@@ -63,11 +62,7 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
 
 def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str, FloatArray]]:
     """Return what a model predicts for each run: channel -> values at its rows, shape (n,)."""
-    found = [predict(model, run, study=study) for run in runs]
-    correction = correction_of(model)
-    if correction is None:
-        return found
-    return [correction.added_to(run, channels) for run, channels in zip(runs, found, strict=True)]
+    return [predict(model, run, study=study) for run in runs]
 
 
 def compare(

@@ -11,10 +11,11 @@ import numpy as np
 
 from mecanum_env.files import atomic_path, plain_json, write_json
 from mecanum_env.model import write_model
+from mecanum_env.model.custom_file import custom_to_json
 from mecanum_env.report import report_available
 from mecanum_env.units import FloatArray
 from sysid.gap.report.page import write_gap_report
-from sysid.gap.result import Difference, Experiment, FoundEffect, GapReport
+from sysid.gap.result import CustomProposal, Difference, Experiment, FoundEffect, GapReport
 from sysid.gap.wording import (
     NEXT_FILE,
     Concentration,
@@ -29,6 +30,7 @@ from sysid.gap.wording import (
     next_step,
     number,
     place_name,
+    proposal_text,
     set_name,
     unit_of,
     verdict_sentence,
@@ -57,7 +59,7 @@ def gap_table(report: GapReport) -> str:
         ("missing", "; ".join(_effect(found) for found in report.effects)),
         ("tied", " | ".join(map(set_name, report.candidates[:_MOST_NAMES])) if several else ""),
         ("tried", f"{count(len(report.evidence), 'set')} of effects; explain the data: {adequate}"),
-        ("clue", _clue(report)),
+        ("proposed", _proposed(report)),
         ("untestable", f"{count(len(hidden), 'effect')}: {hidden_names}" if hidden else ""),
         ("noticed", _noticed(report)),
         ("next", next_step(report)),
@@ -67,7 +69,7 @@ def gap_table(report: GapReport) -> str:
 
 
 def _gap(report: GapReport) -> str:
-    closed = closed_share(report.gap) if report.effects else "-"
+    closed = closed_share(report.gap) if report.changed else "-"
     end = f"; {closed} of what is above noise is gone" if closed != "-" else ""
     return f"{_change(report.gap)} on {compared_runs(report)}{end}"
 
@@ -88,15 +90,12 @@ def _effect(found: FoundEffect) -> str:
     return f"{effect_name(found.name)} {values}, in {found.selection_frequency:.0%} of resamples"
 
 
-def _clue(report: GapReport) -> str:
-    if report.empirical is None:
+def _proposed(report: GapReport) -> str:
+    custom = report.custom
+    if custom is None:
         return ""
-    parts = [
-        f"{channel} {text} ({report.empirical.explained.get(channel, 0.0):.0%} of the error)"
-        for channel, text in report.empirical.formula.items()
-    ]
-    added = ", added to the model" if report.empirical.adopted else ""
-    return f"{'; '.join(parts)}: by regression, not physics{added}"
+    end = "added to the model" if custom.adopted else "--adopt adds it to the model"
+    return f"{proposal_text(custom)}; leaves {amount(custom.after, report.gap.unit)}; {end}"
 
 
 def _noticed(report: GapReport) -> str:
@@ -112,6 +111,7 @@ def _shortened(items: Sequence[str], most: int) -> str:
 
 def gap_json(report: GapReport) -> dict[str, Any]:
     """Return the object of `gap.json`; a number that is not finite or not known is null."""
+    custom = report.custom
     value: dict[str, Any] = plain_json(
         {
             "format": FORMAT,
@@ -130,13 +130,19 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "smallest_detectable": report.smallest_detectable,
             "next_experiment": _experiment_json(report.next_experiment),
             "evidence": report.evidence,
-            "empirical": report.empirical,
+            "custom": [] if custom is None else custom_to_json((custom.effect,)),
+            "custom_evidence": None if custom is None else _custom_evidence(custom),
             "notes": report.notes,
             "findings": [finding.to_json() for finding in report.findings],
             "provenance": report.provenance,
         }
     )
     return value
+
+
+def _custom_evidence(custom: CustomProposal) -> dict[str, Any]:
+    """Return what speaks for a proposed custom effect; itself it is in the form of a model file."""
+    return {name: value for name, value in vars(custom).items() if name != "effect"}
 
 
 def _effect_json(found: FoundEffect) -> dict[str, Any]:

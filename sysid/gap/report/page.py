@@ -8,9 +8,10 @@ from typing import Any, Final
 
 from mecanum_env.model import cause_of
 from mecanum_env.report import write_page
-from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure, was_changed
+from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure
 from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
 from sysid.gap.wording import (
+    amount,
     closed_share,
     compared_runs,
     concentrations,
@@ -54,7 +55,7 @@ def write_gap_report(report: GapReport, path: Path) -> None:
         step=next_step(report),
         gap=_difference_row("together", report.gap),
         runs=compared_runs(report),
-        changed=was_changed(report),
+        changed=report.changed,
         channels=[_difference_row(name, channel) for name, channel in report.channels.items()],
         effects=[_effect(found) for found in report.effects],
         candidates=[_candidate(report, names) for names in report.candidates[:_MOST_CANDIDATES]],
@@ -75,7 +76,7 @@ def write_gap_report(report: GapReport, path: Path) -> None:
         experiment=experiment,
         power="" if experiment is None else f"{experiment.power:.0%}",
         separated=[] if experiment is None else [set_name(names) for names in experiment.candidates],
-        empirical=_empirical(report),
+        custom=_custom(report),
         findings=report.findings[:_MOST_FINDINGS],
         notes=report.notes,
         provenance=[(name, str(value)) for name, value in report.provenance.items()],
@@ -154,9 +155,16 @@ def _all_sizes(evidence: Evidence) -> str:
     return "; ".join(filter(None, (sizes(name, values) for name, values in evidence.parameters.items())))
 
 
-def _empirical(report: GapReport) -> dict[str, Any] | None:
-    if report.empirical is None:
+def _custom(report: GapReport) -> dict[str, Any] | None:
+    if report.custom is None:
         return None
-    shares = report.empirical.explained
-    terms = [(name, text, f"{shares.get(name, 0.0):.0%}") for name, text in report.empirical.formula.items()]
-    return {"adopted": report.empirical.adopted, "terms": terms}
+    effect, ends = report.custom.effect, report.custom.effect.range.items()
+    return {
+        "adopted": report.custom.adopted,
+        "station": effect.station,
+        "text": effect.text,
+        "explained": f"{report.custom.explained:.0%}",
+        "after": amount(report.custom.after, report.gap.unit),
+        "tied": report.custom.stations_tied,
+        "ranges": [f"{name} {low:g} .. {high:g}" for name, (low, high) in ends],
+    }

@@ -77,11 +77,6 @@ def overlay_figure(overlay: Overlay) -> Figure:
     )
 
 
-def was_changed(report: GapReport) -> bool:
-    """Return whether the improved model differs from the one that was given."""
-    return bool(report.effects) or (report.empirical is not None and report.empirical.adopted)
-
-
 def heat_figure(report: GapReport) -> Figure | None:
     """Return the error of regions (rows) by channels (columns), before and after on one colour scale.
 
@@ -94,7 +89,7 @@ def heat_figure(report: GapReport) -> Figure | None:
     scale, unit = heat_scale(report)
     wide = min(0.48, 0.16 + 0.08 * len(scale))
     halves = [("before", 0.0, wide)]
-    if was_changed(report):
+    if report.changed:
         halves.append(("after", wide + 0.04, 2.0 * wide + 0.04))
     layout: dict[str, Any] = {
         "yaxis": {"autorange": "reversed", "automargin": True, "dtick": 1, "anchor": "x"},

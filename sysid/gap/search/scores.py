@@ -74,7 +74,7 @@ def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0
     gradient = columns.T @ residual
     whole = np.linalg.cholesky(normal)
     scores = []
-    for mask in _group_masks(problem):
+    for mask in group_masks(problem):
         ours, left = columns[mask], residual[mask]
         information = normal - ours.T @ ours
         factor = np.linalg.cholesky(information)
@@ -88,7 +88,7 @@ def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0
     return ScoredSet(fitted, np.array(scores))
 
 
-def _group_masks(problem: ResidualProblem) -> list[npt.NDArray[np.bool_]]:
+def group_masks(problem: ResidualProblem) -> list[npt.NDArray[np.bool_]]:
     """Return for each group of runs which of the N values belong to it."""
     masks: dict[str, npt.NDArray[np.bool_]] = {}
     observations = problem.observations
@@ -147,7 +147,7 @@ def interval_ends(
     left = max(0.0, fitted.cost - problem.size) + THRESHOLDS.formula_error**2 * explained
     variance = np.diag(fitted.covariance(inflation + THRESHOLDS.systematic_correlation**2 * left))
     half = norm.ppf(tail) * np.sqrt(variance)
-    masks = _group_masks(problem)
+    masks = group_masks(problem)
     if len(masks) >= THRESHOLDS.fewest_groups:
         pulls = np.array([fitted.jacobian[mask].T @ fitted.residual[mask] for mask in masks])
         moves = pulls @ fitted.covariance()

@@ -7,13 +7,13 @@ import pytest
 from scipy.signal import lfilter
 
 from mecanum_env.kinematics import command_to_wheels, wheels_to_twist
-from mecanum_env.model import Robot, paper_model
+from mecanum_env.model import CustomEffect, Robot, paper_model
 from mecanum_env.statistics import rms
 from sysid.compare.samples import HeldCommand, Samples
 from sysid.gap.report.where import regions
 from sysid.gap.result import (
+    CustomProposal,
     Difference,
-    EmpiricalTerm,
     Evidence,
     Experiment,
     FoundEffect,
@@ -77,7 +77,7 @@ def bench_report(missing: np.ndarray, after: np.ndarray, noise_rpm: float = 0.7)
         level="bench", dataset="bench, free wheel",
         findings=(Finding("run_4.csv", "missing", 0.08, "speed_rpm"),),
         notes=("The noise is known from 3 repeats of 4 command sequences.",),
-        overlays=tuple(overlays), empirical=None, provenance=PROVENANCE,
+        overlays=tuple(overlays), custom=None, provenance=PROVENANCE,
     )  # fmt: skip
 
 
@@ -116,8 +116,9 @@ def no_gap() -> GapReport:
 def unexplained() -> GapReport:
     ripple = np.stack([4.0 * np.sin(2.0 * np.pi * TIME), 4.0 * np.cos(2.0 * np.pi * TIME)])
     report = bench_report(ripple, ripple)
-    term = EmpiricalTerm({"speed_rpm": "3.9 rpm x sin(wheel angle + 12 deg)"}, {"speed_rpm": 0.93}, False)
-    return replace(report, verdict="unexplained", empirical=term, evidence=(
+    effect = CustomEffect("load", "3.9 * sin(2 * angle + 0.2)", source="gap", range={"time_s": (0.0, 2.0)})
+    term = CustomProposal(effect, 0.93, ("sensor",), 0.8, False)
+    return replace(report, verdict="unexplained", custom=term, evidence=(
         evidence(("wheel_law",), -20.0, 2.8, False), evidence((), 0.0, 2.9, False),
     ))  # fmt: skip
 

@@ -49,11 +49,11 @@ def test_every_file_is_written_and_ten_lines_are_printed(
     asked: list[GapOptions], model_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ):
     out = tmp_path / "out"
-    assert study(model_file, out, "--seed", "3", "--only", "backlash", "stiction", "--empirical") == 0
+    assert study(model_file, out, "--seed", "3", "--only", "backlash", "stiction", "--adopt") == 0
     assert {path.name for path in out.iterdir()} == {
         "gap.json", "model.json", "report.html", "next_experiment.csv",
     }  # fmt: skip
-    assert asked[0] == GapOptions(seed=3, only=("backlash", "stiction"), empirical=True)
+    assert asked[0] == GapOptions(seed=3, only=("backlash", "stiction"), adopt=True)
     said = capsys.readouterr()
     assert said.out.startswith("robot, eight drives: The model lacks roller_friction")
     assert "wrote " in said.out

@@ -48,8 +48,8 @@ def test_each_verdict_has_its_sections(pages: dict[str, Path]):
     }
     assert "What was missing" in titles["named"]
     assert {"What explains the data equally well", "The next experiment"} <= titles["ambiguous"]
-    assert "A clue, not physics" in titles["unexplained"]
-    assert not titles["no_gap"] & {"What was missing", "The next experiment", "A clue, not physics"}
+    assert "A custom effect is proposed" in titles["unexplained"]
+    assert not titles["no_gap"] & {"What was missing", "The next experiment", "A custom effect is proposed"}
     shared = {"The gap, channel by channel", "The worst runs", "Where the error is", "The evidence"}
     assert all(shared | {"What these logs could not show"} <= t for t in titles.values())
 

@@ -19,6 +19,7 @@ EFFECTS: Final = (
         summary="The motor is at full voltage: its torque falls with speed, to nothing at this limit.",
         signature="An error at high speed only, which grows with the load; the end of the rise is slower.",
         direct_check="the motor's voltage at full speed, with and without load",
+        understated_by=("planar",),
         undone_by="command",
         change_drive=lambda drive, values, _: replace(drive, supply_rpm=values["limit_rpm"]),
     ),

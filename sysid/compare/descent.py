@@ -6,6 +6,7 @@ that grows when a step fails, and the bounds 0..1 kept in the linear subproblem.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
@@ -25,6 +26,8 @@ _SHORTEST: Final = 0.005  # resolution of `reach`
 _COMPASS_STEPS: Final = (0.1, -0.1, 0.05, -0.05, 0.05, -0.05, 0.025, -0.025, 0.0125, -0.0125)
 _RELATIVE_GAIN: Final = 1e-4
 _LONGEST_STEP: Final = 0.5  # relative to the whole range
+_PATIENCE: Final = 3.0
+"""A descent beyond its limit is given up if even so many times its latest progress does not lead there."""
 
 Mask = npt.NDArray[np.bool_]
 Function = Callable[[FloatArray], FloatArray | None]
@@ -42,6 +45,8 @@ class Minimum:
     jacobian: FloatArray
     """Derivative of the residual, shape (N, p); by Broyden's formula until `refined`."""
     evaluations: int
+    given_up: bool = False
+    """Whether the descent ended because it would not have come below its limit."""
 
     @property
     def cost(self) -> float:
@@ -56,11 +61,13 @@ def descend(
     residual: FloatArray | None = None,
     jacobian: FloatArray | None = None,
     most: int = 12,
+    limit: float = math.inf,
 ) -> Minimum | None:
     """Minimise |function|^2 within 0..1 from a `place` (p,); None if there is no residual there.
 
     `residual` (N,) and `jacobian` (N, p), an approximation, are those at the start, if they are known. After
-    them the function is evaluated at `most` so many times.
+    them the function is evaluated at `most` so many times. A minimum above the `limit` is of no interest: the
+    descent is given up when neither what the linearisation promises nor the latest progress leads below it.
     """
     used = 0
     if residual is None:
@@ -69,11 +76,17 @@ def descend(
             return None
     if jacobian is None:
         jacobian, used = differences(function, place, residual), used + place.size
-    damping = 0.0
+    damping, promises, given_up = 0.0, list[float](), False
     for _ in range(most):
         step = _step(jacobian, residual, place, damping)
-        expected = float(residual @ residual - np.sum((residual + jacobian @ step) ** 2))
+        promised = float(np.sum((residual + jacobian @ step) ** 2))
+        expected = float(residual @ residual) - promised
         if expected < max(_GAIN, _RELATIVE_GAIN * float(residual @ residual)):
+            break
+        # A damped step promises less than there is.
+        promises += [promised] if damping == 0.0 else []
+        given_up = _hopeless(promises, limit)
+        if given_up:
             break
         trial = function(place + step)
         used += 1
@@ -84,7 +97,15 @@ def descend(
             place, residual, damping = place + step, trial, 0.1 * damping if damping > 1e-3 else 0.0
         else:
             damping = max(10.0 * damping, 0.1)
-    return Minimum(place, residual, jacobian, used)
+    return Minimum(place, residual, jacobian, used, given_up)
+
+
+def _hopeless(promises: Sequence[float], limit: float) -> bool:
+    """Return whether a descent's promised costs, from step to step, do not lead below a limit."""
+    if len(promises) < 2:
+        return False
+    progress = max(0.0, promises[-2] - promises[-1])
+    return promises[-1] - _PATIENCE * progress > limit
 
 
 def refined(function: Function, minimum: Minimum, least_step: float) -> Minimum:

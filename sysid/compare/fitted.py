@@ -5,8 +5,10 @@ The rival of every set of effects is here, too: the wheel law itself, fitted aga
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
@@ -29,8 +31,13 @@ from sysid.compare.problem import ROLLER_STEP, SMOOTH_STEP, ResidualProblem
 PRIOR: Final = 0.5
 """Prior standard deviation of a parameter on the 0..1 scale between its bounds."""
 _WORTH: Final = 0.5  # decrease of the cost that is worth new derivatives
-_PROMISE: Final = 2.0  # decrease of the corrected surrogate's cost that is worth a full simulation
-_CORRECTIONS: Final = 4
+_PROMISE: Final = 2.0
+"""Decrease of the corrected surrogate's cost, in residual variances, that is worth a full simulation."""
+_SHARE: Final = 1e-4
+"""The same relative to the cost of the base model: formulas err by a hundred times that."""
+_ROUGH: Final = 0.03
+"""Step on the 0..1 scale of a parameter below which the rollers' scatter is most of what they add to it."""
+_CORRECTIONS: Final = 6
 _SHARES: Final = (1.0, 0.5)  # steps tried, relative to the one to the corrected surrogate's minimum
 _LAW_RANGE: Final = np.array([1.5, 1.5, 1.5, 0.5, 0.5])
 """Half width of the search: three stable coordinates of A-C (`mecanum_env.law.stability`), D and E."""
@@ -103,12 +110,22 @@ def base_fit(problem: ResidualProblem, empty: C) -> Fitted[C]:
     return Fitted(empty, np.zeros(0), residual, np.zeros((problem.size, 0)))
 
 
-def fit(problem: ResidualProblem, candidate: C, place: FloatArray, *, most: int = 12) -> Fitted[C] | None:
+def fit(
+    problem: ResidualProblem,
+    candidate: C,
+    place: FloatArray,
+    *,
+    most: int = 12,
+    limit: float = math.inf,
+    known: Mapping[int, FloatArray] = MappingProxyType({}),
+) -> Fitted[C] | None:
     """Fit a candidate; None if it cannot be simulated at the start.
 
     Where the problem has a surrogate, `function_near` is minimised instead and corrected by full simulation
-    at each minimum, until the cost no longer decreases. It starts at a `place` (p,), and a descent takes at
-    `most` so many simulations beyond those for derivatives.
+    at each minimum, its slopes by Broyden's formula, until the cost no longer decreases. It starts at a
+    `place` (p,), and a descent takes at `most` so many simulations beyond those for derivatives. A fit that
+    would not come below a cost of `limit` is of no interest, and ends where that became clear. `known` are
+    columns (N,) of the Jacobian at a place nearby, by the number of the parameter.
     """
     full = marginal_function(problem, candidate)
     place = np.asarray(place, float)
@@ -116,19 +133,29 @@ def fit(problem: ResidualProblem, candidate: C, place: FloatArray, *, most: int 
     if residual is None:
         return None
     if not problem.has_surrogate:
-        minimum = _minimum(full, candidate, place, residual, most)
+        minimum = _minimum(full, candidate, place, residual, most, limit)
         return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian)
-    near = function_near(problem, candidate, place, residual)
+    beyond = slopes_beyond(problem, candidate, place, residual, known)
+    near = function_near(problem, candidate, place, residual, beyond)
+    explained = float(np.sum(problem.marginal(problem.base_residual) ** 2))
     for _ in range(_CORRECTIONS):
-        promised = _minimum(near, candidate, place, residual, most)
+        promised = _minimum(near, candidate, place, residual, most, limit)
         cost = float(residual @ residual)
-        if promised.cost > cost - _PROMISE:
+        worth = _PROMISE * max(1.0, cost / problem.size) + _SHARE * explained
+        if promised.cost > cost - worth and not promised.given_up:
             break
         better = _first_better(full, place, promised.place, cost - _WORTH)
+        if better is not None:
+            step, told = better[0] - place, near(better[0])
+            place, residual = better
+            if told is not None:
+                # Over a short step rollers that meet the floor otherwise are most of the difference.
+                beyond = beyond + np.outer(residual - told, step / float(step @ step + _ROUGH**2))
+        if promised.given_up:
+            return Fitted(candidate, place, residual, promised.jacobian)
         if better is None:
             break
-        place, residual = better
-        near = function_near(problem, candidate, place, residual)
+        near = function_near(problem, candidate, place, residual, beyond)
     here = Minimum(place, residual, differences(near, place, residual), 0)
     return Fitted(candidate, place, residual, refined(near, here, SMOOTH_STEP).jacobian)
 
@@ -146,11 +173,18 @@ def _first_better(
 
 
 def _minimum(
-    function: Function, candidate: Candidate, place: FloatArray, residual: FloatArray, most: int
+    function: Function,
+    candidate: Candidate,
+    place: FloatArray,
+    residual: FloatArray,
+    most: int,
+    limit: float,
 ) -> Minimum:
-    found = descend(function, place, residual=residual, most=most)
+    found = descend(function, place, residual=residual, most=most, limit=limit)
     if found is None:
         raise AssertionError("a descent from a known residual has an end")
+    if found.given_up:
+        return found
     minimum = refined(function, found, SMOOTH_STEP)
     looked = compass_search(function, minimum, derivative_free(minimum, candidate.stepwise))
     # Refined derivatives, or the compass search, may show a descent that Broyden's Jacobian did not.
@@ -177,33 +211,50 @@ def function_near(
     candidate: Candidate,
     place: FloatArray,
     residual: FloatArray,
-    jacobian: FloatArray | None = None,
+    beyond: FloatArray,
 ) -> Function:
     """Return a candidate's marginal residual as a function of its place (p,) that is exact at one place.
 
-    Without a surrogate it is exact everywhere. Else changes away from that place are those of the surrogate
-    (additive correction: Alexandrov et al., Journal of Aircraft 38:1093, 2001), and linear in the parameters
-    that the surrogate does not cover. At the `place` of exactness the marginal `residual` (N,) is known and,
-    where it is given, its derivative, the `jacobian` (N, p).
+    Without a surrogate it is exact everywhere. Else it is the surrogate with a linear correction (Alexandrov
+    et al., Journal of Aircraft 38:1093, 2001). At the `place` of exactness the marginal `residual` (N,) is
+    known, and so is what its derivative is `beyond` that of the surrogate, (N, p), see `slopes_beyond`.
     """
-    full = marginal_function(problem, candidate)
-    surrogate = (
-        problem.surrogate_residual(candidate.model(problem.base, place)) if problem.has_surrogate else None
-    )
-    if surrogate is None:
-        return full
-    correction = residual - problem.marginal(surrogate)
     linear = ~problem.surrogate_mask(candidate.owners)
-    if jacobian is None:
-        jacobian = differences(full, place, residual, ROLLER_STEP, along=linear)
+
+    def surrogate(at: FloatArray) -> FloatArray | None:
+        simulated = problem.surrogate_residual(candidate.model(problem.base, np.where(linear, place, at)))
+        return None if simulated is None else problem.marginal(simulated)
+
+    here = surrogate(place) if problem.has_surrogate else None
+    if here is None:
+        return marginal_function(problem, candidate)
+    correction = residual - here
 
     def near(at: FloatArray) -> FloatArray | None:
-        changed = problem.surrogate_residual(candidate.model(problem.base, np.where(linear, place, at)))
-        if changed is None:
-            return None
-        return problem.marginal(changed) + correction + jacobian @ np.where(linear, at - place, 0.0)
+        simulated = surrogate(at)
+        return None if simulated is None else simulated + correction + beyond @ (at - place)
 
     return near
+
+
+def slopes_beyond(
+    problem: ResidualProblem,
+    candidate: Candidate,
+    place: FloatArray,
+    residual: FloatArray,
+    known: Mapping[int, FloatArray] = MappingProxyType({}),
+) -> FloatArray:
+    """Return the derivative (N, p) of a candidate's marginal residual that the surrogate does not show.
+
+    It is that of the parameters that the surrogate does not cover, and taken to be 0 for the others. Columns
+    (N,) that are not `known` are measured by differences, at a `place` (p,) with a marginal `residual` (N,).
+    """
+    full, along = marginal_function(problem, candidate), ~problem.surrogate_mask(candidate.owners)
+    unknown = np.array([i not in known for i in range(along.size)], bool)
+    slopes = differences(full, place, residual, ROLLER_STEP, along=along & unknown)
+    for index, column in known.items():
+        slopes[:, index] = column if along[index] else 0.0
+    return slopes
 
 
 @dataclass(frozen=True)

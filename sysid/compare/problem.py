@@ -29,8 +29,9 @@ _UNUSABLE: Final = (MecanumError, ValueError)
 """Exceptions of a model that cannot be simulated; MuJoCo raises ValueError for too long a latency."""
 SMOOTH_STEP: Final = 1e-3
 """Step of a finite difference on the 0..1 scale of a parameter, where the simulation is smooth."""
-ROLLER_STEP: Final = 0.02
-"""The same on rollers: a smaller step shows mostly rollers that meet the floor a little earlier or later."""
+ROLLER_STEP: Final = 0.1
+"""The same on rollers: a smaller step shows mostly rollers that meet the floor a little earlier or later.
+With 0.1 fits end lower than with 0.02 or 0.05, after as few simulations."""
 _SMOOTH_PROBE: Final = 0.03
 """Step to the first response of an effect on the 0..1 scale, where the simulation is smooth."""
 _ROLLER_PROBE: Final = 0.15

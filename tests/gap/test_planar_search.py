@@ -12,7 +12,7 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, effect_set
-from sysid.compare.fitted import base_fit, fit, function_near, marginal_function
+from sysid.compare.fitted import base_fit, fit, function_near, marginal_function, slopes_beyond
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.prediction import predict
@@ -76,7 +76,8 @@ def test_a_corrected_simulation_is_exact_where_it_was_corrected(problem: Residua
     candidate, place = slower(problem)
     residual = marginal_function(problem, candidate)(place)
     assert residual is not None
-    near = function_near(problem, candidate, place, residual)(place)
+    beyond = slopes_beyond(problem, candidate, place, residual)
+    near = function_near(problem, candidate, place, residual, beyond)(place)
     assert near == pytest.approx(residual, abs=1e-9)
 
 
@@ -86,7 +87,8 @@ def test_a_corrected_simulation_tells_what_an_effect_changes(problem: ResidualPr
     before, after = full(place), full(place - 0.1)
     assert before is not None
     assert after is not None
-    told = function_near(problem, candidate, place, before)(place - 0.1)
+    beyond = slopes_beyond(problem, candidate, place, before)
+    told = function_near(problem, candidate, place, before, beyond)(place - 0.1)
     assert told is not None
     # How rollers slip and bounce is what is left.
     assert np.linalg.norm(told - after) < 0.35 * np.linalg.norm(after - before)

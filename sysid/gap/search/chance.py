@@ -70,7 +70,11 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:
     """Return whether a set leaves no more than a right model would."""
-    return floor.trusted and fitted.cost <= expected(problem, fitted) * floor.largest_ratio(problem.size)
+    ratio = floor.largest_ratio(problem.size)
+    if not floor.trusted or fitted.cost <= problem.size * ratio:
+        # The scatter, which takes simulations, could only add to what is allowed.
+        return floor.trusted
+    return fitted.cost <= expected(problem, fitted) * ratio
 
 
 def enough(

@@ -124,6 +124,10 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     size = _grow(search, floor, max_effects, rng)
     inflation = _inflation(problem, search.best_fit)
     search.swap(_best(search, size, inflation).fitted)
+    best = _best(search, size, inflation).fitted
+    tie = best.cost + THRESHOLDS.tie_sigmas**2 * inflation
+    for near in [f for f in search.of_size(size) if f is best or f.cost <= tie]:
+        _polished(search, floor, near)
     search.leave_out_needless(size, inflation)
     chosen = _best(search, size, inflation)
     while size > 1 and (doubtful(problem, chosen.fitted, inflation) or rises(problem, base, chosen.fitted)):
@@ -138,31 +142,55 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
     problem, size = search.problem, 1
     while size < max_effects:
         parent = _best(search, size, 1.0).fitted
-        if not complete(problem, parent, floor):
-            parent = search.polish(parent)
         nearest = search.of_size(size)[: search.effort.beam]
         promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
-        inflation = max(1.0, promised / problem.size)
-        needed = chance_gains(parent, search.library, rng, roller_scatter(problem, parent)).threshold()
-        if parent.cost - promised < needed * inflation:
+        inflation, gain = max(1.0, promised / problem.size), parent.cost - promised
+        by_chance = chance_gains(parent, search.library, rng, roller_scatter(problem, parent)).threshold()
+        if gain < by_chance * inflation:
             return size
+        if not _visible(problem, parent):
+            least = by_chance * inflation + _formula_residue(search, parent)
+            if search.may_gain(gain) < least:
+                return size
         search.grow(size + 1)
         if not search.of_size(size + 1):
             return size
-        inflation = _inflation(problem, search.of_size(size + 1)[0])
-        larger = _best(search, size + 1, inflation)
-        smaller = _best(search, size, inflation)
-        gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-        visible = smaller.fitted.cost > THRESHOLDS.plainly_visible * expected(problem, smaller.fitted)
-        if not (visible and complete(problem, larger.fitted, floor)):
-            # The residue of an imperfect formula can mimic another effect.
-            needed += THRESHOLDS.formula_error**2 * (search.base.cost - smaller.fitted.cost) / inflation
-        if gain < needed or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
-            return size
-        if rises(problem, search.base, larger.fitted):
+        if not _pays(search, floor, size + 1, by_chance):
             return size
         size += 1
     return size
+
+
+def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
+    """Return whether the best set of a size gains enough over the smaller ones, `by_chance` being nothing."""
+    problem = search.problem
+    inflation = _inflation(problem, search.of_size(size)[0])
+    larger, smaller = (_best(search, each, inflation) for each in (size, size - 1))
+    obvious = _visible(problem, smaller.fitted) and complete(problem, larger.fitted, floor)
+    needed = by_chance
+    if not obvious:
+        # The residue of an imperfect formula, or of an imperfect fit, can mimic another effect.
+        smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
+        needed += _formula_residue(search, smaller.fitted) / inflation
+    gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
+    if gain < needed or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
+        return False
+    return not rises(problem, search.base, larger.fitted)
+
+
+def _polished(search: Search, floor: Floor, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
+    """Return a fitted set, improved by `Search.polish` if it leaves more than a right model would."""
+    return fitted if complete(search.problem, fitted, floor) else search.polish(fitted)
+
+
+def _visible(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> bool:
+    """Return whether a set leaves plainly more than a right model would."""
+    return fitted.cost > THRESHOLDS.plainly_visible * expected(problem, fitted)
+
+
+def _formula_residue(search: Search, fitted: Fitted[EffectSet]) -> float:
+    """Return the cost that the formulas of a set may leave of what they explain."""
+    return THRESHOLDS.formula_error**2 * (search.base.cost - fitted.cost)
 
 
 def _inflation(problem: ResidualProblem, best: Fitted[EffectSet]) -> float:
@@ -290,8 +318,7 @@ def _tolerance(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: f
     An imperfect formula leaves the square of `formula_error` of what it explains beyond the effects that both
     sets have.
     """
-    common = tuple(name for name in chosen.names if name in rival.names)
-    rest = search.fitted.get((common, False)) or search.fitted.get((common, True)) or search.base
+    rest = search.shared(chosen.names, rival.names)
     explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
     return THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained
 

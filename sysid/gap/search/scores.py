@@ -155,9 +155,10 @@ def interval_ends(
         half = np.maximum(half, t.ppf(tail, len(masks) - 1) * spread)
     low, high = fitted.place - half, fitted.place + half
     minimum = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
-    near = function_near(problem, fitted.candidate, fitted.place, fitted.residual, fitted.jacobian)
     full = marginal_function(problem, fitted.candidate)
     quick = problem.surrogate_mask(fitted.candidate.owners)
+    beyond = np.where(quick, 0.0, fitted.jacobian)
+    near = function_near(problem, fitted.candidate, fitted.place, fitted.residual, beyond)
     rise = chi2.ppf(THRESHOLDS.interval_level, 1) * inflation
     for i in np.flatnonzero(derivative_free(minimum, fitted.candidate.stepwise)):
         down, up = reach(near if quick[i] else full, minimum, int(i), rise)

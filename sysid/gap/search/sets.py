@@ -7,6 +7,7 @@ fits worse: where a descent ends higher than the set it grew from, it is started
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Final
@@ -14,10 +15,12 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, excludes_itself
 from sysid.compare.descent import Minimum, compass_search
 from sysid.compare.fitted import Fitted, base_fit, fit, marginal_function
 from sysid.compare.problem import ResidualProblem
+from sysid.gap.search.chance import roller_scatter
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 
@@ -29,6 +32,11 @@ _WORTH_FITTING: Final = 0.5
 may be off by as much."""
 _MUCH_LEFT: Final = 4.0
 """Mean squared residual behind a delay above which the other effects' responses are measured again there."""
+_SLACK: Final = 4.0
+"""A fit is given up if it would stay so many times as far above the best one as a tied set may be."""
+_UNDERRATED: Final = 4.0
+"""Most times that the screening underrates a gain: by 2.6 at most in studies of robots. It spares fits on
+rollers; a wheel on the bench is simulated so fast that its fits decide."""
 _SWAP: Final = 0.2
 """Share of an effect's gain by which the screening may underrate another effect that could replace it."""
 
@@ -100,7 +108,8 @@ class Search:
         here = Minimum(fitted.place, fitted.residual, fitted.jacobian, 0)
         improved = compass_search(function, here, only_rollers)
         if improved.cost < fitted.cost:
-            again = fit(self.problem, fitted.candidate, improved.place, most=4)
+            known = _columns(fitted.candidate, fitted)
+            again = fit(self.problem, fitted.candidate, improved.place, most=4, known=known)
             if again is not None and again.cost < fitted.cost:
                 fitted = again
                 self._fitted[fitted.names, fitted.candidate.integral] = fitted
@@ -114,9 +123,30 @@ class Search:
             gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
             if gain >= _WORTH_FITTING * best and growth.key not in self._fitted and len(chosen) < most:
                 chosen.setdefault(growth.key, growth)
-        for key, found in zip(chosen, self.problem.study.map(self._fit, chosen.values()), strict=True):
+        # The most promising one shows what the others have to reach.
+        ranked = list(chosen.values())
+        self._fit_hopeful(ranked[:1])
+        self._fit_hopeful(ranked[1:])
+
+    def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
+        limits = [self._limit(growth) for growth in growths]
+        pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
+        for (growth, _), found in zip(pairs, self.problem.study.map(self._fit, pairs), strict=True):
             if found is not None:
-                self._fitted[key] = found
+                self._fitted[growth.key] = found
+
+    def may_gain(self, promised: float) -> float:
+        """Return the most that a set may gain from which the screening `promised` so much."""
+        return _UNDERRATED * promised if self.problem.has_surrogate else math.inf
+
+    def shared(self, one: Sequence[str], other: Sequence[str]) -> Fitted[EffectSet]:
+        """Return the fit of the effects that `one` set and an `other` share; of none if there is no such fit."""
+        names = tuple(name for name in one if name in other)
+        return self._fitted.get((names, False)) or self._fitted.get((names, True)) or self.base
+
+    def _may_reach(self, growth: Growth, limit: float) -> bool:
+        parent = growth.parent.cost
+        return parent - self.may_gain(parent - growth.expected) <= limit
 
     def leave_out_needless(self, size: int, inflation: float) -> None:
         """Replace the best sets of a size by what they are without the parameters that they do not need.
@@ -141,17 +171,34 @@ class Search:
                 siblings = candidate.owners.count(effect)
                 if (effect and siblings < 2) or sigmas[index] ** 2 > THRESHOLDS.needless_square:
                     continue
-                found = fit(self.problem, candidate.without(int(index)), np.delete(fitted.place, index))
+                smaller = candidate.without(int(index))
+                known = _columns(smaller, fitted)
+                found = fit(self.problem, smaller, np.delete(fitted.place, index), known=known)
                 if found is not None and found.cost <= fitted.cost + THRESHOLDS.needless_square * inflation:
                     fitted = found
                     break
             else:
                 return fitted
 
-    def _fit(self, growth: Growth) -> Fitted[EffectSet] | None:
-        found = fit(self.problem, growth.candidate, growth.place)
+    def _limit(self, growth: Growth) -> float:
+        """Return the cost above which a set of a growth's size is neither best nor tied with the best one."""
+        fitted = self.of_size(len(growth.candidate.names))
+        if not fitted:
+            return math.inf
+        best = fitted[0].cost
+        rest = self.shared(growth.candidate.names, fitted[0].names)
+        inflation, gain = max(1.0, best / self.problem.size), max(0.0, rest.cost - best)
+        tie = THRESHOLDS.tie_sigmas**2 * inflation + THRESHOLDS.formula_error**2 * gain
+        return best + _SLACK * tie + float(np.sum(roller_scatter(self.problem, self.base) ** 2))
+
+    def _fit(self, work: tuple[Growth, float]) -> Fitted[EffectSet] | None:
+        (growth, limit), known = work, _columns(work[0].candidate, work[0].parent)
+        if any(c.stepwise for i, c in enumerate(growth.candidate.coordinates) if i not in known):
+            # Its derivative promises nothing.
+            limit = math.inf
+        found = fit(self.problem, growth.candidate, growth.place, limit=limit, known=known)
         if found is None or found.cost > growth.parent.cost * (1.0 + _ROUNDING):
-            again = fit(self.problem, growth.candidate, growth.parent_place)
+            again = fit(self.problem, growth.candidate, growth.parent_place, limit=limit, known=known)
             found = again if again is not None and (found is None or again.cost < found.cost) else found
         if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
             raise AssertionError(f"{growth.key[0]} fits worse than {growth.parent.names}, which it contains")
@@ -184,7 +231,13 @@ class Search:
                 return self._fitted[names, integral]
         kept = [i for i, c in enumerate(chosen.candidate.coordinates) if c.effect in names]
         smaller = EffectSet(names, tuple(chosen.candidate.coordinates[i] for i in kept))
-        found = fit(self.problem, smaller, chosen.place[kept])
+        found = fit(self.problem, smaller, chosen.place[kept], known=_columns(smaller, chosen))
         if found is not None:
             self._fitted[names, False] = found
         return found
+
+
+def _columns(candidate: EffectSet, like: Fitted[EffectSet]) -> dict[int, FloatArray]:
+    """Return the columns (N,) of the Jacobian that a set shares with another, fitted one, by their number."""
+    at = dict(zip(like.candidate.coordinates, like.jacobian.T, strict=True))
+    return {i: at[c] for i, c in enumerate(candidate.coordinates) if c in at}

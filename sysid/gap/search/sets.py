@@ -140,7 +140,7 @@ class Search:
         return _UNDERRATED * promised if self.problem.has_surrogate else math.inf
 
     def shared(self, one: Sequence[str], other: Sequence[str]) -> Fitted[EffectSet]:
-        """Return the fit of the effects that the sets `one` and `other` share; of none if there is no such."""
+        """Return the fit of the effects that `one` set shares with an `other`; of none if there is none."""
         names = tuple(name for name in one if name in other)
         return self._fitted.get((names, False)) or self._fitted.get((names, True)) or self.base
 

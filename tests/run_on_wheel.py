@@ -16,7 +16,7 @@ import venv
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-EXTRAS = "report,bag,parquet"
+EXTRAS = "report,bag,parquet,zoo"
 QUICK = (
     "tests/plugin",
     "tests/rendering",

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import datetime
+import importlib.util
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from mecanum_env.cli import run
-from mecanum_env.errors import InputError, require_at_least
+from mecanum_env.errors import InputError, install_command, require_at_least
 
 if TYPE_CHECKING:
     from sysid.studies.zoo.cases.case import Level
@@ -58,6 +59,8 @@ def main(
         raise InputError("sealed: spends seeds on a whole run; leave out --quick and --only")
     if quick and first_seed is not None:
         raise InputError("first-seed: --quick spreads its seeds over all; leave out one of the two")
+    if importlib.util.find_spec("numba") is None:
+        raise InputError(f"the drives and robots of the zoo need numba: {install_command('zoo')}")
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.files import require_writable, write_json, write_text
     from sysid.studies.zoo.drives.families import FAMILIES

@@ -5,7 +5,7 @@ import pytest
 
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.logs import BodyCommand, Finding, Run
-from sysid.logs.checks import dataset_findings, run_findings
+from sysid.logs.checks import _moving, dataset_findings, run_findings
 from sysid.logs.findings import KINDS
 
 BenchRun = Callable[..., Run]
@@ -169,3 +169,9 @@ def test_channels_without_samples_raise_no_error(
     run = bench_run("a.csv", COMMAND, damage(follow(COMMAND)))
     assert "missing" in kinds(run)
     assert dataset_findings([run]) == []
+
+
+def test_the_largest_numbers_that_a_file_can_hold_do_not_overflow():
+    largest = np.array([2.7e306, -1.77e308, 1.7e308, -1.7e308, 1e308, 0.0, 1.0, 2.0])
+    assert _moving(largest).any()
+    assert not _moving(np.arange(20.0)).any()

@@ -16,7 +16,7 @@ from sysid.compare.correction import KEY
 from sysid.compare.model_error import ModelError, estimate_model_error
 from sysid.compare.own_error import block_residuals
 from sysid.compare.prediction import Study
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.problem import ResidualProblem, Simulators
 from sysid.compare.simulator import without_engine_warnings
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Design
@@ -90,15 +90,22 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     if not data.floor.trusted:
         progress("how far the model errs by itself")
         data = replace(data, error=_error_of_best_fit(data, search, options.max_effects))
-        search = _start_search(data, model, study, considered)
+        search = _start_search(data, model, study, considered, search.problem.simulators)
     progress("sets of effects")
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
     progress("before and after")
     return _report(dataset, model, options, data, search, considered, decision)
 
 
-def _start_search(data: StudyData, model: Model, study: Study, considered: Sequence[str]) -> Search:
-    problem = ResidualProblem(model, Whitener(data.observations, data.noise, data.error), study)
+def _start_search(
+    data: StudyData,
+    model: Model,
+    study: Study,
+    considered: Sequence[str],
+    simulators: Simulators | None = None,
+) -> Search:
+    whitener = Whitener(data.observations, data.noise, data.error)
+    problem = ResidualProblem(model, whitener, study, simulators)
     level = data.observations.situations[0].runs[0].level
     return Search(problem, responses(problem, considered), EFFORT[level])
 

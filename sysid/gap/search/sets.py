@@ -129,7 +129,7 @@ class Search:
         self._fit_hopeful(ranked[1:])
 
     def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
-        limits = [self._limit(growth) for growth in growths]
+        limits = [self._limit(growth.candidate.names) for growth in growths]
         pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
         for (growth, _), found in zip(pairs, self.problem.study.map(self._fit, pairs), strict=True):
             if found is not None:
@@ -180,13 +180,13 @@ class Search:
             else:
                 return fitted
 
-    def _limit(self, growth: Growth) -> float:
-        """Return the cost above which a set of a growth's size is neither best nor tied with the best one."""
-        fitted = self.of_size(len(growth.candidate.names))
+    def _limit(self, names: Sequence[str]) -> float:
+        """Return the cost above which a set of effects is neither best of its size nor tied with the best."""
+        fitted = self.of_size(len(names))
         if not fitted:
             return math.inf
         best = fitted[0].cost
-        rest = self.shared(growth.candidate.names, fitted[0].names)
+        rest = self.shared(names, fitted[0].names)
         inflation, gain = max(1.0, best / self.problem.size), max(0.0, rest.cost - best)
         tie = THRESHOLDS.tie_sigmas**2 * inflation + THRESHOLDS.formula_error**2 * gain
         return best + _SLACK * tie + float(np.sum(roller_scatter(self.problem, self.base) ** 2))
@@ -214,6 +214,9 @@ class Search:
         """
         shifted = any(CATALOGUE[name].shifts_time for name in parent.names)
         if parent.cost < _MUCH_LEFT * self.problem.size or not shifted:
+            return self.library
+        if self.problem.has_surrogate and parent.cost > self._limit(parent.names):
+            # On rollers that takes too long for a set that is far from the best one.
             return self.library
         key = parent.names, parent.candidate.integral
         if key not in self._behind:

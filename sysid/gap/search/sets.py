@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
@@ -23,6 +24,7 @@ from sysid.gap.search.chance import roller_scatter
 from sysid.gap.search.coordinates import EffectSet, excludes_itself
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
+from sysid.progress import Progress, silent
 
 EMPTY: Final = EffectSet((), ())
 _ROUNDING: Final = 1e-6
@@ -47,6 +49,8 @@ class Search:
     def __init__(self, problem: ResidualProblem, library: Sequence[Response], effort: SearchEffort) -> None:
         self.problem, self.library, self.effort = problem, tuple(library), effort
         self.base = base_fit(problem, EMPTY)
+        self.tell: Progress = silent
+        """Called before each fit with the set."""
         self._fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
         self._behind: dict[Key, list[Response]] = {}
 
@@ -131,9 +135,8 @@ class Search:
     def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
         limits = [self._limit(growth.candidate.names) for growth in growths]
         pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
-        for (growth, _), found in zip(pairs, self.problem.study.map(self._fit, pairs), strict=True):
-            if found is not None:
-                self._fitted[growth.key] = found
+        fits = self.problem.study.map(self._fit, pairs)
+        self._fitted |= {g.key: found for (g, _), found in zip(pairs, fits, strict=True) if found is not None}
 
     def may_gain(self, promised: float) -> float:
         """Return the most that a set may gain from which the screening `promised` so much."""
@@ -193,11 +196,14 @@ class Search:
 
     def _fit(self, work: tuple[Growth, float]) -> Fitted[EffectSet] | None:
         (growth, limit), known = work, _columns(work[0].candidate, work[0].parent)
+        self.tell(" + ".join(growth.candidate.names))
         if any(c.stepwise for i, c in enumerate(growth.candidate.coordinates) if i not in known):
             # Its derivative promises nothing.
             limit = math.inf
         found = fit(self.problem, growth.candidate, growth.place, limit=limit, known=known)
         if found is None or found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+            if found is not None and found.given_up:
+                return replace(found, place=growth.parent_place, residual=growth.parent.residual)
             again = fit(self.problem, growth.candidate, growth.parent_place, limit=limit, known=known)
             found = again if again is not None and (found is None or again.cost < found.cost) else found
         if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):

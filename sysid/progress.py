@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import math
 import sys
 import time
 import tracemalloc
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from typing import TypeVar
+from typing import Final, TypeVar
 
 from tqdm import tqdm
 
 Progress = Callable[[str], None]
-"""A function that is called with the name of each stage before the stage begins."""
+"""A function that is called with the name of each stage before the stage begins.
+
+Within a long stage it is called again, with the name of the stage, a colon and how far the stage is.
+"""
+_QUIET_S: Final = 10.0
+"""Least time between two lines about one stage where there is no terminal [s]."""
 
 T = TypeVar("T")
 
@@ -22,27 +28,52 @@ def silent(message: str) -> None:
     del message
 
 
+def within(progress: Progress, stage: str) -> Progress:
+    """Return a function that tells `progress` how far a stage is."""
+    return lambda message: progress(f"{stage}: {message}")
+
+
 @contextmanager
 def stage_bar(stages: int) -> Iterator[Progress]:
-    """Show up to `stages` stages on stderr: a bar on a terminal, else (a log file, CI) one line per stage."""
+    """Show up to `stages` stages on stderr: a bar on a terminal, else (a log file, CI) lines with the time.
+
+    How far a stage is takes the place of its name on the bar, and a line of its own every ten seconds.
+    """
     if not sys.stderr.isatty():
         began = time.perf_counter()
-        yield lambda text: print(f"[{time.perf_counter() - began:6.1f} s] {text}", file=sys.stderr)
+        stage, told = "", -math.inf
+
+        def line(message: str) -> None:
+            nonlocal stage, told
+            now = time.perf_counter()
+            if _is_within(message, stage) and now - told < _QUIET_S:
+                return
+            if not _is_within(message, stage):
+                stage = message
+            told = now
+            print(f"[{now - began:6.1f} s] {message}", file=sys.stderr)
+
+        yield line
         return
     layout = "{percentage:3.0f}% |{bar:20}| [{elapsed}] {desc}"
     with tqdm(total=stages, bar_format=layout, file=sys.stderr) as bar:
-        begun = 0
+        begun, shown = 0, ""
 
         def advance(message: str) -> None:
-            nonlocal begun
+            nonlocal begun, shown
             bar.set_description_str(message, refresh=False)
-            bar.update(min(begun, 1))
+            if not _is_within(message, shown):
+                bar.update(min(begun, 1))
+                begun, shown = begun + 1, message
             bar.refresh()
-            begun += 1
 
         yield advance
         bar.set_description_str("done", refresh=False)
         bar.update(max(0, stages - int(bar.n)))
+
+
+def _is_within(message: str, stage: str) -> bool:
+    return bool(stage) and message.startswith(f"{stage}: ")
 
 
 def seconds_of(work: Callable[[], T]) -> tuple[T, float]:

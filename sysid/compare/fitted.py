@@ -87,6 +87,8 @@ class Fitted(Generic[C]):
     """Marginal residual, shape (N,)."""
     jacobian: FloatArray
     """Derivative of the marginal residual, shape (N, p)."""
+    given_up: bool = False
+    """Whether the place is not the best one, since the cost there would be above the limit of the fit."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -134,27 +136,26 @@ def fit(
         return None
     if not problem.has_surrogate:
         minimum = _minimum(full, candidate, place, residual, most, limit)
-        return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian)
+        return Fitted(candidate, minimum.place, minimum.residual, minimum.jacobian, minimum.given_up)
     beyond = slopes_beyond(problem, candidate, place, residual, known)
     near = function_near(problem, candidate, place, residual, beyond)
     explained = float(np.sum(problem.marginal(problem.base_residual) ** 2))
     for _ in range(_CORRECTIONS):
         promised = _minimum(near, candidate, place, residual, most, limit)
+        if promised.given_up:
+            return Fitted(candidate, place, residual, promised.jacobian, given_up=True)
         cost = float(residual @ residual)
         worth = _PROMISE * max(1.0, cost / problem.size) + _SHARE * explained
-        if promised.cost > cost - worth and not promised.given_up:
+        if promised.cost > cost - worth:
             break
         better = _first_better(full, place, promised.place, cost - _WORTH)
-        if better is not None:
-            step, told = better[0] - place, near(better[0])
-            place, residual = better
-            if told is not None:
-                # Over a short step rollers that meet the floor otherwise are most of the difference.
-                beyond = beyond + np.outer(residual - told, step / float(step @ step + _ROUGH**2))
-        if promised.given_up:
-            return Fitted(candidate, place, residual, promised.jacobian)
         if better is None:
             break
+        step, told = better[0] - place, near(better[0])
+        place, residual = better
+        if told is not None:
+            # Over a short step rollers that meet the floor otherwise are most of the difference.
+            beyond = beyond + np.outer(residual - told, step / float(step @ step + _ROUGH**2))
         near = function_near(problem, candidate, place, residual, beyond)
     here = Minimum(place, residual, differences(near, place, residual), 0)
     return Fitted(candidate, place, residual, refined(near, here, SMOOTH_STEP).jacobian)

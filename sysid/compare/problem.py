@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -20,6 +20,7 @@ from mecanum_env.model import Model, Wheel
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Mask
 from sysid.compare.nuisance import plausible_models, shape_columns
+from sysid.compare.observations import Observations
 from sysid.compare.prediction import Study
 from sysid.compare.simulator import Simulator, model_key
 from sysid.compare.whitening import Whitener
@@ -45,28 +46,53 @@ _INFLATION: Final = 1.5
 """Factor on the ripple's variance: over few wheels and runs it varies by about a third between draws."""
 
 
+@dataclass(frozen=True, eq=False)
+class Simulators:
+    """What simulates the observations of a problem."""
+
+    full: Simulator
+    planar: Simulator | None
+    """A surrogate on the planar plant, where the robot is on rollers."""
+    turned: tuple[Simulator, ...]
+    """The rollers again, with other initial wheel angles."""
+
+    @classmethod
+    def of(cls, observations: Observations, study: Study) -> Simulators:
+        """Return the simulators of some observations."""
+        full = Simulator(observations, study)
+        if observations.situations[0].runs[0].level == "bench" or study.plant != "rollers":
+            return cls(full, None, ())
+        turned = (Simulator(observations, study, wheel_angle_seed=1 + draw) for draw in range(_DRAWS))
+        return cls(full, Simulator(observations, replace(study, plant="planar")), tuple(turned))
+
+
 class ResidualProblem:
     """Residuals of models on some observations.
 
     On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth. The
     error and the parameter uncertainty that the `base` model states are marginalised. The `scale` of the
-    study is replaced by that of the model and the runs.
+    study is replaced by that of the model and the runs. The `simulators` of another problem of the same
+    observations and study remember what they have simulated.
     """
 
-    def __init__(self, base: Model, whitener: Whitener, study: Study | None = None) -> None:
+    def __init__(
+        self,
+        base: Model,
+        whitener: Whitener,
+        study: Study | None = None,
+        simulators: Simulators | None = None,
+    ) -> None:
         self.base, self.whitener = base, whitener
         self.observations = whitener.observations
         runs = [run for situation in self.observations.situations for run in situation.runs]
         self.study = replace(study or Study(), scale=speed_scale(base, runs))
-        self.simulator = Simulator(self.observations, self.study)
+        self.simulators = simulators or Simulators.of(self.observations, self.study)
         self.bench = runs[0].level == "bench"
-        self._planar: Simulator | None = None
         self._ripple: WheelAngleRipple | None = None
-        if not self.bench and self.study.plant == "rollers":
-            self._planar = Simulator(self.observations, replace(self.study, plant="planar"))
-            self._ripple = WheelAngleRipple(self.simulator, whitener, self._residual, self.marginal)
+        if self.simulators.planar is not None:
+            self._ripple = WheelAngleRipple(self.simulators, whitener, self._residual, self.marginal)
         self.measured = whitener.whiten(whitener.measured())
-        self.base_residual = self.measured - whitener.whiten(self.simulator.predictions(base))
+        self.base_residual = self.measured - whitener.whiten(self.simulators.full.predictions(base))
         self.nuisance = self._nuisance()
         """X, shape (N, q)."""
         directions, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
@@ -81,7 +107,7 @@ class ResidualProblem:
     @property
     def has_surrogate(self) -> bool:
         """Whether there is a faster simulation than that of `residual`."""
-        return self._planar is not None
+        return self.simulators.planar is not None
 
     @property
     def angle_uncertainty(self) -> float:
@@ -90,7 +116,7 @@ class ResidualProblem:
 
     def residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model, None if it cannot be simulated."""
-        return self._residual(self.simulator, model)
+        return self._residual(self.simulators.full, model)
 
     def _residual(self, simulator: Simulator, model: Model) -> FloatArray | None:
         try:
@@ -105,15 +131,15 @@ class ResidualProblem:
         Only its differences are meaningful. Without slip and without the effects that the plant refuses they
         agree with those of the rollers to some per cent.
         """
-        if self._planar is None:
+        if self.simulators.planar is None:
             return self.residual(model)
         simulated = {n: v for n, v in model.effects.items() if "planar" not in CATALOGUE[n].refused_by}
-        return self._residual(self._planar, replace(model, effects=simulated))
+        return self._residual(self.simulators.planar, replace(model, effects=simulated))
 
     def surrogate_covers(self, effects: Sequence[str]) -> bool:
         """Return whether there is a surrogate and it shows what the `effects` change."""
         known = [CATALOGUE[name] for name in effects if name]
-        return self._planar is not None and all(effect.fully_in("planar") for effect in known)
+        return self.simulators.planar is not None and all(effect.fully_in("planar") for effect in known)
 
     def surrogate_mask(self, owners: Sequence[str]) -> Mask:
         """Return which parameters' influence the surrogate shows, (p,), by their effects `owners`, (p,)."""
@@ -121,7 +147,7 @@ class ResidualProblem:
 
     def probe_step(self, effects: Sequence[str]) -> float:
         """Return the step to the first response of some `effects`, on the 0..1 scale of a parameter."""
-        smooth = self._planar is None or self.surrogate_covers(effects)
+        smooth = self.simulators.planar is None or self.surrogate_covers(effects)
         return _SMOOTH_PROBE if smooth else _ROLLER_PROBE
 
     def changes(
@@ -208,22 +234,18 @@ class WheelAngleRipple:
 
     A log does not say at which angles its wheels started, so when each roller touches the floor is unknown,
     too. The ripple that this causes is simulated with other initial angles than those of the nominal
-    `simulator`, recognised in the residual, and then counted as noise.
+    simulator, recognised in the residual, and then counted as noise.
     """
 
     def __init__(
         self,
-        simulator: Simulator,
+        simulators: Simulators,
         whitener: Whitener,
         residual: Callable[[Simulator, Model], FloatArray | None],
         marginal: Callable[[FloatArray], FloatArray],
     ) -> None:
-        self._nominal, self._whitener = simulator, whitener
+        self._nominal, self._others, self._whitener = simulators.full, simulators.turned, whitener
         self._residual, self._marginal = residual, marginal
-        self._others = [
-            Simulator(simulator.observations, simulator.study, wheel_angle_seed=seed)
-            for seed in range(1, _DRAWS + 1)
-        ]
         self.uncertainty = 0.0
         """How unknown the initial angles are: 0 as in the simulation .. 1 entirely."""
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields
 from functools import cached_property
 from threading import Lock
-from typing import Any, Final, cast
+from typing import Any, Final, TypeVar, cast
 
 import mujoco
 import numpy as np
@@ -31,7 +31,10 @@ from sysid.compare.prediction import (
     robot_motion,
 )
 
-_REMEMBERED: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
+_MOTIONS_KEPT: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
+_PREDICTIONS_BYTES: Final = 1e8  # size of the predictions that are kept, about 0.1 MB for a model
+
+T = TypeVar("T")
 
 
 @contextmanager
@@ -57,6 +60,7 @@ class Simulator:
         self.observations, self.wheel_angle_seed = observations, wheel_angle_seed
         self.study = study or Study()
         self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
+        self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
         self._groups: dict[float, list[_Alike]] = {}
         self._lock = Lock()
 
@@ -67,8 +71,12 @@ class Simulator:
             InputError: an effect that cannot be simulated, or a value out of range.
             SimulationDivergedError: the state stopped being finite.
         """
+        return self._remembered(self._predictions, model, self._predict, self._predictions_kept)
+
+    def _predict(self, model: Model) -> list[FloatArray]:
         situations = self.observations.situations
-        motions, sensors = self._motion(without_sensors(model)), sensors_of(model)
+        alone, sensors = without_sensors(model), sensors_of(model)
+        motions = self._remembered(self._motions, alone, self._simulate, _MOTIONS_KEPT)
         # Situations with the same commands share a motion, which is seen once.
         seen = {id(motion): motion.seen_by(sensors) for motion in motions}
         channels = [
@@ -80,17 +88,26 @@ class Simulator:
             for block in self.observations.blocks
         ]
 
-    def _motion(self, model: Model) -> Sequence[Motion]:
+    @cached_property
+    def _predictions_kept(self) -> int:
+        """Number of models whose predictions are remembered."""
+        values = sum(block.value.size for block in self.observations.blocks)
+        return max(1, int(_PREDICTIONS_BYTES / (8 * values)))
+
+    def _remembered(
+        self, kept: OrderedDict[Hashable, list[T]], model: Model, work: Callable[[Model], list[T]], most: int
+    ) -> list[T]:
+        """Return the result of `work` on a model; it is `kept` for the latest `most` models."""
         key = model_key(model)
         with self._lock:
-            if key in self._motions:
-                self._motions.move_to_end(key)
-                return self._motions[key]
-        found = self._simulate(model)
+            if key in kept:
+                kept.move_to_end(key)
+                return kept[key]
+        found = work(model)
         with self._lock:
-            self._motions[key] = found
-            while len(self._motions) > _REMEMBERED:
-                self._motions.popitem(last=False)
+            kept[key] = found
+            while len(kept) > most:
+                kept.popitem(last=False)
         return found
 
     def _simulate(self, model: Model) -> list[Motion]:

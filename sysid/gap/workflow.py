@@ -15,7 +15,7 @@ from mecanum_env.model.file import model_to_dict
 from sysid.compare.model_error import ModelError, estimate_model_error
 from sysid.compare.own_error import block_residuals
 from sysid.compare.prediction import Study
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.problem import ResidualProblem, Simulators
 from sysid.compare.simulator import without_engine_warnings
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Design
@@ -46,7 +46,7 @@ from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import EFFORT
 from sysid.logs import Dataset, Run
-from sysid.progress import Progress, silent
+from sysid.progress import Progress, silent, within
 
 
 def analyse(
@@ -63,7 +63,7 @@ def analyse(
         runs: bench or robot logs, as `sysid.logs.read_dataset` gives them, or the runs alone.
         model: preferably fitted to other logs than these, so that the size of its own error is known.
         options: seed, effects to consider, jobs.
-        progress: called with a message before each long step.
+        progress: called with the name of each stage, and within a long one with how far it is.
 
     Raises:
         InputError: options that make no sense for the logs, logs in which nothing moves, or a model that
@@ -84,22 +84,32 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
     progress("data check")
     data = study_data(dataset, model, options)
-    progress("what each effect would do")
-    search = _start_search(data, model, study, considered)
+    progress(stage := "what each effect would do")
+    search = _start_search(data, model, study, considered, within(progress, stage))
     if not data.floor.trusted:
-        progress("how far the model errs by itself")
+        progress(stage := "how far the model errs by itself")
+        search.tell = within(progress, stage)
         data = replace(data, error=_error_of_best_fit(data, search, options.max_effects))
-        search = _start_search(data, model, study, considered)
-    progress("sets of effects")
+        search = _start_search(data, model, study, considered, search.tell, search.problem.simulators)
+    progress(stage := "sets of effects")
+    search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
     progress("before and after")
     return _report(dataset, model, options, data, search, considered, decision)
 
 
-def _start_search(data: StudyData, model: Model, study: Study, considered: Sequence[str]) -> Search:
-    problem = ResidualProblem(model, Whitener(data.observations, data.noise, data.error), study)
+def _start_search(
+    data: StudyData,
+    model: Model,
+    study: Study,
+    considered: Sequence[str],
+    tell: Progress,
+    simulators: Simulators | None = None,
+) -> Search:
+    whitener = Whitener(data.observations, data.noise, data.error)
+    problem = ResidualProblem(model, whitener, study, simulators)
     level = data.observations.situations[0].runs[0].level
-    return Search(problem, responses(problem, considered), EFFORT[level])
+    return Search(problem, responses(problem, considered, tell=tell), EFFORT[level])
 
 
 def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> ModelError:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Final
 
 import numpy as np
 
@@ -29,6 +30,9 @@ from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
+
+_CLEARLY: Final = 4.0
+"""Ratio of a gain to the needed one above which a better fit of the smaller set would change nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,11 +172,13 @@ def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
     larger, smaller = (_best(search, each, inflation) for each in (size, size - 1))
     obvious = _visible(problem, smaller.fitted) and complete(problem, larger.fitted, floor)
     needed = by_chance
-    if not obvious:
-        # The residue of an imperfect formula, or of an imperfect fit, can mimic another effect.
-        smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
-        needed += _formula_residue(search, smaller.fitted) / inflation
     gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
+    if not obvious:
+        # The residue of an imperfect formula can mimic another effect, and so can that of an imperfect fit.
+        needed += _formula_residue(search, smaller.fitted) / inflation
+        if needed <= gain < _CLEARLY * needed:
+            smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
+            gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
     if gain < needed or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
         return False
     return not rises(problem, search.base, larger.fitted)

@@ -29,6 +29,7 @@ from sysid.compare.coordinates import (
 )
 from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
+from sysid.progress import Progress, silent
 
 _TORQUES: Final = (0.05, 0.2, 0.5)
 """Friction torques that are tried on a drive with integral action, on the scale 0 .. 1."""
@@ -71,14 +72,22 @@ class Response:
         return float(np.linalg.norm(self.change))
 
 
-def responses(problem: ResidualProblem, effects: Sequence[str], at: Model | None = None) -> list[Response]:
+def responses(
+    problem: ResidualProblem,
+    effects: Sequence[str],
+    at: Model | None = None,
+    tell: Progress = silent,
+) -> list[Response]:
     """Return the responses of effects, in the order of the catalogue; without what cannot be simulated.
 
-    Each effect is added to the model `at`, by default the base model of the problem.
+    Each effect is added to the model `at`, by default the base model of the problem; `tell` is called with
+    the number of effects before each.
     """
     found = []
+    ordered = [name for name in CATALOGUE if name in effects]
     start = problem.base if at is None else at
-    for name in filter(effects.__contains__, CATALOGUE):
+    for number, name in enumerate(ordered, 1):
+        tell(f"effect {number} of {len(ordered)}")
         trials = _trials(problem.base, CATALOGUE[name], problem.probe_step([name]), problem.study.scale)
         models = [chosen.model(start, place) for chosen, place, _, _ in trials]
         covered = problem.surrogate_covers([name])

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Final
 
@@ -23,6 +24,7 @@ from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.chance import roller_scatter
 from sysid.gap.search.responses import Growth, Key, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
+from sysid.progress import Progress, silent
 
 EMPTY: Final = EffectSet((), ())
 _ROUNDING: Final = 1e-6
@@ -47,6 +49,8 @@ class Search:
     def __init__(self, problem: ResidualProblem, library: Sequence[Response], effort: SearchEffort) -> None:
         self.problem, self.library, self.effort = problem, tuple(library), effort
         self.base = base_fit(problem, EMPTY)
+        self.tell: Progress = silent
+        """Called before each fit with the set."""
         self._fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
         self._behind: dict[Key, list[Response]] = {}
 
@@ -129,11 +133,10 @@ class Search:
         self._fit_hopeful(ranked[1:])
 
     def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
-        limits = [self._limit(growth) for growth in growths]
+        limits = [self._limit(growth.candidate.names) for growth in growths]
         pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
-        for (growth, _), found in zip(pairs, self.problem.study.map(self._fit, pairs), strict=True):
-            if found is not None:
-                self._fitted[growth.key] = found
+        fits = self.problem.study.map(self._fit, pairs)
+        self._fitted |= {g.key: found for (g, _), found in zip(pairs, fits, strict=True) if found is not None}
 
     def may_gain(self, promised: float) -> float:
         """Return the most that a set may gain from which the screening `promised` so much."""
@@ -180,24 +183,27 @@ class Search:
             else:
                 return fitted
 
-    def _limit(self, growth: Growth) -> float:
-        """Return the cost above which a set of a growth's size is neither best nor tied with the best one."""
-        fitted = self.of_size(len(growth.candidate.names))
+    def _limit(self, names: Sequence[str]) -> float:
+        """Return the cost above which a set of effects is neither best of its size nor tied with the best."""
+        fitted = self.of_size(len(names))
         if not fitted:
             return math.inf
         best = fitted[0].cost
-        rest = self.shared(growth.candidate.names, fitted[0].names)
+        rest = self.shared(names, fitted[0].names)
         inflation, gain = max(1.0, best / self.problem.size), max(0.0, rest.cost - best)
         tie = THRESHOLDS.tie_sigmas**2 * inflation + THRESHOLDS.formula_error**2 * gain
         return best + _SLACK * tie + float(np.sum(roller_scatter(self.problem, self.base) ** 2))
 
     def _fit(self, work: tuple[Growth, float]) -> Fitted[EffectSet] | None:
         (growth, limit), known = work, _columns(work[0].candidate, work[0].parent)
+        self.tell(" + ".join(growth.candidate.names))
         if any(c.stepwise for i, c in enumerate(growth.candidate.coordinates) if i not in known):
             # Its derivative promises nothing.
             limit = math.inf
         found = fit(self.problem, growth.candidate, growth.place, limit=limit, known=known)
         if found is None or found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+            if found is not None and found.given_up:
+                return replace(found, place=growth.parent_place, residual=growth.parent.residual)
             again = fit(self.problem, growth.candidate, growth.parent_place, limit=limit, known=known)
             found = again if again is not None and (found is None or again.cost < found.cost) else found
         if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
@@ -214,6 +220,9 @@ class Search:
         """
         shifted = any(CATALOGUE[name].shifts_time for name in parent.names)
         if parent.cost < _MUCH_LEFT * self.problem.size or not shifted:
+            return self.library
+        if self.problem.has_surrogate and parent.cost > self._limit(parent.names):
+            # On rollers that takes too long for a set that is far from the best one.
             return self.library
         key = parent.names, parent.candidate.integral
         if key not in self._behind:

@@ -40,13 +40,17 @@ _NEGLIGIBLE: Final = 1e-10  # relative to the largest eigenvalue of a covariance
 def plausible_models(model: Model) -> list[Model]:
     """Return models one standard deviation away along each axis of the covariance that the model states."""
     found: list[Model] = []
-    stated = model.uncertainty.get("wheel") or {}
-    covariance = stated.get("covariance")
-    if covariance is not None and list(stated.get("names", ())) == list(COEFFICIENTS):
-        values, vectors = np.linalg.eigh(np.asarray(covariance, float))
+    stated = model.uncertainty.get("joint") or model.uncertainty.get("wheel") or {}
+    covariance, names = stated.get("covariance"), [str(name) for name in stated.get("names", ())]
+    if covariance is not None and names[: len(COEFFICIENTS)] == list(COEFFICIENTS):
+        # The numbers have different units: the axes are those of the correlation.
+        matrix = np.asarray(covariance, float)
+        scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+        correlation = matrix / np.outer(scale, scale).clip(min=1e-300)
+        values, vectors = np.linalg.eigh(correlation)
         for value, vector in zip(values, vectors.T, strict=True):
             if value > _NEGLIGIBLE * values[-1]:
-                found += _moved_law(model, math.sqrt(value) * vector)
+                found += _moved(model, names, math.sqrt(value) * vector * scale)
     for name, error in (model.uncertainty.get("robot") or {}).items():
         value = getattr(model.robot, name, None)
         if isinstance(value, float) and isinstance(error, int | float) and error > 0.0:
@@ -57,15 +61,19 @@ def plausible_models(model: Model) -> list[Model]:
     return found
 
 
-def _moved_law(model: Model, step: FloatArray) -> list[Model]:
-    """Return the model with its coefficients moved by `step`, or by -step if that is unstable, or none."""
+def _moved(model: Model, names: Sequence[str], step: FloatArray) -> list[Model]:
+    """Return the model with its numbers moved by `step`, or by -step if that is not allowed, or none."""
     law = model.wheel.law
     for sign in (1.0, -1.0):
-        moved = law.coefficients + sign * step
+        moved = law.coefficients + sign * step[: len(COEFFICIENTS)]
+        effects = {name: dict(values) for name, values in model.effects.items()}
         try:
+            for name, change in zip(names[len(COEFFICIENTS) :], step[len(COEFFICIENTS) :], strict=True):
+                effect, _, parameter = name.rpartition(".")
+                effects[effect][parameter] += sign * float(change)
             changed = replace(law, **dict(zip(COEFFICIENTS, moved.tolist(), strict=True))).require_stable()
-            return [replace(model, wheel=replace(model.wheel, law=changed))]
-        except MecanumError:
+            return [replace(model, wheel=replace(model.wheel, law=changed), effects=effects)]
+        except (MecanumError, KeyError):
             continue
     return []
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Hashable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -19,10 +19,10 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, Wheel
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Mask
+from sysid.compare.learned import Learned
 from sysid.compare.nuisance import plausible_models, shape_columns
-from sysid.compare.observations import Observations
 from sysid.compare.prediction import Study
-from sysid.compare.simulator import Simulator, model_key
+from sysid.compare.simulator import Simulator, Simulators, model_key, planar_part
 from sysid.compare.whitening import Whitener
 from sysid.logs import Run
 
@@ -40,30 +40,9 @@ _ROLLER_PROBE: Final = 0.15
 _GAIN_CHANGES: Final = (1e-3, -1e-3, 2e-3)
 """Relative changes of the wheel speeds, far below what logs show, that change when rollers meet the floor."""
 
-_DRAWS: Final = 4  # sets of initial wheel angles that are simulated
 _ANGLE_STEP: Final = 0.1  # least increase of the uncertainty that is taken over
 _INFLATION: Final = 1.5
 """Factor on the ripple's variance: over few wheels and runs it varies by about a third between draws."""
-
-
-@dataclass(frozen=True, eq=False)
-class Simulators:
-    """What simulates the observations of a problem."""
-
-    full: Simulator
-    planar: Simulator | None
-    """A surrogate on the planar plant, where the robot is on rollers."""
-    turned: tuple[Simulator, ...]
-    """The rollers again, with other initial wheel angles."""
-
-    @classmethod
-    def of(cls, observations: Observations, study: Study) -> Simulators:
-        """Return the simulators of some observations."""
-        full = Simulator(observations, study)
-        if observations.situations[0].runs[0].level == "bench" or study.plant != "rollers":
-            return cls(full, None, ())
-        turned = (Simulator(observations, study, wheel_angle_seed=1 + draw) for draw in range(_DRAWS))
-        return cls(full, Simulator(observations, replace(study, plant="planar")), tuple(turned))
 
 
 class ResidualProblem:
@@ -72,7 +51,8 @@ class ResidualProblem:
     On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth. The
     error and the parameter uncertainty that the `base` model states are marginalised. The `scale` of the
     study is replaced by that of the model and the runs. The `simulators` of another problem of the same
-    observations and study remember what they have simulated.
+    observations and study remember what they have simulated. With what was `learned` from the logs of the
+    base model's fit, predictions are corrected by its mean, and its covariance is what is marginalised.
     """
 
     def __init__(
@@ -81,6 +61,7 @@ class ResidualProblem:
         whitener: Whitener,
         study: Study | None = None,
         simulators: Simulators | None = None,
+        learned: Learned | None = None,
     ) -> None:
         self.base, self.whitener = base, whitener
         self.observations = whitener.observations
@@ -92,8 +73,14 @@ class ResidualProblem:
         if self.simulators.planar is not None:
             self._ripple = WheelAngleRipple(self.simulators, whitener, self._residual, self.marginal)
         self.measured = whitener.whiten(whitener.measured())
+        self.nuisance = np.zeros((self.size, 0))
+        if learned is not None:
+            columns = whitener.whiten(learned.columns(self.simulators))
+            self.measured = self.measured - columns @ learned.mean
+            self.nuisance = columns @ learned.root
         self.base_residual = self.measured - whitener.whiten(self.simulators.full.predictions(base))
-        self.nuisance = self._nuisance()
+        if learned is None:
+            self.nuisance = self._nuisance()
         """X, shape (N, q)."""
         directions, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
         self._directions, self._spread = directions, np.sqrt(1.0 + size**2)
@@ -133,8 +120,7 @@ class ResidualProblem:
         """
         if self.simulators.planar is None:
             return self.residual(model)
-        simulated = {n: v for n, v in model.effects.items() if "planar" not in CATALOGUE[n].refused_by}
-        return self._residual(self.simulators.planar, replace(model, effects=simulated))
+        return self._residual(self.simulators.planar, planar_part(model))
 
     def surrogate_covers(self, effects: Sequence[str]) -> bool:
         """Return whether there is a surrogate and it shows what the `effects` change."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from threading import Lock
 from typing import Any, Final, TypeVar, cast
@@ -31,6 +31,7 @@ from sysid.compare.prediction import (
     robot_motion,
 )
 
+_DRAWS: Final = 4  # sets of initial wheel angles that are simulated
 _MOTIONS_KEPT: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
 _PREDICTIONS_BYTES: Final = 1e8  # size of the predictions that are kept, about 0.1 MB for a model
 
@@ -200,3 +201,42 @@ def _hashable(value: Any) -> Hashable:
     if isinstance(value, list | tuple):
         return tuple(map(_hashable, value))
     return cast(Hashable, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Simulators:
+    """What simulates the observations of a problem."""
+
+    full: Simulator
+    planar: Simulator | None
+    """A surrogate on the planar plant, where the robot is on rollers."""
+    turned: tuple[Simulator, ...]
+    """The rollers again, with other initial wheel angles."""
+
+    @classmethod
+    def of(cls, observations: Observations, study: Study) -> Simulators:
+        """Return the simulators of some observations."""
+        full = Simulator(observations, study)
+        if observations.situations[0].runs[0].level == "bench" or study.plant != "rollers":
+            return cls(full, None, ())
+        turned = (Simulator(observations, study, wheel_angle_seed=1 + draw) for draw in range(_DRAWS))
+        return cls(full, Simulator(observations, replace(study, plant="planar")), tuple(turned))
+
+    def smooth(self, model: Model) -> list[FloatArray]:
+        """Return the predictions of a model by the fastest simulation, which is smooth in its parameters.
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+            SimulationDivergedError: the state stopped being finite.
+        """
+        return (
+            self.full.predictions(model)
+            if self.planar is None
+            else self.planar.predictions(planar_part(model))
+        )
+
+
+def planar_part(model: Model) -> Model:
+    """Return a model without the effects that the planar plant refuses."""
+    simulated = {name: v for name, v in model.effects.items() if "planar" not in CATALOGUE[name].refused_by}
+    return replace(model, effects=simulated)

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from mecanum_env.model import CustomEffect, Model, cause_of, form_of
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
-from sysid.logs import Finding, Split
+from sysid.logs import Dataset, Finding, Split
 from sysid.logs.runs import Level
 
 Verdict = Literal["no_gap", "named", "ambiguous", "unexplained"]
@@ -41,6 +41,8 @@ class GapOptions:
     """Whether to add the proposed custom effect to the model if no named effect explains the gap."""
     next_experiment: bool = True
     """Whether to design the next experiment."""
+    fitted_on: Dataset | None = None
+    """The logs that the model was fitted to: what they show, too, is no new effect."""
 
 
 @dataclass(frozen=True)

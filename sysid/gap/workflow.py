@@ -12,11 +12,12 @@ import numpy as np
 import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
+from sysid.compare.learned import Learned, learn
 from sysid.compare.model_error import ModelError, estimate_model_error
 from sysid.compare.own_error import block_residuals
 from sysid.compare.prediction import Study
-from sysid.compare.problem import ResidualProblem, Simulators
-from sysid.compare.simulator import without_engine_warnings
+from sysid.compare.problem import ResidualProblem
+from sysid.compare.simulator import Simulators, without_engine_warnings
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
@@ -44,7 +45,8 @@ from sysid.gap.search.data import (
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
-from sysid.gap.search.thresholds import EFFORT
+from sysid.gap.search.since import fitted_to_both, since_of
+from sysid.gap.search.thresholds import EFFORT, THRESHOLDS
 from sysid.logs import Dataset, Run
 from sysid.progress import Progress, silent, within
 
@@ -94,8 +96,44 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
+    if data.learned is not None and decision.verdict != "no_gap":
+        decision = _compared(decision, data, data.learned, model, options, study, considered, search)
     progress("before and after")
     return _report(dataset, model, options, data, search, considered, decision)
+
+
+def _compared(
+    decision: Decision,
+    data: StudyData,
+    learned: Learned,
+    model: Model,
+    options: GapOptions,
+    study: Study,
+    considered: Sequence[str],
+    search: Search,
+) -> Decision:
+    """Return the decision after a comparison with the logs of the fit: what these show, too, is not new."""
+    fitted_on = options.fitted_on
+    if fitted_on is None or fitted_on.level != "bench":
+        return decision
+    if decision.chosen is not None and since_of(learned, model, decision.chosen) == "already there":
+        names = " + ".join(decision.chosen.names)
+        reason = f"{names} was there already when the model was fitted: fit it again (python -m sysid.fit)"
+        return replace(decision, verdict="no_gap", chosen=None, candidates=(), notes=(reason,))
+    runs = [run for situation in data.observations.situations for run in situation.runs]
+    common = fitted_to_both(model, learned, fitted_on, runs, study)
+    if common is not None:
+        learned = learn(common, fitted_on, study)
+        again = replace(data, learned=learned, error=learned.error)
+        other = _start_search(again, common, study, considered, search.tell)
+        facts = explore(other, data.floor, options.max_effects, np.random.default_rng(study.seed))
+        if facts.p_value > THRESHOLDS.false_alarm:
+            reason = (
+                "one law with the model's effects, fitted to these logs and to those of the fit together, "
+                "explains both: fit it again to both (python -m sysid.fit)"
+            )
+            return replace(decision, verdict="no_gap", chosen=None, candidates=(), notes=(reason,))
+    return decision
 
 
 def _start_search(
@@ -107,7 +145,7 @@ def _start_search(
     simulators: Simulators | None = None,
 ) -> Search:
     whitener = Whitener(data.observations, data.noise, data.error)
-    problem = ResidualProblem(model, whitener, study, simulators)
+    problem = ResidualProblem(model, whitener, study, simulators, data.learned)
     level = data.observations.situations[0].runs[0].level
     return Search(problem, responses(problem, considered, tell=tell), EFFORT[level])
 

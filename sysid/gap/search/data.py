@@ -15,9 +15,11 @@ from mecanum_env.effects import CATALOGUE, PlantKind
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model, cause_of, forms_of
 from mecanum_env.units import FloatArray
+from sysid.compare.learned import Learned, learn
 from sysid.compare.model_error import ModelError, model_error_of
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.observations import Observations, observe
+from sysid.compare.prediction import Study
 from sysid.compare.subset import select_runs
 from sysid.gap.result import GapOptions
 from sysid.gap.search.chance import Floor
@@ -120,6 +122,8 @@ class StudyData:
     """What is known of the noise floor."""
     notes: tuple[str, ...]
     """What was chosen or assumed, in sentences."""
+    learned: Learned | None = None
+    """What the logs of the model's fit teach about its own error, where they are at hand."""
 
 
 def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData:
@@ -138,7 +142,18 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             "held commands"
         )
     error = model_error_of(model)
+    learned, fitted_on = None, options.fitted_on
     same_logs = error is not None and error.data_sha256 == dataset.sha256 != ""
+    if fitted_on is not None:
+        same_logs = same_logs or fitted_on.sha256 == dataset.sha256 != ""
+        if fitted_on.level != dataset.level:
+            raise InputError(
+                f"fitted-on {fitted_on.name}: {fitted_on.level} logs, and those of the study are "
+                f"{dataset.level} logs; give the logs that the model was fitted to"
+            )
+    if fitted_on is not None and not same_logs:
+        learned = learn(model, fitted_on, Study(options.plant, options.jobs))
+        error = learned.error
     trusted = not same_logs and (noise.from_repeats or error is not None)
     if same_logs:
         notes.append(
@@ -159,7 +174,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         )
     repeatable = not (bench and noise.inconsistent_channels(THRESHOLDS.unrepeatable))
     floor = Floor(noise.degrees_of_freedom, trusted, repeatable)
-    return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes))
+    return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 
 
 def _deciding_runs(dataset: Dataset, model: Model, options: GapOptions) -> tuple[tuple[Run, ...], list[str]]:

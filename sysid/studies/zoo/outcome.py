@@ -8,6 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import effect_named
 from sysid.gap.result import Evidence, GapReport
 from sysid.studies.zoo.cases.case import Case, Hidden
 
@@ -105,10 +106,10 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
     return Outcome(
         case=case,
         verdict=report.verdict,
-        named=tuple(effect.name for effect in report.effects),
+        named=tuple(effect.cause for effect in report.effects),
         candidates=report.candidates,
         parameters={
-            effect.name: {key: (p.value, p.low, p.high) for key, p in effect.parameters.items()}
+            effect.cause: {key: (p.value, p.low, p.high) for key, p in effect.parameters.items()}
             for effect in report.effects
         },
         before=report.gap.before,
@@ -133,11 +134,12 @@ def _best(report: GapReport) -> Evidence | None:
 
 def _out_of_sight(hidden: Hidden, report: GapReport) -> bool:
     """Return whether a report calls an effect untestable, or detectable only above its true size."""
-    if any(entry.name == hidden.name for entry in report.untestable):
+    name = effect_named(hidden.name, hidden.form or None)
+    if any(entry.name == name for entry in report.untestable):
         return True
-    seen = report.smallest_detectable.get(hidden.name, {})
+    seen = report.smallest_detectable.get(name, {})
     return bool(hidden.parameters) and all(
-        key in seen and _is_smaller(value, seen[key], _neutral(hidden.name, key, report))
+        key in seen and _is_smaller(value, seen[key], _neutral(name, key, report))
         for key, value in hidden.parameters.items()
     )
 

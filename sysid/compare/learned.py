@@ -1,0 +1,231 @@
+"""What the logs of a fit teach about the model's own error, for a study of other logs.
+
+In the logs of the fit the whitened residual is r = K f + e: the columns K (N, q) are what uncertain
+parameters change and the shape of the model's error (`sysid.compare.shape`), f are their unknown factors, and
+e is the rest. The factors of the parameters are almost free, those of the shape are normal with a variance
+for each group of columns, found by maximum likelihood (EM). Given r, f is normal with mean m and covariance P.
+In other logs the model then errs by K m, and is uncertain by columns K P^(1/2). What no factor explains, judged
+on groups of runs that were left out, stays as an error of unknown shape (`sysid.compare.model_error`).
+
+So a study of new logs compares two sets of logs: an error that the first has, too, is no new effect. (Model
+discrepancy: Kennedy and O'Hagan, J. R. Statist. Soc. B 63:425, 2001.)
+"""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.compare.model_error import ModelError, Residual, estimate_model_error
+from sysid.compare.noise import Noise, measure_noise
+from sysid.compare.nuisance import plausible_models
+from sysid.compare.observations import Observations, observe
+from sysid.compare.prediction import Study
+from sysid.compare.shape import Key, ShapeBasis
+from sysid.compare.simulator import Simulators
+from sysid.compare.subset import most_active_runs
+from sysid.compare.whitening import Whitener
+from sysid.logs import Dataset
+
+SECONDS: Final = {"bench": 300.0, "robot": 60.0}
+"""Duration of the logs that are simulated [s]; a robot on its rollers takes long."""
+_PARAMETER_SIGMAS: Final = 10.0
+"""Prior standard deviation of a parameter, in its stated ones: the logs that gave these decide."""
+_ROUNDS: Final = 30  # of EM
+_LEAST_SIZE: Final = 1e-9
+_FOLD_S: Final = 4.0
+"""Length of the pieces [s] that are left out in turn where there are too few groups of runs."""
+_FEWEST_FOLDS: Final = 3
+_FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Learned:
+    """The posterior of a model's own error, given the logs of its fit."""
+
+    model: Model
+    """The model that errs."""
+    basis: ShapeBasis
+    keys: tuple[Key, ...]
+    """Columns of the shape, after those of the parameters."""
+    mean: FloatArray
+    """Posterior mean of the factors, shape (q,)."""
+    root: FloatArray
+    """Root of their posterior covariance, shape (q, q)."""
+    error: ModelError
+    """What no factor explains."""
+    prior: FloatArray
+    """Standard deviation of each factor before the logs of the fit were seen, shape (q,)."""
+    simulators: Simulators
+    """Of the logs of the fit."""
+    whitener: Whitener
+    """Of the residual in the logs of the fit."""
+
+    def before(self) -> Learned:
+        """Return what is known of the factors without the logs of the fit."""
+        return replace(self, mean=np.zeros(self.mean.size), root=np.diag(self.prior))
+
+    def columns(self, simulators: Simulators) -> list[FloatArray]:
+        """Return K for the observations of some simulators: an array (m, q) for each block."""
+        return _columns(self.model, self.basis, self.keys, simulators)
+
+
+def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned:
+    """Return what the logs of a fit teach about the model's own error.
+
+    Raises:
+        InputError: the logs have no measured sample, or the model cannot be simulated.
+        SimulationDivergedError: the state stopped being finite.
+    """
+    observations = observe(replace(dataset, runs=most_active_runs(dataset.runs, SECONDS[dataset.level])))
+    noise = measure_noise(dataset, observations)
+    simulators = Simulators.of(observations, study or Study())
+    predicted = simulators.full.predictions(model)
+    basis = ShapeBasis.of(model, observations, predicted)
+    keys = tuple(sorted(basis.columns(model, observations, predicted)))
+    columns = _columns(model, basis, keys, simulators)
+    residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
+    parameters = columns[0].shape[1] - len(keys)
+    group_of = np.array([*[-1] * parameters, *_group_numbers(keys)])
+    folds = _folds(observations)
+    white = Whitener(observations, noise, None)
+    found = _Posterior.of(white.whiten(residual), white.whiten(columns), group_of)
+    error = _left(observations, noise, residual, columns, found, white, folds, dataset.sha256)
+    for factor in _FACTORS:
+        channels = {
+            name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
+            for name, e in error.channels.items()
+        }
+        scaled = replace(error, channels=channels)
+        whitener = Whitener(observations, noise, scaled)
+        r, k = whitener.whiten(residual), whitener.whiten(columns)
+        found = _Posterior.of(r, k, group_of, variance=1.0)
+        if found.left_out_cost(r, k, folds) <= r.size:
+            break
+    values, vectors = np.linalg.eigh(found.covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))
+    prior = found.precision**-0.5
+    return Learned(model, basis, keys, found.mean, root, scaled, prior, simulators, whitener)
+
+
+@dataclass(frozen=True, eq=False)
+class _Posterior:
+    """The factors given a whitened residual."""
+
+    mean: FloatArray
+    covariance: FloatArray
+    precision: FloatArray
+    """Of the prior of each factor, shape (q,)."""
+    variance: float
+    """Of what is left, relative to the noise."""
+
+    @classmethod
+    def of(
+        cls,
+        residual: FloatArray,
+        columns: FloatArray,
+        group_of: npt.NDArray[np.intp],
+        variance: float | None = None,
+    ) -> _Posterior:
+        """Return the posterior; the `variance` of what is left is estimated, at least 1, if not given."""
+        gram, aim = columns.T @ columns, columns.T @ residual
+        size = np.where(group_of < 0, _PARAMETER_SIGMAS, 1e-3)
+        left = 1.0 if variance is None else variance
+        for _ in range(_ROUNDS):
+            covariance = np.asarray(np.linalg.inv(gram / left + np.diag(size**-2.0)), float)
+            mean = covariance @ aim / left
+            squares = mean**2 + np.diag(covariance)
+            for group in np.unique(group_of[group_of >= 0]):
+                mine = group_of == group
+                size[mine] = np.sqrt(np.mean(squares[mine])) + _LEAST_SIZE
+            if variance is None:
+                rest = residual - columns @ mean
+                freedom = residual.size - float(np.sum(covariance * gram)) / left
+                left = max(1.0, float(rest @ rest) / max(1.0, freedom))
+        return cls(mean, covariance, size**-2.0, left)
+
+    def left_out(
+        self, residual: FloatArray, columns: FloatArray, mask: npt.NDArray[np.bool_]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return the mean and covariance of the factors without the values of a `mask` (N,)."""
+        others = columns[~mask]
+        information = others.T @ others / self.variance + np.diag(self.precision)
+        covariance = np.asarray(np.linalg.inv(information), float)
+        return covariance @ (others.T @ residual[~mask]) / self.variance, covariance
+
+    def left_out_cost(self, residual: FloatArray, columns: FloatArray, folds: npt.NDArray[np.intp]) -> float:
+        """Return the sum over the folds of e' C^-1 e, with e the error of what the others predict."""
+        total = 0.0
+        for fold in np.unique(folds):
+            mask = folds == fold
+            mean, covariance = self.left_out(residual, columns, mask)
+            e, k = residual[mask] - columns[mask] @ mean, columns[mask]
+            along = k.T @ e
+            inner = np.linalg.inv(covariance) + k.T @ k
+            total += float(e @ e - along @ np.linalg.solve(inner, along))
+        return total
+
+
+def _left(
+    observations: Observations,
+    noise: Noise,
+    residual: Sequence[FloatArray],
+    columns: Sequence[FloatArray],
+    found: _Posterior,
+    whitener: Whitener,
+    folds: npt.NDArray[np.intp],
+    data_sha256: str,
+) -> ModelError:
+    """Return the error that the factors do not explain in pieces of the logs that are left out."""
+    r, k = whitener.whiten(residual), whitener.whiten(columns)
+    error, variance = np.zeros(r.size), np.zeros(r.size)
+    plain = np.concatenate(columns)
+    for fold in np.unique(folds):
+        mask = folds == fold
+        mean, covariance = found.left_out(r, k, mask)
+        error[mask] = np.concatenate(residual)[mask] - plain[mask] @ mean
+        variance[mask] = np.sum((plain[mask] @ covariance) * plain[mask], axis=1)
+    parts = []
+    for block, rows in zip(observations.blocks, whitener.slices, strict=True):
+        run = observations.situations[block.situation].runs[0]
+        known = noise.sigma[block.channel] ** 2 / block.weight + variance[rows]
+        parts.append(Residual(run, block.channel, block.time_s, error[rows], known))
+    return estimate_model_error(parts, data_sha256)
+
+
+def _columns(
+    model: Model, basis: ShapeBasis, keys: Sequence[Key], simulators: Simulators
+) -> list[FloatArray]:
+    observations = simulators.full.observations
+    shapes = basis.columns(model, observations, simulators.full.predictions(model))
+    unmoved = simulators.smooth(model)
+    moved = [simulators.smooth(other) for other in plausible_models(model)]
+    found = []
+    for index, base in enumerate(unmoved):
+        parts = [other[index] - base for other in moved]
+        parts += [shapes[key][index] if key in shapes else np.zeros(base.size) for key in keys]
+        found.append(np.stack(parts, axis=1) if parts else np.zeros((base.size, 0)))
+    return found
+
+
+def _group_numbers(keys: Sequence[Key]) -> list[int]:
+    groups = {key[:2]: number for number, key in enumerate(keys)}
+    return [groups[key[:2]] for key in keys]
+
+
+def _folds(observations: Observations) -> npt.NDArray[np.intp]:
+    """Return for each value the number of its fold: its group of runs, or a piece of it."""
+    names = {situation.group for situation in observations.situations}
+    parts = []
+    for block in observations.blocks:
+        group = zlib.crc32(observations.situations[block.situation].group.encode())
+        piece = 0 if len(names) >= _FEWEST_FOLDS else np.floor(block.time_s / _FOLD_S).astype(np.intp)
+        parts.append(np.full(block.value.size, group, np.intp) + piece)
+    return np.concatenate(parts)

@@ -29,7 +29,7 @@ def heavy(robot_logs: Callable[..., Dataset]) -> tuple[Model, RobotFit]:
 
     model = paper_model()
     true = replace(model, robot=replace(model.robot, servo_n_m_s_rad=2.0, yaw_inertia_kg_m2=1.6))
-    return true, fit_robot(model, (), plant_data(robot_logs(true)))
+    return true, fit_robot(model, (), plant_data(robot_logs(true, runs=1, seconds=2.0)))
 
 
 @pytest.mark.parametrize("name", ["servo_n_m_s_rad", "yaw_inertia_kg_m2"])
@@ -62,7 +62,7 @@ def test_what_was_measured_is_not_fitted(paper: Model, robot_logs: Callable[...,
 
 
 def test_logs_that_show_nothing_leave_the_robot(paper: Model, robot_logs: Callable[..., Dataset]) -> None:
-    data = robot_logs(paper, runs=1, seconds=1.0, noise_rpm=8.0)
+    data = robot_logs(paper, runs=1, seconds=0.6, noise_rpm=8.0)
     slow = replace(
         data.runs[0], command=BodyCommand(*(np.sign(c) * 3.0 for c in vars(data.runs[0].command).values()))
     )
@@ -82,7 +82,7 @@ def test_a_fitted_grip_is_right_within_its_interval(paper: Model, robot_logs: Ca
 
 def test_grip_is_left_where_nothing_slips(paper: Model, robot_logs: Callable[..., Dataset]) -> None:
     given = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
-    data = robot_logs(paper, runs=2, seconds=1.0, body=True, plant="rollers")
+    data = robot_logs(paper, runs=1, seconds=1.0, body=True, plant="rollers")
     grip = by_name(fit_robot(paper, given, plant_data(data)))["friction"]
     assert not grip.fitted
     assert grip.value == paper.robot.friction

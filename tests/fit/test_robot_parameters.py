@@ -61,7 +61,12 @@ def test_what_was_measured_is_not_fitted(paper: Model, robot_logs: Callable[...,
     assert all("given" in p.reason and not p.fitted for p in found.parameters)
 
 
-def test_logs_that_show_nothing_leave_the_robot(paper: Model, robot_logs: Callable[..., Dataset]) -> None:
+def test_logs_that_show_nothing_leave_the_robot(
+    paper: Model, robot_logs: Callable[..., Dataset], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # Where nothing is to be found, a long search finds no more.
+    monkeypatch.setattr("sysid.fit.robot_search._FASTER", ())
+    monkeypatch.setattr("sysid.fit.robot_search._EVALUATIONS", 4)
     data = robot_logs(paper, runs=1, seconds=0.6, noise_rpm=8.0)
     slow = replace(
         data.runs[0], command=BodyCommand(*(np.sign(c) * 3.0 for c in vars(data.runs[0].command).values()))

@@ -38,7 +38,7 @@ def rubbing(paper_module):
     """Return a drive that reaches 0.9 of its command and rubs, and the fit of its logs."""
     soft = replace(paper_module, robot=replace(paper_module.robot, servo_n_m_s_rad=0.5))
     true = soft.with_effect("speed_gain", gain=0.9).with_effect("coulomb_friction", torque_n_m=0.4)
-    return true, fit_dataset(logs(true), FitOptions(starts=1, robot=soft.robot))
+    return true, fit_dataset(logs(true), FitOptions(starts=2, robot=soft.robot))
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def paper_module():
 
 
 def test_a_drive_that_is_its_law_has_no_effects(paper_module):
-    fit = fit_dataset(logs(paper_module), FitOptions(starts=1))
+    fit = fit_dataset(logs(paper_module), FitOptions(starts=2))
     assert fit.drive_effects is None
     assert dict(fitted_model(fit).effects) == {}
     assert fit_json(fit)["drive_effects"] is None
@@ -77,7 +77,7 @@ def test_the_model_with_effects_predicts_runs_that_nothing_was_fitted_to(rubbing
 
 def test_the_law_alone_is_fitted_on_request(rubbing):
     true, _ = rubbing
-    fit = fit_dataset(logs(true), FitOptions(starts=1, effects="off", robot=true.robot))
+    fit = fit_dataset(logs(true), FitOptions(starts=2, effects="off", robot=true.robot))
     assert fit.drive_effects is None
 
 

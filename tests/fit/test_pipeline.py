@@ -11,7 +11,7 @@ from sysid.fit import Fit, FitOptions, fit_dataset, fit_json, fitted_model
 from sysid.fit.estimators import METHODS
 from sysid.logs import BenchCommand, Dataset, Finding, Run
 
-QUICK = FitOptions(starts=1)
+QUICK = FitOptions(starts=2)
 
 
 def changed(data: Dataset, change: Callable[[Run], np.ndarray]) -> Dataset:

@@ -18,19 +18,17 @@ CONTRACT = ("rms_rpm", "max_error_rpm", "rise_time_s", "settling_time_s", "relat
             "poles", "stable", "starts", "success_rate", "seconds", "peak_memory_mib")  # fmt: skip
 
 
-def test_the_example_logs_and_a_robot_file_become_a_model(
+def test_the_example_logs_become_a_model(
     examples: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    known, out = tmp_path / "robot.json", tmp_path / "out"
-    known.write_text('{"mass_kg": 31.5, "servo_n_m_s_rad": 3.0}')
-    assert run(fit, [str(examples), "--robot", str(known), "--out", str(out), "--starts", "1"]) == 0
-    assert {path.name for path in out.iterdir()} >= {"model.json", "fit.json", "fit.png", "report.html"}
+    assert run(fit, [str(examples), "--out", str(tmp_path), "--starts", "2"]) == 0
+    assert {path.name for path in tmp_path.iterdir()} >= {"model.json", "fit.json", "fit.png", "report.html"}
     said = capsys.readouterr()
     assert "output-error" in said.out
     assert "\r" not in said.err  # no bar where nobody watches
     assert said.err.count("\n") >= 4
 
-    figures = json.loads((out / "fit.json").read_text())
+    figures = json.loads((tmp_path / "fit.json").read_text())
     method = figures["methods"][figures["method"]]
     assert set(CONTRACT) <= set(method)
     assert set(method["rms_rpm"]) == set(method["max_error_rpm"]) == {"fit", "validation", "test"}
@@ -38,13 +36,20 @@ def test_the_example_logs_and_a_robot_file_become_a_model(
     for name in "ABCDEF":
         assert {"value", "standard_error", "cramer_rao_bound"} <= set(figures["parameters"][name])
 
-    model = read_model(out / "model.json")
-    robot = model.robot
-    assert (robot.mass_kg, robot.servo_n_m_s_rad, robot.wheel_radius_m) == (31.5, 3.0, 0.0762)
+    model = read_model(tmp_path / "model.json")
     assert model.wheel.law.dc_gain == pytest.approx(1.0, abs=1e-12)
     time = np.arange(0.0, 1.5, 0.01)
     speed = replay_bench(model, time, np.where(time < 0.1, 0.0, 80.0))
     assert speed[-1] == pytest.approx(80.0, abs=0.5)
+
+
+def test_a_robot_file_fills_the_model(examples: Path, tmp_path: Path) -> None:
+    known = tmp_path / "robot.json"
+    known.write_text('{"mass_kg": 31.5, "servo_n_m_s_rad": 3.0}')
+    out = tmp_path / "out"
+    assert run(fit, [str(examples), "--robot", str(known), "--out", str(out), "--starts", "1"]) == 0
+    robot = read_model(out / "model.json").robot
+    assert (robot.mass_kg, robot.servo_n_m_s_rad, robot.wheel_radius_m) == (31.5, 3.0, 0.0762)
 
 
 def test_free_gain_is_free(bench: Callable[..., Dataset], tmp_path: Path) -> None:
@@ -59,7 +64,7 @@ def test_free_gain_is_free(bench: Callable[..., Dataset], tmp_path: Path) -> Non
 def test_each_wheel_gets_its_law_on_request(
     paper: Model, robot_logs: Callable[..., Dataset], tmp_path: Path
 ) -> None:
-    write_dataset(robot_logs(paper, runs=2, seconds=1.5), tmp_path / "logs")
+    write_dataset(robot_logs(paper, runs=3, seconds=2.0), tmp_path / "logs")
     arguments = [str(tmp_path / "logs"), "--per-wheel", "--starts", "1", "--out", str(tmp_path / "out")]
     assert run(fit, arguments) == 0
     assert set(read_model(tmp_path / "out" / "model.json").wheels) == {"fl", "fr", "rl", "rr"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
@@ -69,6 +69,29 @@ class Noise:
     def inconsistent_channels(self, factor: float) -> tuple[str, ...]:
         """Return the channels whose repeats differ over `factor` times as much as neighbouring samples."""
         return tuple(n for n, s in self.sigma.items() if s > factor * self.scatter.get(n, s))
+
+    def beside(self, other: Noise) -> Noise:
+        """Return this noise with that of repeats in `other` logs of the same sensors where it has none.
+
+        Neighbouring samples tell nothing of noise that lasts for longer than a sample.
+        """
+        taken = [
+            name
+            for name, source in self.source.items()
+            if source == "scatter"
+            and other.source.get(name) == "repeats"
+            and other.sigma[name] > self.sigma[name]
+        ]
+        if not taken:
+            return self
+        correlated = {n: c for n, c in self.correlated.items() if n not in taken}
+        return replace(
+            self,
+            sigma={**self.sigma, **{name: other.sigma[name] for name in taken}},
+            source={**self.source, **dict.fromkeys(taken, "repeats")},
+            correlated={**correlated, **{n: c for n, c in other.correlated.items() if n in taken}},
+            degrees_of_freedom=other.degrees_of_freedom,
+        )
 
     @property
     def from_repeats(self) -> bool:

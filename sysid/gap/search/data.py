@@ -135,12 +135,6 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     runs, notes = _deciding_runs(dataset, model, options)
     observations = observe(replace(dataset, runs=runs))
     noise = measure_noise(dataset, observations)
-    scattered = [name for name, source in noise.source.items() if source == "scatter"]
-    if scattered:
-        notes.append(
-            f"no repeats for {', '.join(scattered)}: the noise is estimated from neighbouring samples of "
-            "held commands"
-        )
     error = model_error_of(model)
     learned, fitted_on = None, options.fitted_on
     same_logs = error is not None and error.data_sha256 == dataset.sha256 != ""
@@ -153,7 +147,13 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             )
     if fitted_on is not None and not same_logs:
         learned = learn(model, fitted_on, Study(options.plant, options.jobs))
-        error = learned.error
+        error, noise = learned.error, noise.beside(learned.whitener.noise)
+    scattered = [name for name, source in noise.source.items() if source == "scatter"]
+    if scattered:
+        notes.append(
+            f"no repeats for {', '.join(scattered)}: the noise is estimated from neighbouring samples of "
+            "held commands"
+        )
     trusted = not same_logs and (noise.from_repeats or error is not None)
     if same_logs:
         notes.append(

@@ -16,6 +16,7 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
+from sysid.fit.command_clock import command_clock_s
 from sysid.logs import BodyCommand, Dataset, Run
 
 COMMAND_PERIOD_S: Final = Wheel.command_period_s
@@ -114,19 +115,29 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
         for t, row in zip(changes, rows, strict=True)
         if len(t) > _FEW_CHANGES and np.quantile(np.diff(t), 0.05) < 0.75 * (COMMAND_PERIOD_S - row)
     ]
-    if fast:
+    # A change appears in the first row after it, however late that is.
+    held = [run.held_since(COMMAND_PERIOD_S)[run.command_rows()] for run in dataset.runs]
+    if not fast and all(
+        _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
+        for t, row in zip(held, rows, strict=True)
+    ):
+        return COMMAND_PERIOD_S, True
+    clock = command_clock_s(dataset.runs) if sample_period_s is None else None
+    if clock is not None:
+        notes.append(
+            f"commands change on a clock of {clock * 1e3:.4g} ms that starts with the run: command_period_s "
+            "is taken from the log"
+        )
+        return clock, True
+    if fast and all(
+        _on_clock(t, min(fast), max(0.1 * min(fast), 1.01 * row))
+        for t, row in zip(changes, rows, strict=True)
+    ):
         notes.append(
             f"commands change every {min(fast) * 1e3:.3g} ms, faster than {COMMAND_PERIOD_S:g} s: "
             "command_period_s is taken from the log"
         )
         return min(fast), False
-    # A change appears in the first row after it, however late that is.
-    held = [run.held_since(COMMAND_PERIOD_S)[run.command_rows()] for run in dataset.runs]
-    if all(
-        _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
-        for t, row in zip(held, rows, strict=True)
-    ):
-        return COMMAND_PERIOD_S, True
     said = f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run"
     row = float(np.median(rows))
     if 1.0 / _LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):

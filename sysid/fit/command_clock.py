@@ -49,7 +49,7 @@ def command_clock_s(runs: Sequence[Run]) -> float | None:
     order = np.argsort(late)
     early, late = early[order], late[order]
     share = _FINE * row / max(float(late[-1]), row)
-    count = math.log(_LONGEST_S / (_SHORTEST * row)) / share if _LONGEST_S > _SHORTEST * row else 0.0
+    count = math.log(_LONGEST_S / (_SHORTEST * row)) / share if _SHORTEST * row < _LONGEST_S else 0.0
     if not 1.0 <= count <= _MOST_PERIODS:
         return None
     possible = _SHORTEST * row * np.exp(share * np.arange(math.ceil(count)))

@@ -24,6 +24,8 @@ _COMMAND_QUANTUM_RPM: Final = Wheel.command_quantum_rpm
 _SATURATION_RPM: Final = Wheel.saturation_rpm
 _LAW_RATE_HZ: Final = 120.0
 """Default rate of the law: the published rise and settling times fit a period of 1/120 s."""
+_SLOW_TICK: Final = 1.2
+"""Length of the law's tick, relative to the default, above which there is one more to a command."""
 _CEILING_MARGIN: Final = 1.05
 _FEW_CHANGES: Final = 5  # fewer changes of command do not show a period
 _UNSEEN_TICKS: Final = 2.0  # ticks per sample above which the law could oscillate unseen between samples
@@ -76,7 +78,10 @@ def infer_command_path(
     if period is None:
         period, latched = _command_clock(dataset, sample_period_s, notes)
     if sample_period_s is None:
-        sample_period_s = period / max(1, round(period * _law_rate_hz(dataset, notes)))
+        rate_hz = _law_rate_hz(dataset, notes)
+        ticks = max(1, round(period * rate_hz))
+        # A tick that is much longer than the rows would not show what they do.
+        sample_period_s = period / (ticks + (period * rate_hz > _SLOW_TICK * ticks))
     if sample_period_s > period * (1 + 1e-9):
         raise InputError(
             f"sample_period_s = {sample_period_s:g} is longer than command_period_s = {period:g}: "

@@ -50,8 +50,8 @@ _FITTED: Final = 3
 """Effects by which a set is tried to grow in each round: those that promise most."""
 _BEAM: Final = 2
 """Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
-_ENOUGH: Final = 1.05
-"""Variance of the residual, relative to the noise, at which the search ends."""
+_PATIENCE: Final = 2
+"""Rounds without a better set after which the search ends: the second of a pair may be what helps."""
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
@@ -122,11 +122,12 @@ def find_drive_effects(
     if not began or began[0].base is not searches[0].base:
         return None
     first = began[0]
-    beam, best = began, first
+    beam, best, stale = began, first, 0
     for size in range(_MOST):
         progress(f"drive effects: {size + 1}")
-        best = min([best, *beam], key=lambda one: one.price(best.inflation))
-        if best.inflation < _ENOUGH:
+        before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
+        stale = 0 if size == 0 or best is not before else stale + 1
+        if stale == _PATIENCE:
             break
         grown = [
             more
@@ -142,7 +143,7 @@ def find_drive_effects(
     best = next(search for search in searches if search.base is best.base).pruned(best)
     if not best.model.effects or best is first or not best.better_than(first):
         return None
-    before = _rms(held_out, alone)
+    before_rpm = _rms(held_out, alone)
     names, covariance = joint_covariance(best.fitted, best.base, best.inflation)
     of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
     stated = {
@@ -151,7 +152,7 @@ def find_drive_effects(
         "joint": {"names": names, "covariance": covariance.tolist()},
     }
     model = replace(best.model, uncertainty={**best.model.uncertainty, **stated})
-    return DriveEffects(model, of_law, before, best.held_out_rpm)
+    return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
 
 
 @dataclass(frozen=True, eq=False)

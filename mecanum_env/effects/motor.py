@@ -15,13 +15,19 @@ EFFECTS: Final = (
         name="speed_saturation/supply",
         station="law",
         acts_on="drive",
-        parameters=(Parameter("limit_rpm", "rpm", math.inf, (10.0, 200.0), POSITIVE, scan=LIMITS_RPM),),
-        summary="The motor is at full voltage: its torque falls with speed, to nothing at this limit.",
+        parameters=(
+            Parameter("limit_rpm", "rpm", math.inf, (10.0, 200.0), POSITIVE, scan=LIMITS_RPM),
+            Parameter("motor_s", "s", None, (0.005, 0.5), searched=False),
+        ),
+        summary="The motor is at full voltage: its torque falls with speed, to nothing at this limit, "
+        "which it approaches with this time constant (0: as fast as the law ever moves).",
         signature="An error at high speed only, which grows with the load; the end of the rise is slower.",
         direct_check="the motor's voltage at full speed, with and without load",
         understated_by=("planar",),
         undone_by="command",
-        change_drive=lambda drive, values, _: replace(drive, supply_rpm=values["limit_rpm"]),
+        change_drive=lambda drive, values, _: replace(
+            drive, supply_rpm=values["limit_rpm"], supply_s=values["motor_s"]
+        ),
     ),
     Effect(
         name="acceleration_limit/drive",

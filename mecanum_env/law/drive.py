@@ -92,6 +92,8 @@ class DriveParameters:
     """Largest deceleration of the wheel itself by its motor [rpm/s]; 0: as its acceleration."""
     supply_rpm: float = math.inf
     """Speed at which the supply leaves the motor no torque [rpm]."""
+    supply_s: float = 0.0
+    """Time constant of the motor with its wheel at full voltage [s]; 0: the law's fastest tick."""
     load: WheelLoad = NO_LOAD
     """What acts behind the setpoint; see `mecanum_env.law.servo`."""
     command_program: Program = ()
@@ -107,7 +109,7 @@ class DriveParameters:
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
             *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s"),
-            *("softness_rpm", "brake_rpm_s", "drive_brake_rpm_s"),
+            *("softness_rpm", "brake_rpm_s", "drive_brake_rpm_s", "supply_s"),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
@@ -145,8 +147,14 @@ class DriveParameters:
             self.drive_acceleration_rpm_s * tick,
             (self.drive_brake_rpm_s or self.drive_acceleration_rpm_s) * tick,
             self.supply_rpm,
-            steepest_share(self.law) if math.isfinite(self.supply_rpm) else 0.0,
+            self._supply_share if math.isfinite(self.supply_rpm) else 0.0,
         )
+
+    @property
+    def _supply_share(self) -> float:
+        if self.supply_s > 0.0:
+            return -math.expm1(-self.law.sample_period_s / self.supply_s)
+        return steepest_share(self.law)
 
     @property
     def warms_up(self) -> bool:

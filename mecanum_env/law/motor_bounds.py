@@ -6,7 +6,8 @@ falls in a straight line with speed, to 0 at the speed n at which its back-EMF u
 
     -s (n + w(k)) <= w(k+1) - w(k) <= s (n - w(k))
 
-with s the share of a step that the law itself covers in its fastest tick (`steepest_share`): the motor of a
+with s = 1 - exp(-tick / T) for a motor that has the time constant T at constant voltage or, where that is not
+known, the share of a step that the law itself covers in its fastest tick (`steepest_share`): the motor of a
 law that is not limited must be able to do that. A law of first order then ends at n as it ends at any speed;
 others bend towards it. As s <= 1, the wheel never passes n.
 

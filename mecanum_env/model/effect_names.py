@@ -30,7 +30,7 @@ _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "warm_up/friction": ("share", "time_constant_s"),
     "static_map": MAP_PARAMETERS,
     "speed_saturation": ("limit_rpm", "softness_rpm"),
-    "speed_saturation/supply": ("limit_rpm",),
+    "speed_saturation/supply": ("limit_rpm", "motor_s"),
     "acceleration_limit": ("limit_rpm_s", "brake_rpm_s"),
     "acceleration_limit/drive": ("limit_rpm_s", "brake_rpm_s"),
     "acceleration_limit/s_curve": ("limit_rpm_s", "jerk_rpm_s2", "brake_rpm_s"),

@@ -3,9 +3,9 @@
 In the logs of the fit the whitened residual is r = K f + e: the columns K (N, q) are what uncertain
 parameters change and the shape of the model's error (`sysid.compare.shape`), f are their unknown factors, and
 e is the rest. The factors of the parameters are almost free, those of the shape are normal with a variance
-for each group of columns, found by maximum likelihood (EM). Given r, f is normal with mean m and covariance P.
-In other logs the model then errs by K m, and is uncertain by columns K P^(1/2). What no factor explains, judged
-on groups of runs that were left out, stays as an error of unknown shape (`sysid.compare.model_error`).
+for each group of columns, found by maximum likelihood (EM). Given r, f is normal with mean m and covariance
+P. In other logs the model then errs by K m, and is uncertain by columns K P^(1/2). What no factor explains,
+judged on groups of runs that were left out, stays as an error of unknown shape (`sysid.compare.model_error`).
 
 So a study of new logs compares two sets of logs: an error that the first has, too, is no new effect. (Model
 discrepancy: Kennedy and O'Hagan, J. R. Statist. Soc. B 63:425, 2001.)
@@ -21,6 +21,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.model_error import ModelError, Residual, estimate_model_error
@@ -206,13 +207,21 @@ def _columns(
     observations = simulators.full.observations
     shapes = basis.columns(model, observations, simulators.full.predictions(model))
     unmoved = simulators.smooth(model)
-    moved = [simulators.smooth(other) for other in plausible_models(model)]
+    moved = [_predictions(simulators, other, unmoved) for other in plausible_models(model)]
     found = []
     for index, base in enumerate(unmoved):
         parts = [other[index] - base for other in moved]
         parts += [shapes[key][index] if key in shapes else np.zeros(base.size) for key in keys]
         found.append(np.stack(parts, axis=1) if parts else np.zeros((base.size, 0)))
     return found
+
+
+def _predictions(simulators: Simulators, model: Model, otherwise: list[FloatArray]) -> list[FloatArray]:
+    """Return a model's predictions, or other ones where a number that was moved is out of its range."""
+    try:
+        return simulators.smooth(model)
+    except MecanumError:
+        return otherwise
 
 
 def _group_numbers(keys: Sequence[Key]) -> list[int]:

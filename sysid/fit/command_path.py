@@ -16,6 +16,7 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.model import Wheel
 from mecanum_env.units import FloatArray
+from sysid.fit.command_clock import command_clock_s
 from sysid.logs import BodyCommand, Dataset, Run
 
 COMMAND_PERIOD_S: Final = Wheel.command_period_s
@@ -23,6 +24,8 @@ _COMMAND_QUANTUM_RPM: Final = Wheel.command_quantum_rpm
 _SATURATION_RPM: Final = Wheel.saturation_rpm
 _LAW_RATE_HZ: Final = 120.0
 """Default rate of the law: the published rise and settling times fit a period of 1/120 s."""
+_SLOW_TICK: Final = 1.2
+"""Length of the law's tick, relative to the default, above which there is one more to a command."""
 _CEILING_MARGIN: Final = 1.05
 _FEW_CHANGES: Final = 5  # fewer changes of command do not show a period
 _UNSEEN_TICKS: Final = 2.0  # ticks per sample above which the law could oscillate unseen between samples
@@ -75,7 +78,10 @@ def infer_command_path(
     if period is None:
         period, latched = _command_clock(dataset, sample_period_s, notes)
     if sample_period_s is None:
-        sample_period_s = period / max(1, round(period * _law_rate_hz(dataset, notes)))
+        rate_hz = _law_rate_hz(dataset, notes)
+        ticks = max(1, round(period * rate_hz))
+        # A tick that is much longer than the rows would not show what they do.
+        sample_period_s = period / (ticks + (period * rate_hz > _SLOW_TICK * ticks))
     if sample_period_s > period * (1 + 1e-9):
         raise InputError(
             f"sample_period_s = {sample_period_s:g} is longer than command_period_s = {period:g}: "
@@ -114,19 +120,29 @@ def _command_clock(dataset: Dataset, sample_period_s: float | None, notes: list[
         for t, row in zip(changes, rows, strict=True)
         if len(t) > _FEW_CHANGES and np.quantile(np.diff(t), 0.05) < 0.75 * (COMMAND_PERIOD_S - row)
     ]
-    if fast:
+    # A change appears in the first row after it, however late that is.
+    held = [run.held_since(COMMAND_PERIOD_S)[run.command_rows()] for run in dataset.runs]
+    if not fast and all(
+        _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
+        for t, row in zip(held, rows, strict=True)
+    ):
+        return COMMAND_PERIOD_S, True
+    clock = command_clock_s(dataset.runs) if sample_period_s is None else None
+    if clock is not None:
+        notes.append(
+            f"commands change on a clock of {clock * 1e3:.4g} ms that starts with the run: command_period_s "
+            "is taken from the log"
+        )
+        return clock, True
+    if fast and all(
+        _on_clock(t, min(fast), max(0.1 * min(fast), 1.01 * row))
+        for t, row in zip(changes, rows, strict=True)
+    ):
         notes.append(
             f"commands change every {min(fast) * 1e3:.3g} ms, faster than {COMMAND_PERIOD_S:g} s: "
             "command_period_s is taken from the log"
         )
         return min(fast), False
-    # A change appears in the first row after it, however late that is.
-    held = [run.held_since(COMMAND_PERIOD_S)[run.command_rows()] for run in dataset.runs]
-    if all(
-        _on_clock(t, COMMAND_PERIOD_S, min(0.2 * COMMAND_PERIOD_S, 1e-6 + 0.51 * row))
-        for t, row in zip(held, rows, strict=True)
-    ):
-        return COMMAND_PERIOD_S, True
     said = f"commands do not change on a {COMMAND_PERIOD_S:g} s clock that starts with the run"
     row = float(np.median(rows))
     if 1.0 / _LAW_RATE_HZ < row < COMMAND_PERIOD_S and all(_on_clock(t, row, 0.02 * row) for t in changes):

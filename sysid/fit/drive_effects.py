@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -26,14 +27,15 @@ from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
-from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import EffectSet, coordinate, effect_set, scanned
-from sysid.compare.fitted import Fitted, RefittedLaw, fit, marginal_function
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from sysid.compare.coordinates import Coordinate, EffectSet, coordinate, effect_set, scanned
+from sysid.compare.descent import compass_search, descend_steeply
+from sysid.compare.fitted import Fitted, RefittedLaw, marginal_function
 from sysid.compare.joint import LawWithEffects, joint_covariance
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import Observations, observe
 from sysid.compare.prediction import Study
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.problem import SMOOTH_STEP, ResidualProblem
 from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
@@ -45,18 +47,37 @@ EVIDENCE: Final = 10.0
 WORTH: Final = 0.02
 """Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
 as for a delay or a ceiling (`drive_choice`)."""
-_MOST: Final = 4
+_MOST: Final = 6
 """Largest number of effects. Assumed."""
-_FITTED: Final = 4
-"""Effects that are fitted together with the law in each round: those that promise most."""
+_FITTED: Final = 3
+"""Effects by which a set is tried to grow in each round: those that promise most."""
+_BEAM: Final = 2
+"""Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
+_PATIENCE: Final = 2
+"""Rounds without a better set after which the search ends: the second of a pair may be what helps."""
+_SHORTEST_WASHOUT_S: Final = 0.004
+_SHORTEST_RISE_S: Final = 0.005
+"""Bounds of what logs can show [s]: about the shortest time between rows."""
 _SECONDS: Final = 120.0
 """Duration of the runs that decide, repeats not counted [s]."""
 _STATIONS: Final = ("set_point", "law", "load", "transmission")
-"""Where a drive departs from its law; a sensor's effects are the same to one wheel, or the law's own."""
-_OVER_TIME: Final = ("battery_sag", "warm_up")
-"""Causes that change during a run, which is no property of a drive."""
-_PROBES: Final = (0.03, 0.15, 0.5)
+"""Where a drive departs from its law."""
+_TIMING: Final = ("command_latency", "sensor_lowpass", "sensor_lowpass/window")
+"""Effects of the link and the sensor that are searched, too: a law of third order has no room for a delay, a
+lag and a counter's window beside the loop."""
+_LEFT_OUT: Final = ("battery_sag", "warm_up", "torque_ripple", "weak_servo", "load_inertia")
+"""Causes that are not searched: those that change during a run, a ripple whose phase differs from run to run,
+and what the law and the frictions already are on a free wheel."""
+_PROBES: Final = (0.03, 0.3)
 """Steps from neutral at which a parameter without a scan is tried, on its scale from 0 to 1."""
+_TRIED: Final[Mapping[str, tuple[float, ...]]] = {
+    "answer_s": (0.0, 0.04),
+    "motor_s": (0.02, 0.06, 0.15),
+    "brake_rpm_s": (0.0,),
+}
+"""Parameters that only a fit to logs without a gap determines, and where they are tried."""
+_MOST_STARTS: Final = 24
+_LEAST_RATE_RPM_S: Final = 20.0
 _NORMAL_90: Final = 1.645
 _TIME_CONSTANTS: Final = (0.02, 0.06, 0.2, 0.5)
 """Time constants of first-order laws to start from, relative to the largest one allowed."""
@@ -107,31 +128,38 @@ def find_drive_effects(
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(_first_order(alone, largest_pole))
     searches = [_Search(law, whitener, held_out, largest_pole) for law in laws]
-    began = [search.begin() for search in searches]
+    began = [start for search in searches if (start := search.begin()) is not None]
+    if not began or (is_enough and began[0].base is not searches[0].base):
+        return None
     if not is_enough:
         # The starts differ in nothing but the time constant.
-        reached = [start for start in began if start is not None]
-        simplest = min(reached, key=lambda start: start.fitted.cost, default=None)
-        searches, began = [searches[began.index(simplest)]], [simplest]
+        began = [min(began, key=lambda start: start.fitted.cost)]
+        searches = [search for search in searches if search.base is began[0].base]
     first = began[0]
-    if first is None:
+    beam, best, stale = began, first, 0
+    for size in range(_MOST):
+        progress(f"drive effects: {size + 1}")
+        before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
+        stale = 0 if size == 0 or best is not before else stale + 1
+        if stale == _PATIENCE:
+            break
+        grown = [
+            more
+            for search in searches
+            for one in beam
+            if one.base is search.base
+            for more in search.grown(one)
+        ]
+        beam = _best_ones(grown, best.inflation)
+        if not beam:
+            break
+    best = min([best, *beam], key=lambda one: one.price(best.inflation))
+    best = next(search for search in searches if search.base is best.base).pruned(best)
+    worthy = best is not first and best.better_than(first)
+    if not worthy and is_enough:
         return None
-    best = first
-    for search, start in zip(searches, began, strict=True):
-        if start is None:
-            continue
-        reached_now = start if start is first or start.better_than(first) else None
-        for size in range(_MOST):
-            progress(f"drive effects: {size + 1}")
-            grown = search.grown(reached_now or start)
-            if grown is None:
-                break
-            reached_now = grown
-        if reached_now is not None and reached_now is not best and reached_now.better_than(best):
-            best = reached_now
-    if not best.model.effects or (best is first and is_enough):
-        return None
-    before = _rms(held_out, alone)
+    best = best if worthy else first
+    before_rpm = _rms(held_out, alone)
     names, covariance = joint_covariance(best.fitted, best.base, best.inflation)
     of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
     stated = {
@@ -140,7 +168,7 @@ def find_drive_effects(
         "joint": {"names": names, "covariance": covariance.tolist()},
     }
     model = replace(best.model, uncertainty={**best.model.uncertainty, **stated})
-    return DriveEffects(model, of_law, before, best.held_out_rpm)
+    return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,6 +188,12 @@ class _Reached:
     @property
     def inflation(self) -> float:
         return max(1.0, self.fitted.cost / self.fitted.residual.size)
+
+    def price(self, inflation: float) -> float:
+        """Return the BIC for residuals of a variance of `inflation`, and what each effect must add."""
+        samples = self.fitted.residual.size
+        effects = len(self.fitted.candidate.effects.names)
+        return self.fitted.cost / inflation + self.parameter_count * math.log(samples) + EVIDENCE * effects
 
     def better_than(self, other: _Reached) -> bool:
         """Return whether this is worth its parameters: by BIC, and on the validation runs."""
@@ -189,26 +223,43 @@ class _Search:
         self.base = replace(law, uncertainty={})
         self.problem = ResidualProblem(self.base, whitener, Study())
         self.held_out, self.largest_pole = held_out, largest_pole
+        values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
+        self._top_rpm = max(values, default=0.0)
 
     def begin(self) -> _Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
         names = [name for name in self.base.effects if name in _known()]
-        scale = self.problem.study.scale
         law = RefittedLaw(self.base, largest_pole=self.largest_pole)
-        candidate = LawWithEffects(law, effect_set(self.base, names, scale=scale))
+        candidate = LawWithEffects(law, self._set(names))
         return self._reached(candidate, candidate.start())
 
-    def grown(self, reached: _Reached) -> _Reached | None:
-        """Return the best set with one effect more that is worth having; None if there is none."""
+    def grown(self, reached: _Reached) -> list[_Reached]:
+        """Return the sets with one effect more that promise most, fitted."""
         promising = sorted(self._promising(reached), key=lambda item: item[0])[:_FITTED]
         fitted = (self._reached(candidate, place) for _, candidate, place in promising)
-        worthy = [one for one in fitted if one is not None and one.better_than(reached)]
-        return min(worthy, key=lambda one: one.fitted.cost) if worthy else None
+        return [one for one in fitted if one is not None]
+
+    def pruned(self, reached: _Reached) -> _Reached:
+        """Return the set without effects that are not worth their price, the least useful first."""
+        names = reached.fitted.candidate.effects.names
+        inflation = reached.inflation
+        smaller = []
+        for name in names if len(names) > 1 else ():
+            candidate, place = _without(reached, name)
+            found = self._reached(candidate, place)
+            if found is not None and found.price(inflation) < reached.price(inflation):
+                smaller.append(found)
+        return self.pruned(min(smaller, key=lambda one: one.price(inflation))) if smaller else reached
 
     def _reached(self, candidate: LawWithEffects, place: FloatArray) -> _Reached | None:
-        found = fit(self.problem, candidate, place, most=20)
-        if found is None:
+        function = marginal_function(self.problem, candidate)
+        reached = descend_steeply(function, place, step=SMOOTH_STEP)
+        if reached is None:
             return None
+        if any(candidate.stepwise):
+            looked = compass_search(function, reached, np.array(candidate.stepwise))
+            reached = descend_steeply(function, looked.place, step=SMOOTH_STEP) or reached
+        found = Fitted(candidate, reached.place, reached.residual, reached.jacobian)
         model = candidate.model(self.base, found.place)
         try:
             held_out_rpm = _rms(self.held_out, model)
@@ -216,6 +267,32 @@ class _Search:
             # Held-out commands may drive a model astray that the fit runs do not.
             return None
         return _Reached(self.base, found, candidate.parameter_count, held_out_rpm)
+
+    def _set(self, names: Sequence[str]) -> EffectSet:
+        """Return effects with free parameters whose bounds are as wide as these logs allow."""
+        scale = self.problem.study.scale
+        chosen = effect_set(self.base, names, scale=scale)
+        wide = [self._wide(one) for one in chosen.coordinates]
+        for name in chosen.names:
+            for parameter in CATALOGUE[name].parameters:
+                if parameter.name in _TRIED:
+                    wide.append(self._wide(coordinate(self.base, CATALOGUE[name], parameter, scale)))
+        return EffectSet(chosen.names, tuple(wide))
+
+    def _wide(self, one: Coordinate) -> Coordinate:
+        """Return a coordinate that reaches as far as the speeds of the logs do."""
+        servo = self.base.robot.servo_n_m_s_rad
+        if one.parameter in ("torque_n_m", "breakaway_n_m"):
+            return replace(one, high=max(one.high, servo * self._top_rpm * RAD_S_PER_RPM))
+        if one.parameter == "damping_n_m_s_rad":
+            return replace(one, high=max(one.high, servo))
+        if one.parameter == "washout_s":
+            return replace(one, low=min(one.low, _SHORTEST_WASHOUT_S))
+        if one.parameter in ("limit_rpm_s", "brake_rpm_s"):
+            return replace(
+                one, low=max(one.low, _LEAST_RATE_RPM_S), high=max(one.high, self._top_rpm / _SHORTEST_RISE_S)
+            )
+        return one
 
     def _promising(self, reached: _Reached) -> Iterator[tuple[float, LawWithEffects, FloatArray]]:
         """Yield for each further effect the cost that linear least squares expects, and where to start."""
@@ -226,7 +303,7 @@ class _Search:
         for name, effect in _known().items():
             if effect.cause in present:
                 continue
-            added = effect_set(self.base, [name], scale=scale)
+            added = self._set([name])
             effects = EffectSet(
                 (*fitted.candidate.effects.names, name),
                 (*fitted.candidate.effects.coordinates, *added.coordinates),
@@ -234,7 +311,7 @@ class _Search:
             candidate = LawWithEffects(fitted.candidate.law, effects)
             function = marginal_function(self.problem, candidate)
             best: tuple[float, FloatArray] | None = None
-            for start in _starts(self.base, effect, added, scale):
+            for start in _starts(effect, added, scale):
                 place = np.concatenate([fitted.place, start])
                 residual = function(place)
                 if residual is None:
@@ -259,22 +336,50 @@ def _first_order(model: Model, largest_pole: float) -> Iterator[Model]:
         yield start.with_effect("speed_gain", gain=1.0)
 
 
-def _starts(base: Model, effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArray]:
-    """Yield the places at which one effect is tried, one parameter off neutral at a time."""
+def _best_ones(grown: Sequence[_Reached], inflation: float) -> list[_Reached]:
+    """Return the best of some sets, each set of effects once."""
+    found: dict[tuple[str, ...], _Reached] = {}
+    for one in sorted(grown, key=lambda one: one.price(inflation)):
+        found.setdefault(tuple(sorted(one.fitted.candidate.effects.names)), one)
+    return list(found.values())[:_BEAM]
+
+
+def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
+    """Return a set without one of its effects, and where it was fitted."""
+    old = reached.fitted.candidate
+    kept = [i for i, one in enumerate(old.effects.coordinates) if one.effect != name]
+    effects = EffectSet(
+        tuple(other for other in old.effects.names if other != name),
+        tuple(old.effects.coordinates[i] for i in kept),
+    )
+    count = old.law.parameter_count
+    place = np.concatenate([reached.fitted.place[:count], reached.fitted.place[count:][kept]])
+    return LawWithEffects(old.law, effects), place
+
+
+def _starts(effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArray]:
+    """Yield the places at which one effect is tried: combinations of those of its parameters."""
     parameters: Mapping[str, Parameter] = {p.name: p for p in effect.parameters}
-    for index, one in enumerate(added.coordinates):
+    choices = []
+    for one in added.coordinates:
         parameter = parameters[one.parameter]
-        if parameter.neutral is None:
-            continue
-        places = scanned(parameter, coordinate(base, effect, parameter, scale), scale)
-        if not places:
-            around = one.neutral_place
-            both = [around + sign * probe for probe in _PROBES for sign in (1.0, -1.0)]
+        places = scanned(parameter, one, scale)
+        if one.parameter in _TRIED:
+            places = [one.unit(value) for value in _TRIED[one.parameter]]
+        elif parameter.neutral is not None and not places:
+            both = [one.neutral_place + sign * probe for probe in _PROBES for sign in (1.0, -1.0)]
             places = [place for place in both if 0.0 <= place <= 1.0]
-        for place in places:
-            start = added.start()
-            start[index] = place
-            yield start
+        neutral = [one.neutral_place] if parameter.neutral is not None or not places else []
+        choices.append([*neutral, *places])
+    combinations = list(product(*choices))[1:]
+    for combination in combinations[:: -(-len(combinations) // _MOST_STARTS)]:
+        place = np.array(combination)
+        for index, one in enumerate(added.coordinates):
+            if one.parameter == "brake_rpm_s":
+                # Braking begins as the limit of rising does.
+                limit = added.coordinates[0].value(float(place[0]))
+                place[index] = one.unit(limit)
+        yield place
 
 
 def _known() -> dict[str, Effect]:
@@ -283,8 +388,8 @@ def _known() -> dict[str, Effect]:
         name: effect
         for name, effect in CATALOGUE.items()
         if effect.acts_in("bench")
-        and effect.station in _STATIONS
-        and effect.cause not in _OVER_TIME
+        and (effect.station in _STATIONS or name in _TIMING)
+        and effect.cause not in _LEFT_OUT
         and getattr(effect, "searched", True)
     }
 

@@ -57,8 +57,6 @@ class Parameter:
     """Values to try one by one, if the response has no useful gradient (thresholds)."""
     stepwise: bool = False
     """The response jumps where the value passes a command, and is flat in between."""
-    simulated: bool = True
-    """False: the name is reserved, but values other than the neutral one are refused."""
     searched: bool = True
     """False: a search leaves it at its neutral or default value."""
     largest: Callable[[Model], float] | None = None
@@ -146,6 +144,8 @@ class Effect:
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
     searched: bool = True
     """Whether a search for the effects that a model lacks tries it."""
+    reads: tuple[str, ...] = ()
+    """Columns of a log that it follows; without them in the logs nothing shows it."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
     depends_on_integral: bool = False

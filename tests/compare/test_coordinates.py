@@ -19,7 +19,6 @@ COORDINATES = [
     coordinate(MODEL, effect, parameter)
     for effect in CATALOGUE.values()
     for parameter in effect.parameters
-    if parameter.simulated
 ]
 
 

@@ -134,7 +134,7 @@ def _typical(model: Model, effect: Effect, scale: float) -> Rival:
     """Return the model with an effect of a size that a user would care about."""
     values = dict(model.effects.get(effect.name, {}))
     for parameter in effect.parameters:
-        if not parameter.simulated or parameter.neutral is None:
+        if parameter.neutral is None:
             continue
         one = coordinate(model, effect, parameter, scale)
         neutral = one.unit(one.neutral) if math.isfinite(one.neutral) else 1.0

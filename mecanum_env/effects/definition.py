@@ -7,7 +7,7 @@ documentation read it from there. An effect with none of the functions at its en
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -193,6 +193,10 @@ class Effect:
     def acts_in(self, plant: PlantKind) -> bool:
         """Return whether it changes anything on the plant."""
         return self.simulated and plant not in (*self.absent_from, *self.refused_by)
+
+    def readable_in(self, columns: Collection[str]) -> bool:
+        """Return whether logs with these `columns` have all that it follows."""
+        return all(name in columns for name in self.reads)
 
     def fully_in(self, plant: PlantKind) -> bool:
         """Return whether a plant simulates all that it changes there."""

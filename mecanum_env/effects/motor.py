@@ -20,7 +20,7 @@ EFFECTS: Final = (
             Parameter("per_volt", "1/V", None, PER_VOLT, searched=False),
         ),
         summary="The motor is at full voltage: its torque falls with speed, to nothing at this limit, which "
-        "loses the share `per_volt` with each volt that `battery_v` is below its first sample.",
+        "loses the share `per_volt` with each volt of `battery_v` below its first sample.",
         signature="An error at high speed only, which grows with the load; the end of the rise is slower.",
         direct_check="the motor's voltage at full speed, with and without load",
         understated_by=("planar",),

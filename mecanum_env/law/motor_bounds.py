@@ -120,7 +120,8 @@ def supplied(supply: FloatArray, per_volt: npt.ArrayLike, lost_v: npt.ArrayLike)
 
     `supply` are those at the start, which may be infinite; `per_volt` are as in `MotorBounds`.
     """
-    return supply * np.maximum(_LEAST_SUPPLY, 1.0 - np.asarray(per_volt) * np.asarray(lost_v, float))
+    left = 1.0 - np.asarray(per_volt, float) * np.asarray(lost_v, float)
+    return np.asarray(supply * np.maximum(_LEAST_SUPPLY, left))
 
 
 @lru_cache(maxsize=1024)

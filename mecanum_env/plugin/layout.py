@@ -57,7 +57,7 @@ USER_SIZE: Final = 128
 """`nuser_actuator` as this project writes it without programs; the plugin needs at least 3, and unused
 entries are 0."""
 LOST_VOLTAGE: Final = 0
-"""Index in `MjData.userdata` of the voltage [V] that the supply has lost; a model without it has lost none."""
+"""Index in `MjData.userdata` of the voltage [V] that the supply has lost; a model may lack it."""
 FIRST_PROGRAM: Final = USER_SIZE
 """Index in user of the first program."""
 

@@ -12,7 +12,7 @@ therefore starting points: that of the fit, and one with a free gain, which beco
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -50,7 +50,7 @@ _SECONDS: Final = 120.0
 _STATIONS: Final = ("set_point", "law", "load", "transmission")
 """Where a drive departs from its law; a sensor's effects are the same to one wheel, or the law's own."""
 _OVER_TIME: Final = ("battery_sag", "warm_up")
-"""Causes that change during a run, which is no property of a drive."""
+"""Causes that change during a run, which is no property of a drive unless it follows a logged column."""
 _PROBES: Final = (0.03, 0.15, 0.5)
 """Steps from neutral at which a parameter without a scan is tried, on its scale from 0 to 1."""
 _NORMAL_90: Final = 1.645
@@ -95,7 +95,7 @@ def find_drive_effects(
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
     alone = laws[0]
-    searches = [_Search(law, whitener, held_out) for law in laws]
+    searches = [_Search(law, whitener, held_out, dataset.columns) for law in laws]
     began = [search.begin() for search in searches]
     first = began[0]
     if first is None:
@@ -164,14 +164,17 @@ class _Reached:
 class _Search:
     """The effects beside one starting law."""
 
-    def __init__(self, law: Model, whitener: Whitener, held_out: Observations) -> None:
+    def __init__(
+        self, law: Model, whitener: Whitener, held_out: Observations, columns: Collection[str]
+    ) -> None:
+        self.known = _known(columns)
         self.base = replace(law, uncertainty={})
         self.problem = ResidualProblem(self.base, whitener, Study())
         self.held_out = held_out
 
     def begin(self) -> _Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
-        names = [name for name in self.base.effects if name in _known()]
+        names = [name for name in self.base.effects if name in self.known]
         scale = self.problem.study.scale
         candidate = LawWithEffects(RefittedLaw(self.base), effect_set(self.base, names, scale=scale))
         return self._reached(candidate, candidate.start())
@@ -201,7 +204,7 @@ class _Search:
         orthogonal = np.linalg.qr(fitted.jacobian)[0]
         rest = fitted.residual - orthogonal @ (orthogonal.T @ fitted.residual)
         present = {cause_of(name) for name in fitted.names}
-        for name, effect in _known().items():
+        for name, effect in self.known.items():
             if effect.cause in present:
                 continue
             added = effect_set(self.base, [name], scale=scale)
@@ -246,14 +249,18 @@ def _starts(base: Model, effect: Effect, added: EffectSet, scale: float) -> Iter
             yield start
 
 
-def _known() -> dict[str, Effect]:
-    """Return the effects that a drive may have by itself, in the order of the chain."""
+def _known(columns: Collection[str]) -> dict[str, Effect]:
+    """Return the effects that a drive may have by itself, in the order of the chain.
+
+    `columns` are those of the logs.
+    """
     return {
         name: effect
         for name, effect in CATALOGUE.items()
         if effect.acts_in("bench")
         and effect.station in _STATIONS
-        and effect.cause not in _OVER_TIME
+        and (effect.reads or effect.cause not in _OVER_TIME)
+        and effect.readable_in(columns)
         and getattr(effect, "searched", True)
     }
 

@@ -109,7 +109,10 @@ def test_the_gain_follows_the_logged_voltage(base, form):
     """Full is the first sample that is there; between samples the voltage is linear."""
     model = base.with_effect("battery_sag", form, per_volt=0.04)
     time = np.arange(0.0, 4.0, 0.01)
-    command, volts = np.full(time.shape, 80.0), np.interp(time, [0.0, 2.0, 2.5, 4.0], [25.0, 25.0, 22.0, 22.0])
+    command, volts = (
+        np.full(time.shape, 80.0),
+        np.interp(time, [0.0, 2.0, 2.5, 4.0], [25.0, 25.0, 22.0, 22.0]),
+    )
     sparse = np.where(np.arange(time.size) % 50 == 0, volts, np.nan)
     for battery_v in (volts, sparse):
         speed = replay_bench(model, time, command, battery_v=battery_v)

@@ -67,7 +67,8 @@ def design_next_experiment(
     conditions = conditions_of(problem, runs, decision.facts.inflation)
     if decision.verdict == "ambiguous":
         return _separating(problem.base, decision, conditions)
-    names = [effect.name for effect in untestable]
+    # No command shows an effect that follows a column which was not logged, or did not change.
+    names = [effect.name for effect in untestable if not CATALOGUE[effect.name].reads]
     return design_for_untestable(improved, names, conditions, threshold)
 
 

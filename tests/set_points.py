@@ -30,6 +30,7 @@ SET_POINT_EFFECTS = {
     "speed_gain": {"gain": st.floats(0.5, 1.5)},
     "direction_asymmetry": {"reverse_ratio": st.floats(0.5, 1.5)},
     "battery_sag": {"drop_per_s": st.floats(0.0, 2.0)},
+    "battery_sag/voltage": {"per_volt": st.floats(0.0, 0.5)},
     "warm_up": {"share": st.floats(-0.9, 0.9), "time_constant_s": st.floats(0.01, 10.0)},
     "static_map": curves(),
     "speed_saturation": {"limit_rpm": st.floats(10.0, 150.0), "softness_rpm": st.floats(0.0, 200.0)},
@@ -42,7 +43,7 @@ SET_POINT_EFFECTS = {
 }
 """Effect -> strategies for its parameters, or one for all of them."""
 LAW_EFFECTS = {
-    "speed_saturation/supply": {"limit_rpm": st.floats(10.0, 150.0)},
+    "speed_saturation/supply": {"limit_rpm": st.floats(10.0, 150.0), "per_volt": st.floats(0.0, 0.5)},
     "acceleration_limit/drive": {"limit_rpm_s": st.floats(10.0, 1e5), "brake_rpm_s": BRAKES},
 }
 """The same for effects that bound what the law does."""

@@ -56,8 +56,6 @@ def check_effects(model: Model, plant: PlantKind) -> None:
         for parameter in effect.parameters:
             where, value = f"effects.{effect.name}.{parameter.name}", values[parameter.name]
             (low, high), neutral = parameter.valid, parameter.neutral_in(model)
-            if not parameter.simulated and value != neutral:
-                raise InputError(f"{where}: not simulated yet, leave it out")
             if not low <= value <= high or (math.isinf(value) and value != neutral):
                 raise InputError(f"{where} = {value:g}, must be a number {low:g} .. {high:g}")
 

@@ -82,8 +82,7 @@ def _parameter(parameter: Parameter) -> str:
     else:
         neutral = f"{parameter.neutral:g}"
     low, high = parameter.bounds
-    note = "" if parameter.simulated else "; not yet"
-    return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g}{note})"
+    return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g})"
 
 
 def _plant(effect: Effect, plant: PlantKind) -> str:

@@ -7,7 +7,7 @@ documentation read it from there. An effect with none of the functions at its en
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
@@ -57,8 +57,6 @@ class Parameter:
     """Values to try one by one, if the response has no useful gradient (thresholds)."""
     stepwise: bool = False
     """The response jumps where the value passes a command, and is flat in between."""
-    simulated: bool = True
-    """False: the name is reserved, but values other than the neutral one are refused."""
     searched: bool = True
     """False: a search leaves it at its neutral or default value."""
     largest: Callable[[Model], float] | None = None
@@ -146,6 +144,8 @@ class Effect:
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
     searched: bool = True
     """Whether a search for the effects that a model lacks tries it."""
+    reads: tuple[str, ...] = ()
+    """Columns of a log that it follows; without them in the logs nothing shows it."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
     depends_on_integral: bool = False
@@ -193,6 +193,10 @@ class Effect:
     def acts_in(self, plant: PlantKind) -> bool:
         """Return whether it changes anything on the plant."""
         return self.simulated and plant not in (*self.absent_from, *self.refused_by)
+
+    def readable_in(self, columns: Collection[str]) -> bool:
+        """Return whether logs with these `columns` have all that it follows."""
+        return all(name in columns for name in self.reads)
 
     def fully_in(self, plant: PlantKind) -> bool:
         """Return whether a plant simulates all that it changes there."""

@@ -17,6 +17,8 @@ LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
 RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
 BRAKE: Final = Parameter("brake_rpm_s", "rpm/s", None, (0.0, 5000.0), searched=False)
 """Limit of a speed that falls in size; 0: that of one that grows."""
+PER_VOLT: Final = (0.0, 0.5)
+"""Range of the shares that are lost with a volt [1/V]."""
 _ANY: Final = (-math.inf, math.inf)
 _JERKS_RPM_S2: Final = (500, 1500, 5000, 15_000, 50_000)
 
@@ -68,18 +70,32 @@ EFFECTS: Final = (
     ),
     Effect(
         name="battery_sag",
+        first_form="time",
         station="set_point",
         acts_on="drive",
         parameters=(
             Parameter("drop_per_s", "1/s", 0.0, (0.0, 0.05)),
-            Parameter("per_volt", "1/V", 0.0, (0.0, 0.5), simulated=False),
+            Parameter("per_volt", "1/V", 0.0, PER_VOLT, searched=False),
         ),
-        summary="The drives' gain falls with time, or with the voltage if `battery_v` is logged.",
+        summary="The drives' gain falls with time; `per_volt` is that of the form `voltage`.",
         signature="The same command gives less and less speed during a run.",
         direct_check="the battery's voltage, logged as battery_v",
         realistic=lambda _: {"drop_per_s": 0.01},
         undone_by="command",
-        change_drive=lambda drive, values, _: replace(drive, drop_per_s=values["drop_per_s"]),
+        change_drive=lambda drive, values, _: replace(
+            drive, drop_per_s=values["drop_per_s"], gain_per_volt=values["per_volt"]
+        ),
+    ),
+    Effect(
+        name="battery_sag/voltage",
+        station="set_point",
+        acts_on="drive",
+        parameters=(Parameter("per_volt", "1/V", 0.0, PER_VOLT),),
+        summary="The drives' gain loses this share with each volt of `battery_v` below its first sample.",
+        signature="The same command gives less speed where the logged voltage is lower.",
+        direct_check="the speed at one command with a full and with an empty battery",
+        reads=("battery_v",),
+        change_drive=lambda drive, values, _: replace(drive, gain_per_volt=values["per_volt"]),
     ),
     Effect(
         name="warm_up",

@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from mecanum_env.effects.definition import Effect, Parameter
-from mecanum_env.effects.drive import BRAKE, LIMITS_RPM, POSITIVE, RATES_RPM_S
+from mecanum_env.effects.drive import BRAKE, LIMITS_RPM, PER_VOLT, POSITIVE, RATES_RPM_S
 from mecanum_env.law.motor_bounds import loaded_law
 
 EFFECTS: Final = (
@@ -18,15 +18,20 @@ EFFECTS: Final = (
         parameters=(
             Parameter("limit_rpm", "rpm", math.inf, (10.0, 200.0), POSITIVE, scan=LIMITS_RPM),
             Parameter("motor_s", "s", None, (0.005, 0.5), searched=False),
+            Parameter("per_volt", "1/V", None, PER_VOLT, searched=False),
         ),
         summary="The motor is at full voltage: its torque falls with speed, to nothing at this limit, "
-        "which it approaches with this time constant (0: as fast as the law ever moves).",
+        "which it approaches with this time constant (0: as fast as the law ever moves), and which loses the "
+        "share `per_volt` with each volt of `battery_v` below its first sample.",
         signature="An error at high speed only, which grows with the load; the end of the rise is slower.",
         direct_check="the motor's voltage at full speed, with and without load",
         understated_by=("planar",),
         undone_by="command",
         change_drive=lambda drive, values, _: replace(
-            drive, supply_rpm=values["limit_rpm"], supply_s=values["motor_s"]
+            drive,
+            supply_rpm=values["limit_rpm"],
+            supply_s=values["motor_s"],
+            supply_per_volt=values["per_volt"],
         ),
     ),
     Effect(

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from mecanum_env.law.coefficients import law_step
 from mecanum_env.law.drive import EPS, RING
 from mecanum_env.law.link import is_lost, own_delay
-from mecanum_env.law.motor_bounds import bounded
+from mecanum_env.law.motor_bounds import bounded, supplied
 from mecanum_env.law.parameters import Sets
 from mecanum_env.law.ramp import Ramp, RampLimits
 from mecanum_env.law.shaping import rounded, shaped
@@ -70,25 +70,38 @@ class DriveState:
 
 
 def begin(
-    s: DriveState, p: Sets, command_rpm: FloatArray, timestep_s: float, speed: FloatArray | float = 0.0
+    s: DriveState,
+    p: Sets,
+    command_rpm: FloatArray,
+    timestep_s: float,
+    speed: FloatArray | float = 0.0,
+    lost_v: FloatArray | float = 0.0,
 ) -> None:
     """Advance the clocks, the law and the setpoint of `s` to the end of the substep.
 
     `p` are the parameters, `command_rpm` are the commands [rpm], of a shape that broadcasts to (sets, runs),
-    and `speed` is that of the wheels [rad/s], which custom effects may use.
+    and `speed` is that of the wheels [rad/s], which custom effects may use. `lost_v` is the voltage that the
+    supply has lost since the start [V], of a shape that broadcasts, too.
     """
     tau, period, now = p["sample_period_s"], p["command_period_s"], s.substeps * timestep_s
     while np.any(due := now >= s.latches * period - EPS * period):
-        _latch(s, p, command_rpm, due, speed)
+        _latch(s, p, command_rpm, due, speed, lost_v)
     while np.any(due := now >= s.ticks * tau - EPS * tau):
-        _tick(s, p, due)
+        _tick(s, p, due, lost_v)
     s.substeps += 1
     share = np.clip((s.substeps * timestep_s - (s.ticks - 1) * tau) / tau, 0.0, 1.0)
     before, s.setpoint = s.setpoint, (s.w1 + (s.w0 - s.w1) * share) * RAD_S_PER_RPM
     s.rise = s.setpoint - before
 
 
-def _latch(s: DriveState, p: Sets, command_rpm: FloatArray, due: Mask, speed: FloatArray | float) -> None:
+def _latch(
+    s: DriveState,
+    p: Sets,
+    command_rpm: FloatArray,
+    due: Mask,
+    speed: FloatArray | float,
+    lost_v: FloatArray | float,
+) -> None:
     """Latch the commands that are due: those that are lost leave the ones before."""
     sent_at, sent = s.latches * p["command_period_s"], rounded(command_rpm, p["command_quantum_rpm"])
     acts_at, arrival, jitters = sent_at + p["delay_s"], _at(s.arrival, s.latches - 1), p["jitter_s"] > 0.0
@@ -97,9 +110,8 @@ def _latch(s: DriveState, p: Sets, command_rpm: FloatArray, due: Mask, speed: Fl
         own = sent_at + own_delay(p["delay_s"], p["jitter_s"], p["link_seed"], s.latches)
         arrival = np.where((sent != s.sent) & ~lost, np.maximum(arrival, own), arrival)
         acts_at = np.where(jitters, np.maximum(sent_at, arrival), acts_at)
-    received = np.where(
-        lost, _at(s.command, s.latches - 1), shaped(p, sent, acts_at, speed / RAD_S_PER_RPM, s.angle)
-    )
+    taken = shaped(p, sent, acts_at, speed / RAD_S_PER_RPM, s.angle, lost_v)
+    received = np.where(lost, _at(s.command, s.latches - 1), taken)
     s.sent = np.where(due & ~lost, sent, s.sent)
     for ring, value in ((s.command, received), (s.arrival, arrival)):
         kept = np.where(due, value, _at(ring, s.latches))
@@ -107,13 +119,14 @@ def _latch(s: DriveState, p: Sets, command_rpm: FloatArray, due: Mask, speed: Fl
     s.latches = s.latches + due
 
 
-def _tick(s: DriveState, p: Sets, due: Mask) -> None:
+def _tick(s: DriveState, p: Sets, due: Mask, lost_v: FloatArray | float) -> None:
     """Tick the laws that are due."""
     r, ramp = _law_input(s, p)
     w = law_step([p[name] for name in "ABCDEF"], (s.w0, s.w1, s.w2), (r, s.r1, s.r2))
     rise = _off_is_infinite(p["drive_acceleration_rpm_s"])
     brake = np.where(p["drive_brake_rpm_s"] > 0.0, p["drive_brake_rpm_s"], rise)
     tau, supply = p["sample_period_s"], _off_is_infinite(p["supply_rpm"])
+    supply = supplied(supply, p["supply_per_volt"], lost_v)
     w = bounded(s.w0, w, rise * tau, brake * tau, supply, p["supply_share"])
     after = {"w0": w, "w1": s.w0, "w2": s.w1, "r1": r, "r2": s.r1}
     after |= {"ramp": ramp.value_rpm, "slope": ramp.slope_rpm_s}

@@ -32,7 +32,7 @@ def custom_torque(
 
     Args:
         programs: program of each set, shape (sets, n).
-        now: command, angle and time, in the units of `mecanum_env.law.program`.
+        now: command, angle, time and voltage, in the units of `mecanum_env.law.program`.
         servo_n_m_s_rad: stiffness of each set, shape (sets, 1).
         per_torque: change of a wheel's speed in the substep by a torque [rad/s per N m], shape (sets, 1).
         speed: of the wheels at the start of the substep [rad/s], shape (sets, runs).

@@ -70,6 +70,8 @@ class DriveParameters:
     """Further factor on negative commands."""
     drop_per_s: float = 0.0
     """Share of the gain that is lost in each second [1/s]."""
+    gain_per_volt: float = 0.0
+    """Share of the gain that is lost with each volt of the supply below that at the start [1/V]."""
     warm_up_share: float = 0.0
     """Share of the gain that is lost as the drive warms up, above -1 and below 1; below 0 it rises."""
     warm_up_s: float = 0.0
@@ -94,6 +96,8 @@ class DriveParameters:
     """Speed at which the supply leaves the motor no torque [rpm]."""
     supply_s: float = 0.0
     """Time constant of the motor with its wheel at full voltage [s]; 0: the law's fastest tick."""
+    supply_per_volt: float = 0.0
+    """Share of that speed that is lost with each volt of the supply below that at the start [1/V]."""
     load: WheelLoad = NO_LOAD
     """What acts behind the setpoint; see `mecanum_env.law.servo`."""
     command_program: Program = ()
@@ -109,7 +113,14 @@ class DriveParameters:
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
         for name in (
             *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s"),
-            *("softness_rpm", "brake_rpm_s", "drive_brake_rpm_s", "supply_s"),
+            *(
+                "softness_rpm",
+                "brake_rpm_s",
+                "drive_brake_rpm_s",
+                "supply_s",
+                "gain_per_volt",
+                "supply_per_volt",
+            ),
         ):
             if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
@@ -148,6 +159,7 @@ class DriveParameters:
             (self.drive_brake_rpm_s or self.drive_acceleration_rpm_s) * tick,
             self.supply_rpm,
             self._supply_share if math.isfinite(self.supply_rpm) else 0.0,
+            self.supply_per_volt,
         )
 
     @property
@@ -155,6 +167,13 @@ class DriveParameters:
         if self.supply_s > 0.0:
             return -math.expm1(-self.law.sample_period_s / self.supply_s)
         return steepest_share(self.law)
+
+    @property
+    def reads_voltage(self) -> bool:
+        """Whether the wheel depends on the supply's voltage."""
+        programs = (self.command_program, self.set_point_program, self.load_program)
+        limited = self.supply_per_volt > 0.0 and math.isfinite(self.supply_rpm)
+        return self.gain_per_volt > 0.0 or limited or any("voltage" in inputs_of(p) for p in programs)
 
     @property
     def warms_up(self) -> bool:
@@ -180,14 +199,16 @@ def shaped_command(
     seconds: npt.ArrayLike,
     speed_rpm: npt.ArrayLike = 0.0,
     angle_rad: npt.ArrayLike = 0.0,
+    lost_v: npt.ArrayLike = 0.0,
 ) -> FloatArray:
     """Return rounded commands after dead band, gains, static map and saturation [rpm].
 
     `seconds` is the time since the start at which each takes effect [s]; `speed_rpm` and `angle_rad` are
-    those of the wheel at the latch, which custom effects may use. They are of shapes that broadcast.
+    those of the wheel at the latch, which custom effects may use, and `lost_v` is the voltage that the supply
+    has lost by then [V]. They are of shapes that broadcast.
     """
     numbers = {**vars(parameters), **map_numbers(parameters.knots_rpm, parameters.values_rpm)}
-    return shaped(numbers, command_rpm, seconds, speed_rpm, angle_rad)
+    return shaped(numbers, command_rpm, seconds, speed_rpm, angle_rad, lost_v)
 
 
 def received_command(

@@ -21,6 +21,7 @@ def free_wheel_speeds(
     timestep_s: float,
     command_rpm: FloatArray,
     initial_rpm: FloatArray,
+    lost_v: FloatArray | None = None,
 ) -> FloatArray:
     """Return the speeds of free wheels [rpm], at the start and after each substep, shape (sets, runs, n + 1).
 
@@ -33,6 +34,7 @@ def free_wheel_speeds(
         timestep_s: the substep [s].
         command_rpm: command in each substep [rpm], shape (runs, n).
         initial_rpm: steady speed before the start [rpm], shape (runs,).
+        lost_v: voltage that the supply has lost in each substep [V], shape (runs, n); none by default.
     """
     p, h = by_name(parameters), timestep_s
     inertia, damping = np.asarray(wheels, float).T[:, :, None]
@@ -42,9 +44,10 @@ def free_wheel_speeds(
     speed = np.broadcast_to(initial_rpm * RAD_S_PER_RPM, s.w0.shape)
     speeds = np.empty((*speed.shape, command_rpm.shape[1] + 1))
     speeds[..., 0] = speed / RAD_S_PER_RPM
-    for n, command in enumerate(command_rpm.T):
-        begin(s, p, command, h, speed)
-        acted = torques(s, p, speed, h)
+    lost = np.zeros(command_rpm.shape) if lost_v is None else lost_v
+    for n, (command, below) in enumerate(zip(command_rpm.T, lost.T, strict=True)):
+        begin(s, p, command, h, speed, below)
+        acted = torques(s, p, speed, h, below)
         torque = acted.reported - damping * speed
         after = speed + h * (torque * mobility)
         sane = (np.abs(torque / inertia) <= _LARGEST) & (np.abs(after) <= _LARGEST)

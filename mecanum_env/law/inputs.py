@@ -59,10 +59,17 @@ class Latched:
         return Latched(*(one[..., -count:] for one in vars(self).values()))
 
 
-def latched(parameters: DriveParameters, command_rpm: FloatArray, first: int, before: Latched) -> Latched:
+def latched(
+    parameters: DriveParameters,
+    command_rpm: FloatArray,
+    first: int,
+    before: Latched,
+    lost_v: npt.ArrayLike = 0.0,
+) -> Latched:
     """Return what drives latch: the last command `before`, and those at the latches from `first` on.
 
-    The commands [rpm] have the shape (..., J), the result has J + 1.
+    The commands [rpm] have the shape (..., J), the result has J + 1. `lost_v` is the voltage that the supply
+    has lost at these latches [V], of a shape that broadcasts to that of the commands.
     """
     link, count = parameters.link, command_rpm.shape[-1]
     kept = link.kept(first, count)
@@ -74,7 +81,9 @@ def latched(parameters: DriveParameters, command_rpm: FloatArray, first: int, be
     if link.jitter_s > 0.0:
         arrivals = link.arrivals(first, sent, before.arrivals_s[..., -1])
         acts_at = np.maximum(sent_at, arrivals[..., 1:])
-    shaped = shaped_command(parameters, sent[..., 1:], acts_at)
+    # A lost command leaves what the one before became.
+    lost = np.broadcast_to(lost_v, command_rpm.shape)
+    shaped = shaped_command(parameters, sent[..., 1:], acts_at, lost_v=lost)
     received = np.concatenate([before.received_rpm[..., -1:], shaped], axis=-1)[..., kept]
     return Latched(sent, received, arrivals)
 
@@ -179,11 +188,13 @@ def simulate_drive(
     command_rpm: npt.ArrayLike,
     timestep: float,
     initial_rpm: npt.ArrayLike = 0.0,
+    lost_v: npt.ArrayLike = 0.0,
 ) -> FloatArray:
     """Return the setpoints at the end of each substep of a `timestep` [s], in rpm, shape (..., n).
 
     The commands at each substep [rpm] have the shape (..., n), and the steady speeds before the start [rpm]
-    the shape (...); leading axes are wheels or runs.
+    the shape (...); leading axes are wheels or runs. `lost_v` is the voltage that the supply has lost at each
+    substep [V], of a shape that broadcasts to that of the commands.
 
     Raises:
         InputError: a custom effect changes the command by the wheel's speed or angle, which only a simulation
@@ -197,10 +208,13 @@ def simulate_drive(
     latched_at = _first_substeps(period, times[:n])
     ticked_at = _first_substeps(tau, times[:n])
     initial = np.broadcast_to(np.asarray(initial_rpm, float), command.shape[:-1])
-    commands = latched(parameters, command[..., latched_at], 0, Latched.steady(initial))
+    lost = np.broadcast_to(lost_v, command.shape)
+    before = Latched.steady(initial)
+    commands = latched(parameters, command[..., latched_at], 0, before, lost[..., latched_at])
     latches = np.searchsorted(latched_at, ticked_at, side="right")
     r, _ = ramped_inputs(parameters, np.arange(ticked_at.size), commands, latches, -1, Ramp.steady(initial))
-    w = parameters.motor_bounds.simulate(parameters.law, r, LawState.steady(initial))
+    at_ticks = lost[..., ticked_at]
+    w = parameters.motor_bounds.simulate(parameters.law, r, LawState.steady(initial), at_ticks)
     k = np.searchsorted(ticked_at, np.arange(n), side="right") - 1
     share = np.clip((times[1:] - k * tau) / tau, 0.0, 1.0)
     return np.asarray(w[..., k] + (w[..., k + 1] - w[..., k]) * share)

@@ -9,7 +9,8 @@ falls in a straight line with speed, to 0 at the speed n at which its back-EMF u
 with s = 1 - exp(-tick / T) for a motor that has the time constant T at constant voltage or, where that is not
 known, the share of a step that the law itself covers in its fastest tick (`steepest_share`): the motor of a
 law that is not limited must be able to do that. A law of first order then ends at n as it ends at any speed;
-others bend towards it. As s <= 1, the wheel never passes n.
+others bend towards it. As s <= 1, the wheel never passes n. Where the voltage is known, n falls with it
+(`supplied`).
 
 The law's memory holds the speeds w that were reached, since its past outputs are the wheel's speeds: nothing
 winds up while a bound acts.
@@ -32,6 +33,8 @@ from mecanum_env.units import FloatArray
 _SETTLED: Final = 1e-4
 """Size of the slowest part of a step response behind which no fastest tick is looked for."""
 _MOST_TICKS: Final = 20_000
+_LEAST_SUPPLY: Final = 1e-3
+"""Share of the speed n that is left at any voltage."""
 
 
 @dataclass(frozen=True)
@@ -46,30 +49,47 @@ class MotorBounds:
     """Speed n at which the supply leaves no torque [rpm]."""
     supply_share: float = 0.0
     """Share s of n - w(k) that the wheel gains in a tick at full voltage."""
+    supply_per_volt: float = 0.0
+    """Share of n that is lost with each volt of the supply below that at the start [1/V]."""
 
     @property
     def acts(self) -> bool:
         """Whether there is any bound."""
         return any(map(math.isfinite, (self.rise_rpm, self.brake_rpm, self.supply_rpm)))
 
-    def reached(self, speed_rpm: npt.ArrayLike, wanted_rpm: npt.ArrayLike) -> FloatArray:
-        """Return w(k+1) [rpm] where the law wants some speed, from w(k) = `speed_rpm`, of one shape."""
+    def reached(
+        self, speed_rpm: npt.ArrayLike, wanted_rpm: npt.ArrayLike, lost_v: npt.ArrayLike = 0.0
+    ) -> FloatArray:
+        """Return w(k+1) [rpm] where the law wants some speed, from w(k) = `speed_rpm`, of one shape.
+
+        `lost_v` is the voltage that the supply has lost [V], of a shape that broadcasts.
+        """
         speed, wanted = np.asarray(speed_rpm, float), np.asarray(wanted_rpm, float)
-        bounds = (self.rise_rpm, self.brake_rpm, self.supply_rpm, self.supply_share)
+        supply = supplied(np.asarray(self.supply_rpm), self.supply_per_volt, lost_v)
+        bounds = (self.rise_rpm, self.brake_rpm, supply, self.supply_share)
         return bounded(speed, wanted, *map(np.asarray, bounds)) if self.acts else wanted
 
-    def tick(self, law: WheelLaw, state: LawState, command_rpm: npt.ArrayLike) -> LawState:
+    def tick(
+        self, law: WheelLaw, state: LawState, command_rpm: npt.ArrayLike, lost_v: npt.ArrayLike = 0.0
+    ) -> LawState:
         """Return the law's next state, whose w0 is the speed reached, for r(k) = `command_rpm`."""
         wanted, after = law.tick(state, command_rpm)
-        return LawState(self.reached(state.w0, wanted), after.w1, after.w2, after.r1, after.r2)
+        return LawState(self.reached(state.w0, wanted, lost_v), after.w1, after.w2, after.r1, after.r2)
 
-    def simulate(self, law: WheelLaw, command_rpm: FloatArray, initial: LawState) -> FloatArray:
-        """Return the speeds w(0..N) [rpm], shape (..., N+1), as `WheelLaw.simulate`, but bounded."""
+    def simulate(
+        self, law: WheelLaw, command_rpm: FloatArray, initial: LawState, lost_v: npt.ArrayLike = 0.0
+    ) -> FloatArray:
+        """Return the speeds w(0..N) [rpm], shape (..., N+1), as `WheelLaw.simulate`, but bounded.
+
+        `lost_v` is the voltage that the supply has lost at each tick [V], of a shape that broadcasts to that
+        of the commands, (..., N).
+        """
         if not self.acts:
             return law.simulate(command_rpm, initial)
         state, speeds = initial, [np.broadcast_to(initial.w0, command_rpm.shape[:-1])]
+        lost = np.broadcast_to(lost_v, command_rpm.shape)
         for k in range(command_rpm.shape[-1]):
-            state = self.tick(law, state, command_rpm[..., k])
+            state = self.tick(law, state, command_rpm[..., k], lost[..., k])
             speeds.append(np.asarray(state.w0))
         return np.stack(speeds, axis=-1)
 
@@ -94,6 +114,15 @@ def bounded(
     low = np.where(limited, np.maximum(low, speed - supply_share * (ceiling + speed)), low)
     high = np.where(limited, np.minimum(high, speed + supply_share * (ceiling - speed)), high)
     return np.where(wanted < low, low, np.where(wanted > high, high, wanted))
+
+
+def supplied(supply: FloatArray, per_volt: npt.ArrayLike, lost_v: npt.ArrayLike) -> FloatArray:
+    """Return the speeds n [rpm] at a supply that has lost some volts; all shapes broadcast.
+
+    `supply` are those at the start, which may be infinite; `per_volt` are as in `MotorBounds`.
+    """
+    left = 1.0 - np.asarray(per_volt, float) * np.asarray(lost_v, float)
+    return np.asarray(supply * np.maximum(_LEAST_SUPPLY, left))
 
 
 @lru_cache(maxsize=1024)

@@ -26,7 +26,7 @@ Program: TypeAlias = tuple[float, ...]
 
 INPUTS: Final = ("command", "speed", "angle", "time", "voltage")
 """Inputs of a program: command [rpm], speed of the wheel [rpm], its angle [rad], time since the start [s],
-and how far the supply is below full [V]."""
+and how far the supply is below its voltage at the start [V]."""
 UNITS: Final[Mapping[str, str]] = dict(zip(INPUTS, ("rpm", "rpm", "rad", "s", "v"), strict=True))
 PROGRAM_SIZE: Final = 48
 """Most numbers of a program, as `program.h` has it."""

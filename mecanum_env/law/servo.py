@@ -19,6 +19,7 @@ import numpy.typing as npt
 
 from mecanum_env.law.chain import DriveState
 from mecanum_env.law.custom_load import custom_torque
+from mecanum_env.law.motor_bounds import supplied
 from mecanum_env.law.parameters import Sets
 from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -48,18 +49,20 @@ class Torques:
         return self.drive + self.friction + self.custom
 
 
-def torques(s: DriveState, p: Sets, speed: FloatArray, timestep_s: float) -> Torques:
+def torques(
+    s: DriveState, p: Sets, speed: FloatArray, timestep_s: float, lost_v: FloatArray | float = 0.0
+) -> Torques:
     """Return the torques to report for wheels of a `speed` [rad/s], to an implicit integrator.
 
     Such an integrator subtracts the servo times the coming change of speed from their sum. `s` is the state
-    after `mecanum_env.law.chain.begin`, and `p` are the parameters.
+    after `mecanum_env.law.chain.begin`; `p` and `lost_v` are as there.
     """
     asked = _asked(s, p, speed, timestep_s) + _ripple(s, p, speed)
-    drive = _limited(s, p, speed, timestep_s, asked)
+    drive = _limited(s, p, speed, timestep_s, asked, lost_v)
     cold = _coldness(s, p, timestep_s)
     # What a warm bearing has lost of its viscous friction, which the engine's joint holds at its cold value.
     back = p["viscous_n_m_s_rad"] * (1 - cold) * speed
-    custom = _custom(s, p, speed, timestep_s, drive)
+    custom = _custom(s, p, speed, timestep_s, drive, lost_v)
     friction = back + _friction(s, p, speed, timestep_s, drive + back + custom, cold)
     return Torques(asked, drive, friction, custom)
 
@@ -117,25 +120,31 @@ def _ripple(s: DriveState, p: Sets, speed: FloatArray) -> FloatArray:
     return np.where(acts, size * swing, 0.0)
 
 
-def _limited(s: DriveState, p: Sets, speed: FloatArray, h: float, asked: FloatArray) -> FloatArray:
+def _limited(
+    s: DriveState, p: Sets, speed: FloatArray, h: float, asked: FloatArray, lost_v: FloatArray | float
+) -> FloatArray:
     """Return the torque within its limit, and within what the supply leaves at this speed."""
     limit, supply = p["torque_limit_n_m"], p["supply_rpm"]
     # The limit is that of the torque which reaches the wheel, if its speed changes as in the last substep.
     off = p["servo_n_m_s_rad"] * s.change + p["rotor_kg_m2"] * s.change / h
     falls = (supply > 0.0) & (limit < _UNLIMITED)
-    ratio = speed / (np.where(falls, supply, 1.0) * RAD_S_PER_RPM)
+    left = supplied(np.where(falls, supply, 1.0), p["supply_per_volt"], lost_v)
+    ratio = speed / (left * RAD_S_PER_RPM)
     forwards = np.where(falls, limit * np.clip(1 - ratio, 0, 1), limit)
     backwards = np.where(falls, limit * np.clip(1 + ratio, 0, 1), limit)
     high, low = asked - off > forwards, asked - off < -backwards
     return np.where(high, forwards + off, np.where(low, -backwards + off, asked))
 
 
-def _custom(s: DriveState, p: Sets, speed: FloatArray, h: float, drive: FloatArray) -> FloatArray:
+def _custom(
+    s: DriveState, p: Sets, speed: FloatArray, h: float, drive: FloatArray, lost_v: FloatArray | float
+) -> FloatArray:
     """Return the torque of a custom effect that loads the wheels."""
     if not np.any(p["load_program"]):
         return np.zeros(speed.shape)
     seconds = (s.substeps - 1) * h  # `begin` has counted this substep
     now: dict[str, npt.ArrayLike] = {"command": s.r1, "angle": s.angle, "time": seconds}
+    now["voltage"] = lost_v
     per_torque = h / np.maximum(_effective_inertia(p, h), _TINY)
     return custom_torque(p["load_program"], now, p["servo_n_m_s_rad"], per_torque, speed, drive)
 

@@ -30,18 +30,21 @@ def shaped(
     seconds: npt.ArrayLike,
     speed_rpm: npt.ArrayLike = 0.0,
     angle_rad: npt.ArrayLike = 0.0,
+    lost_v: npt.ArrayLike = 0.0,
 ) -> FloatArray:
     """Return rounded commands [rpm] as the drive takes them.
 
     All shapes broadcast. The parameters `p` are those of `mecanum_env.law.parameters` by name, and `seconds`
     is the time since the start at which a command takes effect [s]. `speed_rpm` and `angle_rad` are those of
-    the wheel when the command is latched, which custom effects may use.
+    the wheel when the command is latched, which custom effects may use, and `lost_v` [V] is how far the
+    supply is then below its voltage at the start.
     """
 
     def with_custom(name: str, command: FloatArray) -> FloatArray:
         if not np.any(p[name]):
             return command
         given = {"command": command, "speed": speed_rpm, "angle": angle_rad, "time": seconds}
+        given["voltage"] = lost_v
         return _sane(command + evaluate_sets(p[name], given))
 
     gain, ratio, drop, lost, warm_up_s = (
@@ -57,6 +60,7 @@ def shaped(
     command = command * np.where(gain > 0.0, gain, 1.0)
     command = np.where((ratio > 0.0) & (command < 0.0), command * ratio, command)
     command = command * np.maximum(0.0, 1.0 - drop * np.asarray(seconds, float))
+    command = command * np.maximum(0.0, 1.0 - p["gain_per_volt"] * np.asarray(lost_v, float))
     warms_up = (warm_up_s > 0.0) & (np.asarray(p["warm_up_share"]) != 0.0)
     if np.any(warms_up):
         warm = warm_up_gain(p["warm_up_share"], np.where(warms_up, warm_up_s, 1.0), seconds)

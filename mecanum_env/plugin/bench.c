@@ -17,6 +17,7 @@ typedef struct {
   const double* times;     // when they are given, from the start on, increasing [s]
   const double* values;    // held until the next [rpm]
   double initial;          // steady speed before the start, and command before the first [rpm]
+  const double* lost;      // voltage that the supply has lost in each substep [V]; NULL: none
 } Run;
 
 static void start_steady(Drive* s, const double* p, double speed) {
@@ -35,11 +36,12 @@ static int64_t simulate(const double* p, double inertia, double damping, double 
   const double moved = inertia + h * (p[SERVO] + damping);
   Drive s;
   start_steady(&s, p, run->initial);
-  Substep now = {run->initial, run->initial * RAD_S_PER_RPM, h, 1};
+  Substep now = {run->initial, run->initial * RAD_S_PER_RPM, h, 1, 0};
   int64_t given = 0;
   for (int64_t n = 0; n < run->steps; n++) {
     speeds[n] = now.speed / RAD_S_PER_RPM;
     for (; given < run->commands && run->times[given] <= n * h + EARLY; given++) now.command = run->values[given];
+    if (run->lost) now.lost_v = run->lost[n];
     chain_begin(&s, p, &now);
     Torques t = chain_torques(&s, p, &now);
     double reported = chain_reported(&t), torque = reported - damping * now.speed;
@@ -57,14 +59,17 @@ static int64_t simulate(const double* p, double inertia, double damping, double 
 
 // Simulate every run with every set of parameters: row i of `parameters` (sets, N_NUMBERS) drives a wheel of the
 // inertia [kg m^2] and viscous damping [N m s/rad] in row i of `wheels` (sets, 2), in steps of h [s]. Run j has the
-// commands first[j] .. first[j + 1] - 1 of `times` and `values`. Results: `speeds` (sets, sum of steps + 1), run after
+// commands first[j] .. first[j + 1] - 1 of `times` and `values`. `lost` (sum of steps), run after run, is the voltage
+// that the supply has lost in each substep [V], or NULL for none. Results: `speeds` (sets, sum of steps + 1), run after
 // run, and `reached` (sets, runs), the substeps before the state diverged, else all of them.
 EXPORT void mecanum_bench(int64_t sets, int64_t runs, double h, const double* parameters, const double* wheels,
                           const int64_t* first, const double* times, const double* values, const int64_t* steps,
-                          const double* initial, double* speeds, int64_t* reached) {
+                          const double* initial, const double* lost, double* speeds, int64_t* reached) {
   for (int64_t i = 0; i < sets; i++) {
+    const double* given = lost;
     for (int64_t j = 0; j < runs; j++) {
-      Run run = {steps[j], first[j + 1] - first[j], times + first[j], values + first[j], initial[j]};
+      Run run = {steps[j], first[j + 1] - first[j], times + first[j], values + first[j], initial[j], given};
+      if (given) given += steps[j];
       *reached++ = simulate(parameters + i * N_NUMBERS, wheels[2 * i], wheels[2 * i + 1], h, &run, speeds);
       speeds += run.steps + 1;
     }

@@ -9,6 +9,7 @@
 #define STILL 1e-9          // difference of speeds [rad/s] that is none
 #define ROOT_STEPS 12       // of the search for the speed at which a steep custom load and the drive agree
 #define UNLIMITED 1e10      // torque limit [N m] that means none, as on the bench
+#define LEAST_SUPPLY 1e-3   // share of the supply's speed that is left at any voltage
 
 static double clip(double x, double low, double high) { return x < low ? low : x > high ? high : x; }
 
@@ -21,18 +22,24 @@ static void restart_clocks(Drive* s, double h, double tau, double T) {
   s->change = 0;  // that of a substep of the old length
 }
 
+// The speed [rpm] at which the supply leaves the motor no torque at its present voltage; 0: no such limit.
+static double supplied(const double* p, const Substep* now) {
+  return p[SUPPLY] * fmax(LEAST_SUPPLY, 1 - p[SUPPLY_PER_VOLT] * now->lost_v);
+}
+
 // The speed w(k+1) [rpm] that the motor reaches where the law asks for `wanted`, from w(k) = `speed`.
 //
 // A torque limit bounds the change, with another bound where it slows the wheel. The supply bounds it by the line of a
-// motor at full voltage, forwards or in reverse: it falls to 0 at the speed SUPPLY, which is so never passed.
-static double reached(const double* p, double speed, double wanted) {
+// motor at full duty, forwards or in reverse: it falls to 0 at a speed which is so never passed.
+static double reached(const double* p, const Substep* now, double speed, double wanted) {
   double rise = p[DRIVE_RISE] * p[SAMPLE_PERIOD], brake = p[DRIVE_BRAKE] * p[SAMPLE_PERIOD];
   if (!(brake > 0)) brake = rise;
   double up = speed < 0 ? brake : rise, down = speed > 0 ? brake : rise;
   double low = down > 0 ? speed - down : wanted, high = up > 0 ? speed + up : wanted;
   if (p[SUPPLY] > 0) {
-    low = fmax(low, speed - p[SUPPLY_SHARE] * (p[SUPPLY] + speed));
-    high = fmin(high, speed + p[SUPPLY_SHARE] * (p[SUPPLY] - speed));
+    double supply = supplied(p, now);
+    low = fmax(low, speed - p[SUPPLY_SHARE] * (supply + speed));
+    high = fmin(high, speed + p[SUPPLY_SHARE] * (supply - speed));
   }
   return clip(wanted, low, high);
 }
@@ -46,7 +53,7 @@ void chain_begin(Drive* s, const double* p, const Substep* now) {
     double r = set_point_input(s, p);
     double w = p[LAW_A] * s->w0 + p[LAW_B] * s->w1 + p[LAW_C] * s->w2 + p[LAW_D] * r + p[LAW_E] * s->r1 +
                p[LAW_F] * s->r2;
-    w = reached(p, s->w0, w);
+    w = reached(p, now, s->w0, w);
     s->w2 = s->w1, s->w1 = s->w0, s->w0 = w;
     s->r2 = s->r1, s->r1 = r;
     s->ticks += 1;
@@ -121,7 +128,7 @@ static double limited(const Drive* s, const double* p, const Substep* now, doubl
   double off = damping(s, p, now) + p[ROTOR] * s->change / now->timestep;
   if (p[SUPPLY] > 0 && limit < UNLIMITED) {
     // What the supply leaves at this speed.
-    double ratio = now->speed / (p[SUPPLY] * RAD_S_PER_RPM);
+    double ratio = now->speed / (supplied(p, now) * RAD_S_PER_RPM);
     forwards *= clip(1 - ratio, 0, 1), backwards *= clip(1 + ratio, 0, 1);
   }
   if (asked - off > forwards) return forwards + off;
@@ -130,7 +137,7 @@ static double limited(const Drive* s, const double* p, const Substep* now, doubl
 }
 
 static double custom_speed(const Drive* s, const double* p, const Substep* now, double speed) {
-  Inputs inputs = {s->r1, speed / RAD_S_PER_RPM, s->angle, (s->substeps - 1) * now->timestep, 0};
+  Inputs inputs = {s->r1, speed / RAD_S_PER_RPM, s->angle, (s->substeps - 1) * now->timestep, now->lost_v};
   return program_value(PROGRAM(p, AT_LOAD), &inputs) * RAD_S_PER_RPM;
 }
 

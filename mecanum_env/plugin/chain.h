@@ -93,7 +93,9 @@
   X(JERK, "jerk_rpm_s2", NOT_BELOW_0)                       \
   X(JITTER, "jitter_s", ITS_OWN)                            \
   X(LOSS, "loss", PART)                                     \
-  X(SEED, "link_seed", NOT_BELOW_0)
+  X(SEED, "link_seed", NOT_BELOW_0)                         \
+  X(GAIN_PER_VOLT, "gain_per_volt", NOT_BELOW_0)            \
+  X(SUPPLY_PER_VOLT, "supply_per_volt", NOT_BELOW_0)
 
 // What the wheel does while the motor crosses the backlash, as values of GAP_KIND.
 enum { COAST, REST, SPRING };
@@ -132,6 +134,7 @@ typedef struct {
   double speed;     // the wheel's speed at the start of the substep [rad/s]
   double timestep;  // h [s]
   int implicit;     // whether the integrator subtracts kv times the coming change of speed from the torque
+  double lost_v;    // voltage of the supply below that at the start [V]; 0 where it is not known
 } Substep;
 
 typedef struct {
@@ -147,8 +150,8 @@ EXPORT const char* mecanum_parameter(int64_t index);
 // Whether a drive refuses N_NUMBERS parameters p with substeps of h [s]; if so, `message` of at most `size` bytes says why.
 EXPORT int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size);
 
-// The command [rpm]; NaN and absurd values count as 0, as for MuJoCo's own actuators.
-double chain_sane(double command);
+// A command [rpm] or voltage [V]; NaN and absurd values count as 0, as for MuJoCo's own actuators.
+double chain_sane(double given);
 
 // Latch the command that is sent [rpm], shaped as the drive does it.
 void set_point_latch(Drive* s, const double* p, const Substep* now);

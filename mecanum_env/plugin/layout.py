@@ -19,6 +19,9 @@ The parameters are checked when a model is compiled and when an `mujoco.MjData` 
 what is wrong). An edit acts from the next substep on. If it changes the timestep or a period, the clocks
 start anew at that substep; speeds and the last command are kept.
 
+A program that knows the supply's voltage writes how far it is below that at the start into
+`MjData.userdata[LOST_VOLTAGE]` before each step; all drives of a model share it.
+
 The state is part of MuJoCo's (`MjData.plugin_state`): `mujoco.mj_resetData` and keyframes put every drive at
 rest, and `mjSTATE_FULLPHYSICS` saves and restores it.
 """
@@ -53,6 +56,8 @@ NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 USER_SIZE: Final = 128
 """`nuser_actuator` as this project writes it without programs; the plugin needs at least 3, and unused
 entries are 0."""
+LOST_VOLTAGE: Final = 0
+"""Index in `MjData.userdata` of the voltage [V] that the supply has lost; a model may lack it."""
 FIRST_PROGRAM: Final = USER_SIZE
 """Index in user of the first program."""
 
@@ -177,6 +182,7 @@ def set_wheel_parameters(
     user = userdata(robot, parameters, torque_limit_n_m)
     user[_INERTIA] = inertia_kg_m2 + rotor_inertia(robot, parameters)
     spec.nuser_actuator = max(spec.nuser_actuator, len(user))
+    spec.nuserdata = max(spec.nuserdata, LOST_VOLTAGE + 1)
     actuator.userdata = user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]

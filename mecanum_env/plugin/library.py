@@ -49,7 +49,12 @@ class HeldCommands:
 
 
 def free_wheels(
-    parameters: FloatArray, wheels: FloatArray, timestep_s: float, commands: HeldCommands, steps: Counts
+    parameters: FloatArray,
+    wheels: FloatArray,
+    timestep_s: float,
+    commands: HeldCommands,
+    steps: Counts,
+    lost_v: FloatArray | None = None,
 ) -> tuple[FloatArray, Counts]:
     """Return the speeds of free wheels on hinges, as MuJoCo's integrator "implicitfast" moves them.
 
@@ -60,6 +65,8 @@ def free_wheels(
         timestep_s: physics step [s].
         commands: what each run is commanded.
         steps: number of physics steps of each run, shape (runs,).
+        lost_v: voltage that the supply has lost in each step [V], run after run, shape (sum of steps,); none
+            by default.
 
     Returns:
         Speeds [rpm] at the start and after each step, run after run, shape (sets, sum of steps + 1), and the
@@ -70,11 +77,15 @@ def free_wheels(
     counts = np.ascontiguousarray(steps, np.int64)
     if bodies.shape != (sets, 2):
         raise ValueError(f"parameters of shape {rows.shape} and wheels of shape {bodies.shape} do not fit")
+    lost = None if lost_v is None else np.ascontiguousarray(lost_v, float)
+    if lost is not None and lost.shape != (int(np.sum(counts)),):
+        raise ValueError(f"lost voltages of shape {lost.shape}, must be one for each of the steps")
     speeds = np.empty((sets, int(np.sum(counts)) + runs))
     reached = np.empty((sets, runs), np.int64)
     given = (commands.first, commands.times_s, commands.values_rpm, counts, commands.initial_rpm)
-    arrays = (rows, bodies, *given, speeds, reached)
-    _library().mecanum_bench(sets, runs, timestep_s, *(array.ctypes.data for array in arrays))
+    arrays = (rows, bodies, *given, lost, speeds, reached)
+    pointers = (None if array is None else array.ctypes.data for array in arrays)
+    _library().mecanum_bench(sets, runs, timestep_s, *pointers)
     return speeds, reached
 
 
@@ -116,7 +127,7 @@ def _library() -> ctypes.CDLL:
     # The library needs MuJoCo's own, which `import mujoco` has loaded.
     library = ctypes.CDLL(str(library_path(mujoco.mj_versionString())))
     count, real, array = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
-    library.mecanum_bench.argtypes = [count, count, real, *[array] * 9]
+    library.mecanum_bench.argtypes = [count, count, real, *[array] * 10]
     library.mecanum_bench.restype = None
     library.mecanum_evaluate.argtypes, library.mecanum_evaluate.restype = [array, count, array, array], None
     library.mecanum_parameter.argtypes, library.mecanum_parameter.restype = [count], ctypes.c_char_p

@@ -15,6 +15,7 @@
 #define PLUGIN_NAME "mecanum.wheel"
 
 _Static_assert(sizeof(mjtNum) == sizeof(double), "the plugin needs MuJoCo in double precision");
+enum { LOST_VOLTAGE = 0 };  // index in userdata (mecanum_env/plugin/layout.py)
 enum { NSTATE = sizeof(Drive) / sizeof(double), NEEDED_USER = DEADBAND - FIRST_USER };
 _Static_assert((int)N_USER <= (int)FIRST_PROGRAM, "the named parameters end before the programs");
 
@@ -50,9 +51,15 @@ static double received(const mjModel* m, const mjData* d, int id) {
   return u;
 }
 
+// The voltage that the supply has lost [V], as the program that steps the model has written it.
+static double lost_voltage(const mjModel* m, const mjData* d) {
+  return m->nuserdata > LOST_VOLTAGE ? chain_sane(d->userdata[LOST_VOLTAGE]) : 0;
+}
+
 static Substep this_substep(const mjModel* m, const mjData* d, int id) {
   int implicit = m->opt.integrator == mjINT_IMPLICIT || m->opt.integrator == mjINT_IMPLICITFAST;
-  return (Substep){received(m, d, id), d->actuator_velocity[m->actuator_outadr[id]], m->opt.timestep, implicit};
+  double speed = d->actuator_velocity[m->actuator_outadr[id]];
+  return (Substep){received(m, d, id), speed, m->opt.timestep, implicit, lost_voltage(m, d)};
 }
 
 // The actuator's speed from qvel; d->actuator_velocity is still that of the start of the substep.

@@ -26,7 +26,7 @@ typedef struct {
   double speed;    // of the wheel [rpm]
   double angle;    // of the wheel since the start [rad]
   double time;     // since the clocks started [s]
-  double voltage;  // of the supply below full [V]; 0 where unknown
+  double voltage;  // of the supply below that at the start [V]; 0 where unknown
 } Inputs;
 
 // The value of a program; 0 if it is empty, no program, or has an operation without a finite result.

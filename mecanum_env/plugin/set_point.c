@@ -4,14 +4,14 @@
 
 #include <math.h>
 
-#define ABSURD 1e10  // commands beyond this [rpm] count as 0
+#define ABSURD 1e10  // commands [rpm] and voltages [V] beyond this count as 0
 
 // Index of command j in the ring; j may be negative (before the start) or, in a state written by hand, anything.
 static int slot(double j) {
   return fabs(j) < 1e15 ? (int)((int64_t)j & (RING - 1)) : 0;
 }
 
-double chain_sane(double command) { return fabs(command) <= ABSURD ? command : 0; }
+double chain_sane(double given) { return fabs(given) <= ABSURD ? given : 0; }
 
 // A command u [rpm] after the static map through the knots x with values y: linear in between, with the offset of the
 // outermost knot beyond it. Without a knot below 0 it is mirrored and passes through 0.
@@ -29,25 +29,26 @@ static double mapped(const double* p, double u) {
 }
 
 // A command [rpm] with what a custom effect of a station adds to it, at a time [s] since the clocks started.
-static double with_custom(const Drive* s, const double* p, int station, double u, double speed, double seconds) {
+static double with_custom(const Drive* s, const double* p, int station, double u, const Substep* now, double seconds) {
   const double* program = PROGRAM(p, station);
   if (program[0] == OP_END) return u;
-  Inputs inputs = {u, speed / RAD_S_PER_RPM, s->angle, seconds, 0};
+  Inputs inputs = {u, now->speed / RAD_S_PER_RPM, s->angle, seconds, now->lost_v};
   return chain_sane(u + program_value(program, &inputs));
 }
 
 // The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
-static double shaped(const Drive* s, const double* p, double u, double speed, double seconds) {
+static double shaped(const Drive* s, const double* p, double u, const Substep* now, double seconds) {
   double limit = p[SATURATION], knee = fmin(p[SOFTNESS], limit);
-  u = with_custom(s, p, AT_COMMAND, u, speed, seconds);
+  u = with_custom(s, p, AT_COMMAND, u, now, seconds);
   if (fabs(u) < p[DEADBAND]) u = 0;
   if (p[SUBTRACTED] > 0) u = fabs(u) > p[SUBTRACTED] ? u - copysign(p[SUBTRACTED], u) : 0;
   if (p[GAIN] > 0) u *= p[GAIN];
   if (p[REVERSE_RATIO] > 0 && u < 0) u *= p[REVERSE_RATIO];
   if (p[DROP] > 0) u *= fmax(0, 1 - p[DROP] * seconds);
+  if (p[GAIN_PER_VOLT] > 0) u *= fmax(0, 1 - p[GAIN_PER_VOLT] * now->lost_v);
   if (p[WARM_UP_TIME] > 0 && p[WARM_UP] != 0) u *= 1 - p[WARM_UP] * (1 - exp(-seconds / p[WARM_UP_TIME]));
   if (p[MAP_SIZE] >= 1) u = mapped(p, u);
-  u = with_custom(s, p, AT_SET_POINT, u, speed, seconds);
+  u = with_custom(s, p, AT_SET_POINT, u, now, seconds);
   if (limit > 0 && knee > 0) {
     double beyond = fabs(u) - (limit - knee);
     // The soft knee is a parabola that leaves the line with slope 1 and reaches the limit with slope 0.
@@ -76,7 +77,7 @@ static double uniform(const double* p, double latch, int stream) {
 
 // Latch a command u [rpm] that is not lost. If the delay jitters, each change of the command has its own, but arrives
 // neither before it is sent nor before an earlier one; a repetition arrives with the change that it repeats.
-static void receive(Drive* s, const double* p, double u, double speed) {
+static void receive(Drive* s, const double* p, double u, const Substep* now) {
   double sent_at = s->latches * p[COMMAND_PERIOD], acts_at = sent_at + p[DELAY];
   int here = slot(s->latches);
   if (p[JITTER] > 0) {
@@ -87,7 +88,7 @@ static void receive(Drive* s, const double* p, double u, double speed) {
     acts_at = fmax(sent_at, arrival);
   }
   s->sent = u;
-  s->command[here] = shaped(s, p, u, speed, acts_at);
+  s->command[here] = shaped(s, p, u, now, acts_at);
 }
 
 void set_point_latch(Drive* s, const double* p, const Substep* now) {
@@ -97,7 +98,7 @@ void set_point_latch(Drive* s, const double* p, const Substep* now) {
   } else {
     double u = chain_sane(now->command);
     if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
-    receive(s, p, u, now->speed);
+    receive(s, p, u, now);
   }
   s->latches += 1;
 }

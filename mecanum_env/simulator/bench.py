@@ -25,6 +25,7 @@ from mecanum_env.model import Model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters, set_steady
 from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
 from mecanum_env.simulator.commands import hold
+from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import diverged, step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
@@ -40,6 +41,7 @@ def replay_bench(
     initial_rpm: float = 0.0,
     wheel: str | None = None,
     mj_model: mujoco.MjModel | None = None,
+    battery_v: FloatArray | None = None,
 ) -> FloatArray:
     """Replay a bench log's commands on the free wheel and return its speed [rpm] at the log's samples.
 
@@ -55,6 +57,8 @@ def replay_bench(
         initial_rpm: steady speed [rpm] of the wheel when the run starts.
         wheel: fl, fr, rl or rr to replay that wheel's own law; by default the common one.
         mj_model: `compile_bench` of the same model and wheel, if MuJoCo itself is to simulate it.
+        battery_v: the supply's voltage [V] at the stamps, shape (n,), NaN where a sample is missing; by
+            default it stays what it is at the start.
 
     The speed, shape (m,), is as measured, and linear between physics steps.
 
@@ -67,10 +71,11 @@ def replay_bench(
     _check_log(time_s, command_rpm, samples, initial_rpm)
     start = float(time_s[0])
     duration = float(np.max(samples)) - start
+    run = BenchRun(time_s, command_rpm, duration, initial_rpm, Supply.logged(time_s - start, battery_v))
     if mj_model is None:
-        clock, true = bench_motion(model, time_s, command_rpm, duration, initial_rpm, wheel=wheel)
+        clock, true = bench_motions([model], [run], wheel=wheel)[0][0]
     else:
-        clock, true = mujoco_bench_motion(mj_model, time_s, command_rpm, duration, initial_rpm)
+        clock, true = mujoco_bench_motion(mj_model, run)
     speed = measured(model, clock, {"speed_rpm": true})["speed_rpm"]
     return np.interp(samples - start, clock, speed)
 
@@ -105,6 +110,8 @@ class BenchRun:
     command_rpm: FloatArray
     duration_s: float
     initial_rpm: float = 0.0
+    supply: Supply | None = None
+    """The supply's voltage; None: it stays what it is at the start."""
 
     @cached_property
     def given(self) -> tuple[FloatArray, FloatArray, float]:
@@ -136,49 +143,53 @@ def bench_motions(
         if one.mj_model is None:
             alike.setdefault(one.timestep_s, []).append(index)
         else:
-            found[index] = [
-                mujoco_bench_motion(one.mj_model, r.time_s, r.command_rpm, r.duration_s, r.initial_rpm)
-                for r in runs
-            ]
+            found[index] = [mujoco_bench_motion(one.mj_model, run) for run in runs]
     for step, members in alike.items():
         steps = np.array([_steps(run.duration_s, step) for run in runs])
+        clock: FloatArray = step * np.arange(int(np.max(steps)) + 1, dtype=np.float64)
         speeds, reached = free_wheels(
             np.stack([wheels[i].parameters for i in members]),
             np.array([(wheels[i].inertia_kg_m2, wheels[i].damping_n_m_s_rad) for i in members]),
             step,
             HeldCommands.of([run.given for run in runs]),
             steps,
+            _lost_voltages(runs, [clock[:n] for n in steps]),
         )
         if np.any(reached < steps):
             raise diverged(float(np.min(reached[reached < steps])) * step)
         ends = np.cumsum(steps + 1)
-        clock: FloatArray = step * np.arange(int(np.max(steps)) + 1, dtype=np.float64)
         for i, row in zip(members, speeds, strict=True):
             parts = np.split(row, ends[:-1])
             found[i] = [(clock[: part.size], part) for part in parts]
     return [found[index] for index in range(len(models))]
 
 
-def mujoco_bench_motion(
-    mj_model: mujoco.MjModel,
-    time_s: FloatArray,
-    command_rpm: FloatArray,
-    duration_s: float,
-    initial_rpm: float = 0.0,
-) -> tuple[FloatArray, FloatArray]:
-    """Return what `bench_motion` does, simulated by MuJoCo on a compiled bench `mj_model`.
+def _lost_voltages(runs: Sequence[BenchRun], clocks_s: Sequence[FloatArray]) -> FloatArray | None:
+    """Return what the supplies of runs have lost at times (n,) of each, run after run; None if nothing."""
+    if all(run.supply is None for run in runs):
+        return None
+    parts = (
+        np.zeros(clock.size) if run.supply is None else run.supply.lost_at(clock)
+        for run, clock in zip(runs, clocks_s, strict=True)
+    )
+    return np.concatenate(list(parts))
+
+
+def mujoco_bench_motion(mj_model: mujoco.MjModel, run: BenchRun) -> tuple[FloatArray, FloatArray]:
+    """Return what `bench_motion` does in a run, simulated by MuJoCo on a compiled bench `mj_model`.
 
     Raises:
         SimulationDivergedError: the state stopped being finite.
     """
     step = mj_model.opt.timestep
-    clock = np.arange(_steps(duration_s, step) + 1) * step
-    ctrl = _held_command(time_s, command_rpm, clock, initial_rpm)
+    clock = np.arange(_steps(run.duration_s, step) + 1) * step
+    ctrl = _held_command(run.time_s, run.command_rpm, clock, run.initial_rpm)
     data = mujoco.MjData(mj_model)
-    if initial_rpm != 0.0:
-        set_steady(mj_model, data, initial_rpm)
-        data.qvel[:] = initial_rpm * RAD_S_PER_RPM
-    _, qvel = step_through(mj_model, data, ctrl[:, None])
+    if run.initial_rpm != 0.0:
+        set_steady(mj_model, data, run.initial_rpm)
+        data.qvel[:] = run.initial_rpm * RAD_S_PER_RPM
+    lost = None if run.supply is None else run.supply.lost_at(clock[:-1])
+    _, qvel = step_through(mj_model, data, ctrl[:, None], lost_v=lost)
     return clock, qvel[:, 0] / RAD_S_PER_RPM
 
 

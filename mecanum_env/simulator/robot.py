@@ -17,6 +17,7 @@ from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
 from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
 from mecanum_env.simulator.commands import Commands
+from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory, step_through
 from mecanum_env.units import FloatArray
 
@@ -50,6 +51,7 @@ def drive(
     timestep_s: float | None = None,
     mj_model: mujoco.MjModel | None = None,
     stance: FloatArray | None = None,
+    supply: Supply | None = None,
 ) -> Trajectory:
     """Drive the robot from rest at the origin through commands and return every physics step.
 
@@ -61,6 +63,7 @@ def drive(
         timestep_s: upper bound of the physics step [s]; 1/480 s when None.
         mj_model: the result of `compile_plant` with the same arguments, to save compiling.
         stance: `standing` of the compiled model, to save settling on the floor, or to turn the wheels.
+        supply: the supply's voltage; by default it stays what it is at the start.
 
     Raises:
         InputError: an effect that the plant cannot simulate, or a duration that is not a number above 0.
@@ -75,7 +78,8 @@ def drive(
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
     if limits_body(model):
         ctrl = BodyLimits(model, step).path(ctrl)
-    qpos, qvel = step_through(compiled, data, ctrl)
+    lost = None if supply is None else supply.lost_at(time_s[:-1])
+    qpos, qvel = step_through(compiled, data, ctrl, lost_v=lost)
     return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s), model)
 
 

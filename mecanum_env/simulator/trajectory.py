@@ -13,6 +13,7 @@ from mecanum_env.effects.apply import measured
 from mecanum_env.errors import MecanumError
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.model import Model
+from mecanum_env.plugin.layout import LOST_VOLTAGE
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 CHANNELS: Final = (
@@ -64,26 +65,41 @@ class Trajectory:
 
 
 def step_through(
-    mj_model: mujoco.MjModel, data: mujoco.MjData, ctrl: FloatArray, chunk_steps: int = 4800
+    mj_model: mujoco.MjModel,
+    data: mujoco.MjData,
+    ctrl: FloatArray,
+    chunk_steps: int = 4800,
+    lost_v: FloatArray | None = None,
 ) -> tuple[FloatArray, FloatArray]:
     """Step `data` through `ctrl` (n, nu) and return qpos (n+1, nq) and qvel (n+1, nv), the start included.
 
     `data` ends in the last state, plugin state and solver warm start included, so it can be stepped on.
     `chunk_steps`, the steps whose full states are held at once, changes the memory needed, not the result.
+    `lost_v` is the voltage that the supply has lost in each step [V], shape (n,); by default it stays that in
+    `data.userdata`.
 
     Raises:
         SimulationDivergedError: the state stopped being finite or plausible, or MuJoCo ran out of memory.
     """
-    n = len(ctrl)
+    n, controls, spec = len(ctrl), ctrl, mujoco.mjtState.mjSTATE_CTRL
+    if lost_v is not None:
+        userdata = np.zeros((n, mj_model.nuserdata))
+        userdata[:, LOST_VOLTAGE] = lost_v
+        controls, spec = np.concatenate([ctrl, userdata], axis=1), spec | mujoco.mjtState.mjSTATE_USERDATA
     qpos, qvel = np.empty((n + 1, mj_model.nq)), np.empty((n + 1, mj_model.nv))
     qpos[0], qvel[0] = data.qpos, data.qvel
     state = np.empty(mujoco.mj_stateSize(mj_model, _FULL))
     mujoco.mj_getState(mj_model, data, state, _FULL)
     for start in range(0, n, chunk_steps):
-        chunk = ctrl[start : start + chunk_steps]
+        chunk = controls[start : start + chunk_steps]
         # Without the warm start the contact solver would begin anew, and the last digits would differ.
         states, _ = mujoco.rollout.rollout(
-            mj_model, data, state, chunk, initial_warmstart=data.qacc_warmstart.copy()
+            mj_model,
+            data,
+            state,
+            chunk,
+            control_spec=int(spec),
+            initial_warmstart=data.qacc_warmstart.copy(),
         )
         states = states[0]
         # A full physics state begins with time, qpos, qvel.

@@ -163,7 +163,7 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
         coordinate(base, CATALOGUE[n], p, scale)
         for n in ordered
         for p in CATALOGUE[n].parameters
-        if p.simulated and p.searched
+        if p.searched
     ]
     if integral:
         free.append(integral_action(base))

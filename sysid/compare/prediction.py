@@ -11,7 +11,7 @@ from typing import Final, TypeVar
 import mujoco
 import numpy as np
 
-from mecanum_env.effects.apply import Sensors, in_turned_axes, sensors_of, without_sensors
+from mecanum_env.effects.apply import Sensors, drive_parameters, in_turned_axes, sensors_of, without_sensors
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.simulator import (
@@ -23,6 +23,7 @@ from mecanum_env.simulator import (
     drive,
 )
 from mecanum_env.simulator.bench import BenchRun, bench_motions
+from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.units import FloatArray
 from sysid.logs import BodyCommand, Run
@@ -157,16 +158,29 @@ def motion_of(model: Model, run: Run, start: Start, study: Study = Study()) -> M
         SimulationDivergedError: the state stopped being finite.
     """
     if run.level == "bench":
-        one = bench_run(run, start, model.wheel.command_period_s)
+        one = bench_run(run, start, model.wheel.command_period_s, supply_of(run))
         return bench_motions_of(model, [one], study)[0]
     local = in_run_frame(model, start)
     return robot_motion(local, run, start, compile_robot(local, study))
 
 
-def bench_run(run: Run, start: Start, command_period_s: float) -> BenchRun:
-    """Return a bench log's commands as a drive may have held them, see `Run.held_since`."""
+def follows_voltage(model: Model) -> bool:
+    """Return whether the motion of a model depends on the supply's voltage."""
+    return drive_parameters(model).reads_voltage
+
+
+def supply_of(run: Run) -> Supply | None:
+    """Return the supply's voltage in a run; None if it was not logged."""
+    return Supply.logged(run.time_s, run.channels.get("battery_v"), run.full_v)
+
+
+def bench_run(run: Run, start: Start, command_period_s: float, supply: Supply | None = None) -> BenchRun:
+    """Return a bench log's commands as a drive may have held them, see `Run.held_since`.
+
+    The drive has the `supply`, by default a constant one.
+    """
     since = run.held_since(command_period_s)
-    return BenchRun(since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm)
+    return BenchRun(since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm, supply)
 
 
 def bench_motions_of(model: Model, runs: Sequence[BenchRun], study: Study = Study()) -> list[Motion]:
@@ -184,7 +198,9 @@ def robot_motion(
     """
     lead = _LEAD_S if start.moving else 0.0
     commands = commands_of(run, model.wheel.command_period_s, lead)
-    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, stance=stance)
+    supply = supply_of(run) if follows_voltage(model) else None
+    supply = supply and supply.later(lead)
+    path = drive(model, commands, run.duration_s + lead, mj_model=mj_model, stance=stance, supply=supply)
     columns = (*path.wheels_rpm.T, *path.twist.T, *path.pose.T)
     return Motion(path.time_s, dict(zip(CHANNELS, columns, strict=True)), lead)
 

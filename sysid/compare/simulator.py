@@ -26,9 +26,11 @@ from sysid.compare.prediction import (
     bench_motions_of,
     bench_run,
     compile_robot,
+    follows_voltage,
     in_run_frame,
     readings,
     robot_motion,
+    supply_of,
 )
 
 _DRAWS: Final = 4  # sets of initial wheel angles that are simulated
@@ -62,7 +64,7 @@ class Simulator:
         self.study = study or Study()
         self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
         self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
-        self._groups: dict[float, list[_Alike]] = {}
+        self._groups: dict[tuple[float, bool], list[_Alike]] = {}
         self._lock = Lock()
 
     def predictions(self, model: Model) -> list[FloatArray]:
@@ -112,7 +114,7 @@ class Simulator:
         return found
 
     def _simulate(self, model: Model) -> list[Motion]:
-        groups = self._alike(model.wheel.command_period_s)
+        groups = self._alike(model.wheel.command_period_s, follows_voltage(model))
         if self.observations.situations[0].runs[0].level == "bench":
             found = bench_motions_of(model, [group.bench_run for group in groups], self.study)
         else:
@@ -122,18 +124,22 @@ class Simulator:
             motions |= dict.fromkeys(group.members, motion)
         return [motions[index] for index in range(len(motions))]
 
-    def _alike(self, command_period_s: float) -> list[_Alike]:
-        """Return the groups of situations that share a motion, each with the longest of them."""
-        if command_period_s not in self._groups:
+    def _alike(self, command_period_s: float, by_voltage: bool) -> list[_Alike]:
+        """Return the groups of situations that share a motion, each with the longest of them.
+
+        `by_voltage`: the motion depends on the supply's voltage as well.
+        """
+        key = command_period_s, by_voltage
+        if key not in self._groups:
             situations = self.observations.situations
             alike: dict[Hashable, list[int]] = {}
             for index, situation in enumerate(situations):
-                alike.setdefault(_motion_key(situation, command_period_s), []).append(index)
-            self._groups[command_period_s] = [
-                _Alike(members, max((situations[i] for i in members), key=_duration_s), command_period_s)
+                alike.setdefault(_motion_key(situation, command_period_s, by_voltage), []).append(index)
+            self._groups[key] = [
+                _Alike(members, max((situations[i] for i in members), key=_duration_s), *key)
                 for members in alike.values()
             ]
-        return self._groups[command_period_s]
+        return self._groups[key]
 
     def _robot_motions(self, model: Model, groups: Sequence[_Alike]) -> list[Motion]:
         # A direction in the world makes the compiled model depend on where a run starts.
@@ -169,24 +175,32 @@ class _Alike:
     members: Sequence[int]
     longest: Situation
     command_period_s: float
+    by_voltage: bool
 
     @cached_property
     def bench_run(self) -> BenchRun:
         """The longest of them, if these are bench logs."""
-        return bench_run(self.longest.runs[0], self.longest.start, self.command_period_s)
+        run = self.longest.runs[0]
+        supply = supply_of(run) if self.by_voltage else None
+        return bench_run(run, self.longest.start, self.command_period_s, supply)
 
 
 def _duration_s(situation: Situation) -> float:
     return situation.runs[0].duration_s
 
 
-def _motion_key(situation: Situation, command_period_s: float) -> Hashable:
-    """Return what a motion depends on; the times of the samples are not part of it."""
+def _motion_key(situation: Situation, command_period_s: float, by_voltage: bool) -> Hashable:
+    """Return what a motion depends on; the times of the samples are not part of it.
+
+    `by_voltage`: the supply's voltage is.
+    """
     run = situation.runs[0]
     rows = run.command_rows()
     since = run.held_since(command_period_s)[rows]
     commands = [values[rows].tobytes() for values in run.command.columns().values()]
-    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start)
+    supply = supply_of(run) if by_voltage else None
+    volts = supply and (supply.time_s.tobytes(), supply.voltage_v.tobytes(), supply.full_v)
+    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start, volts)
 
 
 def model_key(model: Model) -> Hashable:

@@ -57,7 +57,15 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
             time_s=run.time_s[rows] - run.time_s[rows][0],
             command=type(run.command)(*columns),
             channels={name: values[rows] for name, values in run.channels.items()},
+            full_v=_full_voltage(run),
         )
+
+
+def _full_voltage(run: Run) -> float | None:
+    """Return the voltage that counts as full in all pieces of a run [V]; None if none was logged."""
+    logged = run.channels.get("battery_v", np.zeros(0))
+    finite = logged[np.isfinite(logged)]
+    return run.full_v if run.full_v is not None or not finite.size else float(finite[0])
 
 
 def small_command_runs(dataset: Dataset, command_period_s: float) -> Dataset:

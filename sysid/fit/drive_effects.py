@@ -14,7 +14,7 @@ law of the fit has one, first-order laws with a free gain are the starts, and no
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Final
@@ -66,8 +66,8 @@ _TIMING: Final = ("command_latency", "sensor_lowpass", "sensor_lowpass/window")
 """Effects of the link and the sensor that are searched, too: a law of third order has no room for a delay, a
 lag and a counter's window beside the loop."""
 _LEFT_OUT: Final = ("battery_sag", "warm_up", "torque_ripple", "weak_servo", "load_inertia")
-"""Causes that are not searched: those that change during a run, a ripple whose phase differs from run to run,
-and what the law and the frictions already are on a free wheel."""
+"""Causes that are not searched: those that change during a run, unless a logged column tells how, a ripple
+whose phase differs from run to run, and what the law and the frictions already are on a free wheel."""
 _PROBES: Final = (0.03, 0.3)
 """Steps from neutral at which a parameter without a scan is tried, on its scale from 0 to 1."""
 _TRIED: Final[Mapping[str, tuple[float, ...]]] = {
@@ -127,7 +127,8 @@ def find_drive_effects(
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(_first_order(alone, largest_pole))
-    searches = [_Search(law, whitener, held_out, largest_pole) for law in laws]
+    known = _known(dataset.columns)
+    searches = [_Search(law, whitener, held_out, largest_pole, known) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]
     if not began or (is_enough and began[0].base is not searches[0].base):
         return None
@@ -219,7 +220,15 @@ class _Reached:
 class _Search:
     """The effects beside one starting law."""
 
-    def __init__(self, law: Model, whitener: Whitener, held_out: Observations, largest_pole: float) -> None:
+    def __init__(
+        self,
+        law: Model,
+        whitener: Whitener,
+        held_out: Observations,
+        largest_pole: float,
+        known: Mapping[str, Effect],
+    ) -> None:
+        self.known = known
         self.base = replace(law, uncertainty={})
         self.problem = ResidualProblem(self.base, whitener, Study())
         self.held_out, self.largest_pole = held_out, largest_pole
@@ -228,7 +237,7 @@ class _Search:
 
     def begin(self) -> _Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
-        names = [name for name in self.base.effects if name in _known()]
+        names = [name for name in self.base.effects if name in self.known]
         law = RefittedLaw(self.base, largest_pole=self.largest_pole)
         candidate = LawWithEffects(law, self._set(names))
         return self._reached(candidate, candidate.start())
@@ -300,7 +309,7 @@ class _Search:
         orthogonal = np.linalg.qr(fitted.jacobian)[0]
         rest = fitted.residual - orthogonal @ (orthogonal.T @ fitted.residual)
         present = {cause_of(name) for name in fitted.names}
-        for name, effect in _known().items():
+        for name, effect in self.known.items():
             if effect.cause in present:
                 continue
             added = self._set([name])
@@ -382,14 +391,18 @@ def _starts(effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArr
         yield place
 
 
-def _known() -> dict[str, Effect]:
-    """Return the effects that a drive may have by itself, in the order of the chain."""
+def _known(columns: Collection[str]) -> dict[str, Effect]:
+    """Return the effects that a drive may have by itself, in the order of the chain.
+
+    `columns` are those of the logs.
+    """
     return {
         name: effect
         for name, effect in CATALOGUE.items()
         if effect.acts_in("bench")
         and (effect.station in _STATIONS or name in _TIMING)
-        and effect.cause not in _LEFT_OUT
+        and (effect.reads or effect.cause not in _LEFT_OUT)
+        and effect.readable_in(columns)
         and getattr(effect, "searched", True)
     }
 

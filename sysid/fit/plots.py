@@ -55,6 +55,7 @@ def replay_worst(fit: Fit, model: Model) -> BenchReplay | None:
         log.command.wheels_rpm[:, 0],
         sample_times_s=samples,
         initial_rpm=data.initial_rpm,
+        battery_v=log.channels.get("battery_v"),
     )
     return BenchReplay(
         name=data.name,

@@ -21,7 +21,7 @@ from mecanum_env.model import Model
 from mecanum_env.simulator import RobotPlant, compile_plant, drive
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
-from sysid.compare.prediction import commands_of
+from sysid.compare.prediction import commands_of, supply_of
 from sysid.logs import Run
 
 BODY_VELOCITY: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
@@ -68,7 +68,8 @@ class PlantData:
         parts: list[FloatArray] = []
         for run in self.runs:
             commands = commands_of(run, model.wheel.command_period_s)
-            path = drive(model, commands, run.duration_s, plant=plant, mj_model=compiled)
+            supply = supply_of(run)
+            path = drive(model, commands, run.duration_s, plant=plant, mj_model=compiled, supply=supply)
             parts += self._samples(run, path.channels_at(run.time_s))
         return np.concatenate(parts)
 

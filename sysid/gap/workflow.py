@@ -73,7 +73,7 @@ def analyse(
     """
     dataset = runs if isinstance(runs, Dataset) else Dataset("logs", tuple(runs), ())
     options = options or GapOptions()
-    require_valid(options, dataset.level)
+    require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
     with without_engine_warnings():
         return _analyse(dataset, model, options, progress)
@@ -81,7 +81,7 @@ def analyse(
 
 def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Progress) -> GapReport:
     study = Study(options.plant, options.jobs, seed=options.seed)
-    known = known_effects(dataset.level, options.plant)
+    known = known_effects(dataset.level, options.plant, dataset.columns)
     only = options.only or known
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
     progress("data check")
@@ -197,7 +197,7 @@ def _report(
     rng = np.random.default_rng(study.seed)
     threshold = chance_gains(search.base, search.library, rng, scatter).threshold()
     detectable = smallest_detectable(search.library, threshold)
-    unseen = untestable(considered, search.library, detectable, dataset.level)
+    unseen = untestable(considered, search.library, detectable, dataset.level, dataset.columns)
     asked = Design(None, "")
     if options.next_experiment:
         asked = design_next_experiment(problem, dataset.runs, decision, improved, unseen, threshold)

@@ -125,6 +125,8 @@ class Run:
     """Measured columns by name, in the units of `UNITS`, shape (n,); NaN where a sample is missing."""
     start_s: float = 0.0
     """First stamp of the file [s]."""
+    full_v: float | None = None
+    """Voltage of the supply that counts as full [V], for a piece of a run; None: that of its first sample."""
 
     @property
     def level(self) -> Level:
@@ -203,6 +205,11 @@ class Dataset:
     def split(self, name: Split) -> tuple[Run, ...]:
         """Return the runs of one split, possibly none."""
         return tuple(run for run in self.runs if run.split == name)
+
+    @property
+    def columns(self) -> frozenset[str]:
+        """Names of the measured columns that have a sample in any run."""
+        return frozenset(name for run in self.runs for name in run.channels if np.any(run.finite(name)))
 
     def groups(self) -> dict[str, tuple[Run, ...]]:
         """Return the runs by group, each a set of repeats."""

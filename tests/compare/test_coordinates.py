@@ -16,10 +16,7 @@ from sysid.compare.fitted import RefittedLaw
 
 MODEL = paper_model()
 COORDINATES = [
-    coordinate(MODEL, effect, parameter)
-    for effect in CATALOGUE.values()
-    for parameter in effect.parameters
-    if parameter.simulated
+    coordinate(MODEL, effect, parameter) for effect in CATALOGUE.values() for parameter in effect.parameters
 ]
 
 

@@ -9,6 +9,7 @@ import pytest
 from mecanum_env.effects import CATALOGUE, Effect, PlantKind
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, Trajectory, compile_plant, drive, replay_bench
+from mecanum_env.simulator.supply import Supply
 from mecanum_env.units import FloatArray
 from tests.gap.conftest import bench_logs
 
@@ -18,6 +19,7 @@ __all__ = ["bench_logs"]
 ROUND = BodyCommands.from_rows([(0, 70, 0, 0), (0.2, 70, 140, 0), (0.4, 0, 0, -40), (0.6, 20, 45, 10)])
 ROUND_S = 0.8
 BENCH_TIME = np.arange(0.0, 1.5, 0.01)
+FALLING = Supply(np.array([0.0, 0.1, 0.6]), np.array([24.0, 24.0, 22.0]))
 BENCH_COMMAND = np.select([BENCH_TIME < 0.4, BENCH_TIME < 0.9], [60.0, -100.0], 10.0)
 
 # Sizes at which a parameter shows clearly, where three quarters of the search range would not do.
@@ -45,6 +47,7 @@ BESIDE = {
     ("payload", "height_m"): {"mass_kg": 20.0},
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
+    ("speed_saturation/supply", "per_volt"): {"limit_rpm": 30.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
     ("acceleration_limit/drive", "brake_rpm_s"): {"limit_rpm_s": 300.0},
     ("coulomb_friction", "answer_s"): {"torque_n_m": 0.5},
@@ -96,8 +99,9 @@ def channels(
 ) -> FloatArray:
     """Return what a log would show, all channels in one array (channels, n)."""
     if plant == "bench":
-        return replay_bench(model, BENCH_TIME, BENCH_COMMAND, wheel="fl")[None]
-    path = drive(model, commands, duration_s, plant=plant)
+        battery_v = np.interp(BENCH_TIME, FALLING.time_s, FALLING.voltage_v)
+        return replay_bench(model, BENCH_TIME, BENCH_COMMAND, wheel="fl", battery_v=battery_v)[None]
+    path = drive(model, commands, duration_s, plant=plant, supply=FALLING)
     return np.array(list(path.channels_at(path.time_s).values()))
 
 

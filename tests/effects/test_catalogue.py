@@ -28,7 +28,7 @@ from .conftest import acting, channels, clear_model, clear_value
 ROOT = Path(__file__).parents[2]
 CHAIN = """command_latency command_latency/jitter command_loss body_speed_limit body_acceleration_limit
 command_deadband command_deadband/subtract speed_gain wheel_gain_mismatch direction_asymmetry
-battery_sag warm_up warm_up/friction static_map speed_saturation speed_saturation/supply
+battery_sag battery_sag/voltage warm_up warm_up/friction static_map speed_saturation speed_saturation/supply
 acceleration_limit acceleration_limit/drive acceleration_limit/s_curve load_inertia
 weak_servo backlash backlash/rest backlash/spring coulomb_friction coulomb_friction/washed_out
 stiction stiction/washed_out viscous_friction viscous_friction/washed_out torque_ripple
@@ -90,7 +90,7 @@ def test_all_neutral_together_are_nothing_on_the_rollers(base, plain):
         for effect in acting(plant)
         if effect in CHECKED_ALONE
         for p in effect.parameters
-        if p.neutral is not None and p.simulated
+        if p.neutral is not None
     ],
 )
 def test_near_neutral_is_nearly_nothing(base, plain, plant, name, parameter):
@@ -113,7 +113,6 @@ def test_near_neutral_is_nearly_nothing(base, plain, plant, name, parameter):
         for effect in acting(plant)
         if effect in CHECKED_ALONE
         for p in effect.parameters
-        if p.simulated
     ],
 )
 def test_each_parameter_moves_the_prediction(base, plain, plant, name, parameter):

@@ -13,6 +13,7 @@ from mecanum_env.mjcf import bench_spec
 from mecanum_env.plugin.layout import write_parameters
 from mecanum_env.simulator import BodyCommands, WheelCommands, drive, replay_bench
 from mecanum_env.simulator.bench import law_of_bench
+from mecanum_env.simulator.supply import Supply
 
 TIME = np.arange(0.0, 1.2, 0.01)
 
@@ -103,9 +104,38 @@ def test_a_gain_cannot_be_lost_altogether(base):
         replay_bench(base.with_effect("warm_up", share=1.0), TIME, TIME)
 
 
-def test_loss_per_volt_is_still_refused(base):
-    with pytest.raises(InputError, match=r"effects\.battery_sag\.per_volt: not simulated yet"):
-        replay_bench(base.with_effect("battery_sag", per_volt=0.1), TIME, TIME)
+@pytest.mark.parametrize("form", [None, "voltage"])
+def test_the_gain_follows_the_logged_voltage(base, form):
+    """Full is the first sample that is there; between samples the voltage is linear."""
+    model = base.with_effect("battery_sag", form, per_volt=0.04)
+    time = np.arange(0.0, 4.0, 0.01)
+    command, volts = (
+        np.full(time.shape, 80.0),
+        np.interp(time, [0.0, 2.0, 2.5, 4.0], [25.0, 25.0, 22.0, 22.0]),
+    )
+    sparse = np.where(np.arange(time.size) % 50 == 0, volts, np.nan)
+    for battery_v in (volts, sparse):
+        speed = replay_bench(model, time, command, battery_v=battery_v)
+        assert speed[np.abs(time - 1.9) < 0.05].mean() == pytest.approx(80.0, abs=0.01)
+        assert speed[-20:].mean() == pytest.approx(80.0 * (1.0 - 0.04 * 3.0), abs=0.01)
+
+
+def test_without_a_logged_voltage_nothing_is_lost(base):
+    model = base.with_effect("battery_sag", "voltage", per_volt=0.04)
+    command, missing = np.full(TIME.shape, 80.0), np.full(TIME.shape, np.nan)
+    for battery_v in (None, missing, np.full(TIME.shape, 24.0)):
+        speed = replay_bench(model, TIME, command, battery_v=battery_v)
+        np.testing.assert_array_equal(speed, replay_bench(base, TIME, command))
+
+
+@pytest.mark.parametrize("plant", ["rollers", "planar"])
+def test_a_robot_slows_down_with_its_battery(base, plant):
+    model = base.with_effect("battery_sag", "voltage", per_volt=0.04)
+    falling = Supply(np.array([0.0, 1.0, 1.1]), np.array([25.0, 25.0, 20.0]))
+    commands = BodyCommands.constant(40.0)
+    speed = drive(model, commands, 2.0, plant=plant, supply=falling).wheels_rpm.mean(axis=1)
+    full = drive(base, commands, 2.0, plant=plant).wheels_rpm.mean(axis=1)
+    assert speed[-1] == pytest.approx(0.8 * full[-1], rel=0.01)
 
 
 @pytest.mark.parametrize(("command", "speed"), [(40, 40), (70, 70), (100, 70), (-100, -70)])

@@ -58,6 +58,14 @@ def test_the_supply_ends_a_rise_slowly_and_spares_low_speeds(base):
     np.testing.assert_allclose(replay_bench(model, TIME, low), replay_bench(base, TIME, low), atol=1e-9)
 
 
+def test_the_limit_of_the_supply_falls_with_its_voltage(base):
+    model = base.with_effect("speed_saturation", "supply", limit_rpm=60.0, per_volt=0.05)
+    volts = np.interp(TIME, [0.0, 0.6, 0.7], [24.0, 24.0, 20.0])
+    speed = replay_bench(model, TIME, np.full(TIME.shape, 100.0), battery_v=volts)
+    assert speed[np.abs(TIME - 0.55) < 0.03].mean() == pytest.approx(60.0, abs=0.1)
+    assert speed[-1] == pytest.approx(60.0 * (1.0 - 0.05 * 4.0), abs=0.01)
+
+
 def test_a_wheel_at_the_supplys_limit_comes_back_at_once(base):
     model = base.with_effect("speed_saturation", "supply", limit_rpm=60.0)
     back = np.where(TIME < 1.0, 130.0, 50.0)

@@ -15,21 +15,20 @@ SPLITS = ("fit", "fit", "fit", "fit", "validation", "validation", "test")
 NOISE_RPM = 0.3
 
 
-def logs(model, seed: int = 0) -> Dataset:
-    """Return seven sequences of commands, each driven twice by a model, with noise."""
+def logs(model, seed: int = 0, battery_v=None) -> Dataset:
+    """Return seven sequences of commands, each driven twice by a model, with noise; `battery_v` is logged."""
     rng = np.random.default_rng(seed)
     time_s = np.arange(round(SECONDS / SAMPLE_S) + 1) * SAMPLE_S
     runs = []
     for number, split in enumerate(SPLITS):
         levels = np.concatenate([[0], rng.integers(-110, 111, 7)]).astype(float)
         command = levels[np.minimum((time_s / 0.3 + 1e-9).astype(int), 7)]
-        speed = replay_bench(model, time_s, command)
+        speed = replay_bench(model, time_s, command, battery_v=battery_v)
         for repeat in (1, 2):
             noisy = speed + NOISE_RPM * rng.standard_normal(speed.size)
             name = f"run_{number}_{repeat}.csv"
-            runs.append(
-                Run(name, f"run_{number}", split, time_s, BenchCommand(command), {"speed_rpm": noisy})
-            )
+            channels = {"speed_rpm": noisy} | ({} if battery_v is None else {"battery_v": battery_v})
+            runs.append(Run(name, f"run_{number}", split, time_s, BenchCommand(command), channels))
     return Dataset("made", tuple(runs), ())
 
 
@@ -73,6 +72,17 @@ def test_the_model_with_effects_predicts_runs_that_nothing_was_fitted_to(rubbing
     predicted = replay_bench(model, test.time_s, test.command.wheels_rpm[:, 0])
     error = np.sqrt(np.mean((predicted - test.channels["speed_rpm"]) ** 2))
     assert error < 3.0 * NOISE_RPM
+
+
+def test_a_drive_whose_gain_follows_the_logged_voltage_is_fitted_with_it(paper_module):
+    volts = 24.0 - 2.0 * np.sin(np.linspace(0.0, np.pi, round(SECONDS / SAMPLE_S) + 1))
+    true = paper_module.with_effect("battery_sag", "voltage", per_volt=0.05)
+    found = fit_dataset(logs(true, battery_v=volts), FitOptions(starts=2)).drive_effects
+    # A law that is fitted without the voltage takes the mean loss for a gain; with it, none is left.
+    effects = dict(found.model.effects)
+    assert effects.pop("speed_gain", {"gain": 1.0})["gain"] == pytest.approx(1.0, abs=0.005)
+    assert set(effects) == {"battery_sag/voltage"}
+    assert found.model.effects["battery_sag/voltage"]["per_volt"] == pytest.approx(0.05, abs=0.003)
 
 
 def test_the_law_alone_is_fitted_on_request(rubbing):

@@ -32,7 +32,8 @@ def commands(rng: np.random.Generator, count: int = 5) -> list[FloatArray]:
 def bench_logs() -> MakeLogs:
     """Return a maker of bench logs: what the model does, with noise, three repeats, from a seed.
 
-    On request stamps are uneven (each sample late by up to `late_s`) and speeds in whole steps (`step_rpm`).
+    On request stamps are uneven (each sample late by up to `late_s`), speeds are in whole steps (`step_rpm`),
+    and a logged voltage falls and recovers by up to `falls_v`.
     """
 
     def make(
@@ -42,13 +43,16 @@ def bench_logs() -> MakeLogs:
         noise_rpm: float = NOISE_RPM,
         late_s: float = 0.0,
         step_rpm: float = 0.0,
+        falls_v: float = 0.0,
     ) -> Dataset:
         rng = np.random.default_rng(seed)
         runs = []
         for i, (levels, split) in enumerate(zip(commands(rng), SPLITS, strict=True)):
             time = np.arange(10 * levels.size + 1) * 0.01
             command = np.append(np.repeat(levels, 10), levels[-1])
-            speed = replay_bench(model, time, command)
+            levels_v = np.append(0.0, rng.uniform(0.0, falls_v, 4)) if falls_v else np.zeros(5)
+            battery_v = 24.0 - np.interp(time, np.linspace(0.0, time[-1], 5), levels_v)
+            speed = replay_bench(model, time, command, battery_v=battery_v)
             for k in range(repeats):
                 stamps = time
                 if late_s:
@@ -57,7 +61,7 @@ def bench_logs() -> MakeLogs:
                 measured = speed + noise_rpm * rng.standard_normal(time.size)
                 if step_rpm:
                     measured = np.rint(measured / step_rpm) * step_rpm
-                channels = {"speed_rpm": measured}
+                channels = {"speed_rpm": measured} | ({"battery_v": battery_v} if falls_v else {})
                 name = f"run{i}_{k}.csv"
                 runs.append(Run(name, f"run{i}", split, stamps, BenchCommand(command), channels))
         return Dataset("test bench", tuple(runs), (), f"seed {seed}")

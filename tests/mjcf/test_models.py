@@ -11,6 +11,7 @@ from mecanum_env.kinematics import WHEELS, command_to_wheels
 from mecanum_env.law import WheelLaw
 from mecanum_env.mjcf import bench_spec, fitting_timestep, planar_spec, robot_spec
 from mecanum_env.model import paper_model
+from mecanum_env.plugin.layout import LOST_VOLTAGE
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.studies.motion import start
 
@@ -33,9 +34,14 @@ def test_the_names_that_programs_rely_on(plant, request):
 
 
 @pytest.mark.parametrize("spec", SPECS)
-def test_an_effect_that_is_not_simulated_is_refused_by_name(spec):
-    with pytest.raises(InputError, match=r"effects\.battery_sag\.per_volt: not simulated yet"):
-        spec(paper_model().with_effect("battery_sag", per_volt=0.1))
+def test_an_effect_that_cannot_be_that_large_is_refused_by_name(spec):
+    with pytest.raises(InputError, match=r"effects\.battery_sag\.per_volt = -0\.1, must be"):
+        spec(paper_model().with_effect("battery_sag", per_volt=-0.1))
+
+
+@pytest.mark.parametrize("spec", SPECS)
+def test_there_is_room_for_the_voltage_of_the_supply(spec):
+    assert spec(paper_model()).compile().nuserdata == LOST_VOLTAGE + 1
 
 
 def test_command_latency_goes_to_the_drive(packaged):

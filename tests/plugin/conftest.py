@@ -100,13 +100,16 @@ class SteppedDrive:
         self.law, self.ramp = LawState.steady(speed), Ramp.steady(speed)
         self.latched = Latched.steady(speed, RING)
 
-    def step(self, command_rpm):
-        """Advance one substep with these commands, shape (...); return the setpoint [rpm] at its end."""
+    def step(self, command_rpm, lost_v=0.0):
+        """Advance one substep with these commands, shape (...); return the setpoint [rpm] at its end.
+
+        The supply has lost `lost_v` [V] by now.
+        """
         parameters, now = self.parameters, self.substeps * self.timestep
         tau, period = parameters.law.sample_period_s, parameters.command_period_s
         while now >= self.latches * period - EPS * period:
             sent = np.asarray(command_rpm, float)[..., None]
-            new = latched(parameters, sent, self.latches, self.latched)
+            new = latched(parameters, sent, self.latches, self.latched, lost_v)
             self.latched = self.latched.followed_by(new).last(RING)
             self.latches += 1
         while now >= self.ticks * tau - EPS * tau:
@@ -114,7 +117,7 @@ class SteppedDrive:
             r, self.ramp = ramped_inputs(
                 parameters, [self.ticks], self.latched, self.latches, first, self.ramp
             )
-            self.law = parameters.motor_bounds.tick(parameters.law, self.law, r[..., 0])
+            self.law = parameters.motor_bounds.tick(parameters.law, self.law, r[..., 0], lost_v)
             self.ticks += 1
         self.substeps += 1
         w0, w1 = np.asarray(self.law.w0, float), np.asarray(self.law.w1, float)

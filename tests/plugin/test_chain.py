@@ -48,15 +48,18 @@ RANGES = {
     "jerk_rpm_s2": (300.0, 1e6),
     "loss": (0.01, 0.9),
     "link_seed": (1.0, 2.0**53),
+    "gain_per_volt": (0.01, 0.5),
+    "supply_per_volt": (0.01, 0.5),
 }
 """Parameters that may be 0, and the range of their other values."""
-STEERING = ("sin(5 * time)", "sign(command)", "min(abs(speed), 3) * cos(angle)", "exp(-time)")
+STEERING = ("voltage", "sin(5 * time)", "sign(command)", "min(abs(speed), 3) * cos(angle)", "exp(-time)")
 LOADS = (
     "sign(speed)",
     "speed",
     "0.1 * speed * sin(3 * angle)",
     "exp(-abs(command) / 20)",
     "sign(speed) * time",
+    "0.02 * speed * voltage",
 )
 STEPS = 150
 
@@ -98,12 +101,12 @@ def random_map(rng):
     return knots.tolist(), values.tolist()
 
 
-def loop(rows, wheels, timestep, commands, initial):
+def loop(rows, wheels, timestep, commands, initial, lost_v=None):
     """Return what the library's loop gives, shape (sets, runs, steps + 1)."""
     times = np.arange(commands.shape[1]) * timestep
     held = HeldCommands.of([(times, row, float(speed)) for row, speed in zip(commands, initial, strict=True)])
     steps = np.full(len(commands), commands.shape[1])
-    speeds, _ = free_wheels(rows, wheels, timestep, held, steps)
+    speeds, _ = free_wheels(rows, wheels, timestep, held, steps, None if lost_v is None else lost_v.ravel())
     return speeds.reshape(len(rows), len(commands), -1)
 
 
@@ -135,8 +138,9 @@ def test_sets_and_runs_at_once_equal_the_loop_bit_for_bit(stable_law, seed, time
     initial = rng.choice([0.0, 40.0, -70.0], 3)
     for row in rows:
         assert refusal(row, timestep) is None
-    found = free_wheel_speeds(rows, wheels, timestep, commands, initial)
-    np.testing.assert_array_equal(found, loop(rows, wheels, timestep, commands, initial))
+    lost_v = np.repeat(rng.uniform(-1.0, 4.0, (3, STEPS // 10)), 10, axis=1)
+    found = free_wheel_speeds(rows, wheels, timestep, commands, initial, lost_v)
+    np.testing.assert_array_equal(found, loop(rows, wheels, timestep, commands, initial, lost_v))
 
 
 @pytest.mark.parametrize("also", [{}, {"inertia_kg_m2": 0.0}])

@@ -11,7 +11,16 @@ from hypothesis import strategies as st
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.model import Model, Robot, Wheel
-from mecanum_env.plugin.layout import ARRIVALS, COMMANDS, RING, STATE, USER, drive_state, state_slice
+from mecanum_env.plugin.layout import (
+    ARRIVALS,
+    COMMANDS,
+    LOST_VOLTAGE,
+    RING,
+    STATE,
+    USER,
+    drive_state,
+    state_slice,
+)
 from mecanum_env.units import RAD_S_PER_RPM
 from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
@@ -70,10 +79,11 @@ def test_state_equals_the_reference_bit_for_bit(
     where = state_slice(mjmodel, 0)
     # Some commands are repeated: only changes have a delay of their own.
     commands, setpoints = np.repeat(rng.uniform(-160.0, 160.0, 75), rng.integers(0, 5, 75))[:150], []
-    for command in commands:
-        data.ctrl[0] = command
+    lost_v = np.repeat(rng.uniform(-1.0, 4.0, 15), 10)[: commands.size]
+    for command, lost in zip(commands, lost_v, strict=True):
+        data.ctrl[0], data.userdata[LOST_VOLTAGE] = command, lost
         mujoco.mj_step(mjmodel, data)
-        setpoint = drive.step(command)
+        setpoint = drive.step(command, lost)
         kept = dict(zip(STATE, data.plugin_state[where], strict=False))
         assert (kept["substeps"], kept["ticks"], kept["latches"]) == (
             drive.substeps,
@@ -95,7 +105,7 @@ def test_state_equals_the_reference_bit_for_bit(
         ]
         assert kept["setpoint"] == float(setpoint) * RAD_S_PER_RPM
         setpoints.append(float(setpoint))
-    whole = simulate_drive(parameters, commands, timestep)
+    whole = simulate_drive(parameters, commands, timestep, lost_v=lost_v)
     np.testing.assert_allclose(whole, setpoints, rtol=0.0, atol=1e-9)
     newest = np.arange(drive.latches - min(drive.latches, RING), drive.latches)
     for part, expected in (

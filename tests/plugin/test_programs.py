@@ -12,7 +12,7 @@ from mecanum_env.law.program import CODES, INPUTS, PROGRAM_SIZE, evaluate, table
 from mecanum_env.model import CustomEffect, CustomTable
 from mecanum_env.plugin.layout import FIRST_PROGRAM, USER_SIZE, drive_state, require_valid, write_parameters
 from mecanum_env.plugin.library import evaluate_program
-from mecanum_env.simulator.bench import bench_motion, compile_bench, mujoco_bench_motion
+from mecanum_env.simulator.bench import BenchRun, bench_motion, compile_bench, mujoco_bench_motion
 from mecanum_env.units import RAD_S_PER_RPM
 
 FORMULAS = (
@@ -98,7 +98,7 @@ def test_bench_and_mujoco_give_the_same_bits(paper, timestep_s):
     time_s, command = np.arange(30) * 0.25, rng.uniform(-130.0, 130.0, 30)
     clock, speed = bench_motion(model, time_s, command, 8.0, timestep_s=timestep_s)
     compiled = compile_bench(model, timestep_s=timestep_s)
-    also, reference = mujoco_bench_motion(compiled, time_s, command, 8.0)
+    also, reference = mujoco_bench_motion(compiled, BenchRun(time_s, command, 8.0))
     np.testing.assert_allclose(also, clock, atol=1e-12)
     np.testing.assert_array_equal(speed, reference)
 

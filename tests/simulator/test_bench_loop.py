@@ -19,13 +19,13 @@ from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters
 from mecanum_env.plugin.library import parameter_names
 from mecanum_env.simulator.bench import (
     BenchRun,
-    bench_motion,
     bench_motions,
     compile_bench,
     mujoco_bench_motion,
     replay_bench,
 )
 from mecanum_env.simulator.commands import hold
+from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import SimulationDivergedError
 from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
@@ -60,12 +60,13 @@ EFFECTS = {
 def random_run(rng: np.random.Generator, initial_rpm: float = 0.0) -> BenchRun:
     time = np.cumsum(rng.uniform(0.01, 0.3, 12))
     command = np.where(rng.random(12) < 0.1, np.nan, rng.uniform(-140.0, 140.0, 12))
-    return BenchRun(time, command, float(time[-1] - time[0]) + rng.uniform(0.0, 0.5), initial_rpm)
+    duration_s = float(time[-1] - time[0]) + rng.uniform(0.0, 0.5)
+    falling = Supply(time - time[0], np.cumsum(rng.uniform(-0.5, 0.2, 12)))
+    return BenchRun(time, command, duration_s, initial_rpm, rng.choice([None, falling]))
 
 
 def by_mujoco(model, run, timestep_s=None):
-    bench = compile_bench(model, timestep_s=timestep_s)
-    return mujoco_bench_motion(bench, run.time_s, run.command_rpm, run.duration_s, run.initial_rpm)
+    return mujoco_bench_motion(compile_bench(model, timestep_s=timestep_s), run)
 
 
 @settings(deadline=None)
@@ -93,9 +94,7 @@ def test_the_motion_is_mujocos_bit_for_bit(
         effects=effects,
     )
     run = random_run(np.random.default_rng(seed), initial_rpm)
-    clock, speed = bench_motion(
-        model, run.time_s, run.command_rpm, run.duration_s, initial_rpm, timestep_s=timestep_s
-    )
+    clock, speed = bench_motions([model], [run], timestep_s=timestep_s)[0][0]
     expected_clock, expected = by_mujoco(model, run, timestep_s)
     np.testing.assert_array_equal(clock, expected_clock)
     np.testing.assert_array_equal(speed, expected)
@@ -113,9 +112,7 @@ def test_the_reference_moves_the_wheel_bit_for_bit(effects, integral, timestep_s
     paper = paper_model()
     model = replace(paper, robot=replace(paper.robot, servo_integral_n_m_rad=integral), effects=effects)
     run = random_run(np.random.default_rng(seed), initial_rpm)
-    clock, speed = bench_motion(
-        model, run.time_s, run.command_rpm, run.duration_s, initial_rpm, timestep_s=timestep_s
-    )
+    clock, speed = bench_motions([model], [run], timestep_s=timestep_s)[0][0]
     np.testing.assert_array_equal(reference_speed(model, run, clock), speed)
 
 
@@ -126,7 +123,8 @@ def reference_speed(model, run, clock):
     held = hold(time, command, clock[:-1], before=initial)
     row = chain_parameters(changed, None, NO_TORQUE_LIMIT, wheel_inertia(changed.robot))
     wheel = row[CHAIN.index("inertia_kg_m2")], drive_parameters(changed).load.viscous_n_m_s_rad
-    speeds = free_wheel_speeds(row[None], np.array([wheel]), step, held[None], np.array([initial]))
+    lost_v = None if run.supply is None else run.supply.lost_at(clock[:-1])[None]
+    speeds = free_wheel_speeds(row[None], np.array([wheel]), step, held[None], np.array([initial]), lost_v)
     return speeds[0, 0]
 
 

@@ -67,7 +67,8 @@ def design_next_experiment(
     conditions = conditions_of(problem, runs, decision.facts.inflation)
     if decision.verdict == "ambiguous":
         return _separating(problem.base, decision, conditions)
-    names = [effect.name for effect in untestable]
+    # No command shows an effect that follows a column which was not logged, or did not change.
+    names = [effect.name for effect in untestable if not CATALOGUE[effect.name].reads]
     return design_for_untestable(improved, names, conditions, threshold)
 
 
@@ -134,7 +135,7 @@ def _typical(model: Model, effect: Effect, scale: float) -> Rival:
     """Return the model with an effect of a size that a user would care about."""
     values = dict(model.effects.get(effect.name, {}))
     for parameter in effect.parameters:
-        if not parameter.simulated or parameter.neutral is None:
+        if parameter.neutral is None:
             continue
         one = coordinate(model, effect, parameter, scale)
         neutral = one.unit(one.neutral) if math.isfinite(one.neutral) else 1.0

@@ -13,7 +13,7 @@ to pass that threshold with probability `power`.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -21,7 +21,7 @@ import numpy as np
 from scipy.stats import f as f_distribution
 from scipy.stats import norm
 
-from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
@@ -181,10 +181,12 @@ def untestable(
     library: Sequence[Response],
     detectable: Mapping[str, Mapping[str, float]],
     level: Level,
+    columns: Collection[str],
 ) -> tuple[Untestable, ...]:
     """Return which of the considered effects logs of a level could not show, with the reason.
 
-    `library` holds their responses, `detectable` is from `smallest_detectable`.
+    `library` holds their responses, `detectable` is from `smallest_detectable`; `columns` are those of the
+    logs.
     """
     found = []
     for name, effect in CATALOGUE.items():
@@ -193,12 +195,20 @@ def untestable(
             reason = (
                 "even the largest size of the search would change these logs by less than noise does"
                 if responds
-                else "no measured channel responds to it under the commands of these logs"
+                else f"no measured channel responds to it under the {_given(effect)} of these logs"
             )
             found.append(Untestable(name, reason, {}))
+        elif effect.searched and not effect.readable_in(columns):
+            missing = " and ".join(column for column in effect.reads if column not in columns)
+            found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
         elif effect.simulated and level == "bench" and "bench" in effect.absent_from:
             found.append(Untestable(name, f"a bench log has no {effect.acts_on}: record a robot log", {}))
     return tuple(found)
+
+
+def _given(effect: Effect) -> str:
+    """Return what an effect needs to show, in words."""
+    return " and ".join(("commands", *effect.reads))
 
 
 def _smallest(own: Sequence[Response], needed: float) -> float | None:

@@ -31,8 +31,8 @@ _LEAST_SAMPLES: Final = 7
 """Least number of samples, as for a fit."""
 
 
-def require_valid(options: GapOptions, level: Level) -> None:
-    """Refuse options that make no sense for logs of a level.
+def require_valid(options: GapOptions, level: Level, columns: Collection[str] | None = None) -> None:
+    """Refuse options that make no sense for logs of a level, which have these measured `columns`.
 
     Raises:
         InputError: another level than that of the logs, a count below 1, no time to decide on, or an effect
@@ -42,7 +42,7 @@ def require_valid(options: GapOptions, level: Level) -> None:
         raise InputError(f"level {options.level}: these are {level} logs; leave it out, or give {level}")
     if options.plant == "planar" and level == "bench":
         raise InputError("plant planar: these are bench logs, which have no robot; leave it out")
-    known = known_effects(level, options.plant)
+    known = known_effects(level, options.plant, columns)
     for option, names in (("only", options.only), ("exclude", options.exclude)):
         for name in names:
             if name not in CATALOGUE and not forms_of(name):
@@ -52,7 +52,9 @@ def require_valid(options: GapOptions, level: Level) -> None:
                 )
     for name in options.only:
         if not any(is_meant(one, (name,)) for one in known):
-            raise InputError(f"only {name}: has no effect in {level} logs; use one of: {', '.join(known)}")
+            needed = CATALOGUE[name].reads if name in CATALOGUE else ()
+            logs = f"{level} logs" + (f" without {' and '.join(needed)}" if needed else "")
+            raise InputError(f"only {name}: has no effect in {logs}; use one of: {', '.join(known)}")
         if name in options.exclude:
             raise InputError(f"only {name}: excluded as well; leave out one of the two")
     if all(is_meant(name, options.exclude) for name in known):
@@ -71,13 +73,19 @@ def is_meant(effect: str, names: Collection[str]) -> bool:
     return effect in names or cause_of(effect) in names
 
 
-def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]:
+def known_effects(
+    level: Level, plant: PlantKind = "rollers", columns: Collection[str] | None = None
+) -> tuple[str, ...]:
     """Return the effects that a search tries on logs of a level, in the order of the chain.
 
-    `plant` simulates robot logs.
+    `plant` simulates robot logs. `columns` are those that the logs have, by default all.
     """
     used: PlantKind = "bench" if level == "bench" else plant
-    return tuple(name for name, effect in CATALOGUE.items() if effect.searched and effect.acts_in(used))
+    return tuple(
+        name
+        for name, effect in CATALOGUE.items()
+        if effect.searched and effect.acts_in(used) and (columns is None or effect.readable_in(columns))
+    )
 
 
 def require_movement(dataset: Dataset) -> None:

@@ -101,7 +101,7 @@ def responses(
 def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
     """Return the simulations of an effect, one for each of its sizes."""
     trials: list[_Trial] = []
-    searched = [p for p in effect.parameters if p.simulated and p.searched]
+    searched = [p for p in effect.parameters if p.searched]
     primary = [p for p in searched if p.neutral is not None]
     secondary = [p for p in searched if p.neutral is None and p.scan]
     beside = [coordinate(base, effect, other, scale) for other in secondary]

@@ -194,8 +194,8 @@ def write_parameters(
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
     The inertia is kept: it belongs to the body, which is not rewritten. So is the seed of the link, which no
-    model states (`seed_links`). `actuator_id` is one of `wheel_actuators`; `model`, `wheel_name`, `quantum_rpm` and `torque_limit_n_m` are as for
-    `set_wheel_parameters`.
+    model states (`seed_links`). `actuator_id` is one of `wheel_actuators`; `model`, `wheel_name`,
+    `quantum_rpm` and `torque_limit_n_m` are as for `set_wheel_parameters`.
 
     Raises:
         InputError: that actuator is not a wheel drive, the model's delay is too long, the limit is not

@@ -34,7 +34,7 @@ from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
-from sysid.progress import Progress, silent
+from sysid.progress import Progress, silent, within
 
 EVIDENCE: Final = 10.0
 """Difference of BIC that an effect must gain: "very strong" on the scale of Kass and Raftery (1995)."""
@@ -88,8 +88,10 @@ def find_drive_effects(
     """Return the law with the effects that bench logs show, None if the law alone is enough.
 
     `laws` are models to start from: the law that was fitted first, then others that may be better starting
-    points. `progress` is called before each round.
+    points. `progress` is called before the search, and before each round of it.
     """
+    progress(stage := "drive effects")
+    tell = within(progress, stage)
     runs = select_runs(dataset.split("fit"), _SECONDS, laws[0].wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
@@ -101,12 +103,12 @@ def find_drive_effects(
     if first is None:
         return None
     best = first
-    for search, start in zip(searches, began, strict=True):
+    for number, (search, start) in enumerate(zip(searches, began, strict=True), 1):
         if start is None:
             continue
         reached = start if start is first or start.better_than(first) else None
         for size in range(_MOST):
-            progress(f"drive effects: {size + 1}")
+            tell(f"law {number} of {len(laws)}, effect {size + 1}")
             grown = search.grown(reached or start)
             if grown is None:
                 break

@@ -59,7 +59,7 @@ WANTED_S: dict[Level, float] = {"bench": 5.0, "robot": 60.0, "recording": 180.0}
 """Longest wanted processor time of a study [s]."""
 WANTED_RATIO: dict[Level, str] = {"bench": "8", "robot": "4", "recording": "-"}
 """Wanted ratio of the processor time of the version before the stations to the present one's."""
-ROUNDS: dict[Level, int] = {"bench": 3, "robot": 1, "recording": 1}
+ROUNDS: dict[Level, int] = {"bench": 2, "robot": 1, "recording": 1}
 """How often each version does a study; the median counts."""
 SPLITS: dict[Level, tuple[Split, ...]] = {
     "robot": ("fit",) * 4 + ("validation",) * 2 + ("test",) * 2,

@@ -108,6 +108,8 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
         if effect.change_drive is not None:
             with _named(effect):
                 drive = effect.change_drive(drive, values, wheel_name)
+    if not model.custom:
+        return drive
     return replace(
         drive,
         command_program=program_at(model.custom, "command"),

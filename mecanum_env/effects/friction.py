@@ -127,6 +127,7 @@ EFFECTS: Final = (
         signature="The loss in speed and the hold at rest fade from the start of the run on.",
         direct_check="the motor's current at one speed, cold and warm",
         searched=False,
+        undone_by="command",
         change_drive=_warm,
     ),
     Effect(
@@ -168,6 +169,7 @@ EFFECTS: Final = (
         direct_check=_CURRENT,
         realistic=lambda _: {"breakaway_n_m": 0.3},
         depends_on_integral=True,
+        undone_by="command",
         change_drive=_loads(_stiction),
     ),
     Effect(

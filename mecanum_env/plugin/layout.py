@@ -51,6 +51,7 @@ SERVO: Final = 2
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _ROTOR: Final = USER.index("rotor_kg_m2")
 _GAP: Final = USER.index("gap_rad")
+_LINK_SEED: Final = USER.index("link_seed")
 NO_TORQUE_LIMIT: Final[float] = mujoco.mjMAXVAL
 """The torque limit in user if there is none; not 0, so that a file which omits the limit is refused."""
 USER_SIZE: Final = 128
@@ -198,9 +199,9 @@ def write_parameters(
 ) -> None:
     """Rewrite the parameters of one wheel drive in a compiled model; they act from the next substep on.
 
-    The inertia is kept: it belongs to the body, which is not rewritten. `actuator_id` is one of
-    `wheel_actuators`; `model`, `wheel_name`, `quantum_rpm` and `torque_limit_n_m` are as for
-    `set_wheel_parameters`.
+    The inertia is kept: it belongs to the body, which is not rewritten. So is the seed of the link, which no
+    model states (`seed_links`). `actuator_id` is one of `wheel_actuators`; `model`, `wheel_name`,
+    `quantum_rpm` and `torque_limit_n_m` are as for `set_wheel_parameters`.
 
     Raises:
         InputError: that actuator is not a wheel drive, the model's delay is too long, the limit is not
@@ -222,13 +223,22 @@ def write_parameters(
             f"answer_s of the drive's load asks for a rotor of {user[_ROTOR]:g} kg m^2, which is part of the "
             "compiled joint; compile the model anew"
         )
-    if mjmodel.nuser_actuator > _INERTIA:
-        user[_INERTIA] = given[_INERTIA]
+    for kept in (_INERTIA, _LINK_SEED):
+        if mjmodel.nuser_actuator > kept:
+            user[kept] = given[kept]
     user = user[: mjmodel.nuser_actuator]
     mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
     mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
     mjmodel.actuator_user[actuator_id] = 0.0
     mjmodel.actuator_user[actuator_id, : len(user)] = user
+
+
+def seed_links(mjmodel: mujoco.MjModel, seed: int) -> None:
+    """Give the link of all wheel drives in a compiled model one seed, from 0 to `law.link.MOST_SEEDS`.
+
+    The jitter of its delay and the loss of its commands follow from it.
+    """
+    mjmodel.actuator_user[wheel_actuators(mjmodel), _LINK_SEED] = seed
 
 
 def require_valid(mjmodel: mujoco.MjModel) -> None:

@@ -38,10 +38,10 @@ class BodyLimits:
     """Wheel commands sent to a robot -> limited wheel commands of its drives, physics step by physics step.
 
     The part of the wheel commands that no body motion follows (wheels working against each other) passes
-    unchanged.
+    unchanged. Chance of the link, its jitter and loss, follows from `link_seed`; None: the model's.
     """
 
-    def __init__(self, model: Model, timestep_s: float) -> None:
+    def __init__(self, model: Model, timestep_s: float, link_seed: int | None = None) -> None:
         drive = drive_parameters(model)
         # The link alone; what shapes the wheels' commands comes behind the limits.
         self._drive = DriveParameters(
@@ -50,7 +50,7 @@ class BodyLimits:
             delay_s=drive.delay_s,
             jitter_s=drive.jitter_s,
             loss=drive.loss,
-            link_seed=drive.link_seed,
+            link_seed=drive.link_seed if link_seed is None else link_seed,
         )
         self._limits = [
             (effect.limit_body, values) for effect, values in active_effects(model) if effect.limit_body

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, require_one_of
+from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
@@ -78,6 +79,7 @@ class Arena:
                 f"rules: {setting.task}_time_s = {self.time_limit_s:g}, must be at least one command period, "
                 f"{self.step_s:g} s"
             )
+        self._common = compiled
         self.robots = RobotBatch(compiled, n, threads)
         self.chance = Chance(n, self._steps, NOISY, setting.opponent, setting.rules)
         oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)
@@ -102,11 +104,15 @@ class Arena:
     ) -> None:
         """Begin a new episode in one row, with its own robot or, if `compiled` is None, the common one.
 
-        The environment's generator `rng` is the only source of randomness.
+        The environment's generator `rng` is the only source of randomness. The seed of a link that jitters or
+        loses commands comes last, so that opponent and noise are those of a robot with a perfect link.
         """
         self.chance.draw(row, rng, start)
         x, y, yaw = self.chance.start_pose[:, row]
-        self.robots.restart(row, (x, y, yaw), compiled)
+        robot = self._common if compiled is None else compiled
+        if robot.has_random_link:
+            robot = robot.with_link_seed(int(rng.integers(MOST_SEEDS)))
+        self.robots.restart(row, (x, y, yaw), robot)
         opponent_x = x + self.chance.start_distance[row]
         self.scenes.restart(row, [x, y, yaw, 0, 0, 0, opponent_x, y, np.pi, 0, 0])
         self.fighter.restart(row)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
+from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
+from mecanum_env.plugin.layout import seed_links
 from mecanum_env.simulator import RobotPlant, SimulationDivergedError, compile_plant
 from mecanum_env.simulator.body_limits import BodyLimits, limits_body
 from mecanum_env.simulator.robot import at_rest
@@ -33,6 +36,20 @@ class Compiled:
     mj_model: mujoco.MjModel
     rest: FloatArray
     """Integration state of the robot at rest in the field's centre, heading along x."""
+    link_seed: int | None = None
+    """What the chance of its link, jitter and loss of commands, follows from; None: the model's own."""
+
+    @property
+    def has_random_link(self) -> bool:
+        """Whether the delay of its commands jitters or commands are lost."""
+        drive = drive_parameters(self.model)
+        return drive.jitter_s > 0.0 or drive.loss > 0.0
+
+    def with_link_seed(self, seed: int) -> Compiled:
+        """Return the same robot with other chance of its link, from 0 to `law.link.MOST_SEEDS`."""
+        mj_model = copy.copy(self.mj_model)
+        seed_links(mj_model, seed)
+        return replace(self, mj_model=mj_model, link_seed=seed)
 
 
 def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = None) -> Compiled:
@@ -117,8 +134,8 @@ class RobotBatch:
             qpos[3:7] = turned
         else:
             qpos[:3] = x, y, yaw
-        limited = limits_body(new.model)
-        self._limits[row] = BodyLimits(new.model, self._timestep_s) if limited else None
+        limits = BodyLimits(new.model, self._timestep_s, new.link_seed) if limits_body(new.model) else None
+        self._limits[row] = limits
 
     def step(self, commands: FloatArray) -> None:
         """Simulate one command period with rounded commands V [rpm], theta [deg], VC [rpm], shape (n, 3).

@@ -40,7 +40,7 @@ from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
-from sysid.progress import Progress, silent
+from sysid.progress import Progress, silent, within
 
 EVIDENCE: Final = 10.0
 """Difference of BIC that an effect must gain: "very strong" on the scale of Kass and Raftery (1995)."""
@@ -119,8 +119,10 @@ def find_drive_effects(
     """Return the law with the effects that bench logs show, None if the law alone is enough.
 
     Searches start from the law that was fitted `alone`, unless a pole of it exceeds `largest_pole`, and from
-    `others`. `progress` is called before each round.
+    `others`. `progress` is called before the search, and before each round of it.
     """
+    progress(stage := "drive effects")
+    tell = within(progress, stage)
     runs = select_runs(dataset.split("fit"), _SECONDS, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
@@ -139,7 +141,7 @@ def find_drive_effects(
     first = began[0]
     beam, best, stale = began, first, 0
     for size in range(_MOST):
-        progress(f"drive effects: {size + 1}")
+        tell(f"effect {size + 1}")
         before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
         stale = 0 if size == 0 or best is not before else stale + 1
         if stale == _PATIENCE:

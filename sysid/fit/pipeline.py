@@ -33,7 +33,7 @@ from sysid.fit.statistics import ResidualTests, Uncertainty, residual_tests, unc
 from sysid.fit.wheel_data import wheel_columns
 from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
-from sysid.progress import Progress, peak_memory_mib, silent, with_peak_memory
+from sysid.progress import Progress, peak_memory_mib, silent, with_peak_memory, within
 
 SLOWEST: Final = 2.0
 """Longest time constant of a pole beside effects, in the longest time for which a command is held. After as
@@ -171,9 +171,11 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
             "left as given (fit without --per-wheel to have them)"
         )
     if dataset.level == "robot" and not options.per_wheel:
-        progress("servo, inertia and grip")
+        progress(stage := "servo, inertia and grip")
         known_robot = Model(wheel_model(path, found), options.robot, latency(found))
-        robot, note = robot_of(dataset, runs, known_robot, options.robot_given, sigma, known)
+        robot, note = robot_of(
+            dataset, runs, known_robot, options.robot_given, sigma, known, within(progress, stage)
+        )
         notes.append(note)
     effects = None
     if dataset.level == "bench" and options.effects == "auto":

@@ -36,6 +36,7 @@ from sysid.fit.metrics import Runs
 from sysid.fit.robot_search import BODY_VELOCITY, FoundRobot, PlantData, RobotSearch, largest_command_runs
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats
+from sysid.progress import Progress, silent
 
 _SOUGHT: Final = ("servo_n_m_s_rad", "yaw_inertia_kg_m2")
 """Parameters that are fitted together with the law."""
@@ -70,13 +71,14 @@ def robot_of(
     given: Sequence[str],
     sigma_rpm: Mapping[str, float],
     sigma_known: bool,
+    tell: Progress = silent,
 ) -> tuple[RobotFit | None, str]:
     """Fit the law behind the robot's servo and the robot parameters that the logs show (stages 1 and 2).
 
     The `runs` are those of the dataset on the law's clock, with the noise `sigma_rpm` [rpm] of each column,
     which is from repeats if `sigma_known`. The model holds the law fitted to the wheel speeds, and the robot
-    as far as it is known; parameters that are `given` are not fitted. Return the fit, None if it does not
-    improve the model, and a note.
+    as far as it is known; parameters that are `given` are not fitted. `tell` is called as by `fit_robot`.
+    Return the fit, None if it does not improve the model, and a note.
     """
     at_rest = _starting_at_rest(dataset, runs, "fit")
     if not at_rest:
@@ -86,7 +88,7 @@ def robot_of(
         )
     data = PlantData(at_rest, tuple(sigma_rpm), dict(sigma_rpm), sigma_known)
     data = _with_body_velocities(dataset, data, model)
-    found = fit_robot(model, given, data)
+    found = fit_robot(model, given, data, tell)
     after = replace(model, wheel=replace(model.wheel, law=found.law), robot=found.robot)
     held_out = _starting_at_rest(dataset, runs, "validation") or at_rest
     check = replace(data, runs=held_out, channels=tuple(sigma_rpm))
@@ -129,11 +131,12 @@ def _with_body_velocities(dataset: Dataset, data: PlantData, model: Model) -> Pl
     return replace(data, channels=(*data.channels, *names), sigma=sigma)
 
 
-def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
+def fit_robot(model: Model, given: Sequence[str], data: PlantData, tell: Progress = silent) -> RobotFit:
     """Fit law, servo stiffness and yaw inertia together, then grip, except those parameters that are `given`.
 
     The law has full order here, even if a lower one sufficed for the wheel speeds alone. The runs start at
-    rest; body velocities among their channels are used for the grip only.
+    rest; body velocities among their channels are used for the grip only. `tell` is called with the plant and
+    the number of each simulation.
     """
     wheels = replace(
         data,
@@ -144,9 +147,9 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
     sought = [name for name in _SOUGHT if name not in given]
     grip = scan_grip(model, "friction" in given, data)
     if grip.fitted:
-        found, shown, errors, grip = _in_turns(model, sought, grip, data)
+        found, shown, errors, grip = _in_turns(model, sought, grip, data, tell)
     else:
-        found, shown, errors = _shown(RobotSearch(model, wheels), sought)
+        found, shown, errors = _shown(RobotSearch(model, wheels, tell=tell), sought)
     parameters = [
         _parameter(name, found.model.robot, name in shown, name in given, errors.get(name, math.nan))
         for name in _SOUGHT
@@ -162,7 +165,7 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
 
 
 def _in_turns(
-    model: Model, sought: Sequence[str], grip: RobotParameter, data: PlantData
+    model: Model, sought: Sequence[str], grip: RobotParameter, data: PlantData, tell: Progress
 ) -> tuple[FoundRobot, list[str], dict[str, float], RobotParameter]:
     """Fit law and robot on rollers at a grip, then the grip with them, until they agree.
 
@@ -172,7 +175,7 @@ def _in_turns(
 
     def search(law: WheelLaw, friction: float) -> RobotSearch:
         wheel, robot = replace(model.wheel, law=law), replace(model.robot, friction=friction)
-        return RobotSearch(replace(model, wheel=wheel, robot=robot), used, "rollers")
+        return RobotSearch(replace(model, wheel=wheel, robot=robot), used, "rollers", tell)
 
     # Which parameters the logs show is judged with a law that no longer contains the slip.
     first = search(model.wheel.law, grip.value).fit(sought)

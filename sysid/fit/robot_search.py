@@ -23,6 +23,7 @@ from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.prediction import commands_of, supply_of
 from sysid.logs import Run
+from sysid.progress import Progress, silent
 
 BODY_VELOCITY: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
 _RANGE: Final = math.log(30.0)  # largest change of the logarithm of a robot's parameter
@@ -103,10 +104,16 @@ class FoundRobot:
 
 
 class RobotSearch:
-    """Least squares of law and robot parameters on the output of the simulated robot, from a model's."""
+    """Least squares of law and robot parameters on the output of the simulated robot, from a model's.
 
-    def __init__(self, model: Model, data: PlantData, plant: RobotPlant = "planar") -> None:
+    `tell` is called with the number of each simulation of the logs.
+    """
+
+    def __init__(
+        self, model: Model, data: PlantData, plant: RobotPlant = "planar", tell: Progress = silent
+    ) -> None:
         self._model, self.data, self._plant = model, data, plant
+        self._tell, self._simulations = tell, 0
         # The contacts of the roller plant make small steps meaningless.
         self._step = 1e-4 if plant == "planar" else 5e-2
         self._measured = data.measured()
@@ -130,7 +137,7 @@ class RobotSearch:
         high = [np.inf] * _LAW_SIZE + [_RANGE] * len(names)
 
         def residual(x: FloatArray) -> FloatArray:
-            return self.data.predicted(self._at(x, names), self._plant) - self._measured
+            return self._predicted(x, names) - self._measured
 
         planar = self._plant == "planar"
         tolerance = 1e-6 if planar else 1e-3
@@ -156,7 +163,7 @@ class RobotSearch:
         # The grip is held in the search, but its uncertainty counts with that of the others.
         uncertain = [*names] if planar else [*names, "friction"]
         jacobian = _central(
-            lambda x: self.data.predicted(self._at(x, uncertain), self._plant),
+            lambda x: self._predicted(x, uncertain),
             np.append(found.x, np.zeros(len(uncertain) - len(names))),
             (10.0 if planar else 2.0) * self._step,
         )
@@ -176,6 +183,11 @@ class RobotSearch:
             by_x @ covariance @ by_x.T,
             coupling,
         )
+
+    def _predicted(self, x: FloatArray, names: Sequence[str]) -> FloatArray:
+        self._simulations += 1
+        self._tell(f"{self._plant}, simulation {self._simulations}")
+        return self.data.predicted(self._at(x, names), self._plant)
 
     def _at(self, x: FloatArray, names: Sequence[str]) -> Model:
         abc, (d, f) = stable_abc(x[:3]), x[3:5]

@@ -11,6 +11,7 @@ from mecanum_env.plugin.layout import (
     NO_TORQUE_LIMIT,
     USER_SIZE,
     require_valid,
+    seed_links,
     state_slice,
     wheel_actuators,
     write_parameters,
@@ -87,3 +88,10 @@ def test_other_actuators_are_not_wheel_drives(wheels_spec, free_model):
     assert wheel_actuators(mjmodel) == [0]
     with pytest.raises(InputError, match=r"actuator 1 is not .*these are: \[0\]"):
         state_slice(mjmodel, 1)
+
+
+def test_the_seed_of_the_link_outlasts_new_parameters(compile_wheels, free_model):
+    mjmodel = compile_wheels(free_model(**values()))
+    seed_links(mjmodel, 2**53 - 1)
+    write_parameters(mjmodel, 0, free_model(**values() | {"saturation_rpm": 70.0}))
+    assert mjmodel.actuator_user[0, USER.index("link_seed")] == 2**53 - 1

@@ -143,3 +143,60 @@ def test_what_the_ends_of_a_range_cannot_be_is_said_at_once(make, arguments, mes
 def test_ranges_that_are_none_are_refused(paper, ranges, message):
     with pytest.raises(InputError, match=message):
         sampler_for(ranges, paper)
+
+
+LINKS = {
+    "jitter": {"command_latency/jitter": {"delay_s": 0.15, "jitter_s": 0.08}},
+    "loss": {"command_loss": {"share": 0.3}},
+    "loss_before_limits": {"command_loss": {"share": 0.3}, "body_speed_limit": {"v_rpm": 90.0}},
+}
+
+
+def with_link(paper, name):
+    for effect, values in LINKS[name].items():
+        paper = paper.with_effect(effect, **values)
+    return paper
+
+
+def driven(env, seeds, steps=12):
+    """Return what one environment after another shows of its own motion, reset by each of the seeds."""
+    shown = []
+    for seed in seeds:
+        env.reset(seed=seed, options={"start": (-1.0, 0.0, 0.0)})
+        actions = 0.5 * np.sin(np.arange(steps) * [[1.0], [0.7], [0.4]]).T
+        for action in actions:
+            env.step(np.tile(action, (env.num_envs, 1)).astype(np.float32))
+        shown.append(env.arena.robots.motion())
+    return np.array(shown)
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_each_episode_has_its_own_chance_of_the_link(paper, name):
+    env = TankendoVectorEnv(2, task="track", model=with_link(paper, name))
+    one, other = driven(env, [1, None])
+    assert not np.array_equal(one, other)
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_the_seed_of_an_episode_repeats_the_chance_of_the_link(paper, name):
+    env = TankendoVectorEnv(2, task="track", model=with_link(paper, name))
+    first, _, repeated = driven(env, [1, 2, 1])
+    np.testing.assert_array_equal(first, repeated)
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_robots_side_by_side_differ_in_their_links_and_equal_the_single_environment(paper, name):
+    model = with_link(paper, name)
+    both = driven(TankendoVectorEnv(2, task="track", model=model), [[5, 6]])[0]
+    alone = driven(TankendoVectorEnv(1, task="track", model=model), [6])[0]
+    assert not np.array_equal(both[:, 0], both[:, 1])
+    np.testing.assert_array_equal(both[:, 1], alone[:, 0])
+
+
+def test_a_random_link_leaves_the_rest_of_the_episode_as_it_is(paper):
+    arenas = [TankendoVectorEnv(1, model=model) for model in (paper, with_link(paper, "loss"))]
+    for env in arenas:
+        env.reset(seed=3)
+    perfect, lossy = (env.arena.chance for env in arenas)
+    np.testing.assert_array_equal(perfect.noise, lossy.noise)
+    np.testing.assert_array_equal(perfect.start_pose, lossy.start_pose)

@@ -53,7 +53,11 @@ class Compensated:
         self._senses = SensorInverse(model, predicts_latency)
         self._period_s = model.wheel.command_period_s
         self._late_s = drive_parameters(model).delay_s
-        self.left_alone = tuple(e.name for e, _ in active_effects(model) if e.undone_by is None)
+        undone = ("command", "set_point") if self._drive.undoes_custom else ()
+        self.left_alone = (
+            *(e.name for e, _ in active_effects(model) if e.undone_by is None),
+            *(f"custom effect ({one.station})" for one in model.custom if one.station not in undone),
+        )
         """Names of the model's effects that are not compensated."""
         self._steps = 0
 

@@ -3,11 +3,12 @@
 Forward, in the steady state: command -> limits of V and VC -> wheels -> dead band, gains, saturation
 (`mecanum_env.law.drive.received_command`) -> friction under a servo without integral action, which leaves
 
-    w = (|r| - coulomb / servo) / (1 + viscous / servo) sign(r), or 0 where that is negative
+    w = (|r| - (coulomb + breakaway exp(-(w / stribeck)^2)) / servo) / (1 + viscous / servo) sign(r)
 
--> body, with the wheel radius and track width that the robot has. The inverse scales the wanted motion until
-every wheel can follow, which keeps its direction, and solves for the command by fixed-point iteration. Motion
-that a dead band suppresses is added to the following commands (error diffusion).
+or 0 where |r| does not break the wheel loose; a bearing that warms up loses a part of all three -> body, with
+the wheel radius and track width that the robot has. The inverse scales the wanted motion until every wheel
+can follow, which keeps its direction, and solves for the command by fixed-point iteration. Motion that a dead
+band suppresses is added to the following commands (error diffusion).
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, added_load
+from mecanum_env.effects.apply import active_effects
 from mecanum_env.kinematics import (
     body_to_wheels,
     clip_wheels,
@@ -29,8 +30,11 @@ from mecanum_env.kinematics import (
     wheels_to_command,
     wheels_to_twist,
 )
+from mecanum_env.law.drive import DriveParameters
+from mecanum_env.law.program import inputs_of
 from mecanum_env.law.set_point import unmapped, warm_up_gain
-from mecanum_env.model import Model
+from mecanum_env.law.wheel_load import WheelLoad
+from mecanum_env.model import Model, Robot
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from training.controllers.interface import Command
@@ -44,40 +48,86 @@ _HUGE_RPM: Final = 1e6
 
 @dataclass(frozen=True)
 class _Friction:
-    """Speed that wheel friction costs under a servo without integral action."""
+    """Speed that wheel friction costs under a servo without integral action, when the bearing is cold."""
 
-    constant_rpm: float
-    relative: float
+    constant_rpm: float = 0.0
+    """Droop at any speed."""
+    relative: float = 0.0
+    """Droop in proportion to the speed."""
+    breakaway_rpm: float = 0.0
+    """Droop that comes on top at rest."""
+    stribeck_rpm: float = 0.0
+    """Speed at which 63 % of that is gone."""
+    warm_share: float = 0.0
+    warm_s: float = 0.0
+    """Share of all droop that a warm bearing loses, and the time constant; 0 s: it does not warm up."""
+
+    @staticmethod
+    def of(robot: Robot, load: WheelLoad) -> _Friction:
+        """Return the friction of a wheel; none where integral action makes up for it."""
+        if robot.servo_integral_n_m_rad > 0.0:
+            return _Friction()
+        rpm = 1.0 / (robot.servo_n_m_s_rad * RAD_S_PER_RPM)
+        return _Friction(
+            load.coulomb_n_m * rpm,
+            load.viscous_n_m_s_rad / robot.servo_n_m_s_rad,
+            load.breakaway_n_m * rpm,
+            load.stribeck_rad_s / RAD_S_PER_RPM,
+            load.friction_warm_share,
+            load.friction_warm_s,
+        )
+
+    def at(self, seconds: float) -> _Friction:
+        """Return the friction that is left at a time since the start."""
+        if self.warm_share == 0.0 or self.warm_s == 0.0:
+            return self
+        left = float(warm_up_gain(self.warm_share, self.warm_s, seconds))
+        return _Friction(
+            left * self.constant_rpm, left * self.relative, left * self.breakaway_rpm, self.stribeck_rpm
+        )
 
     def speed(self, driven_rpm: FloatArray) -> FloatArray:
+        """Return the steady speeds of wheels that start from rest."""
         size = np.abs(driven_rpm)
-        return np.copysign(np.maximum(size - self.constant_rpm, 0.0) / (1.0 + self.relative), driven_rpm)
+        speed = np.maximum(size - self.constant_rpm, 0.0) / (1.0 + self.relative)
+        if self.breakaway_rpm > 0.0:
+            # From above, so that it ends at the larger of two steady speeds.
+            for _ in range(_ITERATIONS):
+                droop = self.constant_rpm + self._extra(speed)
+                speed = np.maximum(size - droop, 0.0) / (1.0 + self.relative)
+            speed = np.where(size > self.constant_rpm + self.breakaway_rpm, speed, 0.0)
+        return np.copysign(speed, driven_rpm)
 
     def driven(self, speed_rpm: FloatArray) -> FloatArray:
-        size = np.abs(speed_rpm) * (1.0 + self.relative) + self.constant_rpm
+        """Return the setpoints that lead to steady speeds."""
+        size = np.abs(speed_rpm) * (1.0 + self.relative) + self.constant_rpm + self._extra(speed_rpm)
         # A wheel at rest, up to rounding, needs no command.
         return np.where(np.abs(speed_rpm) < 1e-9, 0.0, np.copysign(size, speed_rpm))
+
+    def _extra(self, speed_rpm: FloatArray) -> FloatArray:
+        if self.breakaway_rpm == 0.0 or self.stribeck_rpm == 0.0:
+            return np.full(np.shape(speed_rpm), self.breakaway_rpm)
+        return np.asarray(self.breakaway_rpm * np.exp(-((speed_rpm / self.stribeck_rpm) ** 2)))
 
 
 class DriveInverse:
     """Changes commands so that a robot with the effects of a model moves as the nominal one would.
 
-    Only effects that `undone_by` assigns to commands count.
+    Only effects that `undone_by` assigns to commands count, and custom effects of command and set-point that
+    follow from the command alone.
     """
 
     def __init__(self, model: Model) -> None:
         effects = [pair for pair in active_effects(model) if pair[0].undone_by == "command"]
-        self.is_needed = bool(effects)
+        self._drives = wheel_drives(model)
+        self.undoes_custom = any(_is_custom(drive) for drive in self._drives)
+        """Whether the model has custom effects of command and set-point that are inverted."""
+        self.is_needed = bool(effects) or self.undoes_custom
         """Whether the model has an effect to invert; otherwise commands stay as they are."""
         self._limit_rpm = model.wheel.saturation_rpm
-        self._drives = wheel_drives(model)
         self._smooth = [replace(drive, deadband_rpm=0.0) for drive in self._drives]
         self._nominal, self._robot = model.robot, changed_robot(model)
-        load, servo = added_load(model), self._robot.servo_n_m_s_rad
-        self._friction = _Friction(0.0, 0.0)
-        if self._robot.servo_integral_n_m_rad <= 0.0:
-            rpm = 1.0 / (servo * RAD_S_PER_RPM)
-            self._friction = _Friction(load.coulomb_n_m * rpm, load.damping_n_m_s_rad / servo)
+        self._friction = _Friction.of(self._robot, self._drives[0].load)
         limits: Mapping[str, float] = next((v for e, v in effects if e.name == "body_speed_limit"), {})
         self._v_rpm = min(limits.get("v_rpm", math.inf), FULL_V_RPM)
         self._vc_rpm = min(limits.get("vc_rpm", math.inf), FULL_VC_RPM)
@@ -105,11 +155,12 @@ class DriveInverse:
         v = min(max(command[0], -self._v_rpm), self._v_rpm)
         vc = min(max(command[2], -self._vc_rpm), self._vc_rpm)
         wheels = command_to_wheels(v, command[1], vc)
-        return wheels_to_body(self._friction.speed(received_wheels(self._drives, wheels, seconds)))
+        received = received_wheels(self._drives, wheels, seconds)
+        return wheels_to_body(self._friction.at(seconds).speed(received))
 
     def _smooth_wheels(self, wheels: FloatArray, seconds: float) -> FloatArray:
         """Return the wheel speeds that wheel commands lead to, without dead bands and rounding."""
-        return self._friction.speed(received_wheels(self._smooth, wheels, seconds))
+        return self._friction.at(seconds).speed(received_wheels(self._smooth, wheels, seconds))
 
     def _within_reach(self, body: FloatArray, seconds: float) -> FloatArray:
         """Return the body motion [rpm], scaled until every wheel can follow."""
@@ -121,7 +172,7 @@ class DriveInverse:
 
     def _solve(self, body: FloatArray, seconds: float) -> FloatArray:
         """Return the body command that leads to a body motion, shape (3,) [rpm]."""
-        driven = self._friction.driven(body_to_wheels(body))
+        driven = self._friction.at(seconds).driven(body_to_wheels(body))
         best = command = wheels_to_body(self._sent(driven, seconds))
         least = math.inf
         for _ in range(_ITERATIONS):
@@ -171,3 +222,9 @@ class DriveInverse:
         share = min(1.0, self._v_rpm / max(speed, 1e-9), self._vc_rpm / max(turn, 1e-9))
         v, theta, vc = wheels_to_command(body_to_wheels(body_rpm * share))
         return round(float(v)), round(float(theta)), round(float(vc))
+
+
+def _is_custom(drive: DriveParameters) -> bool:
+    """Return whether custom effects change what a drive receives, by what is known of the command alone."""
+    programs = drive.command_program, drive.set_point_program
+    return any(programs) and all(inputs_of(one) <= {"command", "time"} for one in programs)

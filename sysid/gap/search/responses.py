@@ -209,15 +209,19 @@ def _linear(
     """Return the smallest cost and the multiples of the responses at which it is reached."""
     columns = _without(orthogonal, np.stack([response.change for response in together], axis=1))
     low, high = np.array([_range(response) for response in together]).T
-    q, triangle = np.linalg.qr(columns)
-    aim = -(q.T @ rest)
     tiny = 1e-9
-    shares = lsq_linear(
-        np.concatenate([triangle, tiny * np.eye(len(low))]),
-        np.concatenate([aim, np.zeros(len(low))]),
-        bounds=(low, high),
-        method="bvls",
-    ).x
+    if len(together) == 1:
+        # By far the most frequent case, for which the general solution takes longer than all simulations.
+        column = columns[:, 0]
+        shares = np.clip([-(column @ rest) / (column @ column + tiny**2)], low, high)
+    else:
+        q, triangle = np.linalg.qr(columns)
+        shares = lsq_linear(
+            np.concatenate([triangle, tiny * np.eye(len(low))]),
+            np.concatenate([-(q.T @ rest), np.zeros(len(low))]),
+            bounds=(low, high),
+            method="bvls",
+        ).x
     return float(np.sum((rest + columns @ shares) ** 2)), shares
 
 

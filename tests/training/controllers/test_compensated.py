@@ -1,12 +1,16 @@
 """Compensation: neutral effects change nothing; each named one costs less with it than without."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.kinematics import command_to_twist, command_to_wheels
-from mecanum_env.model import paper_model
+from mecanum_env.model import CustomEffect, paper_model
 from mecanum_env.model.static_map import map_parameters
 from mecanum_env.simulator.robot import RobotSession
 from mecanum_env.tankendo import command_to_action
@@ -30,6 +34,17 @@ DRIVES = {
     "weak_servo": {"weak_servo": {"servo_n_m_s_rad": 0.5}, "coulomb_friction": {"torque_n_m": 0.3}},
     "viscous_friction": {
         "viscous_friction": {"damping_n_m_s_rad": 0.05},
+        "weak_servo": {"servo_n_m_s_rad": 0.5},
+    },
+    "stiction": {
+        "stiction": {"breakaway_n_m": 0.5, "stribeck_rpm": 40.0},
+        "coulomb_friction": {"torque_n_m": 0.1},
+        "weak_servo": {"servo_n_m_s_rad": 0.5},
+    },
+    "warm_up/friction": {
+        "warm_up/friction": {"share": 0.8, "time_constant_s": 1.5},
+        "coulomb_friction": {"torque_n_m": 0.3},
+        "viscous_friction": {"damping_n_m_s_rad": 0.1},
         "weak_servo": {"servo_n_m_s_rad": 0.5},
     },
     "wheel_radius": {"wheel_radius": {"scale": 1.1}},
@@ -73,6 +88,29 @@ def robot_with(effects):
     return model
 
 
+LIMITS = ("speed_saturation/supply", "body_speed_limit")
+"""Beyond a limit the robot stays slower, so that these have tests of their own."""
+CUSTOM = {
+    "command": CustomEffect("command", "-0.002 * command * abs(command)"),
+    "set_point": CustomEffect("set_point", "-4 * sin(command / 12)"),
+}
+
+
+def test_every_effect_that_is_undone_is_tested():
+    tested = {*DRIVES, *LIMITS, *SENSORS, "command_latency", "command_latency/jitter"}
+    undone = {name for name, effect in CATALOGUE.items() if effect.undone_by is not None}
+    # Late poses alone leave the velocities as they are, which the test of the sensors compares.
+    assert undone - tested == {"sensor_latency/pose"}
+
+
+def test_the_docs_say_what_is_done_about_each_effect():
+    page = (Path(__file__).parents[3] / "docs" / "controllers.md").read_text(encoding="utf-8")
+    rows = [line for line in page.splitlines() if line.startswith("| `")]
+    said = {name: row for row in rows for name in re.findall(r"`([a-z_/]+)`", row.split("|")[1])}
+    for name, effect in CATALOGUE.items():
+        assert said[name].endswith("| - |") == (effect.undone_by is None), name
+
+
 def relative_speed_error(model, compensated):
     """Return by how much the mean twist of one second misses what was asked for, mean of commands."""
     lever = np.array([1.0, 1.0, 0.38])  # turning counts by the speed of the wheels
@@ -108,6 +146,21 @@ def test_the_robot_keeps_the_speed_that_was_asked_for(name):
     with_it, without = relative_speed_error(model, True), relative_speed_error(model, False)
     assert with_it < 0.5 * without
     assert with_it < 0.06
+
+
+@pytest.mark.parametrize("station", CUSTOM)
+def test_a_custom_effect_of_the_command_is_inverted(station):
+    model = paper_model().with_custom(CUSTOM[station])
+    with_it, without = relative_speed_error(model, True), relative_speed_error(model, False)
+    assert with_it < 0.5 * without
+    assert with_it < 0.06
+
+
+@pytest.mark.parametrize("effect", [CustomEffect("load", "-2"), CustomEffect("set_point", "-0.1 * speed")])
+def test_a_custom_effect_that_commands_alone_do_not_give_is_left_alone(effect):
+    model = paper_model().with_custom(effect)
+    assert DriveInverse(model).command((40, 30, 10), 0.0) == (40, 30, 10)
+    assert Compensated(Passing([(0, 0, 0)]), model).left_alone == (f"custom effect ({effect.station})",)
 
 
 def test_a_limit_of_the_supply_keeps_the_direction():

@@ -71,7 +71,7 @@ class ShapeBasis:
     ) -> dict[Key, list[FloatArray]]:
         """Return the columns, one array (m,) per block each, in the unit of the block's channel.
 
-        Columns that are zero everywhere are left out.
+        `predictions` are the model's of the same observations. Columns that are zero everywhere are left out.
         """
         found: dict[Key, list[FloatArray]] = {}
         for index, (block, predicted) in enumerate(zip(observations.blocks, predictions, strict=True)):

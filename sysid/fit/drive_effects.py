@@ -14,21 +14,20 @@ law of the fit has one, first-order laws with a free gain are the starts, and no
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
 from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.errors import MecanumError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-from sysid.compare.coordinates import Coordinate, EffectSet, coordinate, effect_set, scanned
+from sysid.compare.coordinates import Coordinate, EffectSet, coordinate, effect_set
 from sysid.compare.descent import compass_search, descend_steeply
 from sysid.compare.fitted import Fitted, RefittedLaw, marginal_function
 from sysid.compare.joint import LawWithEffects, joint_covariance
@@ -39,6 +38,7 @@ from sysid.compare.problem import SMOOTH_STEP, ResidualProblem
 from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
+from sysid.fit.drive_candidates import TRIED, drive_candidates, first_order_laws, starts
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
@@ -60,27 +60,8 @@ _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
 _SECONDS: Final = 120.0
 """Duration of the runs that decide, repeats not counted [s]."""
-_STATIONS: Final = ("set_point", "law", "load", "transmission")
-"""Where a drive departs from its law."""
-_TIMING: Final = ("command_latency", "sensor_lowpass", "sensor_lowpass/window")
-"""Effects of the link and the sensor that are searched, too: a law of third order has no room for a delay, a
-lag and a counter's window beside the loop."""
-_LEFT_OUT: Final = ("battery_sag", "warm_up", "torque_ripple", "weak_servo", "load_inertia")
-"""Causes that are not searched: those that change during a run, unless a logged column tells how, a ripple
-whose phase differs from run to run, and what the law and the frictions already are on a free wheel."""
-_PROBES: Final = (0.03, 0.3)
-"""Steps from neutral at which a parameter without a scan is tried, on its scale from 0 to 1."""
-_TRIED: Final[Mapping[str, tuple[float, ...]]] = {
-    "answer_s": (0.0, 0.04),
-    "motor_s": (0.02, 0.06, 0.15),
-    "brake_rpm_s": (0.0,),
-}
-"""Parameters that only a fit to logs without a gap determines, and where they are tried."""
-_MOST_STARTS: Final = 24
 _LEAST_RATE_RPM_S: Final = 20.0
 _NORMAL_90: Final = 1.645
-_TIME_CONSTANTS: Final = (0.02, 0.06, 0.2, 0.5)
-"""Time constants of first-order laws to start from, relative to the largest one allowed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,8 +109,8 @@ def find_drive_effects(
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
-    laws = (alone, *others) if is_enough else tuple(_first_order(alone, largest_pole))
-    known = _known(dataset.columns)
+    laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
+    known = drive_candidates(dataset.columns)
     searches = [_Search(law, whitener, held_out, largest_pole, known) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]
     if not began or (is_enough and began[0].base is not searches[0].base):
@@ -286,7 +267,7 @@ class _Search:
         wide = [self._wide(one) for one in chosen.coordinates]
         for name in chosen.names:
             for parameter in CATALOGUE[name].parameters:
-                if parameter.name in _TRIED:
+                if parameter.name in TRIED:
                     wide.append(self._wide(coordinate(self.base, CATALOGUE[name], parameter, scale)))
         return EffectSet(chosen.names, tuple(wide))
 
@@ -322,7 +303,7 @@ class _Search:
             candidate = LawWithEffects(fitted.candidate.law, effects)
             function = marginal_function(self.problem, candidate)
             best: tuple[float, FloatArray] | None = None
-            for start in _starts(effect, added, scale):
+            for start in starts(effect, added, scale):
                 place = np.concatenate([fitted.place, start])
                 residual = function(place)
                 if residual is None:
@@ -336,15 +317,6 @@ class _Search:
                     best = (expected, place)
             if best is not None:
                 yield best[0], candidate, best[1]
-
-
-def _first_order(model: Model, largest_pole: float) -> Iterator[Model]:
-    """Yield a model with first-order laws of unit gain and a free gain, fast ones first."""
-    for share in _TIME_CONSTANTS:
-        pole = float(largest_pole ** (1.0 / share))
-        law = replace(model.wheel.law, A=pole, B=0.0, C=0.0, D=1.0 - pole, E=0.0, F=0.0)
-        start = replace(model, wheel=replace(model.wheel, law=law))
-        yield start.with_effect("speed_gain", gain=1.0)
 
 
 def _best_ones(grown: Sequence[_Reached], inflation: float) -> list[_Reached]:
@@ -366,47 +338,6 @@ def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
     count = old.law.parameter_count
     place = np.concatenate([reached.fitted.place[:count], reached.fitted.place[count:][kept]])
     return LawWithEffects(old.law, effects), place
-
-
-def _starts(effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArray]:
-    """Yield the places at which one effect is tried: combinations of those of its parameters."""
-    parameters: Mapping[str, Parameter] = {p.name: p for p in effect.parameters}
-    choices = []
-    for one in added.coordinates:
-        parameter = parameters[one.parameter]
-        places = scanned(parameter, one, scale)
-        if one.parameter in _TRIED:
-            places = [one.unit(value) for value in _TRIED[one.parameter]]
-        elif parameter.neutral is not None and not places:
-            both = [one.neutral_place + sign * probe for probe in _PROBES for sign in (1.0, -1.0)]
-            places = [place for place in both if 0.0 <= place <= 1.0]
-        neutral = [one.neutral_place] if parameter.neutral is not None or not places else []
-        choices.append([*neutral, *places])
-    combinations = list(product(*choices))[1:]
-    for combination in combinations[:: -(-len(combinations) // _MOST_STARTS)]:
-        place = np.array(combination)
-        for index, one in enumerate(added.coordinates):
-            if one.parameter == "brake_rpm_s":
-                # Braking begins as the limit of rising does.
-                limit = added.coordinates[0].value(float(place[0]))
-                place[index] = one.unit(limit)
-        yield place
-
-
-def _known(columns: Collection[str]) -> dict[str, Effect]:
-    """Return the effects that a drive may have by itself, in the order of the chain.
-
-    `columns` are those of the logs.
-    """
-    return {
-        name: effect
-        for name, effect in CATALOGUE.items()
-        if effect.acts_in("bench")
-        and (effect.station in _STATIONS or name in _TIMING)
-        and (effect.reads or effect.cause not in _LEFT_OUT)
-        and effect.readable_in(columns)
-        and getattr(effect, "searched", True)
-    }
 
 
 def _rms(observations: Observations, model: Model) -> float:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from mecanum_env.model import paper_model
-from sysid.gap.result import Interval
+from sysid.gap.result import FoundEffect, Interval
 from sysid.studies.zoo.cases.case import Case, Hidden
 from sysid.studies.zoo.outcome import Outcome, from_json, outcome_of, to_json
 from sysid.studies.zoo.words import word_of
@@ -123,15 +123,15 @@ def report(**given: Any) -> Any:
 
 
 def study(effect: str, parameter: str, true: float, **given: Any) -> Outcome:
-    hidden = (Hidden(effect, "fixed", {parameter: true}),)
+    hidden = (Hidden(effect, "", {parameter: true}),)
     case = Case(1, "bench", "untestable", "pi", "gentle", "few", hidden)
     return outcome_of(case, report(**given), 1.0, 2.0)
 
 
-def test_an_outcome_keeps_what_calibration_needs():
+def test_an_outcome_keeps_what_calibration_needs_by_cause_whatever_the_form():
     sets = [("backlash",), ("wheel_law",), ()]
     rows = [SimpleNamespace(effects=names, misfit=m) for names, m in zip(sets, (1.1, 2.0, 9.0), strict=True)]
-    found = SimpleNamespace(name="backlash", parameters={"gap_deg": Interval(2.0, 1.0, 3.0)})
+    found = FoundEffect("backlash/rest", {"gap_deg": Interval(2.0, 1.0, 3.0)}, 1.0)
     made = study("backlash", "gap_deg", 2.0, verdict="named", effects=(found,), evidence=rows[1:] + rows[:1])
     assert (made.named, made.parameters) == (("backlash",), {"backlash": {"gap_deg": (2.0, 1.0, 3.0)}})
     assert (made.misfit, made.best, made.best_misfit) == (9.0, ("backlash",), 1.1)

@@ -47,8 +47,8 @@ def first_order_laws(model: Model, largest_pole: float) -> Iterator[Model]:
 def starts(effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArray]:
     """Yield the places at which an effect is tried: combinations of those of its parameters.
 
-    `added` is the effect as a set with its free parameters; `scale` is the study's factor on bounds in rpm and
-    rpm/s.
+    `added` is the effect as a set with its free parameters; `scale` is the study's factor on bounds in rpm
+    and rpm/s.
     """
     parameters: Mapping[str, Parameter] = {p.name: p for p in effect.parameters}
     choices = []

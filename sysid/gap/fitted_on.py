@@ -1,0 +1,41 @@
+"""The logs that a model was fitted to, which a study compares with: given, or found where the model says."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+from mecanum_env.errors import InputError
+from mecanum_env.model import Model
+from sysid.logs import Dataset, read_dataset
+
+_KEY = "logs"
+"""Where a model's provenance says which logs it was fitted to, seen from the folder of its file."""
+
+
+def with_logs(model: Model, logs: Path, folder: Path) -> Model:
+    """Return a model whose provenance says where its `logs` lie, for a file in a `folder`."""
+    where = os.path.relpath(logs.resolve(), folder.resolve())
+    return replace(model, provenance={**model.provenance, _KEY: Path(where).as_posix()})
+
+
+def logs_of_fit(model: Model, folder: Path) -> tuple[Dataset | None, str]:
+    """Return the bench logs that a model was fitted to, and why there are none, as a sentence.
+
+    `folder` is that of the model's file. They are only taken if they are the same as when the model was
+    fitted. Robot logs have to be given: their comparison takes long.
+    """
+    where, known = model.provenance.get(_KEY), model.provenance.get("data_sha256")
+    if not isinstance(where, str):
+        return None, ""
+    path = folder / where
+    try:
+        found = read_dataset(path)
+    except InputError:
+        return None, f"the logs of the fit are not at {path}: give them with --fitted-on to compare with them"
+    if found.level != "bench":
+        return None, ""
+    if found.sha256 != known:
+        return None, f"{path} has changed since the model was fitted: no comparison with the logs of the fit"
+    return found, ""

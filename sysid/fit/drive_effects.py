@@ -58,8 +58,9 @@ _PATIENCE: Final = 2
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
-_SECONDS: Final = 120.0
-"""Duration of the runs that decide, repeats not counted [s]."""
+_SECONDS: Final = 40.0
+_TICKS: Final = 8000
+"""Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
 _LEAST_RATE_RPM_S: Final = 20.0
 _NORMAL_90: Final = 1.645
 
@@ -104,7 +105,8 @@ def find_drive_effects(
     """
     progress(stage := "drive effects")
     tell = within(progress, stage)
-    runs = select_runs(dataset.split("fit"), _SECONDS, alone.wheel.command_period_s)
+    seconds = min(_SECONDS, _TICKS * alone.wheel.law.sample_period_s)
+    runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
@@ -184,7 +186,8 @@ class _Reached:
         samples = self.fitted.residual.size
         gain = (other.fitted.cost - self.fitted.cost) / self.inflation
         price = (self.parameter_count - other.parameter_count) * math.log(samples)
-        agrees = self.held_out_rpm < (1.0 - WORTH) * other.held_out_rpm
+        more = max(1, len(self.model.effects) - len(other.model.effects))
+        agrees = self.held_out_rpm < (1.0 - WORTH) ** more * other.held_out_rpm
         return gain - price > EVIDENCE and agrees
 
     def intervals(self) -> dict[str, dict[str, dict[str, float]]]:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError, UnstableLawError
 from mecanum_env.law import LawState, WheelLaw
+from mecanum_env.law.drive import DriveParameters
 from mecanum_env.law.motor_bounds import MotorBounds, loaded_law, steepest_share
 from tests.plugin.conftest import random_law
 
@@ -97,3 +98,10 @@ def test_a_drive_that_cannot_hold_the_inertia_is_refused():
     law = replace(FIRST_ORDER, A=float(a), B=float(b)).normalised().require_stable()
     with pytest.raises(UnstableLawError):
         loaded_law(law, 0.3)
+
+
+def test_a_motor_with_a_time_constant_of_its_own_rises_with_it():
+    """Behind a law that wants the speed at once, a step to twice the supply's limit is the motor's own."""
+    drive = DriveParameters(WheelLaw(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.01), 0.1, supply_rpm=80.0, supply_s=0.05)
+    speed = drive.motor_bounds.simulate(drive.law, np.full(20, 160.0), REST)
+    np.testing.assert_allclose(speed, 80.0 * (1.0 - np.exp(-0.01 * np.arange(21) / 0.05)), rtol=1e-12)

@@ -17,12 +17,12 @@ EFFECTS: Final = (
         acts_on="drive",
         parameters=(
             Parameter("limit_rpm", "rpm", math.inf, (10.0, 200.0), POSITIVE, scan=LIMITS_RPM),
-            Parameter("motor_s", "s", None, (0.005, 0.5), searched=False),
+            Parameter("motor_s", "s", None, (0.0, 0.5), searched=False),
             Parameter("per_volt", "1/V", None, PER_VOLT, searched=False),
         ),
         summary="The motor is at full voltage: its torque falls with speed, to nothing at this limit, "
-        "which it approaches with this time constant (0: as fast as the law ever moves), and which loses the "
-        "share `per_volt` with each volt of `battery_v` below its first sample.",
+        "which it approaches with the time constant `motor_s` (0: as fast as the law ever moves), and which "
+        "loses the share `per_volt` with each volt of `battery_v` below its first sample.",
         signature="An error at high speed only, which grows with the load; the end of the rise is slower.",
         direct_check="the motor's voltage at full speed, with and without load",
         understated_by=("planar",),

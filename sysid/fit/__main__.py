@@ -62,6 +62,7 @@ def fit(
     from sysid.fit.report import fit_table, write_fit_report
     from sysid.fit.result import fit_json, fitted_model
     from sysid.logs import read_dataset
+    from sysid.logs.of_fit import with_logs
     from sysid.progress import stage_bar
 
     options = FitOptions(
@@ -84,7 +85,7 @@ def fit(
     with stage_bar(_STAGES + len(options.methods) - 1 + 4 * per_wheel) as progress:
         found = fit_dataset(dataset, options, progress)
         progress("report")
-        model = fitted_model(found)
+        model = with_logs(fitted_model(found), logs, out)
         write_model(model, out / "model.json")
         write_json(out / "fit.json", fit_json(found))
         write_fit_plots(found, out)

@@ -1,8 +1,9 @@
-"""Find what a model lacks, from logs: `python -m sysid.gap LOGS --model MODEL`."""
+"""Find what a model, or a linear law, lacks: `python -m sysid.gap LOGS --model MODEL`, or without `--model`."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
@@ -14,8 +15,9 @@ from mecanum_env.cli import run
 def gap(
     logs: tyro.conf.Positional[Path],
     /,
-    model: Path,
+    model: Path | None = None,
     out: Path = Path("gap"),
+    fitted_on: Path | None = None,
     seed: int = 0,
     level: Literal["auto", "bench", "robot"] = "auto",
     only: tuple[str, ...] = (),
@@ -34,8 +36,10 @@ def gap(
 
     Args:
         logs: Folder of bench or robot logs, or one file.
-        model: Model to compare with them, from python -m sysid.fit.
+        model: Model to compare with them, from python -m sysid.fit; without one, a law and effects are fitted
+            to these logs (of a wheel on the bench), and what is beyond the law is reported.
         out: Folder to write.
+        fitted_on: The logs that the model was fitted to; default: where model.json says, if of a bench.
         seed: Seed of the simulated thresholds, the bootstrap and the design of experiments.
         level: Level that the logs must have; auto accepts both.
         only: Effects to look for; default: all that act on such logs (python -m mecanum_env.effects).
@@ -50,11 +54,13 @@ def gap(
     from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable
     from mecanum_env.model import read_model
+    from sysid.gap.alone import law_of, require_fittable
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
     from sysid.gap.search.data import require_valid
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
+    from sysid.logs.of_fit import logs_of_fit
     from sysid.progress import stage_bar
 
     options = GapOptions(
@@ -68,11 +74,19 @@ def gap(
         seconds=seconds,
         adopt=adopt,
     )
-    base = read_model(model)
     dataset = read_dataset(logs)
     require_valid(options, dataset.level)
     require_writable(*(out / name for name in FILES))
-    with stage_bar(6) as progress:
+    base = None
+    if model is None:
+        require_fittable(dataset, fitted_on)
+    else:
+        base = read_model(model)
+        known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)
+        options = replace(options, fitted_on=known, notes=(why,) if why else ())
+    with stage_bar(6 if base else 12) as progress:
+        if base is None:
+            base, options = law_of(dataset, options, progress)
         report = analyse(dataset, base, options, progress)
         progress("report")
         written = write_study(report, out)

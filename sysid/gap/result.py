@@ -17,6 +17,10 @@ Verdict = Literal["no_gap", "named", "ambiguous", "unexplained"]
 """No significant gap; one smallest set of effects explains it; several equally well; none does."""
 
 
+Since = Literal["new", "already there", "unknown"]
+"""Of effects: absent when the model was fitted; in the logs of the fit, too; these cannot tell."""
+
+
 @dataclass(frozen=True)
 class GapOptions:
     """What a user may decide about a study."""
@@ -43,6 +47,8 @@ class GapOptions:
     """Whether to design the next experiment."""
     fitted_on: Dataset | None = None
     """The logs that the model was fitted to: what they show, too, is no new effect."""
+    notes: tuple[str, ...] = ()
+    """What is known of these options, in sentences, for the notes of the report."""
 
 
 @dataclass(frozen=True)
@@ -233,6 +239,9 @@ class GapReport:
     """The model with the effects added."""
     base: Model
     """The model as given."""
+    since: Since | None
+    """Whether the effects are new since the model was fitted; None without effects or without the logs of the
+    fit."""
     level: Level
     dataset: str
     """Name of the logs."""

@@ -96,44 +96,45 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
-    if data.learned is not None and decision.verdict != "no_gap":
-        decision = _compared(decision, data, data.learned, model, options, study, considered, search)
+    if options.fitted_on is not None and data.learned is not None and decision.verdict != "no_gap":
+        decision = _compared(decision, search, data, data.learned, options.fitted_on, options.max_effects)
     progress("before and after")
     return _report(dataset, model, options, data, search, considered, decision)
 
 
 def _compared(
     decision: Decision,
+    search: Search,
     data: StudyData,
     learned: Learned,
-    model: Model,
-    options: GapOptions,
-    study: Study,
-    considered: Sequence[str],
-    search: Search,
+    fitted_on: Dataset,
+    max_effects: int,
 ) -> Decision:
-    """Return the decision after a comparison with the logs of the fit: what these show, too, is not new."""
-    fitted_on = options.fitted_on
-    if fitted_on is None or fitted_on.level != "bench":
+    """Return the decision after a comparison with the logs of the fit: what these show, too, is no gap."""
+    if fitted_on.level != "bench":
         return decision
-    if decision.chosen is not None and since_of(learned, model, decision.chosen) == "already there":
+    study, model, reason = search.problem.study, search.problem.base, ""
+    since = None if decision.chosen is None else since_of(learned, model, decision.chosen)
+    if decision.chosen is not None and since == "already there":
         names = " + ".join(decision.chosen.names)
-        reason = f"{names} was there already when the model was fitted: fit it again (python -m sysid.fit)"
-        return replace(decision, verdict="no_gap", chosen=None, candidates=(), notes=(reason,))
-    runs = [run for situation in data.observations.situations for run in situation.runs]
-    common = fitted_to_both(model, learned, fitted_on, runs, study)
-    if common is not None:
-        learned = learn(common, fitted_on, study)
-        again = replace(data, learned=learned, error=learned.error)
-        other = _start_search(again, common, study, considered, search.tell)
-        facts = explore(other, data.floor, options.max_effects, np.random.default_rng(study.seed))
-        if facts.p_value > THRESHOLDS.false_alarm:
-            reason = (
-                "one law with the model's effects, fitted to these logs and to those of the fit together, "
-                "explains both: fit it again to both (python -m sysid.fit)"
-            )
-            return replace(decision, verdict="no_gap", chosen=None, candidates=(), notes=(reason,))
-    return decision
+        reason = f"{names}: was there already when the model was fitted; fit it again (python -m sysid.fit)"
+    else:
+        runs = [run for situation in data.observations.situations for run in situation.runs]
+        common = fitted_to_both(model, learned, fitted_on, runs, study)
+        if common is not None:
+            learned = learn(common, fitted_on, study)
+            again = replace(data, learned=learned, error=learned.error)
+            considered = tuple(dict.fromkeys(response.effect for response in search.library))
+            other = _start_search(again, common, study, considered, search.tell)
+            facts = explore(other, data.floor, max_effects, np.random.default_rng(study.seed))
+            if facts.p_value > THRESHOLDS.false_alarm:
+                reason = (
+                    "no gap that is new: one law with the model's effects explains these logs and those of the "
+                    "fit, if it is fitted to both together; do that (python -m sysid.fit)"
+                )
+    if not reason:
+        return replace(decision, since=since)
+    return replace(decision, verdict="no_gap", chosen=None, candidates=(), notes=(reason,), since=since)
 
 
 def _start_search(
@@ -219,7 +220,8 @@ def _report(
         level=dataset.level,
         dataset=dataset.name,
         findings=dataset.findings,
-        notes=(*data.notes, *decision.notes, *unanswered),
+        since=decision.since,
+        notes=(*options.notes, *data.notes, *decision.notes, *unanswered),
         overlays=overlays(comparison),
         custom=custom,
         provenance={

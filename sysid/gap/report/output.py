@@ -121,6 +121,7 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "level": report.level,
             "effects": [_effect_json(found) for found in report.effects],
             "candidates": report.candidates,
+            "since": report.since,
             "gap": {**vars(report.gap), "closed": closure(report.gap)},
             "held_out": report.held_out,
             "p_value": report.p_value,

@@ -156,6 +156,9 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     if fitted_on is not None and not same_logs:
         learned = learn(model, fitted_on, Study(options.plant, options.jobs))
         error, noise = learned.error, noise.beside(learned.whitener.noise)
+        notes.append(
+            f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
+        )
     scattered = [name for name, source in noise.source.items() if source == "scatter"]
     if scattered:
         notes.append(

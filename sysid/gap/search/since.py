@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Literal
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
@@ -23,12 +22,10 @@ from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
+from sysid.gap.result import Since
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.search.thresholds import EFFORT, THRESHOLDS
 from sysid.logs import Dataset, Run
-
-Since = Literal["new", "already there", "unknown"]
-"""Of an effect: absent when the model was fitted; in the logs of the fit, too; these cannot tell."""
 
 
 def since_of(learned: Learned, model: Model, chosen: ScoredSet) -> Since:

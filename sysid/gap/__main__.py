@@ -1,4 +1,4 @@
-"""Find what a model, or a linear law, lacks: `python -m sysid.gap LOGS --model MODEL`, or without `--model`."""
+"""Find what a model, or a linear law, lacks: `python -m sysid.gap LOGS --model MODEL`, or without it."""
 
 from __future__ import annotations
 

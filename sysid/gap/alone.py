@@ -24,9 +24,7 @@ def require_fittable(dataset: Dataset, fitted_on: Path | None = None) -> None:
         InputError: robot logs, or `fitted_on` although there is no model that was fitted to anything.
     """
     if fitted_on is not None:
-        raise InputError(
-            f"fitted-on {fitted_on}: there is no model that was fitted to them; give --model, too"
-        )
+        raise InputError(f"fitted-on {fitted_on}: no model was fitted to them; give --model, too")
     if dataset.level != "bench":
         raise InputError(
             f"{dataset.name}: robot logs need a model; fit one with `python -m sysid.fit {dataset.name}` to "

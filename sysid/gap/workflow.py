@@ -129,8 +129,8 @@ def _compared(
             facts = explore(other, data.floor, max_effects, np.random.default_rng(study.seed))
             if facts.p_value > THRESHOLDS.false_alarm:
                 reason = (
-                    "no gap that is new: one law with the model's effects explains these logs and those of the "
-                    "fit, if it is fitted to both together; do that (python -m sysid.fit)"
+                    "no gap that is new: one law with the model's effects explains these logs and those of "
+                    "the fit, if it is fitted to both together; do that (python -m sysid.fit)"
                 )
     if not reason:
         return replace(decision, since=since)

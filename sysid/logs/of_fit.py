@@ -29,7 +29,7 @@ def logs_of_fit(model: Model, folder: Path) -> tuple[Dataset | None, str]:
     where, known = model.provenance.get(_KEY), model.provenance.get("data_sha256")
     if not isinstance(where, str):
         return None, ""
-    path = folder / where
+    path = Path(os.path.normpath(folder / where))
     try:
         found = read_dataset(path)
     except InputError:

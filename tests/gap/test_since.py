@@ -1,0 +1,109 @@
+"""A study beside the logs of the fit: what these show, too, is no gap, and what is new is named."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from mecanum_env.errors import InputError
+from mecanum_env.model import Model, read_model, write_model
+from sysid.compare.learned import learn
+from sysid.compare.problem import ResidualProblem
+from sysid.gap.alone import law_of, require_fittable
+from sysid.gap.report.output import gap_json
+from sysid.gap.result import GapOptions
+from sysid.gap.workflow import analyse
+from sysid.logs import BodyCommand, Dataset, Run
+from sysid.logs.of_fit import logs_of_fit, with_logs
+from sysid.logs.writer import write_dataset
+from tests.gap.conftest import MakeLogs
+
+QUIET = GapOptions(next_experiment=False)
+_STILL = np.zeros(3)
+ROBOT_LOGS = Dataset(
+    "robot",
+    (Run("r.csv", "r", "fit", np.arange(3.0), BodyCommand(_STILL, _STILL, _STILL), {"vx_m_s": _STILL}),),
+    (),
+)
+
+
+@pytest.fixture(scope="module")
+def rubbing(base: Model) -> Model:
+    """Return a wheel that loses 1.5 rpm to friction, which `base` does not know."""
+    return replace(base, robot=replace(base.robot, servo_n_m_s_rad=2.0)).with_effect(
+        "coulomb_friction", torque_n_m=0.3
+    )
+
+
+def test_what_was_there_already_is_no_gap(bench_logs: MakeLogs, base: Model, rubbing: Model) -> None:
+    before, after = bench_logs(rubbing, seed=1), bench_logs(rubbing, seed=2)
+    assert analyse(after, base, QUIET).verdict != "no_gap"
+    report = analyse(after, base, replace(QUIET, fitted_on=before))
+    assert report.verdict == "no_gap"
+    assert gap_json(report)["effects"] == []
+
+
+def test_what_is_new_is_named_beside_what_was_there(
+    bench_logs: MakeLogs, base: Model, rubbing: Model
+) -> None:
+    before = bench_logs(rubbing, seed=1)
+    after = bench_logs(rubbing.with_effect("command_latency", delay_s=0.06), seed=2)
+    report = analyse(after, base, replace(QUIET, fitted_on=before))
+    assert ("command_latency",) in report.candidates
+    assert gap_json(report)["since"] == "new"
+
+
+def test_the_error_of_the_fit_is_taken_off_in_other_logs(
+    bench_logs: MakeLogs, base: Model, rubbing: Model
+) -> None:
+    learned = learn(base, bench_logs(rubbing, seed=1))
+    corrected = ResidualProblem(base, learned.whitener, simulators=learned.simulators, learned=learned)
+    plain = ResidualProblem(base, learned.whitener, simulators=learned.simulators, learned=learned.before())
+    assert corrected.base_residual @ corrected.base_residual < 0.5 * (
+        plain.base_residual @ plain.base_residual
+    )
+    # Chance alone moves the factors by what their prior allows, and the logs narrow them.
+    assert np.all(np.sum(learned.root**2, axis=1) <= learned.prior**2 * (1.0 + 1e-9))
+
+
+def test_logs_of_another_level_are_no_logs_of_the_fit(bench_logs: MakeLogs, base: Model) -> None:
+    logs = bench_logs(base)
+    with pytest.raises(InputError, match="robot logs, and those of the study are bench logs"):
+        analyse(logs, base, replace(QUIET, fitted_on=ROBOT_LOGS))
+
+
+def test_a_model_says_where_the_logs_of_its_fit_are(
+    bench_logs: MakeLogs, base: Model, tmp_path: Path
+) -> None:
+    write_dataset(bench_logs(base), tmp_path / "logs")
+    model = with_logs(base, tmp_path / "logs", tmp_path / "fit")
+    assert model.provenance["logs"] == "../logs"
+    found, why = logs_of_fit(model, tmp_path / "fit")
+    assert found is None
+    assert "has changed since the model was fitted" in why
+
+
+def test_logs_of_a_fit_that_are_gone_are_asked_for(base: Model, tmp_path: Path) -> None:
+    write_model(with_logs(base, tmp_path / "gone", tmp_path), tmp_path / "model.json")
+    found, why = logs_of_fit(read_model(tmp_path / "model.json"), tmp_path)
+    assert found is None
+    assert "--fitted-on" in why
+    assert logs_of_fit(base, tmp_path) == (None, "")
+
+
+def test_one_recording_without_a_model_shows_what_is_beyond_the_law(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    logs = bench_logs(base.with_effect("command_deadband", threshold_rpm=25.0))
+    law, options = law_of(logs, QUIET)
+    assert dict(law.effects) == {}
+    report = analyse(logs, law, options)
+    assert any("command_deadband" in causes for causes in report.candidates)
+
+
+def test_robot_logs_without_a_model_ask_for_one() -> None:
+    with pytest.raises(InputError, match="fit one with"):
+        require_fittable(ROBOT_LOGS)

@@ -82,7 +82,8 @@ def _parameter(parameter: Parameter) -> str:
     else:
         neutral = f"{parameter.neutral:g}"
     low, high = parameter.bounds
-    note = "" if parameter.simulated else "; not yet"
+    note = " of the drive" if parameter.relative else ""
+    note += "" if parameter.simulated else "; not yet"
     return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g}{note})"
 
 

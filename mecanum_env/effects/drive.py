@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from mecanum_env.effects.definition import Effect, Parameter, Values, usual_ceiling_rpm
+from mecanum_env.effects.definition import PLANTS, Effect, Parameter, Values, usual_ceiling_rpm
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.law.set_point import MAP_PARAMETERS
@@ -123,7 +123,7 @@ EFFECTS: Final = (
             [share * usual_ceiling_rpm(model) for share in (0.1, 0.3, 0.8)],
             [share * usual_ceiling_rpm(model) for share in (0.04, 0.25, 0.8)],
         ),
-        searched=False,
+        unsearched_on=PLANTS,
         undone_by="command",
         change_drive=_static_map,
     ),

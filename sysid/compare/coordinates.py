@@ -10,13 +10,12 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.model import Model, cause_of
 from mecanum_env.units import FloatArray
 
 _LOGARITHMIC: Final = 20.0
 """Ratio of the bounds above which a parameter is searched in the logarithm."""
-_INTEGRAL_BOUNDS: Final = (1.0, 500.0)
-"""Bounds of the drive's integral action [N m/rad] when friction is tried on a drive that has one."""
 
 
 @dataclass(frozen=True)
@@ -24,7 +23,7 @@ class Coordinate:
     """One free parameter."""
 
     effect: str
-    """Name in the catalogue; "" for the drive's integral action, which is a number of the robot."""
+    """Name in the catalogue."""
     parameter: str
     low: float
     high: float
@@ -69,8 +68,6 @@ class EffectSet:
     names: tuple[str, ...]
     """Names of the effects, in the order of the catalogue."""
     coordinates: tuple[Coordinate, ...]
-    integral: bool = False
-    """Whether the drive is assumed to have integral action that the model lacks."""
 
     @property
     def parameter_count(self) -> int:
@@ -88,14 +85,9 @@ class EffectSet:
             for name, values in base.effects.items()
             if taken.get(cause_of(name), name) == name
         }
-        robot = base.robot
         for coordinate, place in zip(self.coordinates, unit, strict=True):
-            value = coordinate.value(float(place))
-            if coordinate.effect:
-                effects.setdefault(coordinate.effect, {})[coordinate.parameter] = value
-            else:
-                robot = replace(robot, servo_integral_n_m_rad=value)
-        return replace(base, robot=robot, effects=effects)
+            effects.setdefault(coordinate.effect, {})[coordinate.parameter] = coordinate.value(float(place))
+        return replace(base, effects=effects)
 
     @property
     def stepwise(self) -> tuple[bool, ...]:
@@ -104,7 +96,7 @@ class EffectSet:
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The effect that each free parameter belongs to, "" for none, shape (p,)."""
+        """The effect that each free parameter belongs to, shape (p,)."""
         return tuple(coordinate.effect for coordinate in self.coordinates)
 
     def start(self) -> FloatArray:
@@ -113,15 +105,14 @@ class EffectSet:
 
     def without(self, index: int) -> EffectSet:
         """Return the set without the parameter at `index`, which is left at neutral."""
-        left = self.coordinates[:index] + self.coordinates[index + 1 :]
-        return EffectSet(self.names, left, any(not c.effect for c in left))
+        return EffectSet(self.names, self.coordinates[:index] + self.coordinates[index + 1 :])
 
 
-def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float = 1.0) -> Coordinate:
+def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: Scale = REFERENCE) -> Coordinate:
     """Return a parameter of an effect as a coordinate.
 
-    Neutral is the base model's value: that of the effect if the model has it already. `scale` is the factor
-    on bounds in rpm and rpm/s, from `sysid.compare.problem.speed_scale`.
+    Neutral is the base model's value: that of the effect if the model has it already. `scale` is
+    that of the drive and the logs, from `sysid.compare.scale`.
     """
     present = base.effects.get(effect.name, {})
     neutral = present.get(parameter.name, parameter.neutral_in(base))
@@ -144,7 +135,7 @@ def excludes_itself(names: Sequence[str], *, bench: bool) -> bool:
     return len(causes) < len(names) or (bench and twins)
 
 
-def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:
+def scanned(parameter: Parameter, one: Coordinate, scale: Scale = REFERENCE) -> list[float]:
     """Return the places at which a parameter (`one`) is tried; none if its response has a gradient.
 
     `scale` is as for `coordinate`.
@@ -152,11 +143,10 @@ def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[f
     return list(dict.fromkeys(one.unit(value) for value in parameter.scaled(scale).scan or ()))
 
 
-def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, scale: float = 1.0) -> EffectSet:
+def effect_set(base: Model, names: Sequence[str], *, scale: Scale = REFERENCE) -> EffectSet:
     """Return the set of effects with these `names`, in any order, and all parameters free that are searched.
 
-    `integral`: whether the drive is assumed to have integral action too, of unknown size; `scale` is as for
-    `coordinate`.
+    `scale` is as for `coordinate`.
     """
     ordered = tuple(name for name in CATALOGUE if name in names)
     free = [
@@ -165,19 +155,11 @@ def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, sca
         for p in CATALOGUE[n].parameters
         if p.simulated and p.searched
     ]
-    if integral:
-        free.append(integral_action(base))
-    return EffectSet(ordered, tuple(free), integral)
-
-
-def integral_action(base: Model) -> Coordinate:
-    """Return the drive's integral action as a coordinate whose neutral value is that of the `base` model."""
-    return Coordinate("", "servo_integral_n_m_rad", *_INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
+    return EffectSet(ordered, tuple(free))
 
 
 def joined(one: EffectSet, other: EffectSet) -> EffectSet:
     """Return the set with the effects and free parameters of both."""
     names = tuple(name for name in CATALOGUE if name in (*one.names, *other.names))
     both = dict.fromkeys((*one.coordinates, *other.coordinates))
-    ordered = sorted(both, key=lambda c: names.index(c.effect) if c.effect else len(names))
-    return EffectSet(names, tuple(ordered), one.integral or other.integral)
+    return EffectSet(names, tuple(sorted(both, key=lambda c: names.index(c.effect))))

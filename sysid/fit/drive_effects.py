@@ -19,6 +19,8 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
+from mecanum_env.effects.scale import Scale
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
@@ -73,13 +75,23 @@ class DriveEffects:
     def note(self) -> str:
         """What was found, in a sentence."""
         found = "; ".join(
-            f"{name} " + ", ".join(f"{key} {value:.4g}" for key, value in values.items())
-            for name, values in self.model.effects.items()
+            f"{name} " + ", ".join(f"{key} {value:.4g}" for key, value in self._sizes(name).items())
+            for name in self.model.effects
         )
         return (
             f"the drive is not the law alone: {found}; fitted together with the law, they lower the held-out "
             f"error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm"
         )
+
+    def _sizes(self, name: str) -> dict[str, float]:
+        """Return the parameters of an effect; a torque as the speed that it takes, in N m only if known."""
+        values, torque = dict(self.model.effects[name]), TORQUES.get(cause_of(name), "")
+        if torque not in values:
+            return values
+        told = {"droop_rpm": droop_rpm(name, values, self.model)}
+        if not stiffness_is_known(self.model):
+            del values[torque]
+        return told | values
 
 
 def find_drive_effects(
@@ -155,7 +167,7 @@ class _Reached:
         found: dict[str, dict[str, dict[str, float]]] = {}
         for one, place, half in zip(effects.coordinates, self.fitted.place[count:], spread, strict=True):
             ends = [one.value(float(np.clip(at, 0.0, 1.0))) for at in (place, place - half, place + half)]
-            if one.effect and all(map(math.isfinite, ends)):
+            if all(map(math.isfinite, ends)):
                 values = dict(zip(("value", "low", "high"), ends, strict=True))
                 found.setdefault(one.effect, {})[one.parameter] = values
         return found
@@ -228,7 +240,7 @@ class _Search:
                 yield best[0], candidate, best[1]
 
 
-def _starts(base: Model, effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArray]:
+def _starts(base: Model, effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArray]:
     """Yield the places at which one effect is tried, one parameter off neutral at a time."""
     parameters: Mapping[str, Parameter] = {p.name: p for p in effect.parameters}
     for index, one in enumerate(added.coordinates):
@@ -251,10 +263,7 @@ def _known() -> dict[str, Effect]:
     return {
         name: effect
         for name, effect in CATALOGUE.items()
-        if effect.acts_in("bench")
-        and effect.station in _STATIONS
-        and effect.cause not in _OVER_TIME
-        and getattr(effect, "searched", True)
+        if effect.searched_in("bench") and effect.station in _STATIONS and effect.cause not in _OVER_TIME
     }
 
 

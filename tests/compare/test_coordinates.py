@@ -55,14 +55,6 @@ def test_joined_sets_have_both_effects_in_the_order_of_the_chain() -> None:
     assert [c.effect for c in both.coordinates] == ["command_latency", "sensor_latency"]
 
 
-def test_integral_action_is_a_number_of_the_drive() -> None:
-    chosen = effect_set(MODEL, ["coulomb_friction"], integral=True)
-    model = chosen.model(MODEL, np.array([0.5, 0.5]))
-    assert model.robot.servo_integral_n_m_rad > 0.0
-    assert chosen.model(MODEL, chosen.start()).robot == MODEL.robot
-    assert not chosen.without(1).integral
-
-
 def test_the_law_fitted_again_starts_from_the_law_and_stays_stable() -> None:
     rival = RefittedLaw(MODEL)
     assert rival.model(MODEL, rival.start()).wheel == MODEL.wheel

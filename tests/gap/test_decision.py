@@ -142,7 +142,7 @@ def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
     search = Search(problem, responses(problem, ("command_latency", "sensor_latency")), SearchEffort())
     screened = search.growths
     search.fit_best([g for g in screened(search.base) if g.candidate.names == ("command_latency",)], 1)
-    chosen = search.fitted[("command_latency",), False]
+    chosen = search.fitted[("command_latency",)]
 
     def inaccurate(parent: Fitted[EffectSet]) -> list[Growth]:
         return [replace(growth, expected=0.9 * parent.cost) for growth in screened(parent)]
@@ -160,7 +160,7 @@ def test_effects_behind_a_delay_are_screened_with_the_delay(bench_logs: MakeLogs
     library = responses(problem, ("command_latency", "direction_asymmetry"))
     search = Search(problem, library, SearchEffort())
     search.grow(1)
-    parent = search.fitted[("command_latency",), False]
+    parent = search.fitted[("command_latency",)]
     assert parent.cost > 10.0 * problem.size
     promised = search.growths(parent)[0].expected
     assert promised < 0.3 * growths(base, parent, library)[0].expected
@@ -176,5 +176,5 @@ def test_behind_a_delay_no_other_form_of_a_cause_of_the_set_is_screened(
     library = responses(problem, ("sensor_latency", "sensor_latency/wheels", "speed_gain"))
     search = Search(problem, library, SearchEffort())
     search.grow(1)
-    grown = search.growths(search.fitted[("sensor_latency",), False])
+    grown = search.growths(search.fitted[("sensor_latency",)])
     assert [growth.candidate.names for growth in grown] == [("speed_gain", "sensor_latency")]

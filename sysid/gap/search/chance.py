@@ -166,9 +166,8 @@ def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[s
     found: dict[str, dict[str, float]] = {}
     by_parameter: dict[tuple[str, str], list[Response]] = {}
     for response in library:
-        if not response.chosen.integral:
-            key = response.effect, response.chosen.coordinates[0].parameter
-            by_parameter.setdefault(key, []).append(response)
+        key = response.effect, response.chosen.coordinates[0].parameter
+        by_parameter.setdefault(key, []).append(response)
     for (name, parameter), own in by_parameter.items():
         value = _smallest(own, needed)
         if value is not None:

@@ -75,7 +75,7 @@ def known_effects(level: Level, plant: PlantKind = "rollers") -> tuple[str, ...]
     `plant` simulates robot logs.
     """
     used: PlantKind = "bench" if level == "bench" else plant
-    return tuple(name for name, effect in CATALOGUE.items() if effect.searched and effect.acts_in(used))
+    return tuple(name for name, effect in CATALOGUE.items() if effect.searched_in(used))
 
 
 def require_movement(dataset: Dataset) -> None:

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from mecanum_env.effects import CATALOGUE, Effect
+from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import (
@@ -23,7 +24,6 @@ from sysid.compare.coordinates import (
     EffectSet,
     coordinate,
     effect_set,
-    integral_action,
     joined,
     scanned,
 )
@@ -31,17 +31,11 @@ from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
 from sysid.progress import Progress, silent
 
-_TORQUES: Final = (0.05, 0.2, 0.5)
-"""Friction torques that are tried on a drive with integral action, on the scale 0 .. 1."""
-_TYPICAL_INTEGRAL: Final = 50.0
-"""Integral action with which friction is tried [N m/rad]. Assumed."""
 _LARGEST_MULTIPLE: Final = 1.2
 """Largest multiple of a threshold's response that is considered, since it is not proportional to its size."""
 _LEAST_RESPONSE: Final = 0.3
 """Length of a response (in noise sigmas, over all samples) below which a parameter is not fitted."""
 
-Key: TypeAlias = tuple[tuple[str, ...], bool]
-"""Names of the effects, and whether the drive is assumed to have integral action."""
 _Trial: TypeAlias = tuple[EffectSet, FloatArray, bool, float]
 """What is simulated: an effect as a set, its place, whether it is linear, and its size as in `Response`."""
 
@@ -98,7 +92,7 @@ def responses(
     return found
 
 
-def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
+def _trials(base: Model, effect: Effect, step: float, scale: Scale) -> list[_Trial]:
     """Return the simulations of an effect, one for each of its sizes."""
     trials: list[_Trial] = []
     searched = [p for p in effect.parameters if p.simulated and p.searched]
@@ -122,20 +116,7 @@ def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Tri
             for rest in product(*grids):
                 chosen = EffectSet((effect.name,), (one, *beside))
                 trials.append((chosen, np.array([place, *rest]), linear, size))
-    if effect.depends_on_integral:
-        trials += _with_integral(base, effect, scale)
     return trials
-
-
-def _with_integral(base: Model, effect: Effect, scale: float) -> list[_Trial]:
-    """Return the trials of friction with integral action; almost without it if the drive has some."""
-    extra = integral_action(base)
-    parameter = effect.parameters[0]
-    one = coordinate(base, effect, parameter, scale)
-    places = scanned(parameter, one, scale) or [one.unit(one.neutral) + x for x in _TORQUES]
-    action = 0.0 if extra.neutral > 0.0 else extra.unit(_TYPICAL_INTEGRAL)
-    chosen = EffectSet((effect.name,), (one, extra), integral=True)
-    return [(chosen, np.array([place, action]), False, place) for place in places if place <= 1.0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +132,9 @@ class Growth:
     """Cost that linear least squares expects."""
 
     @property
-    def key(self) -> Key:
-        """Names of the effects, and whether integral action is assumed."""
-        return self.candidate.names, self.candidate.integral
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return self.candidate.names
 
     @property
     def parent_place(self) -> FloatArray:
@@ -162,16 +143,16 @@ class Growth:
 
 
 def growths(
-    base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: float = 1.0
+    base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: Scale = REFERENCE
 ) -> list[Growth]:
     """Return the growths of a fitted set by one effect each, the most promising first.
 
-    `library` holds the responses of the effects to consider. `scale` is the factor on bounds in rpm and
-    rpm/s, from `sysid.compare.problem.speed_scale`.
+    `library` holds the responses of the effects to consider. `scale` is that of the drive and the
+    logs, from `sysid.compare.scale`.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)
-    best: dict[Key, Growth] = {}
+    best: dict[tuple[str, ...], Growth] = {}
     for name in dict.fromkeys(r.effect for r in library if r.effect not in parent.names):
         clear = [r for r in library if r.effect == name and r.length > _LEAST_RESPONSE]
         for together in _alternatives(clear, rest, orthogonal):
@@ -179,9 +160,9 @@ def growths(
             candidate = joined(parent.candidate, _free(base, name, clear, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
             growth = Growth(candidate, place, parent, expected)
-            if growth.key not in best or expected < best[growth.key].expected:
-                best[growth.key] = growth
-    return sorted(best.values(), key=lambda g: (g.expected, g.key))
+            if growth.names not in best or expected < best[growth.names].expected:
+                best[growth.names] = growth
+    return sorted(best.values(), key=lambda g: (g.expected, g.names))
 
 
 def _alternatives(
@@ -196,7 +177,7 @@ def _alternatives(
         yield [response]
         expected = _linear([response], rest, orthogonal)[0]
         parameter = response.chosen.coordinates[0].parameter
-        alone = not response.chosen.integral and len(response.chosen.coordinates) == 1
+        alone = len(response.chosen.coordinates) == 1
         if alone and (parameter not in best or expected < best[parameter][0]):
             best[parameter] = (expected, response)
     if len(best) + len(linear) > 1 and best:
@@ -243,19 +224,18 @@ def _moved(together: Sequence[Response], shares: FloatArray) -> dict[Coordinate,
 
 
 def _free(
-    base: Model, name: str, clear: Sequence[Response], together: Sequence[Response], scale: float
+    base: Model, name: str, clear: Sequence[Response], together: Sequence[Response], scale: Scale
 ) -> EffectSet:
     """Return the effect with those parameters free to which these logs respond."""
-    integral = together[0].chosen.integral
-    full = effect_set(base, [name], integral=integral, scale=scale)
+    full = effect_set(base, [name], scale=scale)
     shown = {c for response in (*clear, *together) for c in response.chosen.coordinates}
     # A height or a heading matters only together with its mass or slope.
     beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):
         # So does the softness of a limit matter only with a limit that the model does not have.
         beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}
-    kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside or not c.effect)
-    return EffectSet(full.names, kept, integral)
+    kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside)
+    return EffectSet(full.names, kept)
 
 
 def _place(candidate: EffectSet, parent: Fitted[EffectSet], moved: dict[Coordinate, float]) -> FloatArray:

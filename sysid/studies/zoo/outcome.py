@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any, Final
 
 from mecanum_env.effects import CATALOGUE
-from sysid.gap.result import Evidence, GapReport
+from sysid.gap.result import Evidence, FoundEffect, GapReport, Interval
 from sysid.studies.zoo.cases.case import Case, Hidden
 
 Bounds = tuple[float, float, float]
@@ -108,7 +108,7 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
         named=tuple(effect.name for effect in report.effects),
         candidates=report.candidates,
         parameters={
-            effect.name: {key: (p.value, p.low, p.high) for key, p in effect.parameters.items()}
+            effect.name: {key: (p.value, p.low, p.high) for key, p in _measured(effect).items()}
             for effect in report.effects
         },
         before=report.gap.before,
@@ -124,6 +124,11 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
         fit_s=fit_s,
         study_s=study_s,
     )
+
+
+def _measured(effect: FoundEffect) -> dict[str, Interval]:
+    """Return what a report says of an effect's size: its parameters, and the droop of a torque."""
+    return {**effect.parameters, **effect.estimates}
 
 
 def _best(report: GapReport) -> Evidence | None:

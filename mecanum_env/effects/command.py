@@ -15,6 +15,9 @@ TIME_STAMPS: Final = (
 )
 """Direct check of any delay."""
 _CONTROLLER_LOG: Final = "the command that reaches the drives, in the controller's own log"
+_RANDOM: Final = PLANTS
+"""Where chance decides when a command acts, no search looks: a simulation draws other times than those of a
+log, and what is left in the mean over repeats is a fixed delay and a lag."""
 _LIMIT: Final = (1e-6, math.inf)
 
 
@@ -97,7 +100,7 @@ EFFECTS: Final = (
         "and this standard deviation.",
         signature="Rises and falls come later, each by another time; the speeds reached are unchanged.",
         direct_check=TIME_STAMPS,
-        unsearched_on=PLANTS,
+        unsearched_on=_RANDOM,
         shifts_time=True,
         undone_by="prediction",
         change_drive=lambda drive, values, _: replace(
@@ -114,7 +117,7 @@ EFFECTS: Final = (
         signature="Now and then a change of the command comes one command period late, or more.",
         direct_check=_CONTROLLER_LOG,
         realistic=lambda _: {"share": 0.05},
-        unsearched_on=PLANTS,
+        unsearched_on=_RANDOM,
         change_drive=lambda drive, values, _: replace(drive, loss=values["share"]),
     ),
     Effect(

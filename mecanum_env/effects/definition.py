@@ -62,6 +62,9 @@ class Parameter:
     """False: the name is reserved, but values other than the neutral one are refused."""
     searched: bool = True
     """False: a search leaves it at its neutral or default value."""
+    multiples: tuple[float, ...] = ()
+    """Multiples of the effect's first parameter, which has the same bounds, at which a search tries this one;
+    otherwise it is left at the `default`."""
     relative: bool = False
     """`bounds` and `scan` are shares of what the drive can give, see `Scale.factor`."""
     largest: Callable[[Model], float] | None = None
@@ -146,6 +149,8 @@ class Effect:
     """Plants that have the part but cannot express the effect: they refuse the model."""
     understated_by: tuple[PlantKind, ...] = ()
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
+    search_from: Callable[[Scale], Values] | None = None
+    """For an effect that changes nothing at many places: values of parameters at which a search starts."""
     unsearched_on: tuple[PlantKind, ...] = ()
     """Plants on whose logs a search for the effects that a model lacks leaves it out."""
     shifts_time: bool = False
@@ -178,6 +183,11 @@ class Effect:
     def form(self) -> str:
         """The form that the cause takes; "" if it has one only."""
         return self.name.partition("/")[2] or self.first_form
+
+    @property
+    def follows_angle(self) -> bool:
+        """Whether it swings with the wheel's angle, with a phase that differs from run to run."""
+        return any(parameter.name == "phase_deg" for parameter in self.parameters)
 
     @property
     def changes_motion(self) -> bool:

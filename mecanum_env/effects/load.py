@@ -92,12 +92,10 @@ EFFECTS: Final = (
         station="load",
         acts_on="wheel joint",
         parameters=(
-            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 6)),
-            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), searched=False),
-            Parameter("torque_n_m", "N m", 0.0, (0.0, 0.6), relative=True),
-            Parameter(
-                "phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), scan=(-90, 0, 90, 180)
-            ),
+            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, searched=False),
+            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), scan=(0.02, 0.1)),
+            Parameter("torque_n_m", "N m", 0.0, (0.0, 0.6), scan=(0.01, 0.05), relative=True),
+            Parameter("phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), searched=False),
         ),
         summary="A torque that swings with the wheel's angle: constant, or one that makes the speed swing by "
         "this share of itself (cogging, an eccentric gear).",

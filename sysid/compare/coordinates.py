@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.effects.definition import Values
 from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.model import Model, cause_of
 from mecanum_env.units import FloatArray
@@ -29,6 +30,8 @@ class Coordinate:
     high: float
     neutral: float
     """Value in the base model; may be infinite."""
+    like: str = ""
+    """The parameter of the same effect, with the same bounds, that it equals as long as it is neutral."""
     stepwise: bool = False
     """Whether its response is piecewise constant, so that derivatives say nothing."""
 
@@ -68,6 +71,8 @@ class EffectSet:
     names: tuple[str, ...]
     """Names of the effects, in the order of the catalogue."""
     coordinates: tuple[Coordinate, ...]
+    fixed: tuple[tuple[str, str, float], ...] = ()
+    """Effect, parameter and value where an effect does not start from the values of the base model."""
 
     @property
     def parameter_count(self) -> int:
@@ -85,6 +90,8 @@ class EffectSet:
             for name, values in base.effects.items()
             if taken.get(cause_of(name), name) == name
         }
+        for name, parameter, value in self.fixed:
+            effects.setdefault(name, {})[parameter] = value
         for coordinate, place in zip(self.coordinates, unit, strict=True):
             effects.setdefault(coordinate.effect, {})[coordinate.parameter] = coordinate.value(float(place))
         return replace(base, effects=effects)
@@ -105,7 +112,20 @@ class EffectSet:
 
     def without(self, index: int) -> EffectSet:
         """Return the set without the parameter at `index`, which is left at neutral."""
-        return EffectSet(self.names, self.coordinates[:index] + self.coordinates[index + 1 :])
+        return replace(self, coordinates=self.coordinates[:index] + self.coordinates[index + 1 :])
+
+    def only(self, names: Sequence[str]) -> EffectSet:
+        """Return the set with those of its effects that have these `names`."""
+        return EffectSet(
+            tuple(name for name in self.names if name in names),
+            tuple(c for c in self.coordinates if c.effect in names),
+            tuple(value for value in self.fixed if value[0] in names),
+        )
+
+    def needless_at(self, unit: Sequence[float] | FloatArray) -> FloatArray:
+        """Return where each parameter would change nothing if the others stay at a place `unit`, (p,)."""
+        at = {(c.effect, c.parameter): float(x) for c, x in zip(self.coordinates, unit, strict=True)}
+        return np.array([at.get((c.effect, c.like), c.neutral_place) for c in self.coordinates])
 
 
 def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: Scale = REFERENCE) -> Coordinate:
@@ -114,15 +134,16 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: Scale =
     Neutral is the base model's value: that of the effect if the model has it already. `scale` is
     that of the drive and the logs, from `sysid.compare.scale`.
     """
-    present = base.effects.get(effect.name, {})
+    present = base.effects.get(effect.name) or _search_from(effect, scale)
     neutral = present.get(parameter.name, parameter.neutral_in(base))
     low, high = parameter.scaled(scale).bounds
+    like = effect.parameters[0].name if parameter.multiples and parameter.name not in present else ""
     if parameter.largest is not None:
         high = min(high, parameter.largest(base))
-    if math.isfinite(neutral):
+    if math.isfinite(neutral) and not like:
         # A value that the model has already may lie outside of the bounds.
         low, high = min(low, neutral), max(high, neutral)
-    return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
+    return Coordinate(effect.name, parameter.name, low, high, neutral, like, parameter.stepwise)
 
 
 def excludes_itself(names: Sequence[str], *, bench: bool) -> bool:
@@ -146,20 +167,31 @@ def scanned(parameter: Parameter, one: Coordinate, scale: Scale = REFERENCE) -> 
 def effect_set(base: Model, names: Sequence[str], *, scale: Scale = REFERENCE) -> EffectSet:
     """Return the set of effects with these `names`, in any order, and all parameters free that are searched.
 
-    `scale` is as for `coordinate`.
+    Those that equal another one as long as they are neutral are left at that. `scale` is as for `coordinate`.
     """
     ordered = tuple(name for name in CATALOGUE if name in names)
     free = [
         coordinate(base, CATALOGUE[n], p, scale)
         for n in ordered
         for p in CATALOGUE[n].parameters
-        if p.simulated and p.searched
+        if p.simulated and p.searched and (not p.multiples or p.name in base.effects.get(n, {}))
     ]
-    return EffectSet(ordered, tuple(free))
+    fixed = [
+        (n, parameter, value)
+        for n in ordered
+        if n not in base.effects
+        for parameter, value in _search_from(CATALOGUE[n], scale).items()
+    ]
+    return EffectSet(ordered, tuple(free), tuple(fixed))
+
+
+def _search_from(effect: Effect, scale: Scale) -> Values:
+    return {} if effect.search_from is None else effect.search_from(scale)
 
 
 def joined(one: EffectSet, other: EffectSet) -> EffectSet:
     """Return the set with the effects and free parameters of both."""
     names = tuple(name for name in CATALOGUE if name in (*one.names, *other.names))
     both = dict.fromkeys((*one.coordinates, *other.coordinates))
-    return EffectSet(names, tuple(sorted(both, key=lambda c: names.index(c.effect))))
+    fixed = tuple(dict.fromkeys((*one.fixed, *other.fixed)))
+    return EffectSet(names, tuple(sorted(both, key=lambda c: names.index(c.effect))), fixed)

@@ -21,6 +21,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.descent import Mask
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import Observations
+from sysid.compare.phases import with_unknown_phases
 from sysid.compare.prediction import Study
 from sysid.compare.scale import scale_of
 from sysid.compare.simulator import Simulator, model_key
@@ -119,11 +120,15 @@ class ResidualProblem:
         return self._residual(self.simulators.full, model)
 
     def _residual(self, simulator: Simulator, model: Model) -> FloatArray | None:
-        try:
-            predictions = simulator.predictions(model)
-        except _UNUSABLE:
-            return None
-        return self.measured - self.whitener.whiten(predictions)
+        def with_its_phases(one: Model) -> FloatArray | None:
+            try:
+                predictions = simulator.predictions(one)
+            except _UNUSABLE:
+                return None
+            return self.measured - self.whitener.whiten(predictions)
+
+        rows = self.whitener.slices
+        return with_unknown_phases(with_its_phases, model, self.observations.blocks, rows)
 
     def surrogate_residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model on the planar plant; on the bench that of `residual`.

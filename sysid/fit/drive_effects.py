@@ -22,12 +22,13 @@ from mecanum_env.effects import CATALOGUE, Effect, Parameter
 from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
 from mecanum_env.effects.scale import Scale
 from mecanum_env.errors import MecanumError
+from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, coordinate, effect_set, scanned
 from sysid.compare.fitted import Fitted, RefittedLaw, fit, marginal_function
-from sysid.compare.joint import LawWithEffects, coefficient_covariance
+from sysid.compare.joint import LawWithEffects, joint_covariance
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import Observations, observe
 from sysid.compare.prediction import Study
@@ -128,10 +129,15 @@ def find_drive_effects(
     if not best.model.effects or best is first:
         return None
     before = _rms(held_out, alone)
-    names, covariance = coefficient_covariance(best.fitted, best.base, best.inflation)
-    stated = {"wheel": {"names": names, "covariance": covariance.tolist()}, "effects": best.intervals()}
+    names, covariance = joint_covariance(best.fitted, best.base, best.inflation)
+    of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
+    stated = {
+        "wheel": {"names": list(COEFFICIENTS), "covariance": of_law.tolist()},
+        "effects": best.intervals(),
+        "joint": {"names": names, "covariance": covariance.tolist()},
+    }
     model = replace(best.model, uncertainty={**best.model.uncertainty, **stated})
-    return DriveEffects(model, covariance, before, best.held_out_rpm)
+    return DriveEffects(model, of_law, before, best.held_out_rpm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,10 +223,9 @@ class _Search:
             if effect.cause in present:
                 continue
             added = effect_set(self.base, [name], scale=scale)
-            effects = EffectSet(
-                (*fitted.candidate.effects.names, name),
-                (*fitted.candidate.effects.coordinates, *added.coordinates),
-            )
+            so_far = fitted.candidate.effects
+            coordinates = (*so_far.coordinates, *added.coordinates)
+            effects = EffectSet((*so_far.names, name), coordinates, so_far.fixed)
             candidate = LawWithEffects(fitted.candidate.law, effects)
             function = marginal_function(self.problem, candidate)
             best: tuple[float, FloatArray] | None = None
@@ -263,7 +268,13 @@ def _known() -> dict[str, Effect]:
     return {
         name: effect
         for name, effect in CATALOGUE.items()
-        if effect.searched_in("bench") and effect.station in _STATIONS and effect.cause not in _OVER_TIME
+        if effect.searched_in("bench")
+        and effect.station in _STATIONS
+        and effect.cause not in _OVER_TIME
+        # A map has five numbers and stands for what has no simpler name, which a study may then find.
+        and effect.search_from is None
+        # Of what follows the angle, the phase differs from run to run: no model predicts another run with it.
+        and not effect.follows_angle
     }
 
 

@@ -1,10 +1,13 @@
 """The sizes of an effect that are simulated to measure its response."""
 
+import numpy as np
 import pytest
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.scale import REFERENCE
 from mecanum_env.model import paper_model
+from mecanum_env.simulator import replay_bench
+from sysid.compare.coordinates import effect_set
 from sysid.gap.search.data import known_effects
 from sysid.gap.search.responses import _trials
 
@@ -26,12 +29,31 @@ def test_every_size_changes_the_model_and_is_within_bounds(name: str) -> None:
         assert chosen.model(MODEL, place) != MODEL
 
 
-def test_a_ripple_is_tried_with_every_phase_at_every_frequency() -> None:
-    trials = _trials(MODEL, CATALOGUE["encoder_eccentricity"], 0.15, REFERENCE)
+def test_a_ripple_is_tried_at_a_given_frequency_with_the_phase_left_open() -> None:
+    trials = _trials(MODEL, CATALOGUE["encoder_eccentricity"], 0.15, REFERENCE, 7)
     values = [chosen.model(MODEL, place).effects["encoder_eccentricity"] for chosen, place, _, _ in trials]
-    tried = {(round(one["per_turn"]), round(one["phase_deg"])) for one in values}
-    per_turn, _, phase = CATALOGUE["encoder_eccentricity"].parameters
-    assert len(trials) == len(tried) == len(per_turn.scan or ()) * len(phase.scan or ())
+    assert values
+    assert all(one["per_turn"] == 7.0 and "phase_deg" not in one for one in values)
+
+
+def test_a_limit_is_tried_with_a_brake_of_its_own_and_without() -> None:
+    trials = _trials(MODEL, CATALOGUE["acceleration_limit"], 0.15, REFERENCE)
+    values = [chosen.model(MODEL, place).effects["acceleration_limit"] for chosen, place, _, _ in trials]
+    ratios = {round(one["brake_rpm_s"] / one["limit_rpm_s"], 6) for one in values if "brake_rpm_s" in one}
+    assert ratios == {0.5, 2.0}
+    assert any("brake_rpm_s" not in one for one in values)
+
+
+def test_a_map_is_searched_from_a_straight_line() -> None:
+    commands = np.linspace(-REFERENCE.top_rpm, REFERENCE.top_rpm, 31)
+    straight = effect_set(MODEL, ["static_map"])
+    model = straight.model(MODEL, straight.start())
+    time = np.arange(commands.size) * 0.2
+    there = replay_bench(model, time, commands)
+    np.testing.assert_allclose(there, replay_bench(MODEL, time, commands), atol=1e-9)
+    assert {coordinate.parameter for coordinate in straight.coordinates} == {
+        f"value_{i}_rpm" for i in range(1, 6)
+    }
 
 
 def test_what_is_random_or_the_same_as_another_form_is_not_tried():

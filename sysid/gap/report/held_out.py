@@ -147,6 +147,8 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
     for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
         value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
         intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
+    for name, parameter, number in candidate.fixed:
+        intervals[name].setdefault(parameter, Interval(number, number, number))
     model = candidate.model(problem.base, fitted.place)
     return tuple(
         FoundEffect(

@@ -166,8 +166,9 @@ def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[s
     found: dict[str, dict[str, float]] = {}
     by_parameter: dict[tuple[str, str], list[Response]] = {}
     for response in library:
-        key = response.effect, response.chosen.coordinates[0].parameter
-        by_parameter.setdefault(key, []).append(response)
+        if not any(coordinate.like for coordinate in response.chosen.coordinates):
+            key = response.effect, response.chosen.coordinates[0].parameter
+            by_parameter.setdefault(key, []).append(response)
     for (name, parameter), own in by_parameter.items():
         value = _smallest(own, needed)
         if value is not None:

@@ -28,11 +28,14 @@ from sysid.compare.coordinates import (
     scanned,
 )
 from sysid.compare.fitted import Fitted
+from sysid.compare.phases import likely_frequencies
 from sysid.compare.problem import ResidualProblem
 from sysid.progress import Progress, silent
 
 _LARGEST_MULTIPLE: Final = 1.2
 """Largest multiple of a threshold's response that is considered, since it is not proportional to its size."""
+_MOST_FREQUENCIES: Final = 2
+"""Frequencies over the wheel's angle at which an effect is simulated: those that the residual shows most."""
 _LEAST_RESPONSE: Final = 0.3
 """Length of a response (in noise sigmas, over all samples) below which a parameter is not fitted."""
 
@@ -82,7 +85,11 @@ def responses(
     start = problem.base if at is None else at
     for number, name in enumerate(ordered, 1):
         tell(f"effect {number} of {len(ordered)}")
-        trials = _trials(problem.base, CATALOGUE[name], problem.probe_step([name]), problem.study.scale)
+        effect, step, scale = CATALOGUE[name], problem.probe_step([name]), problem.study.scale
+        if effect.follows_angle:
+            trials = [t for k in _frequencies(problem) for t in _trials(problem.base, effect, step, scale, k)]
+        else:
+            trials = _trials(problem.base, effect, step, scale)
         models = [chosen.model(start, place) for chosen, place, _, _ in trials]
         covered = problem.surrogate_covers([name])
         changes = problem.changes(models, surrogate=covered, reference=start)
@@ -92,12 +99,25 @@ def responses(
     return found
 
 
-def _trials(base: Model, effect: Effect, step: float, scale: Scale) -> list[_Trial]:
-    """Return the simulations of an effect, one for each of its sizes."""
+def _frequencies(problem: ResidualProblem) -> tuple[int, ...]:
+    """Return the periods per turn at which an effect that follows the wheel's angle is tried."""
+    predictions = problem.simulators.full.predictions(problem.base)
+    blocks, rows = problem.observations.blocks, problem.whitener.slices
+    return likely_frequencies(problem.base_residual, predictions, blocks, rows, _MOST_FREQUENCIES)
+
+
+def _trials(
+    base: Model, effect: Effect, step: float, scale: Scale, per_turn: int | None = None
+) -> list[_Trial]:
+    """Return the simulations of an effect, one for each of its sizes, if it has a frequency `per_turn`."""
     trials: list[_Trial] = []
     searched = [p for p in effect.parameters if p.simulated and p.searched]
     primary = [p for p in searched if p.neutral is not None]
     secondary = [p for p in searched if p.neutral is None and p.scan]
+    beside_first = [p for p in searched if p.multiples]
+    fixed = effect_set(base, [effect.name], scale=scale).fixed
+    if per_turn is not None:
+        fixed = (*fixed, (effect.name, "per_turn", float(per_turn)))
     beside = [coordinate(base, effect, other, scale) for other in secondary]
     grids = [scanned(other, place, scale) for other, place in zip(secondary, beside, strict=True)]
     for parameter in primary:
@@ -112,10 +132,13 @@ def _trials(base: Model, effect: Effect, step: float, scale: Scale) -> list[_Tri
             size = abs(place - neutral)
             if size < 1e-9:
                 continue
-            # A frequency tried with one phase only would miss the other phases.
             for rest in product(*grids):
-                chosen = EffectSet((effect.name,), (one, *beside))
+                chosen = EffectSet((effect.name,), (one, *beside), fixed)
                 trials.append((chosen, np.array([place, *rest]), linear, size))
+            for other in beside_first if parameter is effect.parameters[0] else ():
+                both = EffectSet((effect.name,), (one, coordinate(base, effect, other, scale)), fixed)
+                at = [one.unit(multiple * one.value(place)) for multiple in other.multiples]
+                trials += [(both, np.array([place, x]), False, size) for x in at if 0.0 < x < 1.0]
     return trials
 
 
@@ -180,7 +203,9 @@ def _alternatives(
         alone = len(response.chosen.coordinates) == 1
         if alone and (parameter not in best or expected < best[parameter][0]):
             best[parameter] = (expected, response)
-    if len(best) + len(linear) > 1 and best:
+    # Unknown phases make responses that do not add up.
+    adds_up = not any(CATALOGUE[response.effect].follows_angle for response in own)
+    if len(best) + len(linear) > 1 and best and adds_up:
         yield [response for _, response in best.values()] + linear
 
 
@@ -228,14 +253,18 @@ def _free(
 ) -> EffectSet:
     """Return the effect with those parameters free to which these logs respond."""
     full = effect_set(base, [name], scale=scale)
+    if CATALOGUE[name].follows_angle:
+        return together[0].chosen
     shown = {c for response in (*clear, *together) for c in response.chosen.coordinates}
     # A height or a heading matters only together with its mass or slope.
     beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):
         # So does the softness of a limit matter only with a limit that the model does not have.
         beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}
-    kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside)
-    return EffectSet(full.names, kept)
+    kept = [c for c in full.coordinates if c in shown or c.parameter in beside]
+    # What equals another parameter as long as it is neutral is free only where that was tried.
+    kept += [c for response in together for c in response.chosen.coordinates if c.like and c not in kept]
+    return EffectSet(full.names, tuple(kept), together[0].chosen.fixed)
 
 
 def _place(candidate: EffectSet, parent: Fitted[EffectSet], moved: dict[Coordinate, float]) -> FloatArray:

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, excludes_itself
 from sysid.compare.descent import Minimum, compass_search
@@ -165,7 +166,7 @@ class Search:
     def _without_needless(self, fitted: Fitted[EffectSet], inflation: float) -> Fitted[EffectSet]:
         while True:
             candidate, spread = fitted.candidate, np.sqrt(np.diag(fitted.covariance(inflation)))
-            sigmas = np.abs(fitted.place - candidate.start()) / np.maximum(spread, 1e-12)
+            sigmas = np.abs(fitted.place - candidate.needless_at(fitted.place)) / np.maximum(spread, 1e-12)
             for index in np.argsort(sigmas):
                 siblings = candidate.owners.count(candidate.coordinates[index].effect)
                 if siblings < 2 or sigmas[index] ** 2 > THRESHOLDS.needless_square:
@@ -193,18 +194,28 @@ class Search:
     def _fit(self, work: tuple[Growth, float]) -> Fitted[EffectSet] | None:
         (growth, limit), known = work, _columns(work[0].candidate, work[0].parent)
         self.tell(" + ".join(growth.candidate.names))
+        contains = not self._replaces_form(growth.candidate)
         if any(c.stepwise for i, c in enumerate(growth.candidate.coordinates) if i not in known):
             # Its derivative promises nothing.
             limit = math.inf
         found = fit(self.problem, growth.candidate, growth.place, limit=limit, known=known)
-        if found is None or found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+        if found is None or (contains and found.cost > growth.parent.cost * (1.0 + _ROUNDING)):
             if found is not None and found.given_up:
                 return replace(found, place=growth.parent_place, residual=growth.parent.residual)
             again = fit(self.problem, growth.candidate, growth.parent_place, limit=limit, known=known)
             found = again if again is not None and (found is None or again.cost < found.cost) else found
-        if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+        if contains and found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
             raise AssertionError(f"{growth.names} fits worse than {growth.parent.names}, which it contains")
         return found
+
+    def _replaces_form(self, candidate: EffectSet) -> bool:
+        """Return whether a set takes a form of an effect out of the base model, for another one.
+
+        Such a set does not contain the smaller ones, and may fit worse than they do.
+        """
+        present = set(self.problem.base.effects)
+        causes = {cause_of(name) for name in candidate.names if name not in present}
+        return any(cause_of(name) in causes for name in present)
 
     def _excluded(self, names: Sequence[str]) -> bool:
         return excludes_itself(names, bench=self.problem.bench)
@@ -233,7 +244,7 @@ class Search:
         if names in self._fitted:
             return self._fitted[names]
         kept = [i for i, c in enumerate(chosen.candidate.coordinates) if c.effect in names]
-        smaller = EffectSet(names, tuple(chosen.candidate.coordinates[i] for i in kept))
+        smaller = chosen.candidate.only(names)
         found = fit(self.problem, smaller, chosen.place[kept], known=_columns(smaller, chosen))
         if found is not None:
             self._fitted[names] = found

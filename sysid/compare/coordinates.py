@@ -149,8 +149,11 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: Scale =
 def excludes_itself(names: Sequence[str], *, bench: bool) -> bool:
     """Return whether two effects of a set, by their `names`, cannot be in one model.
 
-    They are forms of one cause or, on the `bench`, cannot be separated in any log.
+    They are forms of one cause or, on the `bench`, cannot be separated in any log. A map stands alone: beside
+    others its values only take up what those leave, and would lend them a name.
     """
+    if len(names) > 1 and any(CATALOGUE[name].search_from is not None for name in names):
+        return True
     causes = {cause_of(name) for name in names}
     twins = any(twin in names for name in names for twin in CATALOGUE[name].bench_twins)
     return len(causes) < len(names) or (bench and twins)

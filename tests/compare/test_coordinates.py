@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
-from sysid.compare.coordinates import Coordinate, coordinate, effect_set, joined
+from sysid.compare.coordinates import Coordinate, coordinate, effect_set, excludes_itself, joined
 from sysid.compare.fitted import RefittedLaw
 
 MODEL = paper_model()
@@ -71,3 +71,8 @@ def test_another_form_of_a_cause_takes_the_place_of_the_one_that_the_model_has()
     changed = added.model(base, added.start() + 0.1)
     assert list(changed.effects) == ["sensor_lowpass/window"]
     assert list(added.model(MODEL, added.start() + 0.1).effects) == ["sensor_lowpass/window"]
+
+
+def test_a_map_is_in_no_set_with_others() -> None:
+    assert not excludes_itself(["static_map"], bench=True)
+    assert excludes_itself(["command_deadband", "static_map"], bench=True)

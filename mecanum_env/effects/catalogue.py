@@ -82,7 +82,8 @@ def _parameter(parameter: Parameter) -> str:
     else:
         neutral = f"{parameter.neutral:g}"
     low, high = parameter.bounds
-    return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g})"
+    note = " of the drive" if parameter.relative else ""
+    return f"`{parameter.name}` ({parameter.unit}; {neutral}; {low:g} .. {high:g}{note})"
 
 
 def _plant(effect: Effect, plant: PlantKind) -> str:

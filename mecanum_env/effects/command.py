@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from mecanum_env.effects.definition import BodyCommand, Effect, Parameter, Values, usual_ceiling_rpm
+from mecanum_env.effects.definition import PLANTS, BodyCommand, Effect, Parameter, Values, usual_ceiling_rpm
 from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
 
@@ -15,6 +15,9 @@ TIME_STAMPS: Final = (
 )
 """Direct check of any delay."""
 _CONTROLLER_LOG: Final = "the command that reaches the drives, in the controller's own log"
+_RANDOM: Final = PLANTS
+"""Where chance decides when a command acts, no search looks: a simulation draws other times than those of a
+log, and what is left in the mean over repeats is a fixed delay and a lag."""
 _LIMIT: Final = (1e-6, math.inf)
 
 
@@ -68,7 +71,12 @@ EFFECTS: Final = (
         acts_on="command",
         parameters=(
             Parameter(
-                "delay_s", "s", 0.0, (0.0, 0.3), scan=(0.005, 0.02, 0.05, 0.1, 0.2), largest=_longest_delay
+                "delay_s",
+                "s",
+                0.0,
+                (0.0, 0.5),
+                scan=(0.005, 0.02, 0.05, 0.1, 0.2, 0.4),
+                largest=_longest_delay,
             ),
         ),
         summary="A latched command takes effect later.",
@@ -85,14 +93,14 @@ EFFECTS: Final = (
         station="command",
         acts_on="command",
         parameters=(
-            Parameter("delay_s", "s", 0.0, (0.0, 0.3), largest=_longest_delay),
-            Parameter("jitter_s", "s", 0.0, (0.0, 0.1)),
+            Parameter("delay_s", "s", 0.0, (0.0, 0.5), largest=_longest_delay),
+            Parameter("jitter_s", "s", 0.0, (0.0, 0.2)),
         ),
         summary="Each change of a latched command takes effect later by a time of its own, with this mean "
         "and this standard deviation.",
         signature="Rises and falls come later, each by another time; the speeds reached are unchanged.",
         direct_check=TIME_STAMPS,
-        searched=False,
+        unsearched_on=_RANDOM,
         shifts_time=True,
         undone_by="prediction",
         change_drive=lambda drive, values, _: replace(
@@ -109,7 +117,7 @@ EFFECTS: Final = (
         signature="Now and then a change of the command comes one command period late, or more.",
         direct_check=_CONTROLLER_LOG,
         realistic=lambda _: {"share": 0.05},
-        searched=False,
+        unsearched_on=_RANDOM,
         change_drive=lambda drive, values, _: replace(drive, loss=values["share"]),
     ),
     Effect(
@@ -153,7 +161,7 @@ EFFECTS: Final = (
         acts_on="command",
         parameters=(
             Parameter(
-                "threshold_rpm", "rpm", 0.0, (0.0, 40.0), scan=(2, 4, 7, 11, 16, 24, 40), stepwise=True
+                "threshold_rpm", "rpm", 0.0, (0.0, 90.0), scan=(2, 4, 7, 11, 16, 24, 40, 80), stepwise=True
             ),
         ),
         summary="Wheel commands below a threshold do nothing; larger ones are unchanged.",
@@ -167,7 +175,7 @@ EFFECTS: Final = (
         name="command_deadband/subtract",
         station="set_point",
         acts_on="command",
-        parameters=(Parameter("threshold_rpm", "rpm", 0.0, (0.0, 40.0)),),
+        parameters=(Parameter("threshold_rpm", "rpm", 0.0, (0.0, 60.0)),),
         summary="A threshold is taken off every wheel command; smaller ones do nothing.",
         signature="No motion for small commands, and the same loss in rpm for all larger ones, "
         "with integral action in the drive as well.",

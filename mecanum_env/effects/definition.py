@@ -11,6 +11,7 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Final, Literal
 
+from mecanum_env.effects.scale import Scale
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
 from mecanum_env.model.effect_names import cause_of
@@ -48,7 +49,7 @@ class Parameter:
     """Value at which the effect changes nothing; a string names a number of the model ("robot.friction").
     None: the parameter only matters beside another one, as the height of a payload does."""
     bounds: tuple[float, float]
-    """Range of a search on a robot about as fast as the packaged one; see `scaled`."""
+    """Range of a search on the reference drive of `mecanum_env.effects.scale`; see `scaled`."""
     valid: tuple[float, float] = (0.0, math.inf)
     """Range that the simulator accepts, both ends included; infinity itself only where it is neutral."""
     default: float = 0.0
@@ -59,6 +60,11 @@ class Parameter:
     """The response jumps where the value passes a command, and is flat in between."""
     searched: bool = True
     """False: a search leaves it at its neutral or default value."""
+    multiples: tuple[float, ...] = ()
+    """Multiples of the effect's first parameter, which has the same bounds, at which a search tries this one;
+    otherwise it is left at the `default`."""
+    relative: bool = False
+    """`bounds` and `scan` are shares of what the drive can give, see `Scale.factor`."""
     largest: Callable[[Model], float] | None = None
     """Largest value that a simulation of the given model can represent, if that is below `bounds`."""
 
@@ -71,16 +77,15 @@ class Parameter:
             return float(getattr(getattr(model, section), field))
         return self.neutral
 
-    def scaled(self, factor: float) -> Parameter:
-        """Return the parameter as a search needs it on a robot `factor` times as fast as the packaged one.
-
-        Only speeds, accelerations and jerks are scaled; `valid` stays.
-        """
-        if factor == 1.0 or self.unit not in ("rpm", "rpm/s", "rpm/s2"):
+    def scaled(self, scale: Scale) -> Parameter:
+        """Return the parameter as a search needs it on a drive of this `scale`; `valid` stays."""
+        factor = scale.factor(self.unit, relative=self.relative)
+        if factor == 1.0:
             return self
         low, high = self.bounds
         scan = None if self.scan is None else tuple(factor * value for value in self.scan)
-        return replace(self, bounds=(max(self.valid[0], factor * low), factor * high), scan=scan)
+        bounds = max(self.valid[0], factor * low), factor * high
+        return replace(self, bounds=bounds, scan=scan, relative=False)
 
 
 @dataclass(frozen=True)
@@ -142,14 +147,14 @@ class Effect:
     """Plants that have the part but cannot express the effect: they refuse the model."""
     understated_by: tuple[PlantKind, ...] = ()
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
-    searched: bool = True
-    """Whether a search for the effects that a model lacks tries it."""
     reads: tuple[str, ...] = ()
     """Columns of a log that it follows; without them in the logs nothing shows it."""
+    search_from: Callable[[Scale], Values] | None = None
+    """For an effect that changes nothing at many places: values of parameters at which a search starts."""
+    unsearched_on: tuple[PlantKind, ...] = ()
+    """Plants on whose logs a search for the effects that a model lacks leaves it out."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
-    depends_on_integral: bool = False
-    """A drive with integral action shows it quite differently, so that a search tries both."""
     bench_twins: tuple[str, ...] = ()
     """Effects that no bench log separates from this one, even side by side: only the product shows."""
 
@@ -180,6 +185,11 @@ class Effect:
         return self.name.partition("/")[2] or self.first_form
 
     @property
+    def follows_angle(self) -> bool:
+        """Whether it swings with the wheel's angle, with a phase that differs from run to run."""
+        return any(parameter.name == "phase_deg" for parameter in self.parameters)
+
+    @property
     def changes_motion(self) -> bool:
         """Whether it changes what happens, and not only what is measured of it."""
         functions = (self.change_model, self.change_spec, self.change_drive, self.limit_body)
@@ -197,6 +207,10 @@ class Effect:
     def readable_in(self, columns: Collection[str]) -> bool:
         """Return whether logs with these `columns` have all that it follows."""
         return all(name in columns for name in self.reads)
+
+    def searched_in(self, plant: PlantKind) -> bool:
+        """Return whether a search on logs of the plant tries it."""
+        return self.acts_in(plant) and plant not in self.unsearched_on
 
     def fully_in(self, plant: PlantKind) -> bool:
         """Return whether a plant simulates all that it changes there."""

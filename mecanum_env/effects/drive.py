@@ -7,20 +7,34 @@ from dataclasses import replace
 from typing import Final
 
 from mecanum_env.effects.definition import Effect, Parameter, Values, usual_ceiling_rpm
+from mecanum_env.effects.scale import Scale
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.set_point import MAP_PARAMETERS
+from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS
 from mecanum_env.model.static_map import MAP, map_parameters, map_points
 
 POSITIVE: Final = (1e-6, math.inf)
 LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)
 RATES_RPM_S: Final = (100, 200, 400, 800, 1600, 3200)
-BRAKE: Final = Parameter("brake_rpm_s", "rpm/s", None, (0.0, 5000.0), searched=False)
+_RATES: Final = (50.0, 5000.0)
+LIMIT: Final = Parameter("limit_rpm_s", "rpm/s", math.inf, _RATES, POSITIVE, scan=RATES_RPM_S)
+"""Limit of a speed that grows in size."""
+BRAKE: Final = Parameter("brake_rpm_s", "rpm/s", None, _RATES, multiples=(0.5, 2.0))
 """Limit of a speed that falls in size; 0: that of one that grows."""
 PER_VOLT: Final = (0.0, 0.5)
 """Range of the shares that are lost with a volt [1/V]."""
 _ANY: Final = (-math.inf, math.inf)
 _JERKS_RPM_S2: Final = (500, 1500, 5000, 15_000, 50_000)
+
+
+_CURVE: Final = MAP_PARAMETERS[MAP_KNOTS : MAP_KNOTS + 5]
+"""Values that a search fits: five knots show a curve with two bends, whatever the commands."""
+
+
+def _straight(scale: Scale) -> dict[str, float]:
+    """Return the map that changes nothing, with knots at even distances up to the top speed, both ways."""
+    knots = [scale.top_rpm * (i + 1) / len(_CURVE) for i in range(len(_CURVE))]
+    return map_parameters(knots, knots)
 
 
 def _static_map(drive: DriveParameters, values: Values, wheel: str | None) -> DriveParameters:
@@ -130,7 +144,10 @@ EFFECTS: Final = (
         first_form="curve",
         station="set_point",
         acts_on="drive",
-        parameters=tuple(Parameter(name, "rpm", 0.0, (-150.0, 150.0), _ANY) for name in MAP_PARAMETERS),
+        parameters=tuple(
+            Parameter(name, "rpm", 0.0, (-150.0, 150.0), _ANY, searched=name in _CURVE)
+            for name in MAP_PARAMETERS
+        ),
         summary="Each wheel's command follows a curve through up to 6 knots, linear in between; "
         "in a file these are the lists `knots_rpm` and `values_rpm`.",
         signature="An error that depends on the command alone, but unlike a gain, a dead band or a limit.",
@@ -139,7 +156,7 @@ EFFECTS: Final = (
             [share * usual_ceiling_rpm(model) for share in (0.1, 0.3, 0.8)],
             [share * usual_ceiling_rpm(model) for share in (0.04, 0.25, 0.8)],
         ),
-        searched=False,
+        search_from=_straight,
         undone_by="command",
         change_drive=_static_map,
     ),
@@ -167,7 +184,7 @@ EFFECTS: Final = (
         station="set_point",
         acts_on="drive",
         parameters=(
-            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),
+            LIMIT,
             BRAKE,
         ),
         summary="Each wheel's command changes no faster than this, "
@@ -184,7 +201,7 @@ EFFECTS: Final = (
         station="set_point",
         acts_on="drive",
         parameters=(
-            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),
+            LIMIT,
             Parameter("jerk_rpm_s2", "rpm/s2", math.inf, (300.0, 1e5), POSITIVE, scan=_JERKS_RPM_S2),
             BRAKE,
         ),

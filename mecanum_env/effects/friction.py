@@ -6,8 +6,9 @@ with integral action brings it back (`washed_out`). Both may answer late, as a r
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -24,7 +25,7 @@ from mecanum_env.effects.definition import (
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.law.wheel_load import WheelLoad
-from mecanum_env.model import Model, cause_of
+from mecanum_env.model import Model, Robot, cause_of
 from mecanum_env.units import RAD_S_PER_RPM
 
 if TYPE_CHECKING:
@@ -32,31 +33,53 @@ if TYPE_CHECKING:
 
 _WHEEL_JOINTS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
 _CURRENT: Final = "the motor's current at several steady speeds and at break-away"
-_TORQUE: Final = Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0))
-_BREAKAWAY: Final = Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0), scan=(0.05, 0.1, 0.2, 0.4, 0.8))
+_TORQUE: Final = Parameter("torque_n_m", "N m", 0.0, (0.0, 1.2), relative=True)
+_BREAKAWAY: Final = Parameter(
+    "breakaway_n_m", "N m", 0.0, (0.0, 1.2), scan=(0.02, 0.05, 0.1, 0.25, 0.6), relative=True
+)
 _STRIBECK: Final = Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0)
-_DAMPING: Final = Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.5))
-_ANSWER: Final = Parameter("answer_s", "s", None, (0.0, 0.3), searched=False)
+_DAMPING: Final = Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 2.4), relative=True)
+_ANSWER: Final = Parameter("answer_s", "s", None, (0.0, 0.3))
 _WASHOUT: Final = Parameter(
     "washout_s", "s", None, (0.02, 5.0), (1e-3, 1e6), default=0.3, scan=(0.05, 0.3, 1.5)
 )
 
 
+TORQUES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "coulomb_friction": "torque_n_m",
+        "stiction": "breakaway_n_m",
+        "viscous_friction": "damping_n_m_s_rad",
+        "torque_ripple": "torque_n_m",
+    }
+)
+"""Cause that is a torque on the wheel -> its parameter that says how large."""
+
+
 def droop_rpm(name: str, values: Values, model: Model, speed_rpm: float | None = None) -> float:
-    """Return the speed [rpm] that a friction takes from a drive of the model without integral action.
+    """Return the speed [rpm] that a torque takes from a drive of the model without integral action.
 
     It is torque / servo, at a wheel speed that counts for viscous friction only, by default the usual highest
-    one. `name` is the effect's, in any form, and `values` are its parameters. Breakaway counts as at rest.
+    one. `name` is one of an effect with `TORQUES`, in any form, and `values` are its parameters. Breakaway
+    counts as at rest, a ripple with its amplitude.
     """
     speed = usual_ceiling_rpm(model) if speed_rpm is None else speed_rpm
-    torque = {
-        "coulomb_friction": values.get("torque_n_m", 0.0),
-        "stiction": values.get("breakaway_n_m", 0.0),
-        "viscous_friction": values.get("damping_n_m_s_rad", 0.0) * speed * RAD_S_PER_RPM,
-    }[cause_of(name)]
+    cause = cause_of(name)
+    torque = values.get(TORQUES[cause], 0.0)
+    if cause == "viscous_friction":
+        torque *= speed * RAD_S_PER_RPM
     weak = model.effects.get("weak_servo", {})
     servo = weak.get("servo_n_m_s_rad", model.robot.servo_n_m_s_rad)
     return torque / servo / RAD_S_PER_RPM
+
+
+def stiffness_is_known(model: Model) -> bool:
+    """Return whether a torque of the model means something in N m: its servo's stiffness was given or fitted.
+
+    A model that says nothing has the packaged robot's stiffness, to which only ratios are known.
+    """
+    fitted = "servo_n_m_s_rad" in (model.uncertainty.get("robot") or {})
+    return fitted or "weak_servo" in model.effects or model.robot.servo_n_m_s_rad != Robot.servo_n_m_s_rad
 
 
 def _damped_joints(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
@@ -126,7 +149,6 @@ EFFECTS: Final = (
         "friction has none to lose.",
         signature="The loss in speed and the hold at rest fade from the start of the run on.",
         direct_check="the motor's current at one speed, cold and warm",
-        searched=False,
         undone_by="command",
         change_drive=_warm,
     ),
@@ -141,7 +163,6 @@ EFFECTS: Final = (
         "speed; with integral action in the drive it shows only at starts and reversals.",
         direct_check=_CURRENT,
         realistic=lambda _: {"torque_n_m": 0.3},
-        depends_on_integral=True,
         undone_by="command",
         load=lambda values: Load(coulomb_n_m=values["torque_n_m"]),
         change_drive=_loads(_coulomb),
@@ -168,7 +189,6 @@ EFFECTS: Final = (
         signature="Small commands do not start the wheel; large ones are reached as without it.",
         direct_check=_CURRENT,
         realistic=lambda _: {"breakaway_n_m": 0.3},
-        depends_on_integral=True,
         undone_by="command",
         change_drive=_loads(_stiction),
     ),
@@ -193,7 +213,6 @@ EFFECTS: Final = (
         signature="The same relative loss at every speed; none with integral action in the drive.",
         direct_check=_CURRENT,
         realistic=lambda _: {"damping_n_m_s_rad": 0.05},
-        depends_on_integral=True,
         undone_by="command",
         load=lambda values: Load(damping_n_m_s_rad=values["damping_n_m_s_rad"]),
         change_drive=_loads(_viscous),

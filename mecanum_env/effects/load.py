@@ -11,7 +11,7 @@ from mecanum_env.effects.drive import POSITIVE
 from mecanum_env.law.drive import DriveParameters
 
 _PLAY: Final = "how far a wheel turns by hand while its motor is held"
-_GAPS_DEG: Final = (0.5, 1, 2, 4, 8, 16)
+_GAPS_DEG: Final = (0.5, 1, 2, 4, 8, 16, 32)
 
 
 def _backlash(kind: str) -> ChangeDrive:
@@ -57,7 +57,7 @@ EFFECTS: Final = (
         first_form="coast",
         station="transmission",
         acts_on="between motor and wheel",
-        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 20.0), scan=_GAPS_DEG),),
+        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 45.0), scan=_GAPS_DEG),),
         summary="The motor turns through a gap before it drives the wheel in the other direction; "
         "meanwhile the wheel runs on.",
         signature="A dead time after each reversal of the torque; steady motion is unchanged.",
@@ -69,7 +69,7 @@ EFFECTS: Final = (
         name="backlash/rest",
         station="transmission",
         acts_on="between motor and wheel",
-        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 20.0), scan=_GAPS_DEG),),
+        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 45.0), scan=_GAPS_DEG),),
         summary="The motor turns through a gap at each reversal; friction holds the wheel at rest meanwhile.",
         signature="The wheel stands still for a while at each reversal and at the first start.",
         direct_check=_PLAY,
@@ -79,7 +79,7 @@ EFFECTS: Final = (
         name="backlash/spring",
         station="transmission",
         acts_on="between motor and wheel",
-        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 20.0), scan=_GAPS_DEG),),
+        parameters=(Parameter("gap_deg", "deg", 0.0, (0.0, 45.0), scan=_GAPS_DEG),),
         summary="The gap has an elastic filling: the drive's hold on the wheel grows from nothing in its "
         "middle to all of it at the ends.",
         signature="A soft start after each reversal of the torque; steady motion is unchanged.",
@@ -92,12 +92,10 @@ EFFECTS: Final = (
         station="load",
         acts_on="wheel joint",
         parameters=(
-            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 6)),
-            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), searched=False),
-            Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0)),
-            Parameter(
-                "phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), scan=(-90, 0, 90, 180)
-            ),
+            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, searched=False),
+            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), scan=(0.02, 0.1)),
+            Parameter("torque_n_m", "N m", 0.0, (0.0, 0.6), scan=(0.01, 0.05), relative=True),
+            Parameter("phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), searched=False),
         ),
         summary="A torque that swings with the wheel's angle: constant, or one that makes the speed swing by "
         "this share of itself (cogging, an eccentric gear).",

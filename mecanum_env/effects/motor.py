@@ -7,7 +7,7 @@ from dataclasses import replace
 from typing import Final
 
 from mecanum_env.effects.definition import Effect, Parameter
-from mecanum_env.effects.drive import BRAKE, LIMITS_RPM, PER_VOLT, POSITIVE, RATES_RPM_S
+from mecanum_env.effects.drive import BRAKE, LIMIT, LIMITS_RPM, PER_VOLT, POSITIVE
 from mecanum_env.law.motor_bounds import loaded_law
 
 EFFECTS: Final = (
@@ -39,7 +39,7 @@ EFFECTS: Final = (
         station="law",
         acts_on="drive",
         parameters=(
-            Parameter("limit_rpm_s", "rpm/s", math.inf, (50.0, 5000.0), POSITIVE, scan=RATES_RPM_S),
+            LIMIT,
             BRAKE,
         ),
         summary="The motor's torque or current is limited, and so the wheel's own acceleration; braking has "

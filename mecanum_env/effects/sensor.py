@@ -24,7 +24,7 @@ _SENSORS: Final[Mapping[str, tuple[str, tuple[str, ...], tuple[PlantKind, ...]]]
 """Form of sensor_latency -> what is late, its channels, and the plants without them."""
 _ANY: Final = (-math.inf, math.inf)
 _FACTOR: Final = (-10.0, 10.0)
-_TIMES_S: Final = (0.005, 0.02, 0.05, 0.1, 0.2)
+_TIMES_S: Final = (0.005, 0.02, 0.05, 0.1, 0.2, 0.4)
 _FILTER: Final = "the sensor's filter, in its settings or data sheet"
 _AT_REST: Final = "the sensor while the robot stands still"
 _BIASES: Final = (
@@ -133,12 +133,14 @@ def _latencies() -> Iterator[Effect]:
             name=f"sensor_latency/{form}",
             station="sensor",
             acts_on="sensor",
-            parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3), scan=_TIMES_S),),
+            parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.5), scan=_TIMES_S),),
             summary=f"Only the channels of {what} show the values of this long ago.",
             signature=f"The channels of {what} come later than the others.",
             direct_check=TIME_STAMPS,
             absent_from=absent_from,
             shifts_time=True,
+            # A bench log has no other channels, so that it is the first form there.
+            unsearched_on=("bench",) if form == "wheels" else (),
             # Controllers do not observe wheel speeds.
             undone_by=None if form == "wheels" else "observation",
             change_channels=_late_only(names),
@@ -166,9 +168,9 @@ EFFECTS: Final = (
         station="sensor",
         acts_on="encoder",
         parameters=(
-            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 4, 6, 8)),
-            Parameter("share", "1", 0.0, (0.0, 0.3), (0.0, 1.0)),
-            Parameter("phase_deg", "deg", None, (-180.0, 180.0), _ANY, scan=(-90, 0, 90, 180)),
+            Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, searched=False),
+            Parameter("share", "1", 0.0, (0.0, 0.3), (0.0, 1.0), scan=(0.01, 0.03, 0.1)),
+            Parameter("phase_deg", "deg", None, (-180.0, 180.0), _ANY, searched=False),
         ),
         summary="Measured wheel speeds swing by this share of the speed, so often in each turn of the wheel.",
         signature="A ripple whose size and frequency go with the speed; "
@@ -182,7 +184,7 @@ EFFECTS: Final = (
         first_form="all",
         station="sensor",
         acts_on="sensor",
-        parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.3), scan=_TIMES_S),),
+        parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.5), scan=_TIMES_S),),
         summary="All measured channels show the values of this long ago.",
         signature="Everything measured comes later by the same time; the values reached are unchanged.",
         direct_check=TIME_STAMPS,
@@ -197,7 +199,7 @@ EFFECTS: Final = (
         first_form="lag",
         station="sensor",
         acts_on="sensor",
-        parameters=(Parameter("time_constant_s", "s", 0.0, (0.0, 0.3), scan=_TIMES_S),),
+        parameters=(Parameter("time_constant_s", "s", 0.0, (0.0, 0.5), scan=_TIMES_S),),
         summary="All measured channels pass a first-order filter.",
         signature="Slower, rounder rises and falls without overshoot; the values reached are unchanged.",
         direct_check=_FILTER,
@@ -211,7 +213,7 @@ EFFECTS: Final = (
         station="sensor",
         acts_on="sensor",
         parameters=(
-            Parameter("window_s", "s", 0.0, (0.0, 0.5), scan=tuple(2.0 * time for time in _TIMES_S)),
+            Parameter("window_s", "s", 0.0, (0.0, 1.0), scan=tuple(2.0 * time for time in _TIMES_S)),
         ),
         summary="All measured channels are means of this long until now, as an encoder's counter gives them.",
         signature="A jump becomes a straight ramp of this length, with corners; "

@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.effects.definition import Values
+from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.model import Model, cause_of
 from mecanum_env.units import FloatArray
 
 _LOGARITHMIC: Final = 20.0
 """Ratio of the bounds above which a parameter is searched in the logarithm."""
-_INTEGRAL_BOUNDS: Final = (1.0, 500.0)
-"""Bounds of the drive's integral action [N m/rad] when friction is tried on a drive that has one."""
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,14 @@ class Coordinate:
     """One free parameter."""
 
     effect: str
-    """Name in the catalogue; "" for the drive's integral action, which is a number of the robot."""
+    """Name in the catalogue."""
     parameter: str
     low: float
     high: float
     neutral: float
     """Value in the base model; may be infinite."""
+    like: str = ""
+    """The parameter of the same effect, with the same bounds, that it equals as long as it is neutral."""
     stepwise: bool = False
     """Whether its response is piecewise constant, so that derivatives say nothing."""
 
@@ -69,8 +71,8 @@ class EffectSet:
     names: tuple[str, ...]
     """Names of the effects, in the order of the catalogue."""
     coordinates: tuple[Coordinate, ...]
-    integral: bool = False
-    """Whether the drive is assumed to have integral action that the model lacks."""
+    fixed: tuple[tuple[str, str, float], ...] = ()
+    """Effect, parameter and value where an effect does not start from the values of the base model."""
 
     @property
     def parameter_count(self) -> int:
@@ -88,14 +90,11 @@ class EffectSet:
             for name, values in base.effects.items()
             if taken.get(cause_of(name), name) == name
         }
-        robot = base.robot
+        for name, parameter, value in self.fixed:
+            effects.setdefault(name, {})[parameter] = value
         for coordinate, place in zip(self.coordinates, unit, strict=True):
-            value = coordinate.value(float(place))
-            if coordinate.effect:
-                effects.setdefault(coordinate.effect, {})[coordinate.parameter] = value
-            else:
-                robot = replace(robot, servo_integral_n_m_rad=value)
-        return replace(base, robot=robot, effects=effects)
+            effects.setdefault(coordinate.effect, {})[coordinate.parameter] = coordinate.value(float(place))
+        return replace(base, effects=effects)
 
     @property
     def stepwise(self) -> tuple[bool, ...]:
@@ -104,7 +103,7 @@ class EffectSet:
 
     @property
     def owners(self) -> tuple[str, ...]:
-        """The effect that each free parameter belongs to, "" for none, shape (p,)."""
+        """The effect that each free parameter belongs to, shape (p,)."""
         return tuple(coordinate.effect for coordinate in self.coordinates)
 
     def start(self) -> FloatArray:
@@ -113,38 +112,54 @@ class EffectSet:
 
     def without(self, index: int) -> EffectSet:
         """Return the set without the parameter at `index`, which is left at neutral."""
-        left = self.coordinates[:index] + self.coordinates[index + 1 :]
-        return EffectSet(self.names, left, any(not c.effect for c in left))
+        return replace(self, coordinates=self.coordinates[:index] + self.coordinates[index + 1 :])
+
+    def only(self, names: Sequence[str]) -> EffectSet:
+        """Return the set with those of its effects that have these `names`."""
+        return EffectSet(
+            tuple(name for name in self.names if name in names),
+            tuple(c for c in self.coordinates if c.effect in names),
+            tuple(value for value in self.fixed if value[0] in names),
+        )
+
+    def needless_at(self, unit: Sequence[float] | FloatArray) -> FloatArray:
+        """Return where each parameter would change nothing if the others stay at a place `unit`, (p,)."""
+        at = {(c.effect, c.parameter): float(x) for c, x in zip(self.coordinates, unit, strict=True)}
+        return np.array([at.get((c.effect, c.like), c.neutral_place) for c in self.coordinates])
 
 
-def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float = 1.0) -> Coordinate:
+def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: Scale = REFERENCE) -> Coordinate:
     """Return a parameter of an effect as a coordinate.
 
-    Neutral is the base model's value: that of the effect if the model has it already. `scale` is the factor
-    on bounds in rpm and rpm/s, from `sysid.compare.problem.speed_scale`.
+    Neutral is the base model's value: that of the effect if the model has it already. `scale` is
+    that of the drive and the logs, from `sysid.compare.scale`.
     """
-    present = base.effects.get(effect.name, {})
+    present = base.effects.get(effect.name) or _search_from(effect, scale)
     neutral = present.get(parameter.name, parameter.neutral_in(base))
     low, high = parameter.scaled(scale).bounds
+    like = effect.parameters[0].name if parameter.multiples and parameter.name not in present else ""
     if parameter.largest is not None:
         high = min(high, parameter.largest(base))
-    if math.isfinite(neutral):
+    if math.isfinite(neutral) and not like:
         # A value that the model has already may lie outside of the bounds.
         low, high = min(low, neutral), max(high, neutral)
-    return Coordinate(effect.name, parameter.name, low, high, neutral, parameter.stepwise)
+    return Coordinate(effect.name, parameter.name, low, high, neutral, like, parameter.stepwise)
 
 
 def excludes_itself(names: Sequence[str], *, bench: bool) -> bool:
     """Return whether two effects of a set, by their `names`, cannot be in one model.
 
-    They are forms of one cause or, on the `bench`, cannot be separated in any log.
+    They are forms of one cause or, on the `bench`, cannot be separated in any log. A map stands alone: beside
+    others its values only take up what those leave, and would lend them a name.
     """
+    if len(names) > 1 and any(CATALOGUE[name].search_from is not None for name in names):
+        return True
     causes = {cause_of(name) for name in names}
     twins = any(twin in names for name in names for twin in CATALOGUE[name].bench_twins)
     return len(causes) < len(names) or (bench and twins)
 
 
-def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[float]:
+def scanned(parameter: Parameter, one: Coordinate, scale: Scale = REFERENCE) -> list[float]:
     """Return the places at which a parameter (`one`) is tried; none if its response has a gradient.
 
     `scale` is as for `coordinate`.
@@ -152,32 +167,34 @@ def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[f
     return list(dict.fromkeys(one.unit(value) for value in parameter.scaled(scale).scan or ()))
 
 
-def effect_set(base: Model, names: Sequence[str], *, integral: bool = False, scale: float = 1.0) -> EffectSet:
+def effect_set(base: Model, names: Sequence[str], *, scale: Scale = REFERENCE) -> EffectSet:
     """Return the set of effects with these `names`, in any order, and all parameters free that are searched.
 
-    `integral`: whether the drive is assumed to have integral action too, of unknown size; `scale` is as for
-    `coordinate`.
+    Those that equal another one as long as they are neutral are left at that. `scale` is as for `coordinate`.
     """
     ordered = tuple(name for name in CATALOGUE if name in names)
     free = [
         coordinate(base, CATALOGUE[n], p, scale)
         for n in ordered
         for p in CATALOGUE[n].parameters
-        if p.searched
+        if p.searched and (not p.multiples or p.name in base.effects.get(n, {}))
     ]
-    if integral:
-        free.append(integral_action(base))
-    return EffectSet(ordered, tuple(free), integral)
+    fixed = [
+        (n, parameter, value)
+        for n in ordered
+        if n not in base.effects
+        for parameter, value in _search_from(CATALOGUE[n], scale).items()
+    ]
+    return EffectSet(ordered, tuple(free), tuple(fixed))
 
 
-def integral_action(base: Model) -> Coordinate:
-    """Return the drive's integral action as a coordinate whose neutral value is that of the `base` model."""
-    return Coordinate("", "servo_integral_n_m_rad", *_INTEGRAL_BOUNDS, base.robot.servo_integral_n_m_rad)
+def _search_from(effect: Effect, scale: Scale) -> Values:
+    return {} if effect.search_from is None else effect.search_from(scale)
 
 
 def joined(one: EffectSet, other: EffectSet) -> EffectSet:
     """Return the set with the effects and free parameters of both."""
     names = tuple(name for name in CATALOGUE if name in (*one.names, *other.names))
     both = dict.fromkeys((*one.coordinates, *other.coordinates))
-    ordered = sorted(both, key=lambda c: names.index(c.effect) if c.effect else len(names))
-    return EffectSet(names, tuple(ordered), one.integral or other.integral)
+    fixed = tuple(dict.fromkeys((*one.fixed, *other.fixed)))
+    return EffectSet(names, tuple(sorted(both, key=lambda c: names.index(c.effect))), fixed)

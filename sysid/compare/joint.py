@@ -82,7 +82,7 @@ def joint_covariance(
         # One-sided at a bound, beyond which a place has no value.
         low, high = max(0.0, at - _STEP), min(1.0, at + _STEP)
         moved = one.value(high) - one.value(low)
-        if one.effect and math.isfinite(one.value(at)) and math.isfinite(moved):
+        if math.isfinite(one.value(at)) and math.isfinite(moved):
             names.append(f"{one.effect}.{one.parameter}")
             rows.append(len(COEFFICIENTS) + index)
             slope[rows[-1], count + index] = moved / (high - low)

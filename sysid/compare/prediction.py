@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 
 from mecanum_env.effects.apply import Sensors, drive_parameters, in_turned_axes, sensors_of, without_sensors
+from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.simulator import (
@@ -55,8 +56,8 @@ class Study:
     """Upper bound of the physics step [s]; None: the choice of the MJCF generator."""
     seed: int = 0
     """Seed of simulated thresholds, of the bootstrap and of the design of experiments."""
-    scale: float = 1.0
-    """Factor on the catalogue's bounds and scan grids in rpm and rpm/s, from `speed_scale`."""
+    scale: Scale = REFERENCE
+    """What the ranges of a search are in proportion to, from `sysid.compare.scale`."""
 
     def map(self, work: Callable[[T], U], items: Iterable[T]) -> list[U]:
         """Return `work` of each of the `items`, in order, `jobs` at a time."""

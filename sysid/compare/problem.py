@@ -16,15 +16,16 @@ import numpy as np
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
-from mecanum_env.model import Model, Wheel
+from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import Mask
 from sysid.compare.learned import Learned
 from sysid.compare.nuisance import plausible_models, shape_columns
+from sysid.compare.phases import with_unknown_phases
 from sysid.compare.prediction import Study
+from sysid.compare.scale import scale_of
 from sysid.compare.simulator import Simulator, Simulators, model_key, planar_part
 from sysid.compare.whitening import Whitener
-from sysid.logs import Run
 
 _UNUSABLE: Final = (MecanumError, ValueError)
 """Exceptions of a model that cannot be simulated; MuJoCo raises ValueError for too long a latency."""
@@ -66,7 +67,7 @@ class ResidualProblem:
         self.base, self.whitener = base, whitener
         self.observations = whitener.observations
         runs = [run for situation in self.observations.situations for run in situation.runs]
-        self.study = replace(study or Study(), scale=speed_scale(base, runs))
+        self.study = replace(study or Study(), scale=scale_of(base, runs))
         self.simulators = simulators or Simulators.of(self.observations, self.study)
         self.bench = runs[0].level == "bench"
         self._ripple: WheelAngleRipple | None = None
@@ -106,11 +107,15 @@ class ResidualProblem:
         return self._residual(self.simulators.full, model)
 
     def _residual(self, simulator: Simulator, model: Model) -> FloatArray | None:
-        try:
-            predictions = simulator.predictions(model)
-        except _UNUSABLE:
-            return None
-        return self.measured - self.whitener.whiten(predictions)
+        def with_its_phases(one: Model) -> FloatArray | None:
+            try:
+                predictions = simulator.predictions(one)
+            except _UNUSABLE:
+                return None
+            return self.measured - self.whitener.whiten(predictions)
+
+        rows = self.whitener.slices
+        return with_unknown_phases(with_its_phases, model, self.observations.blocks, rows)
 
     def surrogate_residual(self, model: Model) -> FloatArray | None:
         """Return the whitened residual (N,) of a model on the planar plant; on the bench that of `residual`.
@@ -269,21 +274,3 @@ class WheelAngleRipple:
     def _second_differences(self, values: FloatArray) -> FloatArray:
         """Return the second differences within each block, which keep the ripple and remove slow changes."""
         return np.concatenate([np.diff(values[rows], 2, axis=0) for rows in self._whitener.slices])
-
-
-def speed_scale(model: Model, runs: Sequence[Run]) -> float:
-    """Return the factor on bounds and scan grids in rpm and rpm/s: 1 for a wheel as fast as the packaged one.
-
-    The catalogue is made for the packaged wheel, whose ceiling is `Wheel.saturation_rpm`. The speed of
-    another wheel is its model's ceiling or, if the model has none, the largest command or speed in the logs.
-    The ratio is rounded to a power of two, about one step of the scan grids.
-    """
-    top = model.wheel.saturation_rpm
-    if not math.isfinite(top):
-        top = max((_largest_rpm(run) for run in runs), default=0.0)
-    return 2.0 ** round(math.log2(top / Wheel.saturation_rpm)) if top > 0.0 else 1.0
-
-
-def _largest_rpm(run: Run) -> float:
-    speeds = [values[np.isfinite(values)] for name, values in run.channels.items() if name.endswith("_rpm")]
-    return max(float(np.max(np.abs(v), initial=0.0)) for v in (run.command.wheels_rpm, *speeds))

@@ -10,6 +10,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.effects.scale import Scale
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, scanned
@@ -44,11 +45,10 @@ def first_order_laws(model: Model, largest_pole: float) -> Iterator[Model]:
         yield start.with_effect("speed_gain", gain=1.0)
 
 
-def starts(effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArray]:
+def starts(effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArray]:
     """Yield the places at which an effect is tried: combinations of those of its parameters.
 
-    `added` is the effect as a set with its free parameters; `scale` is the study's factor on bounds in rpm
-    and rpm/s.
+    `added` is the effect as a set with its free parameters; `scale` is that of the drive and the logs.
     """
     parameters: Mapping[str, Parameter] = {p.name: p for p in effect.parameters}
     choices = []
@@ -81,9 +81,10 @@ def drive_candidates(columns: Collection[str]) -> dict[str, Effect]:
     return {
         name: effect
         for name, effect in CATALOGUE.items()
-        if effect.acts_in("bench")
+        if effect.searched_in("bench")
         and (effect.station in _STATIONS or name in _TIMING)
         and (effect.reads or effect.cause not in _LEFT_OUT)
         and effect.readable_in(columns)
-        and getattr(effect, "searched", True)
+        # A map has five numbers and stands for what has no simpler name, which a study may then find.
+        and effect.search_from is None
     }

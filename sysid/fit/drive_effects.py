@@ -21,12 +21,13 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect
+from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
 from mecanum_env.errors import MecanumError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
-from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import Coordinate, EffectSet, coordinate, effect_set
 from sysid.compare.descent import compass_search, descend_steeply
 from sysid.compare.fitted import Fitted, RefittedLaw, marginal_function
@@ -61,7 +62,6 @@ _SHORTEST_RISE_S: Final = 0.005
 _SECONDS: Final = 40.0
 _TICKS: Final = 8000
 """Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
-_LEAST_RATE_RPM_S: Final = 20.0
 _NORMAL_90: Final = 1.645
 
 
@@ -82,13 +82,23 @@ class DriveEffects:
     def note(self) -> str:
         """What was found, in a sentence."""
         found = "; ".join(
-            f"{name} " + ", ".join(f"{key} {value:.4g}" for key, value in values.items())
-            for name, values in self.model.effects.items()
+            f"{name} " + ", ".join(f"{key} {value:.4g}" for key, value in self._sizes(name).items())
+            for name in self.model.effects
         )
         return (
             f"the drive is not the law alone: {found}; fitted together with the law, they lower the held-out "
             f"error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm"
         )
+
+    def _sizes(self, name: str) -> dict[str, float]:
+        """Return the parameters of an effect; a torque as the speed that it takes, in N m only if known."""
+        values, torque = dict(self.model.effects[name]), TORQUES.get(cause_of(name), "")
+        if torque not in values:
+            return values
+        told = {"droop_rpm": droop_rpm(name, values, self.model)}
+        if not stiffness_is_known(self.model):
+            del values[torque]
+        return told | values
 
 
 def find_drive_effects(
@@ -197,7 +207,7 @@ class _Reached:
         found: dict[str, dict[str, dict[str, float]]] = {}
         for one, place, half in zip(effects.coordinates, self.fitted.place[count:], spread, strict=True):
             ends = [one.value(float(np.clip(at, 0.0, 1.0))) for at in (place, place - half, place + half)]
-            if one.effect and all(map(math.isfinite, ends)):
+            if all(map(math.isfinite, ends)):
                 values = dict(zip(("value", "low", "high"), ends, strict=True))
                 found.setdefault(one.effect, {})[one.parameter] = values
         return found
@@ -267,26 +277,21 @@ class _Search:
         """Return effects with free parameters whose bounds are as wide as these logs allow."""
         scale = self.problem.study.scale
         chosen = effect_set(self.base, names, scale=scale)
-        wide = [self._wide(one) for one in chosen.coordinates]
-        for name in chosen.names:
-            for parameter in CATALOGUE[name].parameters:
-                if parameter.name in TRIED:
-                    wide.append(self._wide(coordinate(self.base, CATALOGUE[name], parameter, scale)))
-        return EffectSet(chosen.names, tuple(wide))
+        tried = [
+            coordinate(self.base, CATALOGUE[name], parameter, scale)
+            for name in chosen.names
+            for parameter in CATALOGUE[name].parameters
+            if parameter.name in TRIED
+        ]
+        free = dict.fromkeys([*chosen.coordinates, *tried])
+        return replace(chosen, coordinates=tuple(map(self._wide, free)))
 
     def _wide(self, one: Coordinate) -> Coordinate:
         """Return a coordinate that reaches as far as the speeds of the logs do."""
-        servo = self.base.robot.servo_n_m_s_rad
-        if one.parameter in ("torque_n_m", "breakaway_n_m"):
-            return replace(one, high=max(one.high, servo * self._top_rpm * RAD_S_PER_RPM))
-        if one.parameter == "damping_n_m_s_rad":
-            return replace(one, high=max(one.high, servo))
         if one.parameter == "washout_s":
             return replace(one, low=min(one.low, _SHORTEST_WASHOUT_S))
         if one.parameter in ("limit_rpm_s", "brake_rpm_s"):
-            return replace(
-                one, low=max(one.low, _LEAST_RATE_RPM_S), high=max(one.high, self._top_rpm / _SHORTEST_RISE_S)
-            )
+            return replace(one, high=max(one.high, self._top_rpm / _SHORTEST_RISE_S))
         return one
 
     def _promising(self, reached: _Reached) -> Iterator[tuple[float, LawWithEffects, FloatArray]]:
@@ -299,9 +304,9 @@ class _Search:
             if effect.cause in present:
                 continue
             added = self._set([name])
+            so_far = fitted.candidate.effects
             effects = EffectSet(
-                (*fitted.candidate.effects.names, name),
-                (*fitted.candidate.effects.coordinates, *added.coordinates),
+                (*so_far.names, name), (*so_far.coordinates, *added.coordinates), so_far.fixed
             )
             candidate = LawWithEffects(fitted.candidate.law, effects)
             function = marginal_function(self.problem, candidate)
@@ -334,10 +339,7 @@ def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
     """Return a set without one of its effects, and where it was fitted."""
     old = reached.fitted.candidate
     kept = [i for i, one in enumerate(old.effects.coordinates) if one.effect != name]
-    effects = EffectSet(
-        tuple(other for other in old.effects.names if other != name),
-        tuple(old.effects.coordinates[i] for i in kept),
-    )
+    effects = old.effects.only([other for other in old.effects.names if other != name])
     count = old.law.parameter_count
     place = np.concatenate([reached.fitted.place[:count], reached.fitted.place[count:][kept]])
     return LawWithEffects(old.law, effects), place

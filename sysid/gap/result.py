@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal
 
+from mecanum_env.effects.friction import TORQUES
 from mecanum_env.model import CustomEffect, Model, cause_of, form_of
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
@@ -71,8 +72,22 @@ class FoundEffect:
     selection_frequency: float
     """Share of bootstrap resamples of the command sequences in whose best set the effect is."""
 
+    droop_rpm: Interval | None = None
+    """Of an effect that is a torque: the speed that it takes from a drive without integral action [rpm]; of
+    viscous friction at the top speed of the logs."""
+    torque_known: bool = True
+    """Whether the model's servo stiffness is known, so that torques mean something in N m."""
     forms_tied: tuple[str, ...] = ()
     """Other forms of the same cause that explain these logs as well."""
+
+    @property
+    def estimates(self) -> dict[str, Interval]:
+        """What a reader is told: the parameters, and a torque as a droop, in N m only if that is known."""
+        if self.droop_rpm is None:
+            return dict(self.parameters)
+        torque = TORQUES[self.cause]
+        told = {n: i for n, i in self.parameters.items() if self.torque_known or n != torque}
+        return {"droop_rpm": self.droop_rpm, **told}
 
     @property
     def cause(self) -> str:

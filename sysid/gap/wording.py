@@ -214,6 +214,8 @@ def summary_of(effect: str) -> tuple[str, str]:
 
 def unit_of(effect: str, parameter: str) -> str:
     """Return the unit of an effect's parameter, empty for a pure number."""
+    if parameter == "droop_rpm":
+        return "rpm"
     known = CATALOGUE[effect].parameters if effect in CATALOGUE else ()
     unit = next((p.unit for p in known if p.name == parameter), "")
     return "" if unit == "1" else unit

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
-from sysid.compare.coordinates import Coordinate, coordinate, effect_set, joined
+from sysid.compare.coordinates import Coordinate, coordinate, effect_set, excludes_itself, joined
 from sysid.compare.fitted import RefittedLaw
 
 MODEL = paper_model()
@@ -28,7 +28,7 @@ def test_a_place_gives_a_value_and_the_value_the_place(one: Coordinate, unit: fl
     assert one.unit(value) == pytest.approx(unit, abs=1e-9)
 
 
-@pytest.mark.parametrize("name", list(CATALOGUE))
+@pytest.mark.parametrize("name", [n for n, effect in CATALOGUE.items() if effect.search_from is None])
 def test_the_start_of_a_set_changes_nothing(name: str) -> None:
     chosen = effect_set(MODEL, [name])
     values = chosen.model(MODEL, chosen.start()).effects[name]
@@ -52,14 +52,6 @@ def test_joined_sets_have_both_effects_in_the_order_of_the_chain() -> None:
     assert [c.effect for c in both.coordinates] == ["command_latency", "sensor_latency"]
 
 
-def test_integral_action_is_a_number_of_the_drive() -> None:
-    chosen = effect_set(MODEL, ["coulomb_friction"], integral=True)
-    model = chosen.model(MODEL, np.array([0.5, 0.5]))
-    assert model.robot.servo_integral_n_m_rad > 0.0
-    assert chosen.model(MODEL, chosen.start()).robot == MODEL.robot
-    assert not chosen.without(1).integral
-
-
 def test_the_law_fitted_again_starts_from_the_law_and_stays_stable() -> None:
     rival = RefittedLaw(MODEL)
     assert rival.model(MODEL, rival.start()).wheel == MODEL.wheel
@@ -76,3 +68,8 @@ def test_another_form_of_a_cause_takes_the_place_of_the_one_that_the_model_has()
     changed = added.model(base, added.start() + 0.1)
     assert list(changed.effects) == ["sensor_lowpass/window"]
     assert list(added.model(MODEL, added.start() + 0.1).effects) == ["sensor_lowpass/window"]
+
+
+def test_a_map_is_in_no_set_with_others() -> None:
+    assert not excludes_itself(["static_map"], bench=True)
+    assert excludes_itself(["command_deadband", "static_map"], bench=True)

@@ -47,7 +47,7 @@ BESIDE = {
     ("payload", "height_m"): {"mass_kg": 20.0},
     ("floor_slope", "heading_deg"): {"slope_deg": 5.0},
     ("speed_saturation", "softness_rpm"): {"limit_rpm": 60.0},
-    ("speed_saturation/supply", "motor_s"): {"limit_rpm": 80.0},
+    ("speed_saturation/supply", "motor_s"): {"limit_rpm": 60.0},
     ("speed_saturation/supply", "per_volt"): {"limit_rpm": 30.0},
     ("stiction", "stribeck_rpm"): {"breakaway_n_m": 0.5},
     ("acceleration_limit/drive", "brake_rpm_s"): {"limit_rpm_s": 300.0},

@@ -60,8 +60,9 @@ def test_parameters_are_consistent(base, name, parameter):
     assert parameter.valid[0] <= low < high <= parameter.valid[1]
     neutral = parameter.neutral_in(base)
     assert parameter.valid[0] <= neutral <= parameter.valid[1]
-    # The search range contains the neutral value, unless that is "no limit".
-    assert low <= neutral <= high or neutral == np.inf
+    # The search range contains the neutral value, unless that is "no limit", or 0 for "as something else".
+    as_another = parameter.neutral is None and neutral == 0.0
+    assert low <= neutral <= high or neutral == np.inf or as_another
     assert all(low <= value <= high for value in parameter.scan or ())
     assert parameter.name in EFFECT_PARAMETERS[name]
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.effects.apply import changed_model
-from mecanum_env.effects.friction import droop_rpm
+from mecanum_env.effects.friction import droop_rpm, stiffness_is_known
 from mecanum_env.errors import InputError
 from mecanum_env.mjcf import bench_spec, planar_spec, robot_spec
 from mecanum_env.plugin.layout import write_parameters
@@ -166,3 +166,10 @@ def test_droop_is_in_rpm_of_the_wheel(base):
     assert droop_rpm("coulomb_friction/washed_out", {"torque_n_m": 0.5}, base) == pytest.approx(
         0.5 / base.robot.servo_n_m_s_rad / RAD_S_PER_RPM
     )
+
+
+def test_a_stiffness_is_known_if_a_model_states_one(base):
+    assert not stiffness_is_known(base)
+    assert stiffness_is_known(replace(base, robot=replace(base.robot, servo_n_m_s_rad=0.4)))
+    assert stiffness_is_known(base.with_effect("weak_servo", servo_n_m_s_rad=1.0))
+    assert stiffness_is_known(replace(base, uncertainty={"robot": {"servo_n_m_s_rad": 0.1}}))

@@ -16,6 +16,7 @@ from sysid.compare.noise import Noise
 from sysid.compare.observations import observe
 from sysid.compare.prediction import Start, Study, predict
 from sysid.compare.problem import ResidualProblem
+from sysid.compare.scale import scale_of
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Rival, design_separating, power, separation
 from sysid.gap.design.limits import Limits
@@ -235,7 +236,9 @@ def test_the_conditions_of_an_experiment_hold_the_whole_study(paper: Model):
     noise = Noise({"speed_fl_rpm": 0.5}, {"speed_fl_rpm": "repeats"})
     study = Study("planar", jobs=2, timestep_s=1 / 480, seed=5)
     problem = ResidualProblem(paper, Whitener(observations, noise, None), study)
-    assert conditions_of(problem, (planar_run(paper),), 1.0).study == problem.study == study
+    used = conditions_of(problem, (planar_run(paper),), 1.0).study
+    assert used == problem.study == replace(study, scale=used.scale)
+    assert used.scale == scale_of(paper, (planar_run(paper),))
 
 
 def test_slip_effects_are_not_designed_for_without_slip(paper: Model):

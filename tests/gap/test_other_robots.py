@@ -9,12 +9,15 @@ import numpy as np
 import pytest
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.friction import droop_rpm
+from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.coordinates import Coordinate, coordinate, effect_set, scanned
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem, speed_scale
+from sysid.compare.problem import ResidualProblem
+from sysid.compare.scale import scale_of
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import EMPTY, Search
@@ -53,38 +56,69 @@ def searched(logs: Dataset, model: Model, effects: list[str]) -> Search:
     return Search(problem, responses(problem, effects), EFFORT)
 
 
-def one_of(name: str, parameter: str, model: Model = MODEL, scale: float = 1.0) -> Coordinate:
+def one_of(name: str, parameter: str, model: Model = MODEL, scale: Scale = REFERENCE) -> Coordinate:
     found = next(p for p in CATALOGUE[name].parameters if p.name == parameter)
     return coordinate(model, CATALOGUE[name], found, scale)
 
 
 @pytest.mark.parametrize("ceiling", [100.0, 135.0, 180.0])
-def test_robots_about_as_fast_as_ours_are_searched_as_the_catalogue_says(ceiling: float) -> None:
-    assert speed_scale(of_ceiling(ceiling), ()) == 1.0
+def test_drives_about_as_fast_as_the_reference_are_searched_as_the_catalogue_says(ceiling: float) -> None:
+    scale = scale_of(of_ceiling(ceiling), ())
     for effect in CATALOGUE.values():
         for parameter in effect.parameters:
-            assert parameter.scaled(1.0) is parameter
+            assert parameter.relative or parameter.scaled(scale) is parameter
 
 
-def test_the_logs_say_how_fast_a_wheel_without_ceiling_is(bench_logs: MakeLogs) -> None:
+def test_the_logs_say_how_fast_a_drive_is_up_to_its_ceiling(bench_logs: MakeLogs) -> None:
     endless = of_ceiling(math.inf)
-    assert speed_scale(endless, bench_logs(MODEL).runs) == 1.0  # commands up to 120 rpm
-    assert speed_scale(endless, fast_logs(endless, 800.0).runs) == 8.0
-    assert speed_scale(of_ceiling(30.0), fast_logs(endless, 800.0).runs) == 0.25
+    assert scale_of(endless, bench_logs(MODEL).runs).top_rpm == pytest.approx(120.0, rel=0.02)
+    fast = fast_logs(endless, 800.0).runs
+    assert scale_of(endless, fast).top_rpm == pytest.approx(800.0, rel=0.02)
+    assert scale_of(of_ceiling(30.0), fast).top_rpm == 30.0
 
 
-def test_bounds_and_grids_of_speeds_scale_with_the_robot_and_others_do_not() -> None:
-    endless = of_ceiling(math.inf)
+@pytest.mark.parametrize(
+    ("unit", "faster", "quicker"), [("rpm", 4.0, 1.0), ("rpm/s", 4.0, 8.0), ("rpm/s2", 4.0, 64.0)]
+)
+def test_ranges_follow_the_top_speed_and_the_rise_of_a_drive(
+    unit: str, faster: float, quicker: float
+) -> None:
+    fast = Scale(top_rpm=4.0 * REFERENCE.top_rpm)
+    quick = Scale(rise_s=REFERENCE.rise_s / 8.0)
+    ranges = [p for effect in CATALOGUE.values() for p in effect.parameters if p.unit == unit]
+    assert ranges
+    for parameter in ranges:
+        for scale, factor in ((fast, faster), (quick, quicker)):
+            scaled = parameter.scaled(scale)
+            assert scaled.bounds == tuple(factor * end for end in parameter.bounds)
+            assert scaled.scan == (parameter.scan and tuple(factor * v for v in parameter.scan))
+
+
+def test_what_is_no_speed_is_searched_alike_on_every_drive() -> None:
+    scale = Scale(6000.0, 0.013, 0.02)
     for effect in CATALOGUE.values():
         for parameter in effect.parameters:
-            low, high = parameter.scaled(4.0).bounds
-            factor = 4.0 if parameter.unit in ("rpm", "rpm/s", "rpm/s2") else 1.0
-            assert (low, high) == (factor * parameter.bounds[0], factor * parameter.bounds[1])
-            if parameter.scan:
-                assert parameter.scaled(4.0).scan == tuple(factor * v for v in parameter.scan)
-    limit = one_of("speed_saturation", "limit_rpm", endless, 8.0)
-    assert (limit.low, limit.high) == (80.0, 1600.0)
-    assert one_of("speed_saturation", "softness_rpm", endless, 8.0).high == 480.0
+            if parameter.unit not in ("rpm", "rpm/s", "rpm/s2") and not parameter.relative:
+                assert parameter.scaled(scale) is parameter
+
+
+@pytest.mark.parametrize("servo", [0.02, 5.0])
+@pytest.mark.parametrize("top_rpm", [30.0, 135.0, 6000.0])
+def test_a_friction_may_take_more_than_the_largest_speed(servo: float, top_rpm: float) -> None:
+    model = replace(MODEL, robot=replace(MODEL.robot, servo_n_m_s_rad=servo))
+    scale = Scale(top_rpm, servo_n_m_s_rad=servo)
+    for name, parameter in (
+        ("coulomb_friction", "torque_n_m"),
+        ("stiction", "breakaway_n_m"),
+        ("viscous_friction", "damping_n_m_s_rad"),
+    ):
+        most = one_of(name, parameter, model, scale).high
+        assert droop_rpm(name, {parameter: most}, model, top_rpm) >= 1.2 * top_rpm * (1.0 - 1e-9)
+
+
+def test_a_friction_of_a_robot_is_at_most_what_stops_its_drive() -> None:
+    scale = Scale(servo_n_m_s_rad=5.0, torque_limit_n_m=1.5)
+    assert one_of("coulomb_friction", "torque_n_m", MODEL, scale).high == pytest.approx(1.2 * 1.5)
 
 
 def test_a_dead_band_and_a_ceiling_far_beyond_the_packaged_robots_are_found() -> None:
@@ -115,7 +149,7 @@ def test_softness_is_free_beside_a_limit_that_the_model_does_not_have() -> None:
 
 
 def test_a_command_is_delayed_no_longer_than_a_drive_remembers() -> None:
-    assert one_of("command_latency", "delay_s").high == 0.3
+    assert one_of("command_latency", "delay_s").high == 0.5
     quick = replace(MODEL, wheel=replace(MODEL.wheel, command_period_s=MODEL.wheel.law.sample_period_s / 2))
     late = one_of("command_latency", "delay_s", quick)
     assert late.high < 29 * quick.wheel.command_period_s
@@ -126,7 +160,7 @@ def test_a_command_is_delayed_no_longer_than_a_drive_remembers() -> None:
     places = scanned(delay, late)
     assert len(set(places)) == len(places) > 1
     assert places[-1] == 1.0
-    assert one_of("sensor_latency", "delay_s", quick).high == 0.3
+    assert one_of("sensor_latency", "delay_s", quick).high == 0.5
 
 
 def test_gain_and_scale_are_never_both_free_on_a_bench(bench_logs: MakeLogs) -> None:

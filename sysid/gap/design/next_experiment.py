@@ -11,6 +11,7 @@ import numpy as np
 from scipy.stats import norm
 
 from mecanum_env.effects import CATALOGUE, Effect, PlantKind
+from mecanum_env.effects.scale import Scale
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import coordinate
@@ -131,7 +132,7 @@ def _visibility(
     return np.array(z)
 
 
-def _typical(model: Model, effect: Effect, scale: float) -> Rival:
+def _typical(model: Model, effect: Effect, scale: Scale) -> Rival:
     """Return the model with an effect of a size that a user would care about."""
     values = dict(model.effects.get(effect.name, {}))
     for parameter in effect.parameters:

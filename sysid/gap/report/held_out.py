@@ -12,6 +12,7 @@ from typing import Final
 
 import numpy as np
 
+from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of, form_of
 from mecanum_env.statistics import rms
@@ -144,13 +145,32 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
     low, high = interval_ends(problem, fitted, decision.facts.inflation)
     intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
     for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
-        if coordinate.effect:
-            value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
-            intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
+        value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
+        intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
+    for name, parameter, number in candidate.fixed:
+        intervals[name].setdefault(parameter, Interval(number, number, number))
+    model = candidate.model(problem.base, fitted.place)
     return tuple(
-        FoundEffect(name, parameters, decision.facts.frequency.get(name, 0.0), _forms_tied(name, decision))
+        FoundEffect(
+            name,
+            parameters,
+            decision.facts.frequency.get(name, 0.0),
+            _droop(name, parameters, model, problem.study.scale.top_rpm),
+            stiffness_is_known(model),
+            _forms_tied(name, decision),
+        )
         for name, parameters in intervals.items()
     )
+
+
+def _droop(name: str, parameters: Mapping[str, Interval], model: Model, speed_rpm: float) -> Interval | None:
+    """Return the droop [rpm] of an effect that is a torque, of one in proportion to speed at `speed_rpm`."""
+    parameter = TORQUES.get(cause_of(name), "")
+    torque = parameters.get(parameter)
+    if torque is None:
+        return None
+    ends = torque.value, torque.low, torque.high
+    return Interval(*(droop_rpm(name, {parameter: end}, model, speed_rpm) for end in ends))
 
 
 def _forms_tied(name: str, decision: Decision) -> tuple[str, ...]:
@@ -197,10 +217,8 @@ def evidence(
 def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {name: {} for name in judged.names}
     if isinstance(judged.fitted.candidate, EffectSet):
-        robot = {"servo_integral_n_m_rad": model.robot.servo_integral_n_m_rad}
         for c in judged.fitted.candidate.coordinates:
-            values = model.effects[c.effect] if c.effect else robot
-            found.setdefault(c.effect or "robot", {})[c.parameter] = values[c.parameter]
+            found[c.effect][c.parameter] = model.effects[c.effect][c.parameter]
     else:
         found[judged.names[0]] = dict(zip("ABCDEF", model.wheel.law.coefficients.tolist(), strict=True))
     return found

@@ -85,7 +85,7 @@ def _place(found: Concentration) -> str:
 
 
 def _effect(found: FoundEffect) -> str:
-    texts = {name: interval_text(p, unit_of(found.name, name)) for name, p in found.parameters.items()}
+    texts = {name: interval_text(p, unit_of(found.name, name)) for name, p in found.estimates.items()}
     values = ", ".join(f"{name} {value} ({interval})" for name, (value, interval) in texts.items())
     return f"{effect_name(found.name)} {values}, in {found.selection_frequency:.0%} of resamples"
 
@@ -151,8 +151,10 @@ def _effect_json(found: FoundEffect) -> dict[str, Any]:
     value: dict[str, Any] = {"name": found.cause}
     if found.form:
         value |= {"form": found.form, "forms_tied": found.forms_tied}
-    estimates = {"parameters": found.parameters, "selection_frequency": found.selection_frequency}
-    return value | estimates
+    droop = {} if found.droop_rpm is None else {"droop_rpm": found.droop_rpm}
+    return (
+        value | {"parameters": found.parameters} | droop | {"selection_frequency": found.selection_frequency}
+    )
 
 
 def _experiment_json(experiment: Experiment | None) -> dict[str, Any] | None:

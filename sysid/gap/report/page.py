@@ -109,7 +109,7 @@ def _effect(found: FoundEffect) -> dict[str, Any]:
         "signature": signature,
         "frequency": f"{found.selection_frequency:.0%}",
         "parameters": [
-            (name, *interval_text(p, unit_of(found.name, name))) for name, p in found.parameters.items()
+            (name, *interval_text(p, unit_of(found.name, name))) for name, p in found.estimates.items()
         ],
     }
 

@@ -166,7 +166,7 @@ def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[s
     found: dict[str, dict[str, float]] = {}
     by_parameter: dict[tuple[str, str], list[Response]] = {}
     for response in library:
-        if not response.chosen.integral:
+        if not any(coordinate.like for coordinate in response.chosen.coordinates):
             key = response.effect, response.chosen.coordinates[0].parameter
             by_parameter.setdefault(key, []).append(response)
     for (name, parameter), own in by_parameter.items():
@@ -198,7 +198,7 @@ def untestable(
                 else f"no measured channel responds to it under the {_given(effect)} of these logs"
             )
             found.append(Untestable(name, reason, {}))
-        elif effect.searched and not effect.readable_in(columns):
+        elif not effect.unsearched_on and not effect.readable_in(columns):
             missing = " and ".join(column for column in effect.reads if column not in columns)
             found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
         elif effect.simulated and level == "bench" and "bench" in effect.absent_from:

@@ -84,7 +84,7 @@ def known_effects(
     return tuple(
         name
         for name, effect in CATALOGUE.items()
-        if effect.searched and effect.acts_in(used) and (columns is None or effect.readable_in(columns))
+        if effect.searched_in(used) and (columns is None or effect.readable_in(columns))
     )
 
 

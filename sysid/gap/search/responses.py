@@ -16,6 +16,7 @@ import numpy as np
 from scipy.optimize import lsq_linear
 
 from mecanum_env.effects import CATALOGUE, Effect
+from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import (
@@ -23,25 +24,21 @@ from sysid.compare.coordinates import (
     EffectSet,
     coordinate,
     effect_set,
-    integral_action,
     joined,
     scanned,
 )
 from sysid.compare.fitted import Fitted
+from sysid.compare.phases import likely_frequencies
 from sysid.compare.problem import ResidualProblem
 from sysid.progress import Progress, silent
 
-_TORQUES: Final = (0.05, 0.2, 0.5)
-"""Friction torques that are tried on a drive with integral action, on the scale 0 .. 1."""
-_TYPICAL_INTEGRAL: Final = 50.0
-"""Integral action with which friction is tried [N m/rad]. Assumed."""
 _LARGEST_MULTIPLE: Final = 1.2
 """Largest multiple of a threshold's response that is considered, since it is not proportional to its size."""
+_MOST_FREQUENCIES: Final = 2
+"""Frequencies over the wheel's angle at which an effect is simulated: those that the residual shows most."""
 _LEAST_RESPONSE: Final = 0.3
 """Length of a response (in noise sigmas, over all samples) below which a parameter is not fitted."""
 
-Key: TypeAlias = tuple[tuple[str, ...], bool]
-"""Names of the effects, and whether the drive is assumed to have integral action."""
 _Trial: TypeAlias = tuple[EffectSet, FloatArray, bool, float]
 """What is simulated: an effect as a set, its place, whether it is linear, and its size as in `Response`."""
 
@@ -88,7 +85,11 @@ def responses(
     start = problem.base if at is None else at
     for number, name in enumerate(ordered, 1):
         tell(f"effect {number} of {len(ordered)}")
-        trials = _trials(problem.base, CATALOGUE[name], problem.probe_step([name]), problem.study.scale)
+        effect, step, scale = CATALOGUE[name], problem.probe_step([name]), problem.study.scale
+        if effect.follows_angle:
+            trials = [t for k in _frequencies(problem) for t in _trials(problem.base, effect, step, scale, k)]
+        else:
+            trials = _trials(problem.base, effect, step, scale)
         models = [chosen.model(start, place) for chosen, place, _, _ in trials]
         covered = problem.surrogate_covers([name])
         changes = problem.changes(models, surrogate=covered, reference=start)
@@ -98,12 +99,25 @@ def responses(
     return found
 
 
-def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
-    """Return the simulations of an effect, one for each of its sizes."""
+def _frequencies(problem: ResidualProblem) -> tuple[int, ...]:
+    """Return the periods per turn at which an effect that follows the wheel's angle is tried."""
+    predictions = problem.simulators.full.predictions(problem.base)
+    blocks, rows = problem.observations.blocks, problem.whitener.slices
+    return likely_frequencies(problem.base_residual, predictions, blocks, rows, _MOST_FREQUENCIES)
+
+
+def _trials(
+    base: Model, effect: Effect, step: float, scale: Scale, per_turn: int | None = None
+) -> list[_Trial]:
+    """Return the simulations of an effect, one for each of its sizes, if it has a frequency `per_turn`."""
     trials: list[_Trial] = []
     searched = [p for p in effect.parameters if p.searched]
     primary = [p for p in searched if p.neutral is not None]
     secondary = [p for p in searched if p.neutral is None and p.scan]
+    beside_first = [p for p in searched if p.multiples]
+    fixed = effect_set(base, [effect.name], scale=scale).fixed
+    if per_turn is not None:
+        fixed = (*fixed, (effect.name, "per_turn", float(per_turn)))
     beside = [coordinate(base, effect, other, scale) for other in secondary]
     grids = [scanned(other, place, scale) for other, place in zip(secondary, beside, strict=True)]
     for parameter in primary:
@@ -118,24 +132,14 @@ def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Tri
             size = abs(place - neutral)
             if size < 1e-9:
                 continue
-            # A frequency tried with one phase only would miss the other phases.
             for rest in product(*grids):
-                chosen = EffectSet((effect.name,), (one, *beside))
+                chosen = EffectSet((effect.name,), (one, *beside), fixed)
                 trials.append((chosen, np.array([place, *rest]), linear, size))
-    if effect.depends_on_integral:
-        trials += _with_integral(base, effect, scale)
+            for other in beside_first if parameter is effect.parameters[0] else ():
+                both = EffectSet((effect.name,), (one, coordinate(base, effect, other, scale)), fixed)
+                at = [one.unit(multiple * one.value(place)) for multiple in other.multiples]
+                trials += [(both, np.array([place, x]), False, size) for x in at if 0.0 < x < 1.0]
     return trials
-
-
-def _with_integral(base: Model, effect: Effect, scale: float) -> list[_Trial]:
-    """Return the trials of friction with integral action; almost without it if the drive has some."""
-    extra = integral_action(base)
-    parameter = effect.parameters[0]
-    one = coordinate(base, effect, parameter, scale)
-    places = scanned(parameter, one, scale) or [one.unit(one.neutral) + x for x in _TORQUES]
-    action = 0.0 if extra.neutral > 0.0 else extra.unit(_TYPICAL_INTEGRAL)
-    chosen = EffectSet((effect.name,), (one, extra), integral=True)
-    return [(chosen, np.array([place, action]), False, place) for place in places if place <= 1.0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,9 +155,9 @@ class Growth:
     """Cost that linear least squares expects."""
 
     @property
-    def key(self) -> Key:
-        """Names of the effects, and whether integral action is assumed."""
-        return self.candidate.names, self.candidate.integral
+    def names(self) -> tuple[str, ...]:
+        """Names of the effects."""
+        return self.candidate.names
 
     @property
     def parent_place(self) -> FloatArray:
@@ -162,16 +166,16 @@ class Growth:
 
 
 def growths(
-    base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: float = 1.0
+    base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: Scale = REFERENCE
 ) -> list[Growth]:
     """Return the growths of a fitted set by one effect each, the most promising first.
 
-    `library` holds the responses of the effects to consider. `scale` is the factor on bounds in rpm and
-    rpm/s, from `sysid.compare.problem.speed_scale`.
+    `library` holds the responses of the effects to consider. `scale` is that of the drive and the
+    logs, from `sysid.compare.scale`.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)
-    best: dict[Key, Growth] = {}
+    best: dict[tuple[str, ...], Growth] = {}
     for name in dict.fromkeys(r.effect for r in library if r.effect not in parent.names):
         clear = [r for r in library if r.effect == name and r.length > _LEAST_RESPONSE]
         for together in _alternatives(clear, rest, orthogonal):
@@ -179,9 +183,9 @@ def growths(
             candidate = joined(parent.candidate, _free(base, name, clear, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
             growth = Growth(candidate, place, parent, expected)
-            if growth.key not in best or expected < best[growth.key].expected:
-                best[growth.key] = growth
-    return sorted(best.values(), key=lambda g: (g.expected, g.key))
+            if growth.names not in best or expected < best[growth.names].expected:
+                best[growth.names] = growth
+    return sorted(best.values(), key=lambda g: (g.expected, g.names))
 
 
 def _alternatives(
@@ -196,10 +200,12 @@ def _alternatives(
         yield [response]
         expected = _linear([response], rest, orthogonal)[0]
         parameter = response.chosen.coordinates[0].parameter
-        alone = not response.chosen.integral and len(response.chosen.coordinates) == 1
+        alone = len(response.chosen.coordinates) == 1
         if alone and (parameter not in best or expected < best[parameter][0]):
             best[parameter] = (expected, response)
-    if len(best) + len(linear) > 1 and best:
+    # Unknown phases make responses that do not add up.
+    adds_up = not any(CATALOGUE[response.effect].follows_angle for response in own)
+    if len(best) + len(linear) > 1 and best and adds_up:
         yield [response for _, response in best.values()] + linear
 
 
@@ -247,19 +253,22 @@ def _moved(together: Sequence[Response], shares: FloatArray) -> dict[Coordinate,
 
 
 def _free(
-    base: Model, name: str, clear: Sequence[Response], together: Sequence[Response], scale: float
+    base: Model, name: str, clear: Sequence[Response], together: Sequence[Response], scale: Scale
 ) -> EffectSet:
     """Return the effect with those parameters free to which these logs respond."""
-    integral = together[0].chosen.integral
-    full = effect_set(base, [name], integral=integral, scale=scale)
+    full = effect_set(base, [name], scale=scale)
+    if CATALOGUE[name].follows_angle:
+        return together[0].chosen
     shown = {c for response in (*clear, *together) for c in response.chosen.coordinates}
     # A height or a heading matters only together with its mass or slope.
     beside = {p.name for p in CATALOGUE[name].parameters if p.neutral is None}
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):
         # So does the softness of a limit matter only with a limit that the model does not have.
         beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}
-    kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside or not c.effect)
-    return EffectSet(full.names, kept, integral)
+    kept = [c for c in full.coordinates if c in shown or c.parameter in beside]
+    # What equals another parameter as long as it is neutral is free only where that was tried.
+    kept += [c for response in together for c in response.chosen.coordinates if c.like and c not in kept]
+    return EffectSet(full.names, tuple(kept), together[0].chosen.fixed)
 
 
 def _place(candidate: EffectSet, parent: Fitted[EffectSet], moved: dict[Coordinate, float]) -> FloatArray:

@@ -23,7 +23,7 @@ from sysid.compare.descent import Minimum, compass_search
 from sysid.compare.fitted import Fitted, base_fit, fit, marginal_function
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.search.chance import roller_scatter
-from sysid.gap.search.responses import Growth, Key, Response, growths, responses
+from sysid.gap.search.responses import Growth, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 from sysid.progress import Progress, silent
 
@@ -52,12 +52,12 @@ class Search:
         self.base = base_fit(problem, EMPTY)
         self.tell: Progress = silent
         """Called before each fit with the set."""
-        self._fitted: dict[Key, Fitted[EffectSet]] = {((), False): self.base}
-        self._behind: dict[Key, list[Response]] = {}
+        self._fitted: dict[tuple[str, ...], Fitted[EffectSet]] = {(): self.base}
+        self._behind: dict[tuple[str, ...], list[Response]] = {}
 
     @property
-    def fitted(self) -> Mapping[Key, Fitted[EffectSet]]:
-        """The fitted sets; read-only."""
+    def fitted(self) -> Mapping[tuple[str, ...], Fitted[EffectSet]]:
+        """The fitted sets by the names of their effects; read-only."""
         return MappingProxyType(self._fitted)
 
     @property
@@ -117,17 +117,17 @@ class Search:
             again = fit(self.problem, fitted.candidate, improved.place, most=4, known=known)
             if again is not None and again.cost < fitted.cost:
                 fitted = again
-                self._fitted[fitted.names, fitted.candidate.integral] = fitted
+                self._fitted[fitted.names] = fitted
         return fitted
 
     def fit_best(self, candidates: Sequence[Growth], most: int) -> None:
         """Fit up to `most` different `candidates` by full simulation, those that promise enough."""
-        ordered = sorted(candidates, key=lambda g: (g.expected, g.key))
-        chosen: dict[Key, Growth] = {}
+        ordered = sorted(candidates, key=lambda g: (g.expected, g.names))
+        chosen: dict[tuple[str, ...], Growth] = {}
         for growth in ordered:
             gain, best = (self.base.cost - g.expected for g in (growth, ordered[0]))
-            if gain >= _WORTH_FITTING * best and growth.key not in self._fitted and len(chosen) < most:
-                chosen.setdefault(growth.key, growth)
+            if gain >= _WORTH_FITTING * best and growth.names not in self._fitted and len(chosen) < most:
+                chosen.setdefault(growth.names, growth)
         # The most promising one shows what the others have to reach.
         ranked = list(chosen.values())
         self._fit_hopeful(ranked[:1])
@@ -137,7 +137,8 @@ class Search:
         limits = [self._limit(growth.candidate.names) for growth in growths]
         pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
         fits = self.problem.study.map(self._fit, pairs)
-        self._fitted |= {g.key: found for (g, _), found in zip(pairs, fits, strict=True) if found is not None}
+        found = {g.names: one for (g, _), one in zip(pairs, fits, strict=True) if one is not None}
+        self._fitted |= found
 
     def may_gain(self, promised: float) -> float:
         """Return the most that a set may gain from which the screening `promised` so much."""
@@ -146,7 +147,7 @@ class Search:
     def shared(self, one: Sequence[str], other: Sequence[str]) -> Fitted[EffectSet]:
         """Return the fit of the effects that `one` set shares with an `other`; of none if there is none."""
         names = tuple(name for name in one if name in other)
-        return self._fitted.get((names, False)) or self._fitted.get((names, True)) or self.base
+        return self._fitted.get(names) or self.base
 
     def _may_reach(self, growth: Growth, limit: float) -> bool:
         parent = growth.parent.cost
@@ -160,20 +161,15 @@ class Search:
         near = self.of_size(size)
         limit = near[0].cost + 4.0 * THRESHOLDS.tie_sigmas**2 * inflation
         for fitted in [f for f in near if f.cost <= limit]:
-            smaller = self._without_needless(fitted, inflation)
-            del self._fitted[fitted.names, fitted.candidate.integral]
-            key = smaller.names, smaller.candidate.integral
-            if key not in self._fitted or smaller.cost < self._fitted[key].cost:
-                self._fitted[key] = smaller
+            self._fitted[fitted.names] = self._without_needless(fitted, inflation)
 
     def _without_needless(self, fitted: Fitted[EffectSet], inflation: float) -> Fitted[EffectSet]:
         while True:
             candidate, spread = fitted.candidate, np.sqrt(np.diag(fitted.covariance(inflation)))
-            sigmas = np.abs(fitted.place - candidate.start()) / np.maximum(spread, 1e-12)
+            sigmas = np.abs(fitted.place - candidate.needless_at(fitted.place)) / np.maximum(spread, 1e-12)
             for index in np.argsort(sigmas):
-                effect = candidate.coordinates[index].effect
-                siblings = candidate.owners.count(effect)
-                if (effect and siblings < 2) or sigmas[index] ** 2 > THRESHOLDS.needless_square:
+                siblings = candidate.owners.count(candidate.coordinates[index].effect)
+                if siblings < 2 or sigmas[index] ** 2 > THRESHOLDS.needless_square:
                     continue
                 smaller = candidate.without(int(index))
                 known = _columns(smaller, fitted)
@@ -209,7 +205,7 @@ class Search:
             again = fit(self.problem, growth.candidate, growth.parent_place, limit=limit, known=known)
             found = again if again is not None and (found is None or again.cost < found.cost) else found
         if contains and found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
-            raise AssertionError(f"{growth.key[0]} fits worse than {growth.parent.names}, which it contains")
+            raise AssertionError(f"{growth.names} fits worse than {growth.parent.names}, which it contains")
         return found
 
     def _replaces_form(self, candidate: EffectSet) -> bool:
@@ -235,25 +231,23 @@ class Search:
         if self.problem.has_surrogate and parent.cost > self._limit(parent.names):
             # On rollers that takes too long for a set that is far from the best one.
             return self.library
-        key = parent.names, parent.candidate.integral
-        if key not in self._behind:
+        if parent.names not in self._behind:
             others = {response.effect for response in self.library} - set(parent.names)
             names = [name for name in others if not self._excluded((*parent.names, name))]
             at = parent.candidate.model(self.problem.base, parent.place)
-            self._behind[key] = responses(self.problem, names, at)
-        return self._behind[key]
+            self._behind[parent.names] = responses(self.problem, names, at)
+        return self._behind[parent.names]
 
     def _rest(self, chosen: Fitted[EffectSet], name: str) -> Fitted[EffectSet] | None:
         """Return the fit of a set without one of its effects, made now if there is none."""
         names = tuple(other for other in chosen.names if other != name)
-        for integral in (False, True):
-            if (names, integral) in self._fitted:
-                return self._fitted[names, integral]
+        if names in self._fitted:
+            return self._fitted[names]
         kept = [i for i, c in enumerate(chosen.candidate.coordinates) if c.effect in names]
-        smaller = EffectSet(names, tuple(chosen.candidate.coordinates[i] for i in kept))
+        smaller = chosen.candidate.only(names)
         found = fit(self.problem, smaller, chosen.place[kept], known=_columns(smaller, chosen))
         if found is not None:
-            self._fitted[names, False] = found
+            self._fitted[names] = found
         return found
 
 

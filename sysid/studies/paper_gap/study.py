@@ -51,7 +51,7 @@ def reaches(base: Model) -> list[Reach]:
     fitters = {plant: Fitter(base, plant, hold_s=HOLD_S) for plant in PLANTS}
     found = []
     for name, effect in CATALOGUE.items():
-        if name in LEFT_OUT or name != effect.cause or not effect.searched:
+        if name in LEFT_OUT or name != effect.cause or effect.unsearched_on or effect.search_from:
             continue
         fitter = fitters["planar" if effect.acts_in("planar") else "rollers"]
         chosen = fitter.set_of([name])

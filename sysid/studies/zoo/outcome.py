@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import effect_named
-from sysid.gap.result import Evidence, GapReport
+from sysid.gap.result import Evidence, FoundEffect, GapReport, Interval
 from sysid.studies.zoo.cases.case import Case, Hidden
 
 Bounds = tuple[float, float, float]
@@ -109,7 +109,7 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
         named=tuple(effect.cause for effect in report.effects),
         candidates=report.candidates,
         parameters={
-            effect.cause: {key: (p.value, p.low, p.high) for key, p in effect.parameters.items()}
+            effect.cause: {key: (p.value, p.low, p.high) for key, p in _measured(effect).items()}
             for effect in report.effects
         },
         before=report.gap.before,
@@ -125,6 +125,11 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
         fit_s=fit_s,
         study_s=study_s,
     )
+
+
+def _measured(effect: FoundEffect) -> dict[str, Interval]:
+    """Return what a report says of an effect's size: its parameters, and the droop of a torque."""
+    return {**effect.parameters, **effect.estimates}
 
 
 def _best(report: GapReport) -> Evidence | None:

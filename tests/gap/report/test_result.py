@@ -235,3 +235,22 @@ def test_an_interval_is_written_to_as_many_digits_as_it_is_wide():
     assert interval_text(Interval(0.934, 0.901, 0.952), "") == ("0.934", "0.901 .. 0.952")
     assert interval_text(Interval(812.0, 640.0, 950.0), "rpm/s") == ("812 rpm/s", "640 .. 950")
     assert interval_text(Interval(3.0, 1.0, float("inf")), "rpm") == ("3 rpm", "1 .. inf")
+
+
+def test_a_torque_is_a_droop_and_a_number_of_n_m_only_where_the_stiffness_is_known():
+    torque, droop = Interval(0.4, 0.3, 0.5), Interval(12.0, 9.0, 15.0)
+    found = FoundEffect("coulomb_friction", {"torque_n_m": torque}, 1.0, droop)
+    assert found.estimates == {"droop_rpm": droop, "torque_n_m": torque}
+    assert replace(found, torque_known=False).estimates == {"droop_rpm": droop}
+    assert FoundEffect("speed_gain", {"gain": torque}, 1.0, torque_known=False).estimates == {"gain": torque}
+
+
+def test_the_droop_of_a_torque_is_in_the_file_and_in_the_text(named: GapReport):
+    torque, droop = Interval(0.4, 0.3, 0.5), Interval(12.0, 9.0, 15.0)
+    found = FoundEffect("stiction", {"breakaway_n_m": torque}, 1.0, droop, torque_known=False)
+    report = replace(named, effects=(found,))
+    (written,) = gap_json(report)["effects"]
+    assert written["droop_rpm"] == {"value": 12.0, "low": 9.0, "high": 15.0}
+    assert set(written["parameters"]) == {"breakaway_n_m"}
+    assert "droop_rpm 12.0 rpm (9.0 .. 15.0)" in gap_table(report)
+    assert "n_m" not in gap_table(report)

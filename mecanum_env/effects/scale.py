@@ -1,0 +1,67 @@
+"""How fast and how stiff a drive is: what the ranges of a search are in proportion to.
+
+The catalogue states its ranges for one reference drive. A search on the logs of another drive scales them:
+speeds with the largest speed of the logs, what would change nothing in them left out; rates with that speed
+over the time in which the drive rises, since a limit far above shows nothing and one far below never lets the
+wheel arrive; torques with the torque that would take all of that speed, so that any droop can be reached.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Final
+
+from mecanum_env.units import RAD_S_PER_RPM
+
+_TOP_RPM, _RISE_S = 135.0, 0.125  # of the reference drive
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What a drive and its logs show; the default is the reference drive."""
+
+    top_rpm: float = _TOP_RPM
+    """Largest speed that is commanded or reached [rpm]."""
+    rise_s: float = _RISE_S
+    """Time in which the drive follows a step from 10 to 90 % [s]."""
+    servo_n_m_s_rad: float = 5.0
+    """Torque per speed that the drive loses [N m s/rad]. On the bench only ratios to it show."""
+    torque_limit_n_m: float = math.inf
+    """Largest torque of the drive on its wheel [N m], beyond which a load stops it."""
+
+    @property
+    def torque_n_m(self) -> float:
+        """Torque that takes all of the top speed, or that the drive gives at most [N m]."""
+        return min(self.servo_n_m_s_rad * self.top_rpm * RAD_S_PER_RPM, self.torque_limit_n_m)
+
+    def factor(self, unit: str, *, relative: bool = False) -> float:
+        """Return the factor on a range that the catalogue states in a `unit`.
+
+        It is a power of two for speeds and rates, about one step of the scan grids, and 1 for other units.
+        `relative`: the range is one of shares, in "N m" of the `torque_n_m`, in "N m s/rad" of the damping
+        that takes this torque at the top speed.
+        """
+        if relative:
+            return _SHARES_OF[unit](self)
+        power = _POWERS.get(unit)
+        if power is None:
+            return 1.0
+        speed, rise = power
+        return 2.0 ** round(math.log2((self.top_rpm / _TOP_RPM) ** speed * (_RISE_S / self.rise_s) ** rise))
+
+
+_POWERS: Final[Mapping[str, tuple[int, int]]] = MappingProxyType(
+    {"rpm": (1, 0), "rpm/s": (1, 1), "rpm/s2": (1, 2)}
+)
+"""Unit -> powers of top speed and of the inverse rise time in it."""
+_SHARES_OF: Final[Mapping[str, Callable[[Scale], float]]] = MappingProxyType(
+    {
+        "N m": lambda scale: scale.torque_n_m,
+        "N m s/rad": lambda scale: scale.torque_n_m / (scale.top_rpm * RAD_S_PER_RPM),
+    }
+)
+REFERENCE: Final = Scale()
+"""The drive for which the catalogue states its ranges."""

@@ -146,6 +146,9 @@ class Effect:
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
     searched: bool = True
     """Whether a search for the effects that a model lacks tries it."""
+    vector: tuple[str, str] | None = None
+    """Names of a size and of its angle [deg]. A search takes both as a vector, since the angle of nothing is
+    arbitrary."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
     depends_on_integral: bool = False

@@ -95,10 +95,9 @@ EFFECTS: Final = (
             Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 6)),
             Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), searched=False),
             Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0)),
-            Parameter(
-                "phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf), scan=(-90, 0, 90, 180)
-            ),
+            Parameter("phase_deg", "deg", None, (-180.0, 180.0), (-math.inf, math.inf)),
         ),
+        vector=("torque_n_m", "phase_deg"),
         summary="A torque that swings with the wheel's angle: constant, or one that makes the speed swing by "
         "this share of itself (cogging, an eccentric gear).",
         signature="The speed swings a whole number of times per turn, at a frequency that grows with speed.",

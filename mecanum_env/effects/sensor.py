@@ -168,8 +168,9 @@ EFFECTS: Final = (
         parameters=(
             Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, scan=(1, 2, 3, 4, 6, 8)),
             Parameter("share", "1", 0.0, (0.0, 0.3), (0.0, 1.0)),
-            Parameter("phase_deg", "deg", None, (-180.0, 180.0), _ANY, scan=(-90, 0, 90, 180)),
+            Parameter("phase_deg", "deg", None, (-180.0, 180.0), _ANY),
         ),
+        vector=("share", "phase_deg"),
         summary="Measured wheel speeds swing by this share of the speed, so often in each turn of the wheel.",
         signature="A ripple whose size and frequency go with the speed; "
         "whole turns take the right time, and the body's motion does not show it.",

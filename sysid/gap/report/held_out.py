@@ -142,14 +142,15 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
     low, high = interval_ends(problem, fitted, decision.facts.inflation)
-    intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
-    for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
-        if coordinate.effect:
-            value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
-            intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
+    intervals = candidate.intervals(fitted.place, low, high)
     return tuple(
-        FoundEffect(name, parameters, decision.facts.frequency.get(name, 0.0), _forms_tied(name, decision))
-        for name, parameters in intervals.items()
+        FoundEffect(
+            name,
+            {parameter: Interval(*bounds) for parameter, bounds in intervals[name].items()},
+            decision.facts.frequency.get(name, 0.0),
+            _forms_tied(name, decision),
+        )
+        for name in candidate.names
     )
 
 
@@ -200,7 +201,7 @@ def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:
         robot = {"servo_integral_n_m_rad": model.robot.servo_integral_n_m_rad}
         for c in judged.fitted.candidate.coordinates:
             values = model.effects[c.effect] if c.effect else robot
-            found.setdefault(c.effect or "robot", {})[c.parameter] = values[c.parameter]
+            found.setdefault(c.effect or "robot", {}).update((name, values[name]) for name in c.names)
     else:
         found[judged.names[0]] = dict(zip("ABCDEF", model.wheel.law.coefficients.tolist(), strict=True))
     return found

@@ -21,11 +21,13 @@ from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import (
     Coordinate,
     EffectSet,
+    components,
     coordinate,
     effect_set,
     integral_action,
     joined,
     scanned,
+    searched_alone,
 )
 from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
@@ -67,6 +69,11 @@ class Response:
         return self.chosen.names[0]
 
     @property
+    def beside(self) -> tuple[float, ...]:
+        """Where the coordinates beside the first one are."""
+        return tuple(self.place[1:].tolist())
+
+    @property
     def length(self) -> float:
         """Norm of the change, in noise sigmas over all samples."""
         return float(np.linalg.norm(self.change))
@@ -101,15 +108,14 @@ def responses(
 def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Trial]:
     """Return the simulations of an effect, one for each of its sizes."""
     trials: list[_Trial] = []
-    searched = [p for p in effect.parameters if p.simulated and p.searched]
-    primary = [p for p in searched if p.neutral is not None]
-    secondary = [p for p in searched if p.neutral is None and p.scan]
-    beside = [coordinate(base, effect, other, scale) for other in secondary]
-    grids = [scanned(other, place, scale) for other, place in zip(secondary, beside, strict=True)]
-    for parameter in primary:
-        one = coordinate(base, effect, parameter, scale)
+    known = {p: coordinate(base, effect, p, scale) for p in searched_alone(effect)}
+    secondary = [p for p in known if p.neutral is None and p.scan]
+    beside = [known[other] for other in secondary]
+    grids = [scanned(other, known[other], scale) for other in secondary]
+    moved = [(one, scanned(p, one, scale)) for p, one in known.items() if p.neutral is not None]
+    moved += [(one, []) for one in components(base, effect, scale)]
+    for one, places in moved:
         neutral = one.neutral_place
-        places = scanned(parameter, one, scale)
         linear = not places
         if linear:
             # To the side with more room: a servo can be far weaker than the model's, and hardly stiffer.
@@ -118,7 +124,6 @@ def _trials(base: Model, effect: Effect, step: float, scale: float) -> list[_Tri
             size = abs(place - neutral)
             if size < 1e-9:
                 continue
-            # A frequency tried with one phase only would miss the other phases.
             for rest in product(*grids):
                 chosen = EffectSet((effect.name,), (one, *beside))
                 trials.append((chosen, np.array([place, *rest]), linear, size))
@@ -187,12 +192,18 @@ def growths(
 def _alternatives(
     own: Sequence[Response], rest: FloatArray, orthogonal: FloatArray
 ) -> Iterator[list[Response]]:
-    """Yield the ways to try one effect: all small steps at once, each size, each parameter at its best."""
-    linear = [r for r in own if r.linear and len(r.chosen.coordinates) == 1]
-    if linear:
-        yield linear
+    """Yield the ways to try one effect: all small steps at once, each size, each parameter at its best.
+
+    Small steps beside different values of another parameter, such as the frequency of a ripple, are no sum.
+    """
+    steps: dict[tuple[float, ...], list[Response]] = {}
+    for response in own:
+        if response.linear:
+            steps.setdefault(response.beside, []).append(response)
+    yield from steps.values()
+    linear = steps.get((), [])
     best: dict[str, tuple[float, Response]] = {}
-    for response in [r for r in own if r not in linear]:
+    for response in [r for r in own if not r.linear]:
         yield [response]
         expected = _linear([response], rest, orthogonal)[0]
         parameter = response.chosen.coordinates[0].parameter
@@ -254,7 +265,7 @@ def _free(
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):
         # So does the softness of a limit matter only with a limit that the model does not have.
         beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}
-    kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside or not c.effect)
+    kept = tuple(c for c in full.coordinates if c in shown or c.parameter in beside or c.axis or not c.effect)
     return EffectSet(full.names, kept, integral)
 
 

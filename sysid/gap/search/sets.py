@@ -170,9 +170,10 @@ class Search:
             candidate, spread = fitted.candidate, np.sqrt(np.diag(fitted.covariance(inflation)))
             sigmas = np.abs(fitted.place - candidate.start()) / np.maximum(spread, 1e-12)
             for index in np.argsort(sigmas):
-                effect = candidate.coordinates[index].effect
-                siblings = candidate.owners.count(effect)
-                if (effect and siblings < 2) or sigmas[index] ** 2 > THRESHOLDS.needless_square:
+                one = candidate.coordinates[index]
+                alone = one.axis or (one.effect and candidate.owners.count(one.effect) < 2)
+                # Either component of a vector may well be 0.
+                if alone or sigmas[index] ** 2 > THRESHOLDS.needless_square:
                     continue
                 smaller = candidate.without(int(index))
                 known = _columns(smaller, fitted)

@@ -61,7 +61,7 @@ class Simulator:
         self.study = study or Study()
         self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
         self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
-        self._groups: dict[float, list[_Alike]] = {}
+        self._groups: dict[tuple[float, bool], list[_Alike]] = {}
         self._lock = Lock()
 
     def predictions(self, model: Model) -> list[FloatArray]:
@@ -111,32 +111,36 @@ class Simulator:
         return found
 
     def _simulate(self, model: Model) -> list[Motion]:
-        groups = self._alike(model.wheel.command_period_s)
+        # A direction in the world makes the motion depend on where a run starts.
+        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
+        groups = self._alike(model.wheel.command_period_s, by_heading)
         if self.observations.situations[0].runs[0].level == "bench":
             found = bench_motions_of(model, [group.bench_run for group in groups], self.study)
         else:
-            found = self._robot_motions(model, groups)
+            found = self._robot_motions(model, groups, by_heading)
         motions: dict[int, Motion] = {}
         for group, motion in zip(groups, found, strict=True):
             motions |= dict.fromkeys(group.members, motion)
         return [motions[index] for index in range(len(motions))]
 
-    def _alike(self, command_period_s: float) -> list[_Alike]:
-        """Return the groups of situations that share a motion, each with the longest of them."""
-        if command_period_s not in self._groups:
+    def _alike(self, command_period_s: float, by_heading: bool) -> list[_Alike]:
+        """Return the groups of situations that share a motion, each with the longest of them.
+
+        `by_heading`: whether the motion, seen from the robot, depends on where it heads when it starts.
+        """
+        if (command_period_s, by_heading) not in self._groups:
             situations = self.observations.situations
             alike: dict[Hashable, list[int]] = {}
             for index, situation in enumerate(situations):
-                alike.setdefault(_motion_key(situation, command_period_s), []).append(index)
-            self._groups[command_period_s] = [
+                key = _motion_key(situation, command_period_s, by_heading)
+                alike.setdefault(key, []).append(index)
+            self._groups[command_period_s, by_heading] = [
                 _Alike(members, max((situations[i] for i in members), key=_duration_s), command_period_s)
                 for members in alike.values()
             ]
-        return self._groups[command_period_s]
+        return self._groups[command_period_s, by_heading]
 
-    def _robot_motions(self, model: Model, groups: Sequence[_Alike]) -> list[Motion]:
-        # A direction in the world makes the compiled model depend on where a run starts.
-        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
+    def _robot_motions(self, model: Model, groups: Sequence[_Alike], by_heading: bool) -> list[Motion]:
         compiled: dict[float, mujoco.MjModel] = {}
         stances: dict[Hashable, FloatArray] = {}
         motions = []
@@ -179,13 +183,14 @@ def _duration_s(situation: Situation) -> float:
     return situation.runs[0].duration_s
 
 
-def _motion_key(situation: Situation, command_period_s: float) -> Hashable:
-    """Return what a motion depends on; the times of the samples are not part of it."""
-    run = situation.runs[0]
+def _motion_key(situation: Situation, command_period_s: float, by_heading: bool) -> Hashable:
+    """Return what a motion depends on; neither the times of the samples nor the place are part of it."""
+    run, start = situation.runs[0], situation.start
+    began = (start.initial_rpm, start.moving, start.yaw_rad if by_heading else 0.0)
     rows = run.command_rows()
     since = run.held_since(command_period_s)[rows]
     commands = [values[rows].tobytes() for values in run.command.columns().values()]
-    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start)
+    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, began)
 
 
 def model_key(model: Model) -> Hashable:

@@ -20,12 +20,13 @@ import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
 from mecanum_env.errors import MecanumError
+from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, coordinate, effect_set, scanned
 from sysid.compare.fitted import Fitted, RefittedLaw, fit, marginal_function
-from sysid.compare.joint import LawWithEffects, coefficient_covariance
+from sysid.compare.joint import LawWithEffects, joint_covariance
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import Observations, observe
 from sysid.compare.prediction import Study
@@ -116,10 +117,15 @@ def find_drive_effects(
     if not best.model.effects or best is first:
         return None
     before = _rms(held_out, alone)
-    names, covariance = coefficient_covariance(best.fitted, best.base, best.inflation)
-    stated = {"wheel": {"names": names, "covariance": covariance.tolist()}, "effects": best.intervals()}
+    names, covariance = joint_covariance(best.fitted, best.base, best.inflation)
+    of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
+    stated = {
+        "wheel": {"names": list(COEFFICIENTS), "covariance": of_law.tolist()},
+        "effects": best.intervals(),
+        "joint": {"names": names, "covariance": covariance.tolist()},
+    }
     model = replace(best.model, uncertainty={**best.model.uncertainty, **stated})
-    return DriveEffects(model, covariance, before, best.held_out_rpm)
+    return DriveEffects(model, of_law, before, best.held_out_rpm)
 
 
 @dataclass(frozen=True, eq=False)

@@ -87,3 +87,16 @@ def test_what_was_found_is_stated_with_its_uncertainty(rubbing):
     stated = model.uncertainty["effects"]["speed_gain"]["gain"]
     assert stated["low"] < model.effects["speed_gain"]["gain"] < stated["high"]
     assert np.all(np.linalg.eigvalsh(np.array(model.uncertainty["wheel"]["covariance"])) > -1e-9)
+
+
+def test_law_and_effects_are_stated_with_one_covariance(rubbing):
+    _, fit = rubbing
+    uncertainty = fitted_model(fit).uncertainty
+    names, covariance = uncertainty["joint"]["names"], np.array(uncertainty["joint"]["covariance"])
+    assert names[:6] == list("ABCDEF")
+    assert {"speed_gain.gain", "coulomb_friction.torque_n_m"} <= set(names)
+    assert np.array_equal(covariance[:6, :6], np.array(uncertainty["wheel"]["covariance"]))
+    ends = uncertainty["effects"]["speed_gain"]["gain"]
+    deviation = np.sqrt(covariance[names.index("speed_gain.gain"), names.index("speed_gain.gain")])
+    assert ends["high"] - ends["low"] == pytest.approx(2.0 * 1.645 * deviation, rel=1e-3)
+    assert np.any(covariance[:6, 6:] != 0.0)

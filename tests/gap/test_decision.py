@@ -10,7 +10,7 @@ import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
-from sysid.compare.coordinates import EffectSet
+from sysid.compare.coordinates import EffectSet, effect_set
 from sysid.compare.fitted import Fitted
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -178,3 +178,16 @@ def test_behind_a_delay_no_other_form_of_a_cause_of_the_set_is_screened(
     search.grow(1)
     grown = search.growths(search.fitted[("sensor_latency",), False])
     assert [growth.candidate.names for growth in grown] == [("speed_gain", "sensor_latency")]
+
+
+def test_another_form_of_an_effect_that_the_model_has_may_fit_worse(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    model = base.with_effect("coulomb_friction", "washed_out", torque_n_m=0.9, washout_s=0.2)
+    logs = bench_logs(model)
+    observations = observe(logs)
+    problem = ResidualProblem(model, Whitener(observations, measure_noise(logs, observations), None))
+    search = Search(problem, [], SearchEffort())
+    droop = effect_set(model, ["coulomb_friction"])
+    search.fit_best([Growth(droop, droop.start(), search.base, expected=0.0)], most=1)
+    assert search.fitted[droop.names, False].cost > 2.0 * search.base.cost

@@ -17,11 +17,12 @@ from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.report.output import gap_json
-from sysid.gap.result import FoundEffect, GapOptions, Interval
+from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search.responses import Growth, growths, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
 from sysid.gap.workflow import analyse
+from sysid.logs import Dataset
 from tests.gap.conftest import MakeLogs
 
 QUIET = GapOptions(next_experiment=False)
@@ -34,8 +35,15 @@ def test_logs_of_the_model_itself_have_no_gap(bench_logs: MakeLogs, base: Model)
     assert report.model is base
 
 
-def test_a_hidden_effect_is_named_with_its_size(bench_logs: MakeLogs, base: Model) -> None:
-    report = analyse(bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0)), base, QUIET)
+@pytest.fixture(scope="module")
+def limited(bench_logs: MakeLogs, base: Model) -> tuple[Dataset, GapReport]:
+    """Return logs of a wheel with a lower limit of its speed, and their study."""
+    dataset = bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0))
+    return dataset, analyse(dataset, base, QUIET)
+
+
+def test_a_hidden_effect_is_named_with_its_size(limited: tuple[Dataset, GapReport]) -> None:
+    _, report = limited
     assert report.verdict == "named"
     (effect,) = report.effects
     assert effect.name == "speed_saturation"
@@ -45,9 +53,8 @@ def test_a_hidden_effect_is_named_with_its_size(bench_logs: MakeLogs, base: Mode
     assert effect.selection_frequency > 0.9
 
 
-def test_the_improved_model_has_no_gap_left(bench_logs: MakeLogs, base: Model) -> None:
-    dataset = bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0))
-    first = analyse(dataset, base, QUIET)
+def test_the_improved_model_has_no_gap_left(limited: tuple[Dataset, GapReport]) -> None:
+    dataset, first = limited
     assert first.gap.after == pytest.approx(first.gap.noise_floor, rel=0.1)
     assert first.model.effects["speed_saturation"]["limit_rpm"] == pytest.approx(80.0, abs=0.5)
     assert analyse(dataset, first.model, QUIET).verdict == "no_gap"

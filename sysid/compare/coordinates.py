@@ -118,7 +118,7 @@ class EffectSet:
         return replace(base, robot=robot, effects=effects)
 
     def intervals(self, place: FloatArray, low: FloatArray, high: FloatArray) -> dict[str, dict[str, Bounds]]:
-        """Return effect -> parameter -> value and interval, from places and their ends, each of shape (p,).
+        """Return effect -> parameter -> value and interval, from a `place` and its ends `low` and `high`.
 
         The components of a vector are taken as uncorrelated: its size and angle have the half widths of the
         ellipse along and across it. If the vector may be 0, the angle may be any.
@@ -174,9 +174,9 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: float =
 
 
 def components(base: Model, effect: Effect, scale: float = 1.0) -> tuple[Coordinate, ...]:
-    """Return the two components of an effect's vector as coordinates; none if it has no vector.
+    """Return the two components of an `effect`'s vector as coordinates; none if it has no vector.
 
-    Neutral and `scale` are as for `coordinate`.
+    Neutral, the `base` model's value, and `scale` are as for `coordinate`.
     """
     if effect.vector is None:
         return ()
@@ -244,7 +244,7 @@ def scanned(parameter: Parameter, one: Coordinate, scale: float = 1.0) -> list[f
 
 
 def searched_alone(effect: Effect) -> list[Parameter]:
-    """Return the parameters of an effect that are searched, without those of its vector."""
+    """Return the parameters of an `effect` that are searched, without those of its vector."""
     together = effect.vector or ()
     return [p for p in effect.parameters if p.simulated and p.searched and p.name not in together]
 

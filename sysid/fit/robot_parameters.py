@@ -153,18 +153,9 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData, ceiling_rpm: 
     sought = [name for name in _SOUGHT if name not in given]
     limited = None if NAME in given else with_torque_limit(model, wheels, ceiling_rpm)
     if limited is not None:
-        plain, start = (
-            RobotSearch(model, wheels).fit(sought),
-            RobotSearch(limited, wheels, thorough=False).fit([*sought, NAME]),
-        )
-        # A weak servo slows a start as well, and needs no limit.
-        samples = wheels.measured().size
-        gained = 2.0 * (plain.cost - start.cost) / wheels.variance(start.cost, samples)
-        if gained - math.log(samples) < EVIDENCE:
-            limited = None
-        else:
-            sought.append(NAME)
-            model = min(with_ceilings(start.model, model, ceiling_rpm), key=wheels.residual_rms)
+        sought.append(NAME)
+        start = RobotSearch(limited, wheels, thorough=False).fit(sought).model
+        model = min(with_ceilings(start, model, ceiling_rpm), key=wheels.residual_rms)
     grip = scan_grip(model, "friction" in given, data)
     if grip.fitted:
         found, shown, errors, grip = _in_turns(model, sought, grip, data)

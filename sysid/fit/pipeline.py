@@ -173,9 +173,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     if dataset.level == "robot" and not options.per_wheel:
         progress("servo, inertia and grip")
         known_robot = Model(wheel_model(path, found), options.robot, latency(found))
-        robot, note = robot_of(
-            dataset, runs, known_robot, options.robot_given, sigma, known, path.saturation_rpm
-        )
+        robot, note = robot_of(dataset, runs, known_robot, options.robot_given, sigma, known)
         notes.append(note)
     effects = None
     if dataset.level == "bench" and options.effects == "auto":

@@ -33,7 +33,7 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     wheel = wheel_model(path, found)
     around = fit.options.robot if robot is None else robot
     if fit.robot is not None:
-        wheel = replace(wheel, law=fit.robot.law, saturation_rpm=fit.robot.saturation_rpm)
+        wheel = replace(wheel, law=fit.robot.law)
         fitted: dict[str, Any] = {p.name: p.value for p in fit.robot.parameters if p.fitted}
         around = replace(around, **fitted)
     model = Model(

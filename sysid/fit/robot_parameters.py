@@ -5,12 +5,11 @@ stiffness k and inertia make a lag of m R^2 / 4k driving straight and of about I
 half wheelbase + half track), and hard starts reach the torque limit. A law fitted to the wheel speeds alone
 contains what is common to both. The stages of the fit are therefore:
 
-1. A torque limit that the wheel speeds show is found on the planar plant, with the law before it.
-2. Grip is scanned with the roller plant on a few seconds of the largest commands, as only slip shows it.
-3. Law, servo and inertia are fitted together on the planar plant, which is fast; a parameter that the logs do
+1. Grip is scanned with the roller plant on a few seconds of the largest commands, as only slip shows it.
+2. Law, servo and inertia are fitted together on the planar plant, which is fast; a parameter that the logs do
    not show is left. If slip shows, the roller plant is used at the grip found, and then the grip is fitted
    again, in turns: the first grip belongs to a law that contains the slip.
-4. Law and robot are fitted again on the rollers, where the model will be used: they take up torque and slip.
+3. Law and robot are fitted again on the rollers, where the model will be used: they take up torque and slip.
 """
 
 from __future__ import annotations
@@ -35,7 +34,6 @@ from sysid.compare.whitening import Whitener
 from sysid.fit.grip import EVIDENCE, ROLLER_SECONDS, SHOWN, RobotParameter, profile_grip, scan_grip
 from sysid.fit.metrics import Runs
 from sysid.fit.robot_search import BODY_VELOCITY, FoundRobot, PlantData, RobotSearch, largest_command_runs
-from sysid.fit.torque_limit import NAME, with_ceilings, with_torque_limit
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats
 
@@ -55,8 +53,6 @@ class RobotFit:
 
     law: WheelLaw
     """Law of the wheels without load, as the drives of the simulated robot need it."""
-    saturation_rpm: float
-    """Ceiling of the set-point; above an estimated one if the torque limit explains that."""
     robot: Robot
     parameters: tuple[RobotParameter, ...]
     covariance: FloatArray
@@ -74,15 +70,13 @@ def robot_of(
     given: Sequence[str],
     sigma_rpm: Mapping[str, float],
     sigma_known: bool,
-    ceiling_rpm: float,
 ) -> tuple[RobotFit | None, str]:
-    """Fit the law behind the robot's servo and the robot parameters that the logs show (stages 1 to 3).
+    """Fit the law behind the robot's servo and the robot parameters that the logs show (stages 1 and 2).
 
     The `runs` are those of the dataset on the law's clock, with the noise `sigma_rpm` [rpm] of each column,
     which is from repeats if `sigma_known`. The model holds the law fitted to the wheel speeds, and the robot
-    as far as it is known; parameters that are `given` are not fitted. A ceiling of the model below
-    `ceiling_rpm` is estimated, and given up if a torque limit explains it. Return the fit, None if it does
-    not improve the model, and a note.
+    as far as it is known; parameters that are `given` are not fitted. Return the fit, None if it does not
+    improve the model, and a note.
     """
     at_rest = _starting_at_rest(dataset, runs, "fit")
     if not at_rest:
@@ -92,9 +86,8 @@ def robot_of(
         )
     data = PlantData(at_rest, tuple(sigma_rpm), dict(sigma_rpm), sigma_known)
     data = _with_body_velocities(dataset, data, model)
-    found = fit_robot(model, given, data, ceiling_rpm)
-    wheel = replace(model.wheel, law=found.law, saturation_rpm=found.saturation_rpm)
-    after = replace(model, wheel=wheel, robot=found.robot)
+    found = fit_robot(model, given, data)
+    after = replace(model, wheel=replace(model.wheel, law=found.law), robot=found.robot)
     held_out = _starting_at_rest(dataset, runs, "validation") or at_rest
     check = replace(data, runs=held_out, channels=tuple(sigma_rpm))
     before_rms, after_rms = check.residual_rms(model), check.residual_rms(after)
@@ -136,10 +129,8 @@ def _with_body_velocities(dataset: Dataset, data: PlantData, model: Model) -> Pl
     return replace(data, channels=(*data.channels, *names), sigma=sigma)
 
 
-def fit_robot(model: Model, given: Sequence[str], data: PlantData, ceiling_rpm: float = 0.0) -> RobotFit:
+def fit_robot(model: Model, given: Sequence[str], data: PlantData) -> RobotFit:
     """Fit law, servo stiffness and yaw inertia together, then grip, except those parameters that are `given`.
-
-    A torque limit is fitted with them if the logs show one; `ceiling_rpm` is as for `robot_of`.
 
     The law has full order here, even if a lower one sufficed for the wheel speeds alone. The runs start at
     rest; body velocities among their channels are used for the grip only.
@@ -151,11 +142,6 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData, ceiling_rpm: 
     )
     before = wheels.residual_rms(model)
     sought = [name for name in _SOUGHT if name not in given]
-    limited = None if NAME in given else with_torque_limit(model, wheels, ceiling_rpm)
-    if limited is not None:
-        sought.append(NAME)
-        start = RobotSearch(limited, wheels, thorough=False).fit(sought).model
-        model = min(with_ceilings(start, model, ceiling_rpm), key=wheels.residual_rms)
     grip = scan_grip(model, "friction" in given, data)
     if grip.fitted:
         found, shown, errors, grip = _in_turns(model, sought, grip, data)
@@ -165,14 +151,8 @@ def fit_robot(model: Model, given: Sequence[str], data: PlantData, ceiling_rpm: 
         _parameter(name, found.model.robot, name in shown, name in given, errors.get(name, math.nan))
         for name in _SOUGHT
     ]
-    if limited is not None:
-        error = errors.get(NAME, math.nan)
-        value = found.model.robot.torque_limit_n_m
-        reason = "shown by the largest accelerations"
-        parameters.append(RobotParameter(NAME, value, value * error, True, reason))
     return RobotFit(
         law=found.model.wheel.law,
-        saturation_rpm=found.model.wheel.saturation_rpm,
         robot=found.model.robot,
         parameters=(*parameters, grip),
         covariance=found.covariance,

@@ -86,13 +86,6 @@ def largest_command_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]
     return tuple(chosen)
 
 
-def faster_law(law: WheelLaw, power: float) -> WheelLaw:
-    """Return a law with the gain of another one and poles p^power: as without load, for a power above 1."""
-    abc = stabilised_abc(-np.real(np.poly(np.abs(law.poles) ** power))[1:])
-    third = law.dc_gain * (1.0 - float(np.sum(abc))) / 3.0
-    return WheelLaw.from_coefficients([*abc, third, third, third], law.sample_period_s)
-
-
 @dataclass(frozen=True, eq=False)
 class FoundRobot:
     """Result of a search."""
@@ -109,16 +102,10 @@ class FoundRobot:
 
 
 class RobotSearch:
-    """Least squares of law and robot parameters on the output of the simulated robot, from a model's.
+    """Least squares of law and robot parameters on the output of the simulated robot, from a model's."""
 
-    A `thorough` search on the planar plant also starts from faster laws, and takes more evaluations.
-    """
-
-    def __init__(
-        self, model: Model, data: PlantData, plant: RobotPlant = "planar", *, thorough: bool = True
-    ) -> None:
+    def __init__(self, model: Model, data: PlantData, plant: RobotPlant = "planar") -> None:
         self._model, self.data, self._plant = model, data, plant
-        self._thorough = thorough and plant == "planar"
         # The contacts of the roller plant make small steps meaningless.
         self._step = 1e-4 if plant == "planar" else 5e-2
         self._measured = data.measured()
@@ -126,9 +113,15 @@ class RobotSearch:
         c = model.wheel.law.coefficients
         self._gain = model.wheel.law.dc_gain
         self._starts = [np.array([*free_coordinates(c[:3]), c[3], c[5]])]
-        if self._thorough:
-            laws = [faster_law(model.wheel.law, power).coefficients for power in _FASTER]
-            self._starts += [np.array([*free_coordinates(law[:3]), law[3], law[5]]) for law in laws]
+        if plant == "planar":
+            self._starts += [self._faster(power) for power in _FASTER]
+
+    def _faster(self, power: float) -> FloatArray:
+        """Return the coordinates of a law with poles p^power, which is faster as without load."""
+        poles = np.abs(self._model.wheel.law.poles) ** power
+        abc = stabilised_abc(-np.real(np.poly(poles))[1:])
+        third = self._gain * (1.0 - float(np.sum(abc))) / 3.0
+        return np.array([*free_coordinates(abc), third, third])
 
     def fit(self, names: Sequence[str]) -> FoundRobot:
         """Fit the law and the robot's parameters of some `names`."""
@@ -157,7 +150,7 @@ class RobotSearch:
         # The torque limit makes the residual non-smooth, where a single search can get stuck.
         starts = [np.concatenate([law, np.zeros(len(names))]) for law in self._starts]
         found = min((search(start, evaluations) for start in starts), key=lambda r: float(r.cost))
-        if self._thorough:
+        if planar:
             found = search(found.x, _EVALUATIONS)
         # The grip is held in the search, but its uncertainty counts with that of the others.
         uncertain = [*names] if planar else [*names, "friction"]

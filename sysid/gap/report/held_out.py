@@ -143,10 +143,8 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
     low, high = interval_ends(problem, fitted, decision.facts.inflation)
-    intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
-    for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
-        value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
-        intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
+    found = candidate.intervals(fitted.place, low, high)
+    intervals = {name: {p: Interval(*ends) for p, ends in bounds.items()} for name, bounds in found.items()}
     for name, parameter, number in candidate.fixed:
         intervals[name].setdefault(parameter, Interval(number, number, number))
     model = candidate.model(problem.base, fitted.place)
@@ -218,7 +216,7 @@ def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {name: {} for name in judged.names}
     if isinstance(judged.fitted.candidate, EffectSet):
         for c in judged.fitted.candidate.coordinates:
-            found[c.effect][c.parameter] = model.effects[c.effect][c.parameter]
+            found[c.effect].update((name, model.effects[c.effect][name]) for name in c.names)
     else:
         found[judged.names[0]] = dict(zip("ABCDEF", model.wheel.law.coefficients.tolist(), strict=True))
     return found

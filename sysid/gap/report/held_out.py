@@ -23,7 +23,7 @@ from sysid.compare.prediction import POSE, Study, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
-from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
+from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay, Since
 from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
@@ -136,8 +136,13 @@ def overlays(comparison: Comparison) -> tuple[Overlay, ...]:
     )
 
 
-def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEffect, ...]:
-    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one."""
+def found_effects(
+    problem: ResidualProblem, decision: Decision, since: Mapping[str, Since]
+) -> tuple[FoundEffect, ...]:
+    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
+
+    `since` says what is known of the time when they came, effect by effect.
+    """
     if decision.chosen is None:
         return ()
     fitted = decision.chosen.fitted
@@ -156,6 +161,7 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
             _droop(name, parameters, model, problem.study.scale.top_rpm),
             stiffness_is_known(model),
             _forms_tied(name, decision),
+            since.get(name, "unknown"),
         )
         for name, parameters in intervals.items()
     )

@@ -19,6 +19,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
 from mecanum_env.kinematics import wheels_to_body
 from mecanum_env.law.coefficients import COEFFICIENTS
@@ -62,7 +63,10 @@ def plausible_models(model: Model) -> list[Model]:
 
 
 def _moved(model: Model, names: Sequence[str], step: FloatArray) -> list[Model]:
-    """Return the model with its numbers moved by `step`, or by -step if that is not allowed, or none."""
+    """Return the model with its numbers moved by `step`, or by -step if the law is unstable, or none.
+
+    The parameters of effects stay within what can be simulated.
+    """
     law = model.wheel.law
     for sign in (1.0, -1.0):
         moved = law.coefficients + sign * step[: len(COEFFICIENTS)]
@@ -70,12 +74,19 @@ def _moved(model: Model, names: Sequence[str], step: FloatArray) -> list[Model]:
         try:
             for name, change in zip(names[len(COEFFICIENTS) :], step[len(COEFFICIENTS) :], strict=True):
                 effect, _, parameter = name.rpartition(".")
-                effects[effect][parameter] += sign * float(change)
+                low, high = _valid(effect, parameter)
+                value = effects[effect][parameter] + sign * float(change)
+                effects[effect][parameter] = min(max(value, low), high)
             changed = replace(law, **dict(zip(COEFFICIENTS, moved.tolist(), strict=True))).require_stable()
             return [replace(model, wheel=replace(model.wheel, law=changed), effects=effects)]
         except (MecanumError, KeyError):
             continue
     return []
+
+
+def _valid(effect: str, parameter: str) -> tuple[float, float]:
+    """Return the range of a parameter that can be simulated."""
+    return next(p.valid for p in CATALOGUE[effect].parameters if p.name == parameter)
 
 
 def shape_columns(

@@ -135,8 +135,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         _polished(search, floor, near)
     search.leave_out_needless(size, inflation)
     chosen = _best(search, size, inflation)
-    while size > 1 and (doubtful(problem, chosen.fitted, inflation) or rises(problem, base, chosen.fitted)):
-        # An effect that may as well be none, or that does harm, is no finding: the smaller set is.
+    while size > 1 and not _holds(search, floor, chosen, rng):
         size -= 1
         chosen = _best(search, size, inflation)
     return replace(facts, inflation=inflation, chosen=chosen)
@@ -183,6 +182,21 @@ def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
     if gain < needed or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
         return False
     return not rises(problem, search.base, larger.fitted)
+
+
+def _holds(search: Search, floor: Floor, chosen: ScoredSet, rng: np.random.Generator) -> bool:
+    """Return whether each effect of a set is a finding; if not, a smaller set is.
+
+    None may as well be none or do harm, and the last one must still pay: smaller sets may fit better by now
+    than when it was added.
+    """
+    problem, size = search.problem, len(chosen.names)
+    inflation = _inflation(problem, search.best_fit)
+    if doubtful(problem, chosen.fitted, inflation) or rises(problem, search.base, chosen.fitted):
+        return False
+    smaller = _best(search, size - 1, inflation).fitted
+    by_chance = chance_gains(smaller, search.library, rng, roller_scatter(problem, smaller)).threshold()
+    return _pays(search, floor, size, by_chance)
 
 
 def _polished(search: Search, floor: Floor, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
@@ -319,15 +333,21 @@ def _difference(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> F
     return other.fitted.residual - one.fitted.residual
 
 
-def _tolerance(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> float:
+def _tolerance(
+    search: Search,
+    chosen: ScoredSet,
+    rival: ScoredSet,
+    inflation: float,
+    share: float = THRESHOLDS.formula_error,
+) -> float:
     """Return how much worse a rival's score may be, without the rollers' scatter.
 
-    An imperfect formula leaves the square of `formula_error` of what it explains beyond the effects that both
-    sets have.
+    An imperfect formula leaves the square of a `share` of what it explains beyond the effects that both sets
+    have.
     """
     rest = search.shared(chosen.names, rival.names)
     explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
-    return THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained
+    return THRESHOLDS.tie_sigmas**2 + share**2 * explained
 
 
 def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
@@ -336,4 +356,4 @@ def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float)
         return True
     more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
     square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
-    return more and square < _tolerance(search, other, one, inflation)
+    return more and square < _tolerance(search, other, one, inflation, THRESHOLDS.same_prediction)

@@ -13,18 +13,6 @@ jobs change only how long it takes. Linear algebra has one thread everywhere: th
 depend on the number of threads.
 """
 
-from mecanum_env.parallel.tasks import Executor, Task, Tell, WorkerLostError
-from mecanum_env.parallel.threads import map_in_threads, one_thread
-from mecanum_env.parallel.workers import Workers, executor, run_tasks
+import lazy_loader
 
-__all__ = [
-    "Executor",
-    "Task",
-    "Tell",
-    "WorkerLostError",
-    "Workers",
-    "executor",
-    "map_in_threads",
-    "one_thread",
-    "run_tasks",
-]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

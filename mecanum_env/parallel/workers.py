@@ -10,9 +10,6 @@ from dataclasses import dataclass
 from typing import Literal
 
 from mecanum_env.errors import InputError, install_command, require_one_of
-from mecanum_env.parallel.cluster import RayExecutor
-from mecanum_env.parallel.here import HereExecutor
-from mecanum_env.parallel.local import LocalExecutor
 from mecanum_env.parallel.tasks import Executor, T, Task, Tell
 
 
@@ -51,6 +48,11 @@ def executor(workers: Workers) -> Iterator[Executor]:
     Raises:
         InputError: workers that cannot be, or no cluster at the address.
     """
+    # Imported here, so that the help of a program waits for neither processes nor sockets.
+    from mecanum_env.parallel.cluster import RayExecutor
+    from mecanum_env.parallel.here import HereExecutor
+    from mecanum_env.parallel.local import LocalExecutor
+
     workers.require_usable()
     jobs = workers.jobs
     if workers.backend == "local":

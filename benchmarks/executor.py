@@ -1,8 +1,8 @@
 """What it costs to hand a task to a worker: empty tasks and tasks of 10 ms, in this process, in two, on Ray.
 
-A task of 10 ms waits instead of computing, so that other programs on the machine disturb the times little. All
-executors stay open and take turns; the median over the rounds counts. Overhead per task is the time of a round
-times the number of jobs over the number of tasks, less what the task itself takes.
+A task of 10 ms waits instead of computing, so that other programs on the machine disturb the times little.
+All executors stay open and take turns; the median over the rounds counts. Overhead per task is the time of a
+round times the number of jobs over the number of tasks, less what the task itself takes.
 
     python benchmarks/executor.py --out out/bench/executor.json
 """
@@ -26,7 +26,15 @@ from mecanum_env.parallel import Executor, Task, Workers, executor
 
 TASK_S = {"empty": 0.0, "10 ms": 0.01}
 """Kind of task -> how long it takes [s]."""
-HEAD = ("executor", "start, s", "empty tasks/s", "overhead, ms", "10 ms tasks/s", "overhead, ms", "of one job")
+HEAD = (
+    "executor",
+    "start, s",
+    "empty tasks/s",
+    "overhead, ms",
+    "10 ms tasks/s",
+    "overhead, ms",
+    "of one job",
+)
 
 
 def benchmark(

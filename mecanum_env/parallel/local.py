@@ -20,7 +20,7 @@ from typing import Any, Final
 from mecanum_env.parallel.same_code import code_fingerprint
 from mecanum_env.parallel.tasks import MOST_TRIES, T, Task, Tell, answer, lost, packed, unpacked
 
-_GRACE_S: Final = 2.0
+_GRACE_S: Final = 10.0
 """Time in which an interrupted task may remove its temporary files [s]."""
 _THREADS: Final = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -73,7 +73,7 @@ class LocalExecutor:
         """End all workers at once, whatever they do."""
         workers, self._workers = self._workers, []
         for worker in workers:
-            worker.process.terminate()
+            worker.interrupt()
         for worker in workers:
             worker.end()
 
@@ -81,8 +81,11 @@ class LocalExecutor:
         for worker in self._workers:
             if worker not in running:
                 return worker
-        self._workers.append(_Worker())
-        return self._workers[-1]
+        worker = _Worker()
+        # Noted first: Ctrl-C during the start must end it, too.
+        self._workers.append(worker)
+        worker.start()
+        return worker
 
 
 class _Worker:
@@ -91,12 +94,20 @@ class _Worker:
     def __init__(self) -> None:
         # Spawned, not forked: a fork would break the threads of MuJoCo and its graphics libraries.
         context = multiprocessing.get_context("spawn")
-        self.connection, theirs = context.Pipe()
-        self.process = context.Process(target=_serve, args=(theirs,), daemon=True)
+        self.connection, self._theirs = context.Pipe()
+        self.process = context.Process(target=_serve, args=(self._theirs,), daemon=True)
+
+    def start(self) -> None:
+        """Start the process."""
         with _environment_of_workers():
             self.process.start()
-        # With this end closed, the death of the process is the end of the pipe.
-        theirs.close()
+            # With this end closed, the death of the process is the end of the pipe.
+            self._theirs.close()
+
+    def interrupt(self) -> None:
+        """Ask the process to end, if it has started; `end` waits for it."""
+        if self.process.pid is not None:
+            self.process.terminate()
 
     def ask(self, message: bytes) -> None:
         """Send a task; if the process has ended already, `answer` will say so."""
@@ -120,10 +131,11 @@ class _Worker:
 
     def end(self) -> None:
         """Wait for the process, which is about to end, and close the pipe."""
-        self.process.join(_GRACE_S)
-        if self.process.exitcode is None:
-            self.process.kill()
-            self.process.join()
+        if self.process.pid is not None:
+            self.process.join(_GRACE_S)
+            if self.process.exitcode is None:
+                self.process.kill()
+                self.process.join()
         self.connection.close()
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
 from mecanum_env.parallel import Executor, Task, Workers, executor
-from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.progress import Progress, silent
 from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, drive_metrics, turn_losses
@@ -25,7 +24,6 @@ _BEAM: Final = {1: 3, 2: 4, 3: 5}
 """Size -> number of its best sets from which larger sets grow."""
 _PROMISING: Final = 7
 """Number of most promising effects that are tried as additions to a set."""
-PLANTS: Final[tuple[RobotPlant, ...]] = ("planar", "rollers")
 _SIZES: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import Any, Final
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import BackendError, InputError
 from mecanum_env.parallel.same_code import code_fingerprint
 from mecanum_env.parallel.tasks import (
     MOST_TRIES,
@@ -41,6 +41,7 @@ class RayExecutor:
 
     Raises:
         InputError: there is no cluster at the address.
+        BackendError: Ray does not start on this machine.
     """
 
     def __init__(self, jobs: int, address: str | None) -> None:
@@ -62,7 +63,9 @@ class RayExecutor:
         try:
             _require_reachable(address)
             self._ray.init(address, **settings)
-        except (OSError, ValueError, RuntimeError) as error:
+        except Exception as error:  # Ray raises a bare one where a machine is too busy to start it in time.
+            if address == "local":
+                raise BackendError(f"Ray does not start on this machine: {error}") from error
             raise InputError(
                 f"no Ray cluster at {address} ({error}); start one with `ray start --head`, or leave out "
                 f"--ray-address and {_ADDRESS} to work on this machine"

@@ -81,7 +81,7 @@ def packed(task: Task[Any], code: str) -> bytes:
 
 
 def answer(message: bytes) -> bytes:
-    """Do the work of a `packed` task and return its result or error for `unpacked`."""
+    """Do the work in the message of a `packed` task; return its result or error for `unpacked`."""
     try:
         code, task = pickle.loads(message)
         # Before the task is unpickled: other code may not even have its function.
@@ -92,7 +92,7 @@ def answer(message: bytes) -> bytes:
 
 
 def unpacked(answered: bytes) -> Any:
-    """Return the result in an answer, or raise the error in it."""
+    """Return the result in what `answer` returned (`answered`), or raise the error in it."""
     found = pickle.loads(answered)
     if isinstance(found, _Failure):
         raise found.error

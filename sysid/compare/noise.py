@@ -82,7 +82,10 @@ class Noise:
         return self.sigma[channel] * (1.0 if changing is None else changing.settled)
 
     def transient(self, channel: str, run: Run, time_s: FloatArray) -> FloatArray:
-        """Return the standard deviation of what decays after changes of command, at the times (n,) [s]."""
+        """Return the standard deviation of what decays in a `channel` after a run's changes of command.
+
+        At the times (n,) [s].
+        """
         changing = self.uneven.get(channel)
         if changing is None:
             return np.zeros(time_s.shape)

@@ -27,9 +27,9 @@ class Thresholds:
     """Standard deviations by which a set may be worse than the best one and still be tied with it: if it is
     the truth, it is dropped with a probability of Phi(-3) = 0.13 %."""
     formula_error: float = 0.25
-    """Relative error (rms) that the formula of an effect may have. Calibrated on drawn drives (bench seeds 0-59
-    and 300-399): where the hidden effect explains more than any other single one, it leaves 0 to 33 % of what
-    any set explains, in 14 of 16 cases at most 27 %."""
+    """Relative error (rms) that the formula of an effect may have. Calibrated on drawn drives (bench seeds
+    0-59, 300-399): where the hidden effect explains more than any other single one, it leaves 0 to 33 % of
+    what any set explains, in 14 of 16 cases at most 27 %."""
     exact_formula: float = 0.1
     """The same where one set reaches the noise and another one does not: its formula is then no excuse. Also
     the relative difference (rms) of two sets' predictions below which the one with more parameters says

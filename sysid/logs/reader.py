@@ -16,12 +16,14 @@ from mecanum_env.tables import Table, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
 from sysid.logs.checks import dataset_findings, run_findings
 from sysid.logs.findings import Finding
+from sysid.logs.quantities import refuse_other_unit, refuse_position, require_speeds
 from sysid.logs.runs import (
     BENCH_COMMAND,
     BODY_COMMAND,
     COMMANDS,
     KNOWN,
     ROBOT_MOTION,
+    SPEEDS,
     TIME,
     UNITS,
     WHEEL_COMMAND,
@@ -70,6 +72,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
                 f"{folder}: {runs[0].file} is a {runs[0].level} log and {run.file} a {run.level} log; "
                 "put them in two folders"
             )
+    require_speeds(runs)
     if settings.runs and path.is_dir():
         findings += [Finding(run.file, "unlisted", 1.0) for run in runs if run.file not in settings.runs]
     entries = [entry for entry in settings.runs.values() if any(run.file == entry.file for run in runs)]
@@ -163,6 +166,8 @@ def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
         if name in settings.ignore_columns or name in sources:
             continue
         if name not in KNOWN:
+            refuse_position(table.header, name)
+            refuse_other_unit(table.header, name)
             raise InputError(
                 f"{table.header}: unknown column {name!r}{did_you_mean(name, KNOWN)}; known: "
                 f"{', '.join(KNOWN)}. Map it to one of these under [columns] in {FILE_NAME}, or "
@@ -172,6 +177,8 @@ def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
     for ours, rule in settings.columns.items():
         if rule.source not in table.names:
             continue
+        if ours in SPEEDS:
+            refuse_position(table.header, rule.source)
         if ours in data:
             raise InputError(
                 f"{table.header}: {ours} is a column of the file, and {FILE_NAME} also makes it from "

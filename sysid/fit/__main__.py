@@ -62,8 +62,8 @@ def fit(
     from sysid.fit.report import fit_table, write_fit_report
     from sysid.fit.result import fit_json, fitted_model
     from sysid.logs import read_dataset
-    from sysid.logs.quantities import require_our_units
     from sysid.logs.of_fit import with_logs
+    from sysid.logs.quantities import require_our_units
     from sysid.progress import stage_bar
 
     options = FitOptions(

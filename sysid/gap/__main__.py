@@ -60,8 +60,8 @@ def gap(
     from sysid.gap.search.data import require_valid
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
-    from sysid.logs.quantities import require_our_units
     from sysid.logs.of_fit import logs_of_fit
+    from sysid.logs.quantities import require_our_units
     from sysid.progress import stage_bar
 
     options = GapOptions(

@@ -84,6 +84,49 @@ def import_bags(
     print(describe(read_dataset(out)))
 
 
+def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path | None = None) -> None:
+    """Read a robot on any number of omni wheels, wheel by wheel, and say how its body moves.
+
+    Example: python -m sysid.logs body logs --robot robot.json --out wheels
+
+    Args:
+        logs: One folder of runs with command_NAME_rpm and speed_NAME_rpm for every wheel of the robot, or one
+            folder of bench logs for each wheel, in the order of robot.json.
+        robot: JSON with the robot's dimensions: "wheels", or those of the four Mecanum wheels fl, fr, rl, rr.
+        out: Folder for bench logs of every wheel and of the body's directions, to fit and to study each.
+    """
+    from mecanum_env.kinematics import mecanum_wheels
+    from mecanum_env.model import read_robot
+    from sysid.logs.bodies import (
+        DIRECTIONS,
+        body_runs,
+        body_table,
+        direction_dataset,
+        read_measured,
+        read_wheel_logs,
+    )
+    from sysid.logs.writer import write_dataset
+
+    if not logs:
+        raise InputError("no logs given; give a folder with all wheels, or one for each wheel")
+    wheels = mecanum_wheels(read_robot(robot))
+    if out is not None and out.exists() and any(out.iterdir()):
+        raise InputError(f"{out}: is not empty; choose another --out")
+    datasets = read_wheel_logs(logs, wheels)
+    runs = body_runs(datasets, wheels, read_measured(logs[0]) if len(logs) == 1 else {})
+    print(body_table(runs))
+    if out is None:
+        return
+    named = {f"wheel_{wheel.name}": dataset for wheel, dataset in zip(wheels, datasets, strict=True)}
+    for index, name in enumerate(DIRECTIONS):
+        made = direction_dataset(runs, index, wheels, f"the body's motion: {name}")
+        named |= {} if made is None else {f"body_{name}": made}
+    for name, dataset in named.items():
+        write_dataset(dataset, out / name)
+    print(f"wrote bench logs to {out}: {', '.join(named)}; study each with python -m sysid.fit and sysid.gap")
+    print("not supported: one study of all wheels and the body at once, which knows four Mecanum wheels only")
+
+
 def describe(dataset: Dataset, *, all_findings: bool = False) -> str:
     """Return a table of the runs, then findings (one per kind, or `all_findings`), then the noise floor."""
     from sysid.logs.noise import noise_from_repeats
@@ -149,7 +192,7 @@ def _findings(dataset: Dataset, every: bool) -> list[str]:
     return lines
 
 
-COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"check": check, "import": import_bags}
+COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"check": check, "import": import_bags, "body": body}
 
 
 def main(args: list[str]) -> int:

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.errors import InputError
+from mecanum_env.kinematics import WHEELS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.findings import Finding
 from sysid.logs.runs import KNOWN, WHEEL_SPEEDS, BodyCommand, Dataset, Run
@@ -77,6 +78,21 @@ def refuse_position(header: str, column: str) -> None:
         "(of a command only where it moves steadily: a step of position is no speed, so record such a drive in "
         "its speed mode); where the file has speeds too, list the column in ignore_columns under [dataset]"
     )
+
+
+def refuse_other_wheel(header: str, column: str) -> None:
+    """Refuse a `column` of a file whose name is that of a wheel which is not one of the four Mecanum wheels.
+
+    Raises:
+        InputError: it is one; the message begins with `header` and names the program that reads such logs.
+    """
+    wheel = re.fullmatch(r"(command|speed)_(\d+|w\d+|m\d+|wheel_?\d+|motor_?\d+)_rpm", column)
+    if wheel:
+        raise InputError(
+            f"{header}: column {column!r} is of a robot on other wheels: python -m sysid.logs body LOGS --robot "
+            "robot.json reads it, with the wheels in robot.json (docs/robot.md); here wheels are "
+            f"{', '.join(WHEELS)}"
+        )
 
 
 def refuse_other_unit(header: str, column: str) -> None:

@@ -12,8 +12,8 @@ The command of the robot is V [rpm], theta [deg], VC [rpm]: vx = V cos(theta) an
 rpm, and VC is added as -, +, -, +. The paper does not print its Eq. 1, so whether its V carries a factor
 sqrt(2) is unknown; `_COMMAND_GAIN` is the one place to change that.
 
-Body twists also go to and from the wheels of robots on other omni wheels (`Geometry.wheels`), by the equations
-of `mecanum_env.omni`, of which those above are the case of four Mecanum wheels.
+Body twists also go to and from the wheels of robots on other omni wheels (`Geometry.wheels`), by the
+equations of `mecanum_env.omni`, of which those above are the case of four Mecanum wheels.
 
 All functions work on arrays with any leading axes.
 """
@@ -64,7 +64,7 @@ def yaw_arm_m(geometry: Geometry) -> float:
 
 
 def mecanum_wheels(geometry: Geometry) -> tuple[OmniWheel, ...]:
-    """Return the wheels of a geometry as omni wheels: its own list, or the four Mecanum wheels fl, fr, rl, rr."""
+    """Return the wheels of a geometry as omni wheels: its own list, or four Mecanum wheels fl, fr, rl, rr."""
     if geometry.wheels:
         return geometry.wheels
     x, y = geometry.half_wheelbase_m, geometry.half_track_m
@@ -90,7 +90,8 @@ def require_mecanum(geometry: Geometry, what: str) -> None:
     """
     if geometry.wheels:
         raise InputError(
-            f"robot.wheels lists {len(geometry.wheels)} wheels, but {what} of four Mecanum wheels; study such a "
+            f"robot.wheels lists {len(geometry.wheels)} wheels, but {what} of four Mecanum wheels; study "
+            "such a "
             "robot wheel by wheel, and its body by `python -m sysid.logs body` (docs/robot.md)"
         )
 

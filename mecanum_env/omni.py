@@ -2,7 +2,8 @@
 
 A wheel at the place p of the body drives in the direction u when it turns forwards, and its rollers let the
 floor slip freely across their axis a. Without slip along that axis, for the body's velocity v and yaw rate w
-(Siegwart, Nourbakhsh and Scaramuzza, Introduction to Autonomous Mobile Robots, 2011, section 3.2, Swedish wheel):
+(Siegwart, Nourbakhsh and Scaramuzza, Introduction to Autonomous Mobile Robots, 2011, section 3.2, Swedish
+wheel):
 
     R w_wheel (a . u) = a . (v + w z x p)
 
@@ -47,7 +48,8 @@ class OmniWheel:
     """Direction in which the wheel drives when it turns forwards, counter-clockwise from the body's forward;
     None: across the line to the centre, so that all wheels forwards turn the body counter-clockwise."""
     roller_deg: float = 0.0
-    """Angle of the rollers' axis to that direction, counter-clockwise: 0 for an omni wheel, +-45 for Mecanum."""
+    """Angle of the rollers' axis to that direction, counter-clockwise: 0 for an omni wheel, +-45 for
+    Mecanum."""
 
     def __post_init__(self) -> None:
         where = f"wheel {self.name}"
@@ -61,7 +63,8 @@ class OmniWheel:
             raise InputError(f"{where}: drive_deg = {self.drive_deg}, must be a finite number")
         if not abs(self.roller_deg) < 85.0:
             raise InputError(
-                f"{where}: roller_deg = {self.roller_deg}, must be within -85 .. 85; such rollers carry nothing"
+                f"{where}: roller_deg = {self.roller_deg}, must be within -85 .. 85; such rollers carry "
+                "nothing"
             )
 
     @property
@@ -102,14 +105,15 @@ def require_all_motions(wheels: Sequence[OmniWheel]) -> None:
         if sizes[-1] > _SMALLEST * sizes[0]:
             return
     raise InputError(
-        f"the {len(wheels)} wheels ({', '.join(names)}) cannot drive the body forward, sideways and turning at "
+        f"the {len(wheels)} wheels ({', '.join(names)}) cannot drive the body forward, sideways and "
+        "turning at "
         "will; at least three omni wheels in different directions can. Study other robots wheel by wheel, "
         "as bench logs"
     )
 
 
 def twist_to_speeds(twist: npt.ArrayLike, wheels: Sequence[OmniWheel]) -> FloatArray:
-    """Return speeds [rpm] of `wheels`, shape (..., N), of body twists (vx, vy [m/s], wz [rad/s]), (..., 3)."""
+    """Return speeds [rpm] of `wheels`, shape (..., N), of twists (vx, vy [m/s], wz [rad/s]), (..., 3)."""
     body = np.asarray(twist, float)
     # Summed one by one: a matrix product may round the same row differently in batches of different size.
     rim_m_s = sum(body[..., i, np.newaxis] * column for i, column in enumerate(wheel_rows(wheels).T))

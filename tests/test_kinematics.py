@@ -195,13 +195,13 @@ def test_three_omni_wheels_turn_as_drawn():
     ],
 )
 def test_wheels_that_cannot_drive_every_motion_are_refused(wheels):
-    with pytest.raises(InputError, match="cannot drive the body|two wheels have the name"):
+    with pytest.raises(InputError, match=r"cannot drive the body|two wheels have the name"):
         Robot(wheels=tuple(wheels))
 
 
 def test_what_is_of_mecanum_wheels_alone_says_so():
     robot = Robot(wheels=tuple(OmniWheel(str(i), 120.0 * i, 0.1, 0.05) for i in range(3)))
     with pytest.raises(
-        InputError, match="robot.wheels lists 3 wheels, but the commands V, theta, VC are of four"
+        InputError, match=r"robot\.wheels lists 3 wheels, but the commands V, theta, VC are of four"
     ):
         kin.twist_to_command([1.0, 0.0, 0.0], robot)

@@ -69,8 +69,8 @@ class Robot:
     friction: float = 0.8
     """Coulomb coefficient between roller and floor."""
     wheels: tuple[OmniWheel, ...] = ()
-    """The wheels of a robot on other omni wheels than the four Mecanum wheels of these dimensions; else empty.
-    The plants in MuJoCo and the commands V, theta, VC are of the Mecanum robot and refuse it."""
+    """The wheels of a robot on other omni wheels than the four Mecanum wheels of these dimensions; else
+    empty. The plants in MuJoCo and the commands V, theta, VC are of the Mecanum robot and refuse it."""
 
     @property
     def plate_yaw_inertia_kg_m2(self) -> float:

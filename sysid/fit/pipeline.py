@@ -108,7 +108,8 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     These are bench logs, or robot logs with wheel speeds. `progress` is called before each long step.
 
     Raises:
-        InputError: no run to fit, no wheel speed, a robot log of other wheels than four Mecanum wheels, or data
+        InputError: no run to fit, no wheel speed, a robot log of other wheels than four Mecanum wheels, or
+        data
             to which no law can be fitted.
     """
     options = options or FitOptions()

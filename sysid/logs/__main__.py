@@ -1,4 +1,4 @@
-"""Plan, check, draw and import logs: `python -m sysid.logs plan`, `... check LOGS`, `... import BAG --out DIR`."""
+"""Plan, check, draw and import logs: `python -m sysid.logs plan`, `... check LOGS` and so on."""
 
 from __future__ import annotations
 
@@ -123,7 +123,8 @@ def plan(
     write_plan(made, out)
     worst = max(made.errors_percent.values())
     print(
-        f"{len(recordings(made))} runs of {len(made.sequences)} command sequences, {made.minutes:.1f} minutes; ",
+        f"{len(recordings(made))} runs of {len(made.sequences)} command sequences, {made.minutes:.1f} "
+        f"minutes; ",
         end="",
     )
     print(f"expected error {worst:.2g} % with a noise of {made.noise_rpm:.3g} rpm")

@@ -1,7 +1,7 @@
 """Robots on any number of omni wheels: their runs wheel by wheel, and the body's motion that the wheels give.
 
-A wheel is studied as a bench log of its own. The body is studied in the same way, one direction at a time: its
-commanded and its measured velocity, written as the speed of a wheel's rim [rpm].
+A wheel is studied as a bench log of its own. The body is studied in the same way, one direction at a time:
+its commanded and its measured velocity, written as the speed of a wheel's rim [rpm].
 """
 
 from __future__ import annotations
@@ -43,11 +43,12 @@ class BodyRun:
 
 
 def read_wheel_logs(folders: Sequence[Path], wheels: Sequence[OmniWheel]) -> tuple[Dataset, ...]:
-    """Return the bench logs of each of a robot's `wheels`.
+    """Return the bench logs of each wheel of a robot.
 
     Args:
         folders: one folder of runs with columns command_NAME_rpm and speed_NAME_rpm for every wheel, or one
             folder of bench logs for each wheel, in their order, whose runs have the same file names.
+        wheels: the robot's wheels.
 
     Raises:
         InputError: another number of folders, a run that one folder lacks, or what `read_dataset` refuses.
@@ -56,7 +57,8 @@ def read_wheel_logs(folders: Sequence[Path], wheels: Sequence[OmniWheel]) -> tup
         return tuple(_one_wheel(folders[0], wheel) for wheel in wheels)
     if len(folders) != len(wheels):
         raise InputError(
-            f"{len(folders)} folders for {len(wheels)} wheels; give one folder with the columns of all wheels, "
+            f"{len(folders)} folders for {len(wheels)} wheels; give one folder with the columns of all "
+            "wheels, "
             f"or a folder of bench logs for each, in the order {', '.join(wheel.name for wheel in wheels)}"
         )
     datasets = tuple(map(read_dataset, folders))
@@ -97,7 +99,7 @@ def body_runs(
 
 
 def read_measured(folder: Path) -> dict[str, dict[str, FloatArray]]:
-    """Return the columns of `BODY` that the runs of a folder have, by file and name, as dataset.toml maps them."""
+    """Return the columns of `BODY` that the runs of a folder have, by file and name."""
     rules = {name: ColumnRule(name) for name in BODY} | dict(read_settings(folder).columns)
     found: dict[str, dict[str, FloatArray]] = {}
     for file in run_files(folder):
@@ -115,8 +117,9 @@ def direction_dataset(
 ) -> Dataset | None:
     """Return one direction of the body as a bench log, or None where it was never commanded.
 
-    Commanded and measured velocity are the rim speed of a wheel [rpm]: over the mean radius of the `wheels`, a
-    yaw rate times their mean distance. Where the body was not measured, what the wheels turned stands for it.
+    Commanded and measured velocity are the rim speed of a wheel [rpm]: over the mean radius of the `wheels`,
+    a yaw rate times their mean distance. Where the body was not measured, what the wheels turned stands for
+    it.
 
     Args:
         runs: the robot's runs.

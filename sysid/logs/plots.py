@@ -22,7 +22,7 @@ _COLOURS: Final = ("#c8102e", "#1f77b4", "#2ca02c", "#9467bd")
 
 
 def plot_logs(dataset: Dataset, path: Path) -> int:
-    """Write a picture of a dataset to a path that ends in .png, .svg or .pdf; return how many sequences it shows.
+    """Write a picture of a dataset to a path (.png, .svg, .pdf); return how many sequences it shows.
 
     Raises:
         InputError: another suffix, or the picture cannot be written.

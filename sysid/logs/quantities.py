@@ -1,7 +1,7 @@
 """Refusals of columns that are not what their place says: positions instead of speeds, and other units.
 
-A drive that takes positions is another machine than the wheel law describes, and a factor of 9.55 or 1000 makes
-any fit nonsense, so a sentence says what to convert, before anything is fitted.
+A drive that takes positions is another machine than the wheel law describes, and a factor of 9.55 or 1000
+makes any fit nonsense, so a sentence says what to convert, before anything is fitted.
 """
 
 from __future__ import annotations
@@ -75,8 +75,9 @@ def refuse_position(header: str, column: str) -> None:
         convert = f"its change per second{change}{per_turn} times {unit[2]:.9g}"
     raise InputError(
         f"{header}: column {column!r} is {kind}, and a wheel law follows speeds; {convert} is {ours} "
-        "(of a command only where it moves steadily: a step of position is no speed, so record such a drive in "
-        "its speed mode); where the file has speeds too, list the column in ignore_columns under [dataset]"
+        "(of a command only where it moves steadily: a step of position is no speed, so record such a "
+        "drive in its speed mode); where the file has speeds too, list the column in ignore_columns under "
+        "[dataset]"
     )
 
 
@@ -89,9 +90,8 @@ def refuse_other_wheel(header: str, column: str) -> None:
     wheel = re.fullmatch(r"(command|speed)_(\d+|w\d+|m\d+|wheel_?\d+|motor_?\d+)_rpm", column)
     if wheel:
         raise InputError(
-            f"{header}: column {column!r} is of a robot on other wheels: python -m sysid.logs body LOGS --robot "
-            "robot.json reads it, with the wheels in robot.json (docs/robot.md); here wheels are "
-            f"{', '.join(WHEELS)}"
+            f"{header}: column {column!r} is of a robot on other wheels: python -m sysid.logs body LOGS "
+            f"--robot robot.json reads it (docs/robot.md); here wheels are {', '.join(WHEELS)}"
         )
 
 
@@ -107,10 +107,10 @@ def refuse_other_unit(header: str, column: str) -> None:
         for name in (base, *_ALIASES.get(base, ())):
             for other, factor in _FACTORS[unit].items():
                 if column.lower() == f"{name}_{other}":
+                    line = f'{ours} = {{ from = "{column}", scale = {factor!r} }}'
                     raise InputError(
                         f"{header}: column {column!r} is in {_written(other)}, must be {_written(unit)}: "
-                        f'{ours} = {{ from = "{column}", scale = {factor!r} }} under [columns] in dataset.toml'
-                        " converts it"
+                        f"{line} under [columns] in dataset.toml converts it"
                     )
 
 
@@ -130,9 +130,9 @@ def require_speeds(runs: Sequence[Run]) -> None:
         if _explained(command, turns) > _FOLLOWS and _explained(command, speed) < _UNLIKE:
             ours = name.replace("speed", "command")
             raise InputError(
-                f"{used[0].file}: {ours} looks like a position: the angle that the wheel turns follows it, and "
-                f"{name} does not; a wheel law follows speeds, so write the commanded speed of the wheel as "
-                f"{ours}, or record the drive in its speed mode"
+                f"{used[0].file}: {ours} looks like a position: the angle that the wheel turns follows it, "
+                f"and {name} does not; a wheel law follows speeds, so write the commanded speed of the wheel "
+                f"as {ours}, or record the drive in its speed mode"
             )
 
 
@@ -140,18 +140,19 @@ def require_our_units(dataset: Dataset) -> None:
     """Refuse a dataset whose numbers show another unit, for programs that would make nonsense of it.
 
     Raises:
-        InputError: wheel speeds or commands differ by the factor of another unit, or stamps are in milliseconds.
+        InputError: wheel speeds or commands differ by the factor of another unit, or stamps are in
+        milliseconds.
     """
     for finding in dataset.findings:
         if _is_certain(finding):
             where = f"{dataset.name}: " if not finding.file else f"{finding.file}: "
             raise InputError(
-                f"{where}{finding.message}; state it as the scale of the column under [columns] in dataset.toml"
+                f"{where}{finding.message}; give it as the column's scale under [columns] in dataset.toml"
             )
 
 
 def _is_certain(finding: Finding) -> bool:
-    # One row a second is a slow log in seconds or a fast one in milliseconds; two seconds are no log of a drive.
+    # One row a second may be a slow log in seconds or a fast one in milliseconds; 2 s are no log of a drive.
     slow = finding.variant == "milliseconds" and finding.value >= 2.0
     return finding.kind == "units" and (finding.variant == "gain" or slow)
 

@@ -88,5 +88,5 @@ def test_wheels_that_the_logs_lack_are_refused(logs: Path) -> None:
 
 def test_columns_of_other_wheels_are_refused_with_the_command_to_use(folder: Folder) -> None:
     text = "time_s,command_1_rpm,speed_1_rpm\n0,1,2\n1,1,2\n"
-    with pytest.raises(InputError, match="of a robot on other wheels: python -m sysid.logs body"):
+    with pytest.raises(InputError, match=r"of a robot on other wheels: python -m sysid\.logs body"):
         read_dataset(folder({"a.csv": text}))

@@ -1,6 +1,8 @@
-"""A planned session: what its commands cover, what is written, and that a drive recorded with it is identified."""
+"""A planned session: what its commands cover, what is written, and that a drive recorded with it is
+identified."""
 
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +12,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.law import WheelLaw
 from mecanum_env.model import robot_from_dict
-from sysid.fit import FitOptions, fit_dataset
+from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.logs import read_dataset
 from sysid.logs.__main__ import main
 from sysid.logs.plan import Plan, Size, make_plan, write_plan
@@ -23,30 +25,31 @@ PERIOD_S = 1.0 / 120.0
 
 
 def record(plan: Plan, law: WheelLaw, folder: Path, rng: np.random.Generator) -> None:
-    """Play every command of a plan on a drive and log it at 60 Hz, with the noise that the plan assumes."""
+    """Play every command of a plan on a drive and log it at 120 Hz, with the noise that the plan assumes."""
     for file, sequence in recordings(plan):
         ticks = round(plan.size.period_s / PERIOD_S)
         command = np.repeat(sequence.commands[:, 0], ticks)
         speed = law.simulate(np.clip(command, -plan.size.top_rpm, plan.size.top_rpm))[:-1]
         noisy = speed + plan.noise_rpm * rng.standard_normal(speed.size)
         columns = {"time_s": PERIOD_S * np.arange(speed.size), "command_rpm": command, "speed_rpm": noisy}
-        write_columns({name: values[::2] for name, values in columns.items()}, folder / "logs" / file)
+        write_columns(columns, folder / "logs" / file)
 
 
-@pytest.mark.parametrize("seed", [1, 2])
-def test_a_drive_recorded_as_planned_is_identified_within_the_precision(tmp_path: Path, seed: int) -> None:
-    plan = make_plan(Size(rise_s=0.1))
+def test_a_drive_recorded_as_planned_is_identified_within_the_precision(tmp_path: Path) -> None:
+    plan = make_plan(Size(rise_s=0.05))
     write_plan(plan, tmp_path / "plan")
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     law = random_stable_law(rng, PERIOD_S)
     record(plan, law, tmp_path / "plan", rng)
     dataset = read_dataset(tmp_path / "plan" / "logs")
-    options = FitOptions(starts=1, unit_gain=False, delay_s=0.0, effects="off", sample_period_s=PERIOD_S)
-    found = fit_dataset(dataset, options)
+    # Without the long holds, which are for slow effects; this drive has none.
+    short = replace(dataset, runs=tuple(run for run in dataset.runs if run.duration_s < 60.0))
+    options = FitOptions(starts=1, delay_s=0.0, effects="off", command_period_s=plan.size.period_s)
+    found = fit_dataset(short, options)
     step = np.concatenate([np.full(120, 1.0), np.full(120, -0.5)])
     error = found.law.simulate(step) - law.simulate(step)
     assert 100.0 * math.sqrt(float(np.mean(error**2))) < plan.precision_percent
-    assert found.path.saturation_rpm == pytest.approx(plan.size.top_rpm, rel=0.02)
+    assert fitted_model(found).wheel.saturation_rpm == pytest.approx(plan.size.top_rpm, rel=0.02)
 
 
 @pytest.mark.parametrize("form", ["bench", "floor"])

@@ -1,4 +1,4 @@
-"""Columns that are not what their place says: positions for speeds, other units; each refusal says what to do."""
+"""Columns that are not what their place says, positions or other units: each refusal says what to do."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -63,7 +63,7 @@ def test_a_position_beside_speeds_may_be_ignored(folder: Folder, step: str) -> N
 
 UNITS = {
     "time_s,command_rpm,speed_rad_s": 'rad/s, must be rpm: speed_rpm = { from = "speed_rad_s", scale = 9.549',
-    "time_s,command_deg_s,speed_rpm": 'deg/s, must be rpm: command_rpm = { from = "command_deg_s", scale = 0.16',
+    "time_s,command_deg_s,speed_rpm": 'must be rpm: command_rpm = { from = "command_deg_s", scale = 0.16',
     "time_ms,command_rpm,speed_rpm": 'ms, must be s: time_s = { from = "time_ms", scale = 0.001 }',
     "timestamp_ns,command_rpm,speed_rpm": 'ns, must be s: time_s = { from = "timestamp_ns", scale = 1e-09 }',
     "time_s,command_rpm,omega_rad_s": 'rad/s, must be rpm: speed_rpm = { from = "omega_rad_s", scale = 9.549',
@@ -82,9 +82,7 @@ def test_a_unit_in_a_name_is_refused_with_its_factor(folder: Folder, header: str
 
 def test_the_line_that_the_refusal_proposes_is_read(folder: Folder) -> None:
     toml = '[columns]\nspeed_rpm = { from = "speed_rad_s", scale = 9.549296585513721 }\n'
-    path = folder(
-        {"a.csv": "time_s,command_rpm,speed_rad_s\n0,0,0\n1,60,6.283185307\n", "dataset.toml": toml}
-    )
+    path = folder({"a.csv": "time_s,command_rpm,speed_rad_s\n0,0,0\n1,60,6.2831853\n", "dataset.toml": toml})
     assert read_dataset(path).runs[0].channel("speed_rpm")[1] == pytest.approx(60.0)
 
 
@@ -94,7 +92,7 @@ def test_a_command_that_the_turned_angle_follows_is_a_position(bench_run: BenchR
     command = LEVELS if shape == "steps" else 50.0 * np.sin(2.0 * time)
     angle = lagged(command)
     speed = np.gradient(angle, time) / 6.0
-    with pytest.raises(InputError, match="servo.csv: command_rpm looks like a position: the angle that"):
+    with pytest.raises(InputError, match="command_rpm looks like a position: the angle that"):
         require_speeds([bench_run("servo.csv", command, speed)])
 
 

@@ -4,9 +4,9 @@ The drive is not known yet, so the errors are those of a first-order drive with 
 
     tau dw/dt = gain c(t - delay) - droop sign(w) - w,
 
-whose speed is sampled every 10 ms with white noise: two standard errors by the Cramer-Rao bound (Ljung, System
-Identification, 1999, chapter 7). A real drive has more parameters, and noise with a colour, so it is a size, not a
-promise; `python -m sysid.fit` states the errors of the recorded data.
+whose speed is sampled every 10 ms with white noise: two standard errors by the Cramer-Rao bound (Ljung,
+System Identification, 1999, chapter 7). A real drive has more parameters, and noise with a colour, so it is
+a size, not a promise; `python -m sysid.fit` states the errors of the recorded data.
 """
 
 from __future__ import annotations
@@ -44,7 +44,8 @@ class Plan:
     precision_percent: float
     """Wanted error [%]."""
     errors_percent: dict[str, float]
-    """Expected errors [%]: of the gain, the rise time, the delay (of the rise time), the droop (of top speed)."""
+    """Expected errors [%]: of the gain, the rise time, the delay (of the rise time), the droop (of the
+    top speed)."""
 
     @property
     def minutes(self) -> float:
@@ -95,7 +96,8 @@ def make_plan(
         )
         raise InputError(
             f"--precision {precision_percent:g}: {_up(_minutes(size, sequences))} minutes give "
-            f"{max(errors.values()):.2g} % with a noise of {noise:.3g} rpm; give {enough} or a coarser --precision"
+            f"{max(errors.values()):.2g} % with a noise of {noise:.3g} rpm; give {enough} or a coarser "
+            f"--precision"
         )
     return Plan(size, _in_order(sequences), noise, precision_percent, errors)
 

@@ -50,7 +50,7 @@ def command_columns(sequence: Sequence, size: Size) -> dict[str, FloatArray]:
 
 
 def recordings(plan: Plan) -> list[tuple[str, Sequence]]:
-    """Return the file names of a plan's runs in the order of recording: all sequences once, then the repeats."""
+    """Return the file names of a plan's runs as recorded: all sequences once, then the repeats."""
     passes = max(one.repeats for one in plan.sequences)
     return [
         (f"{one.name}_r{number}.csv", one)
@@ -79,10 +79,12 @@ def _settings(plan: Plan) -> str:
 def protocol(plan: Plan) -> str:
     """Return the page for whoever records the plan."""
     size = plan.size
-    return f"""# Recording session: {"one wheel on the bench" if size.form == "bench" else "the robot on its floor"}
+    where = "one wheel on the bench" if size.form == "bench" else "the robot on its floor"
+    columns = ", ".join(f"`{name}`" for name in size.columns)
+    return f"""# Recording session: {where}
 
-{len(recordings(plan))} runs, {plan.minutes:.0f} minutes. Planned for wheels of at most {size.top_rpm:g} rpm, a command every
-{size.period_s:g} s, and speeds that settle in about {size.hold_s:g} s.
+{len(recordings(plan))} runs, {plan.minutes:.0f} minutes. Planned for wheels of at most {size.top_rpm:g} rpm,
+a command every {size.period_s:g} s, and speeds that settle in about {size.hold_s:g} s.
 
 ## Before you start
 
@@ -90,15 +92,16 @@ def protocol(plan: Plan) -> str:
 
 ## What to do
 
-1. Play `{COMMANDS}/NAME.csv`. A row says from when (`time_s`) to send which command{_units(size)}; send it until the
-   next row. The last row is the end. Send commands at multiples of {size.period_s:g} s.
+1. Play `{COMMANDS}/NAME.csv`. A row says from when (`time_s`) to send which command{_units(size)}; send
+   it until the next row. The last row is the end. Send commands at multiples of {size.period_s:g} s.
 2. Meanwhile log a row every {1000 * SAMPLE_S:g} ms (20 ms still do): `time_s`, the command as sent
-   (`{"`, `".join(size.columns)}`), and what was measured: {_measured(size)}. Leave a cell empty where a sample is missing.
-   Do not filter or resample.
-3. Store it as `{LOGS}/NAME_rK.csv`, K = 1 for the first time, 2 for the repeat ... All sequences once, then the
-   repeats: so a robot that warms up or a battery that falls shows.
-4. After the first run: `python -m sysid.logs check {LOGS}/NAME_r1.csv`. It says whether units, stamps and sensors look
-   right. Better now than after all runs.
+   ({columns}),
+   and what was measured: {_measured(size)}.
+   Leave a cell empty where a sample is missing. Do not filter or resample.
+3. Store it as `{LOGS}/NAME_rK.csv`: K is 1 for the first time, 2 for the repeat, and so on. Record all
+   sequences once, then the repeats: so a robot that warms up or a battery that falls shows.
+4. After the first run, `python -m sysid.logs check {LOGS}/NAME_r1.csv` says whether units, stamps and
+   sensors look right. Better now than after all runs.
 
 A run that went wrong (an obstacle, a lost link) is recorded again; one that is left out loses its entry in
 `{LOGS}/{FILE_NAME}`.
@@ -107,9 +110,8 @@ A run that went wrong (an obstacle, a lost link) is recorded again; one that is 
 
 {_runs(plan)}
 
-`fit` runs are what the model is fitted to; `validation` runs choose between explanations; `test` runs are for the
-figures at the end and must differ from the others. Repeats of the same commands tell noise from error: please
-repeat them as listed.
+The model is fitted to `fit` runs; `validation` runs choose between explanations; `test` runs are for the
+figures at the end. Repeats of the same commands tell noise from error: please repeat them as listed.
 
 ## Afterwards
 
@@ -121,20 +123,21 @@ repeat them as listed.
 
 ## How precise that will be
 
-With a noise of {plan.noise_rpm:.3g} rpm on a measured speed, the runs of the fit give (two standard errors of a drive of first
-order that rises in {size.rise_s:g} s): {_errors(plan)}. Wanted: {plan.precision_percent:g} %. `fit/fit.json` states the errors of
-what you recorded.
+With a noise of {plan.noise_rpm:.3g} rpm on a measured speed, the runs of the fit give {_errors(plan)}
+(two standard errors of a drive of first order that rises in {size.rise_s:g} s).
+Wanted: {plan.precision_percent:g} %. `fit/fit.json` states the errors of what you recorded.
 """
 
 
 def _preparation(size: Size) -> str:
     if size.form == "bench":
-        return f"""- Lift the wheel off the floor, so that it turns freely, and fix the robot: it will jump at reversals.
+        return f"""- Lift the wheel off the floor, so that it turns freely, and fix the robot.
 - Charge the battery, and note its voltage; log it as `battery_v` if you can.
-- The fastest command is {1.1 * size.top_rpm:.0f} rpm, above the top speed on purpose: it shows the ceiling. Have a stop at hand.
+- The fastest command is {1.1 * size.top_rpm:.0f} rpm, above the top speed on purpose: it shows the ceiling.
+  Have a stop at hand.
 - Wheel speeds are rpm of the wheel, after the gearbox."""
-    return f"""- Clear a square of {size.room_m:g} m with the robot in its middle, on the floor where it will work. Every sequence returns
-  about to where it began; put the robot back into the middle before each run.
+    return f"""- Clear a square of {size.room_m:g} m on its floor, with the robot in the middle.
+  Every sequence returns about to where it began; put the robot back into the middle before each run.
 - Measure wheel radius, wheelbase and track with a ruler and weigh the robot; write them into `robot.json`
   (`wheel_radius_m`, `half_wheelbase_m`, `half_track_m`, `mass_kg`).
 - Charge the battery, and note its voltage; log it as `battery_v` if you can. Have a stop at hand.
@@ -148,24 +151,22 @@ def _units(size: Size) -> str:
 def _measured(size: Size) -> str:
     if size.form == "bench":
         return "`speed_rpm`"
-    return (
-        f"the wheel speeds `{'`, `'.join(WHEEL_SPEEDS)}` and, where a gyroscope, a camera or another sensor gives\n"
-        "   them, `yaw_rate_rad_s`, `vx_m_s`, `vy_m_s`"
-    )
+    speeds = ", ".join(f"`{name}`" for name in WHEEL_SPEEDS)
+    return f"{speeds}\n   and, where a sensor gives them, `yaw_rate_rad_s`, `vx_m_s`, `vy_m_s`"
 
 
 def _after(size: Size) -> str:
+    ask = "    python -m sysid.gap changed --model fit/model.json"
     if size.form == "bench":
-        return """When something about the drive changes (another load, floor, firmware or battery), play the same commands again
+        return f"""When something about the drive changes (load, firmware ...), play the same commands again
 into a new folder and ask what changed:
 
-    python -m sysid.gap changed --model fit/model.json
+{ask}
 
 The robot on its floor is a session of its own: `python -m sysid.logs plan --form floor`."""
-    return """To learn what a model lacks on this floor, or what changed since the last session, play the same commands into a
-new folder and ask:
+    return f"""To learn what a model of the bench lacks here, or what changed since, ask:
 
-    python -m sysid.gap changed --model fit/model.json"""
+{ask}"""
 
 
 def _errors(plan: Plan) -> str:

@@ -1,15 +1,16 @@
 """The command sequences of a recording session, each with what it is there to show.
 
-Together they cover what the law and the named effects need: every level both ways (gain, ceiling, asymmetry), low
-speeds from rest and through zero (dead zone, friction), reversals (backlash), long holds (integral action, warm-up,
-a falling battery), and steps between random speeds with holds of every length (the law and its delay).
+Together they cover what the law and the named effects need: every level both ways (gain, ceiling,
+asymmetry), low speeds from rest and through zero (dead zone, friction), reversals (backlash), long holds
+(integral action, warm-up, a falling battery), and steps between random speeds with holds of every length
+(the law and its delay).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias
 
 import numpy as np
@@ -54,7 +55,7 @@ class Size:
     """About how long a wheel takes to reach a new speed [s]."""
     room_m: float = 3.0
     """Side of the free square around the robot, for the floor [m]."""
-    robot: Robot = Robot()
+    robot: Robot = field(default_factory=Robot)
 
     def __post_init__(self) -> None:
         require_one_of("--form", self.form, ("bench", "floor"))
@@ -71,8 +72,10 @@ class Size:
             fastest_m_s = self.top_rpm * RAD_S_PER_RPM * self.robot.wheel_radius_m
             if fastest_m_s * self.hold_s > self.room_m / 2.0:
                 raise InputError(
-                    f"--room {self.room_m:g}: at {self.top_rpm:g} rpm the robot goes {fastest_m_s * self.hold_s:.2g} "
-                    f"m before its speed has settled; give a room of at least {2 * fastest_m_s * self.hold_s:.2g} m, "
+                    f"--room {self.room_m:g}: at {self.top_rpm:g} rpm the robot goes "
+                    f"{fastest_m_s * self.hold_s:.2g} "
+                    f"m before its speed has settled; give a room of at least "
+                    f"{2 * fastest_m_s * self.hold_s:.2g} m, "
                     "or a smaller --top-speed"
                 )
 
@@ -113,7 +116,8 @@ class Sequence:
 
 
 _Move: TypeAlias = tuple[tuple[float, ...], float]
-"""A command and for how long it is held [s]; shares of the top speed: of a wheel, or forward, left and turning."""
+"""A command and for how long it is held [s]; shares of the top speed: of a wheel, or forward, left and
+turning."""
 
 _SHOWS: Final = {
     "levels": "every speed both ways: gain, friction, ceiling, a difference between directions",
@@ -137,7 +141,7 @@ def base_sequences(size: Size) -> tuple[Sequence, ...]:
 
 
 def steps_sequence(size: Size, number: int) -> Sequence:
-    """Return the random steps for the fit with the given number, which counts from 1; the first is repeated."""
+    """Return the random steps for the fit with a number, from 1; the first are recorded twice."""
     return _random(size, number, f"steps_{number}", "fit", 2 if number == 1 else 1)
 
 
@@ -231,7 +235,7 @@ def _random_floor(size: Size, rng: np.random.Generator) -> Iterator[list[_Move]]
 
 
 def _reach_m(size: Size, commands: FloatArray) -> float:
-    """Return how far commands take the robot from its start at most, were the wheels to follow at once [m]."""
+    """Return how far commands take the robot from its start at most, if all wheels follow [m]."""
     twist = command_to_twist(*commands.T, size.robot)
     yaw = np.cumsum(twist[:, 2]) * size.period_s
     world = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * yaw)

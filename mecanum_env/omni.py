@@ -116,8 +116,8 @@ def twist_to_speeds(twist: npt.ArrayLike, wheels: Sequence[OmniWheel]) -> FloatA
     """Return speeds [rpm] of `wheels`, shape (..., N), of twists (vx, vy [m/s], wz [rad/s]), (..., 3)."""
     body = np.asarray(twist, float)
     # Summed one by one: a matrix product may round the same row differently in batches of different size.
-    rim_m_s = sum(body[..., i, np.newaxis] * column for i, column in enumerate(wheel_rows(wheels).T))
-    return np.asarray(rim_m_s / (_radii(wheels) * RAD_S_PER_RPM))
+    ahead, left, turn = (body[..., i, np.newaxis] * column for i, column in enumerate(wheel_rows(wheels).T))
+    return np.asarray((ahead + left + turn) / (_radii(wheels) * RAD_S_PER_RPM))
 
 
 def speeds_to_twist(speeds_rpm: npt.ArrayLike, wheels: Sequence[OmniWheel]) -> FloatArray:

@@ -76,7 +76,8 @@ def make_plan(
         if value is not None and not (math.isfinite(value) and value > 0.0):
             raise InputError(f"{option} {value:g}, must be a number above 0")
     sequences = base_sequences(size)
-    information = sum(_information(size, one) for one in sequences if one.split == "fit") / noise**2
+    fitted = [_information(size, one) for one in sequences if one.split == "fit"]
+    information: FloatArray = np.sum(fitted, axis=0) / noise**2
     least, needed = _minutes(size, sequences), None
     for number in range(2, _MOST + 2):
         errors = _errors(size, information)

@@ -236,7 +236,8 @@ def _random_floor(size: Size, rng: np.random.Generator) -> Iterator[list[_Move]]
 
 def _reach_m(size: Size, commands: FloatArray) -> float:
     """Return how far commands take the robot from its start at most, if all wheels follow [m]."""
-    twist = command_to_twist(*commands.T, size.robot)
+    v, theta, vc = commands.T
+    twist = command_to_twist(v, theta, vc, size.robot)
     yaw = np.cumsum(twist[:, 2]) * size.period_s
     world = (twist[:, 0] + 1j * twist[:, 1]) * np.exp(1j * yaw)
     return float(np.max(np.abs(np.cumsum(world)))) * size.period_s

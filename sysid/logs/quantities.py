@@ -53,6 +53,8 @@ _FOLLOWS: Final = 0.8
 """Share of the turned angle's variance that a position command explains at least ..."""
 _UNLIKE: Final = 0.25
 """... while it explains at most this share of the speed's."""
+_CHANGES: Final = 5
+"""Least number of changes of the command that tell the two apart."""
 
 
 def refuse_position(header: str, column: str) -> None:
@@ -124,7 +126,7 @@ def require_speeds(runs: Sequence[Run]) -> None:
     for index, name in enumerate(names):
         used = [run for run in runs if name in run.channels and not isinstance(run.command, BodyCommand)]
         parts = [part for run in used if (part := _about_means(run, name, index)) is not None]
-        if not parts:
+        if sum(np.count_nonzero(np.diff(part[0])) for part in parts) < _CHANGES:
             continue
         command, speed, turns = (np.concatenate([part[i] for part in parts]) for i in range(3))
         if _explained(command, turns) > _FOLLOWS and _explained(command, speed) < _UNLIKE:
@@ -167,14 +169,20 @@ def _written(unit: str) -> str:
 
 
 def _about_means(run: Run, name: str, index: int) -> tuple[FloatArray, FloatArray, FloatArray] | None:
-    """Return command, speed [rpm] and turned angle [turns] about their means; None if the command is held."""
+    """Return command, speed and turned angle about their means, in any unit; None if the command is held."""
     use = run.finite(name)
-    command, speed = run.command.wheels_rpm[use, index], run.channel(name)[use]
-    if command.size < 5 or np.ptp(command) == 0.0:
+    command, speed = _shares(run.command.wheels_rpm[use, index]), _shares(run.channel(name)[use])
+    if command.size < 5 or np.all(command == command[0]):
         return None
-    steps = np.diff(run.time_s[use]) * 0.5 * (speed[1:] + speed[:-1]) / 60.0
+    steps = np.diff(run.time_s[use]) * 0.5 * (speed[1:] + speed[:-1])
     turns = np.concatenate([[0.0], np.cumsum(steps)])
     return command - command.mean(), speed - speed.mean(), turns - turns.mean()
+
+
+def _shares(values: FloatArray) -> FloatArray:
+    """Return values over the largest of them: only ratios count, and squares of the largest stay finite."""
+    largest = float(np.max(np.abs(values), initial=0.0))
+    return values / largest if largest > 0.0 else values
 
 
 def _explained(command: FloatArray, values: FloatArray) -> float:

@@ -15,9 +15,9 @@ from mecanum_env.model import robot_from_dict
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.logs import read_dataset
 from sysid.logs.__main__ import main
-from sysid.logs.plan import Plan, Size, make_plan, write_plan
-from sysid.logs.plan.protocol import command_columns, recordings
-from sysid.logs.plan.sequences import Form, _reach_m
+from sysid.logs.plan.layout import Plan, make_plan
+from sysid.logs.plan.protocol import command_columns, recordings, write_plan
+from sysid.logs.plan.sequences import Form, Size, _reach_m
 from sysid.logs.writer import write_columns
 from sysid.studies.synthetic import random_stable_law
 

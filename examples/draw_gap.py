@@ -21,10 +21,11 @@ from mecanum_env.files import atomic_path
 from mecanum_env.model import read_model
 from mecanum_env.statistics import rms
 from sysid.gap.report.plots import AFTER, BEFORE, COMMAND, MEASURED
-from sysid.gap.result import GapReport, Overlay, Region
+from sysid.gap.result import GapOptions, GapReport, Overlay, Region
 from sysid.gap.wording import verdict_sentence, worst_channel
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
+from sysid.logs.of_fit import logs_of_fit
 from sysid.progress import stage_bar
 
 LOGS = Path(__file__).parent / "gap_logs"
@@ -40,7 +41,10 @@ def draw(model: tyro.conf.Positional[Path], /, logs: Path = LOGS, out: Path = Pa
         out: Folder to write.
     """
     with stage_bar(5) as progress:
-        report = analyse(read_dataset(logs), read_model(model), progress=progress)
+        base = read_model(model)
+        # As the program does, which compares with the logs of the fit where it finds them.
+        options = GapOptions(fitted_on=logs_of_fit(base, model.parent)[0])
+        report = analyse(read_dataset(logs), base, options, progress=progress)
     print(verdict_sentence(report))
     for name, figure in (("gap_runs.png", runs_figure(report)), ("gap_where.png", where_figure(report))):
         with atomic_path(out / name) as path:

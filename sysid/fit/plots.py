@@ -151,7 +151,9 @@ def _overlay(ax: Axes, view: RunView) -> None:
     ax.plot(view.time_s, view.measured_rpm, ".", ms=3, color=_COLOURS["measured"], label="measured")
     ax.step(view.tick_s, view.command_rpm, where="post", lw=1, color=_COLOURS["command"], label="command")
     ax.plot(view.tick_s, view.simulated_rpm, lw=1.5, color=_COLOURS["simulated"], label="simulated")
-    ax.set(title=f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm", xlabel="time [s]", ylabel="rpm")
+    ax.set(xlabel="time [s]", ylabel="rpm")
+    # Small enough for names of 40 characters.
+    ax.set_title(f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm", fontsize=9)
     ax.legend(fontsize=8)
 
 

@@ -9,14 +9,15 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects import CATALOGUE, Effect, Parameter
+from mecanum_env.effects import CATALOGUE, Effect, Parameter, PlantKind
 from mecanum_env.effects.scale import Scale
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, scanned
+from sysid.logs.runs import Level
 
-_STATIONS: Final = ("set_point", "law", "load", "transmission")
-"""Where a drive departs from its law."""
+_STATIONS: Final = ("body_command", "set_point", "law", "load", "transmission")
+"""Where a drive, or a platform's own ramp before its drives, departs from the law."""
 _TIMING: Final = ("command_latency", "sensor_lowpass", "sensor_lowpass/window")
 """Effects of the link and the sensor that are searched, too: a law of third order has no room for a delay, a
 lag and a counter's window beside the loop."""
@@ -73,15 +74,17 @@ def starts(effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArra
         yield place
 
 
-def drive_candidates(columns: Collection[str]) -> dict[str, Effect]:
+def drive_candidates(columns: Collection[str], level: Level = "bench") -> dict[str, Effect]:
     """Return the effects that a drive may have by itself, in the order of the chain.
 
-    `columns` are those of the logs.
+    `columns` are those of the logs of a `level`. On a robot these are the effects of its drives and of the
+    computer that commands them.
     """
+    plant: PlantKind = "bench" if level == "bench" else "planar"
     return {
         name: effect
         for name, effect in CATALOGUE.items()
-        if effect.searched_in("bench")
+        if effect.searched_in(plant)
         and (effect.station in _STATIONS or name in _TIMING)
         and (effect.reads or effect.cause not in _LEFT_OUT)
         and effect.readable_in(columns)

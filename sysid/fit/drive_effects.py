@@ -40,7 +40,7 @@ from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.fit.drive_candidates import TRIED, drive_candidates, first_order_laws, starts
-from sysid.logs import Dataset
+from sysid.logs import Dataset, Run
 from sysid.progress import Progress, silent, within
 
 EVIDENCE: Final = 10.0
@@ -63,6 +63,8 @@ _SECONDS: Final = 40.0
 _TICKS: Final = 8000
 """Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
 _NORMAL_90: Final = 1.645
+_STUDY: Final = Study("planar")
+"""A robot is simulated without slip: that is fast, and its wheels do what they do on rollers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +117,7 @@ def find_drive_effects(
     """
     progress(stage := "drive effects")
     tell = within(progress, stage)
+    dataset = with_wheels_only(dataset)
     seconds = min(_SECONDS, _TICKS * alone.wheel.law.sample_period_s)
     runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
@@ -122,7 +125,7 @@ def find_drive_effects(
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
-    known = drive_candidates(dataset.columns)
+    known = drive_candidates(dataset.columns, dataset.level)
     searches = [_Search(law, whitener, held_out, largest_pole, known) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]
     if not began or (is_enough and began[0].base is not searches[0].base):
@@ -227,7 +230,7 @@ class _Search:
     ) -> None:
         self.known = known
         self.base = replace(law, uncertainty={})
-        self.problem = ResidualProblem(self.base, whitener, Study())
+        self.problem = ResidualProblem(self.base, whitener, _STUDY)
         self.held_out, self.largest_pole = held_out, largest_pole
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
@@ -328,6 +331,16 @@ class _Search:
                 yield best[0], candidate, best[1]
 
 
+def with_wheels_only(dataset: Dataset) -> Dataset:
+    """Return a dataset without the channels that are no wheel's speed, except the supply's voltage."""
+
+    def kept(run: Run) -> Run:
+        channels = {n: v for n, v in run.channels.items() if n.startswith("speed_") or n == "battery_v"}
+        return replace(run, channels=channels)
+
+    return replace(dataset, runs=tuple(map(kept, dataset.runs)))
+
+
 def _best_ones(grown: Sequence[_Reached], inflation: float) -> list[_Reached]:
     """Return the best of some sets, each set of effects once."""
     found: dict[tuple[str, ...], _Reached] = {}
@@ -348,6 +361,6 @@ def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
 
 def _rms(observations: Observations, model: Model) -> float:
     """Return the rms error of a model in rpm, over the means of repeats."""
-    predicted = Simulator(observations).predictions(model)
+    predicted = Simulator(observations, _STUDY).predictions(model)
     parts = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
     return rms(np.concatenate(parts))

@@ -32,7 +32,6 @@ TRIED: Final[Mapping[str, tuple[float, ...]]] = {
     "brake_rpm_s": (0.0,),
 }
 """Parameters that only a fit to logs without a gap determines, and where they are tried."""
-_MOST_STARTS: Final = 24
 _TIME_CONSTANTS: Final = (0.02, 0.06, 0.2, 0.5)
 """Time constants of first-order laws to start from, relative to the largest one allowed."""
 
@@ -46,8 +45,8 @@ def first_order_laws(model: Model, largest_pole: float) -> Iterator[Model]:
         yield start.with_effect("speed_gain", gain=1.0)
 
 
-def starts(effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArray]:
-    """Yield the places at which an effect is tried: combinations of those of its parameters.
+def starts(effect: Effect, added: EffectSet, scale: Scale, most: int) -> Iterator[FloatArray]:
+    """Yield at `most` so many places at which an effect is tried: combinations of those of its parameters.
 
     `added` is the effect as a set with its free parameters; `scale` is that of the drive and the logs.
     """
@@ -64,7 +63,7 @@ def starts(effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArra
         neutral = [one.neutral_place] if parameter.neutral is not None or not places else []
         choices.append([*neutral, *places])
     combinations = list(product(*choices))[1:]
-    for combination in combinations[:: -(-len(combinations) // _MOST_STARTS)]:
+    for combination in combinations[:: -(-len(combinations) // most)]:
         place = np.array(combination)
         for index, one in enumerate(added.coordinates):
             if one.parameter == "brake_rpm_s":

@@ -48,14 +48,28 @@ EVIDENCE: Final = 10.0
 WORTH: Final = 0.02
 """Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
 as for a delay or a ceiling (`drive_choice`)."""
-_MOST: Final = 6
-"""Largest number of effects. Assumed."""
-_FITTED: Final = 3
-"""Effects by which a set is tried to grow in each round: those that promise most."""
-_BEAM: Final = 2
-"""Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
-_PATIENCE: Final = 2
-"""Rounds without a better set after which the search ends: the second of a pair may be what helps."""
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """How much is tried."""
+
+    most: int
+    """Largest number of effects. Assumed."""
+    fitted: int
+    """Effects by which a set is tried to grow in each round: those that promise most."""
+    beam: int
+    """Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
+    patience: int
+    """Rounds without a better set after which the search ends: the second of a pair may be what helps."""
+    starts: int
+    """Places at which an effect is tried."""
+    laws: int
+    """Laws to start from, the best first."""
+
+
+_EFFORT: Final = {"bench": _Effort(6, 3, 2, 2, 24, 2), "robot": _Effort(4, 2, 1, 1, 6, 1)}
+"""By the level of the logs: a robot takes five times as long to simulate as its wheels on the bench."""
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
@@ -117,7 +131,7 @@ def find_drive_effects(
     """
     progress(stage := "drive effects")
     tell = within(progress, stage)
-    dataset = with_wheels_only(dataset)
+    dataset, effort = with_wheels_only(dataset), _EFFORT[dataset.level]
     seconds = min(_SECONDS, _TICKS * alone.wheel.law.sample_period_s)
     runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
@@ -126,7 +140,7 @@ def find_drive_effects(
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
     known = drive_candidates(dataset.columns, dataset.level)
-    searches = [_Search(law, whitener, held_out, largest_pole, known) for law in laws]
+    searches = [_Search(law, whitener, held_out, largest_pole, known, effort) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]
     if not began or (is_enough and began[0].base is not searches[0].base):
         return None
@@ -134,13 +148,15 @@ def find_drive_effects(
         # The starts differ in nothing but the time constant.
         began = [min(began, key=lambda start: start.fitted.cost)]
         searches = [search for search in searches if search.base is began[0].base]
+    began = sorted(began, key=lambda start: start.fitted.cost)[: effort.laws] if effort.laws == 1 else began
+    searches = [search for search in searches if any(search.base is start.base for start in began)]
     first = began[0]
     beam, best, stale = began, first, 0
-    for size in range(_MOST):
+    for size in range(effort.most):
         tell(f"effect {size + 1}")
         before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
         stale = 0 if size == 0 or best is not before else stale + 1
-        if stale == _PATIENCE:
+        if stale == effort.patience:
             break
         grown = [
             more
@@ -149,7 +165,7 @@ def find_drive_effects(
             if one.base is search.base
             for more in search.grown(one)
         ]
-        beam = _best_ones(grown, best.inflation)
+        beam = _best_ones(grown, best.inflation, effort.beam)
         if not beam:
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
@@ -227,8 +243,9 @@ class _Search:
         held_out: Observations,
         largest_pole: float,
         known: Mapping[str, Effect],
+        effort: _Effort,
     ) -> None:
-        self.known = known
+        self.known, self._effort = known, effort
         self.base = replace(law, uncertainty={})
         self.problem = ResidualProblem(self.base, whitener, _STUDY)
         self.held_out, self.largest_pole = held_out, largest_pole
@@ -244,7 +261,7 @@ class _Search:
 
     def grown(self, reached: _Reached) -> list[_Reached]:
         """Return the sets with one effect more that promise most, fitted."""
-        promising = sorted(self._promising(reached), key=lambda item: item[0])[:_FITTED]
+        promising = sorted(self._promising(reached), key=lambda item: item[0])[: self._effort.fitted]
         fitted = (self._reached(candidate, place) for _, candidate, place in promising)
         return [one for one in fitted if one is not None]
 
@@ -315,7 +332,7 @@ class _Search:
             candidate = LawWithEffects(fitted.candidate.law, effects)
             function = marginal_function(self.problem, candidate)
             best: tuple[float, FloatArray] | None = None
-            for start in starts(effect, added, scale):
+            for start in starts(effect, added, scale, self._effort.starts):
                 place = np.concatenate([fitted.place, start])
                 residual = function(place)
                 if residual is None:
@@ -341,12 +358,12 @@ def with_wheels_only(dataset: Dataset) -> Dataset:
     return replace(dataset, runs=tuple(map(kept, dataset.runs)))
 
 
-def _best_ones(grown: Sequence[_Reached], inflation: float) -> list[_Reached]:
-    """Return the best of some sets, each set of effects once."""
+def _best_ones(grown: Sequence[_Reached], inflation: float, most: int) -> list[_Reached]:
+    """Return the `most` best of some sets, each set of effects once."""
     found: dict[tuple[str, ...], _Reached] = {}
     for one in sorted(grown, key=lambda one: one.price(inflation)):
         found.setdefault(tuple(sorted(one.fitted.candidate.effects.names)), one)
-    return list(found.values())[:_BEAM]
+    return list(found.values())[:most]
 
 
 def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:

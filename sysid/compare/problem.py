@@ -75,6 +75,9 @@ class ResidualProblem:
             self._ripple = WheelAngleRipple(self.simulators, whitener, self._residual, self.marginal)
         self.measured = whitener.whiten(whitener.measured())
         self.nuisance = np.zeros((self.size, 0))
+        self.knows_all = learned is not None and not self.bench
+        """Whether what every effect would do is among the model's own error, as far as the logs of its fit
+        leave that open, so that only what is new counts."""
         if learned is not None:
             columns = whitener.whiten(learned.columns(self.simulators))
             self.measured = self.measured - columns @ learned.mean
@@ -164,6 +167,14 @@ class ResidualProblem:
     def marginal_inverse(self, residual: FloatArray) -> FloatArray:
         """Return W^-1 times a residual (N,) or columns (N, p)."""
         return self._scaled(residual, self._spread - 1.0)
+
+    def left(self, marginal: FloatArray) -> FloatArray:
+        """Return the whitened residual (N,) that is left in a `marginal` one, (N,).
+
+        Where the own error is known from the logs of the fit, for what every effect would do, its most likely
+        part is taken off: r - X E(z) = (I + X X')^-1 r = W (W r).
+        """
+        return self.marginal(marginal) if self.knows_all else self.marginal_inverse(marginal)
 
     def _scaled(self, residual: FloatArray, factors: FloatArray) -> FloatArray:
         along = self._directions.T @ residual

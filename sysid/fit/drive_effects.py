@@ -2,7 +2,7 @@
 
 The law alone is the model as long as it is enough. An effect is added, and law and effects are fitted again
 together, only if three things hold: the cost falls by more than `EVIDENCE` beyond the price of its parameters
-(BIC), the validation runs are predicted better by `WORTH`, and no smaller set does as well. The noise is that
+(BIC), the validation runs are predicted better by its `worth`, and no smaller set does as well. The noise is that
 of repeats; where the model leaves more than the noise, the residual's variance is used instead.
 
 A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
@@ -45,9 +45,6 @@ from sysid.progress import Progress, silent, within
 
 EVIDENCE: Final = 10.0
 """Difference of BIC that an effect must gain: "very strong" on the scale of Kass and Raftery (1995)."""
-WORTH: Final = 0.02
-"""Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
-as for a delay or a ceiling (`drive_choice`)."""
 
 
 @dataclass(frozen=True)
@@ -66,9 +63,13 @@ class _Effort:
     """Places at which an effect is tried."""
     laws: int
     """Laws to start from, the best first."""
+    worth: float
+    """Least relative decrease of the error on the validation runs for which an effect is added. Assumed. On the
+    bench it is that for a delay or a ceiling (`drive_choice`). On a robot servo and inertia may explain a
+    little as well, which are fitted where the law is enough."""
 
 
-_EFFORT: Final = {"bench": _Effort(6, 3, 2, 2, 24, 2), "robot": _Effort(4, 2, 1, 1, 6, 1)}
+_EFFORT: Final = {"bench": _Effort(6, 3, 2, 2, 24, 2, 0.02), "robot": _Effort(4, 2, 1, 1, 6, 1, 0.1)}
 """By the level of the logs: a robot takes five times as long to simulate as its wheels on the bench."""
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
@@ -166,11 +167,11 @@ def find_drive_effects(
             for more in search.grown(one)
         ]
         beam = _best_ones(grown, best.inflation, effort.beam)
-        if not beam:
+        if not beam or (is_enough and effort.beam == 1 and not beam[0].better_than(first, effort.worth)):
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
     best = next(search for search in searches if search.base is best.base).pruned(best)
-    worthy = best is not first and best.better_than(first)
+    worthy = best is not first and best.better_than(first, effort.worth)
     if not worthy and is_enough:
         return None
     best = best if worthy else first
@@ -210,13 +211,13 @@ class _Reached:
         effects = len(self.fitted.candidate.effects.names)
         return self.fitted.cost / inflation + self.parameter_count * math.log(samples) + EVIDENCE * effects
 
-    def better_than(self, other: _Reached) -> bool:
+    def better_than(self, other: _Reached, worth: float) -> bool:
         """Return whether this is worth its parameters: by BIC, and on the validation runs."""
         samples = self.fitted.residual.size
         gain = (other.fitted.cost - self.fitted.cost) / self.inflation
         price = (self.parameter_count - other.parameter_count) * math.log(samples)
         more = max(1, len(self.model.effects) - len(other.model.effects))
-        agrees = self.held_out_rpm < (1.0 - WORTH) ** more * other.held_out_rpm
+        agrees = self.held_out_rpm < (1.0 - worth) ** more * other.held_out_rpm
         return gain - price > EVIDENCE and agrees
 
     def intervals(self) -> dict[str, dict[str, dict[str, float]]]:

@@ -184,7 +184,8 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             "the repeats"
         )
     repeatable = not (bench and noise.inconsistent_channels(THRESHOLDS.unrepeatable))
-    floor = Floor(noise.degrees_of_freedom, trusted, learned is not None, repeatable)
+    compared = learned is not None
+    floor = Floor(noise.degrees_of_freedom, trusted, compared, compared and not bench, repeatable)
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 
 

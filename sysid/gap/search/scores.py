@@ -118,7 +118,7 @@ def raw_rms(
 
 def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> float:
     """Return `raw_rms` of a fit on the runs of a split that decide."""
-    parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
+    parts = problem.whitener.unwhiten(problem.left(fitted.residual))
     return raw_rms(problem, problem.observations, parts, split)
 
 

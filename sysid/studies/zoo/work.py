@@ -127,8 +127,8 @@ def analysed(case: Case, folder: Path) -> Outcome:
         model = nominal_model(folder)
         stage, fit_s = "study", time.perf_counter() - began
         nominal = read_dataset(folder / "nominal")
-        # As the program does, which compares with the bench logs that a model was fitted to.
-        options = GapOptions(next_experiment=False, fitted_on=nominal if case.level == "bench" else None)
+        # As the program does, which compares with the logs that a model was fitted to.
+        options = GapOptions(next_experiment=False, fitted_on=nominal)
         report = analyse(read_dataset(folder / "logs"), model, options)
         return outcome_of(case, report, fit_s, time.perf_counter() - began - fit_s)
     except Exception as error:

@@ -93,8 +93,8 @@ def model_from_dict(value: Any) -> Model:
 def robot_from_dict(value: Any) -> Robot:
     """Build a robot from a partial JSON object `value`; the packaged robot's values fill in what is absent.
 
-    Three of them are adapted to another robot. If mass, wheelbase and track are given, the yaw inertia is that
-    of a solid plate. If mass and wheel radius are given, the torque limit is raised so that the robot
+    Three of them are adapted to another robot. If mass, wheelbase and track are given, the yaw inertia is
+    that of a solid plate. If mass and wheel radius are given, the torque limit is raised so that the robot
     accelerates at least as hard as the packaged one, and the servo is so stiff that the load m R^2 / 4 lags
     as far behind it as the packaged one's: on rollers a much stiffer servo rings against the floor's contacts
     at the step rate, and throws a light robot about.

@@ -168,14 +168,6 @@ class ResidualProblem:
         """Return W^-1 times a residual (N,) or columns (N, p)."""
         return self._scaled(residual, self._spread - 1.0)
 
-    def left(self, marginal: FloatArray) -> FloatArray:
-        """Return the whitened residual (N,) that is left in a `marginal` one, (N,).
-
-        Where the own error is known from the logs of the fit, for what every effect would do, its most likely
-        part is taken off: r - X E(z) = (I + X X')^-1 r = W (W r).
-        """
-        return self.marginal(marginal) if self.knows_all else self.marginal_inverse(marginal)
-
     def _scaled(self, residual: FloatArray, factors: FloatArray) -> FloatArray:
         along = self._directions.T @ residual
         scaled = factors * along if residual.ndim == 1 else factors[:, None] * along

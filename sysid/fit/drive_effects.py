@@ -2,8 +2,8 @@
 
 The law alone is the model as long as it is enough. An effect is added, and law and effects are fitted again
 together, only if three things hold: the cost falls by more than `EVIDENCE` beyond the price of its parameters
-(BIC), the validation runs are predicted better by its `worth`, and no smaller set does as well. The noise is that
-of repeats; where the model leaves more than the noise, the residual's variance is used instead.
+(BIC), the validation runs are predicted better by its `worth`, and no smaller set does as well. The noise is
+that of repeats; where the model leaves more than the noise, the residual's variance is used instead.
 
 A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
 therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
@@ -64,9 +64,9 @@ class _Effort:
     laws: int
     """Laws to start from, the best first."""
     worth: float
-    """Least relative decrease of the error on the validation runs for which an effect is added. Assumed. On the
-    bench it is that for a delay or a ceiling (`drive_choice`). On a robot servo and inertia may explain a
-    little as well, which are fitted where the law is enough."""
+    """Least relative decrease of the error on the validation runs for which an effect is added. Assumed. On
+    the bench it is that for a delay or a ceiling (`drive_choice`). On a robot, servo and inertia may explain
+    a little as well, and what is left open is known to a study (`sysid.compare.suspects`)."""
 
 
 _EFFORT: Final = {"bench": _Effort(6, 3, 2, 2, 24, 2, 0.02), "robot": _Effort(4, 2, 1, 1, 6, 1, 0.1)}

@@ -25,7 +25,7 @@ from mecanum_env.effects.scale import Scale
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import ModelError, Residual, estimate_model_error
+from sysid.compare.model_error import FACTORS, ModelError, Residual, estimate_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import plausible_models
 from sysid.compare.observations import Observations, observe
@@ -33,13 +33,11 @@ from sysid.compare.prediction import Study
 from sysid.compare.scale import scale_of
 from sysid.compare.shape import Key, ShapeBasis
 from sysid.compare.simulator import Simulators
-from sysid.compare.subset import most_active_runs
+from sysid.compare.subset import most_active
 from sysid.compare.suspects import suspect_columns
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
 
-SECONDS: Final = {"bench": 300.0, "robot": 60.0}
-"""Duration of the logs that are simulated [s]; a robot on its rollers takes long."""
 _PARAMETER_SIGMAS: Final = 10.0
 """Prior standard deviation of a parameter, in its stated ones: the logs that gave these decide."""
 _ROUNDS: Final = 30  # of EM
@@ -47,7 +45,6 @@ _LEAST_SIZE: Final = 1e-9
 _FOLD_S: Final = 4.0
 """Length of the pieces [s] that are left out in turn where there are too few groups of runs."""
 _FEWEST_FOLDS: Final = 3
-_FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
 _OTHER_COMMANDS: Final = {"bench": 4.0, "robot": 1.0}
 """Factor from the unexplained error in groups of runs that were left out to that in logs of other commands.
 Calibrated on drawn drives (python -m sysid.studies.zoo --bench 90 --robot 0): with 1, 2 and 4 logs in which
@@ -101,7 +98,7 @@ def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned
         InputError: the logs have no measured sample, or the model cannot be simulated.
         SimulationDivergedError: the state stopped being finite.
     """
-    observations = observe(replace(dataset, runs=most_active_runs(dataset.runs, SECONDS[dataset.level])))
+    observations = observe(most_active(dataset))
     noise = measure_noise(dataset, observations)
     simulators = Simulators.of(observations, study or Study())
     predicted = simulators.full.predictions(model)
@@ -116,27 +113,18 @@ def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned
     white = Whitener(observations, noise, None)
     found = _Posterior.of(white.whiten(residual), white.whiten(columns), group_of)
     error = _left(observations, noise, residual, columns, found, white, folds, dataset.sha256)
-    for factor in _FACTORS:
-        channels = {
-            name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
-            for name, e in error.channels.items()
-        }
-        scaled = replace(error, channels=channels)
+    for factor in FACTORS:
+        scaled = error.scaled(factor)
         whitener = Whitener(observations, noise, scaled)
         r, k = whitener.whiten(residual), whitener.whiten(columns)
         found = _Posterior.of(r, k, group_of, variance=1.0)
         if found.left_out_cost(r, k, folds) <= r.size:
             break
-    elsewhere = _OTHER_COMMANDS[dataset.level]
-    channels = {
-        name: replace(e, settled=elsewhere * e.settled, transient=elsewhere * e.transient)
-        for name, e in scaled.channels.items()
-    }
-    error = replace(scaled, channels=channels)
+    elsewhere = scaled.scaled(_OTHER_COMMANDS[dataset.level])
     values, vectors = np.linalg.eigh(found.covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     prior = found.precision**-0.5
-    return Learned(model, basis, keys, scale, found.mean, root, error, prior, simulators, whitener)
+    return Learned(model, basis, keys, scale, found.mean, root, elsewhere, prior, simulators, whitener)
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +208,7 @@ def _left(
     parts = []
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         run = observations.situations[block.situation].runs[0]
-        known = noise.sigma[block.channel] ** 2 / block.weight + variance[rows]
+        known = noise.variance(block, run) + variance[rows]
         parts.append(Residual(run, block.channel, block.time_s, error[rows], known))
     return estimate_model_error(parts, data_sha256)
 

@@ -26,6 +26,8 @@ from sysid.logs import Run
 
 DECAY_S: Final = 0.15
 """Time constant with which the error after a change of command decays [s]."""
+FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
+"""With which an error that was estimated may be multiplied until it explains the logs."""
 _ROUNDS: Final = 5  # of iteratively reweighted least squares
 _LEAST_CORRELATION_S: Final = 0.01
 _MOST_CORRELATION_S: Final = 0.3
@@ -51,6 +53,14 @@ class ModelError:
     data_sha256: str = ""
     """Hash of the logs that it was measured on."""
 
+    def scaled(self, factor: float) -> ModelError:
+        """Return the error with its sizes, but not its correlation times, multiplied by a `factor`."""
+        channels = {
+            name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
+            for name, e in self.channels.items()
+        }
+        return replace(self, channels=channels)
+
 
 @dataclass(frozen=True)
 class Residual:
@@ -72,12 +82,12 @@ def command_changes(run: Run) -> tuple[FloatArray, FloatArray]:
     return times[1:], np.max(np.abs(np.diff(wheels, axis=0)), axis=1)
 
 
-def activity_rpm(run: Run, time_s: FloatArray) -> FloatArray:
+def activity_rpm(run: Run, time_s: FloatArray, decay_s: float = DECAY_S) -> FloatArray:
     """Return the root of the sum over c in e(t)^2 [rpm], at the times (n,) [s]."""
     total = np.zeros(time_s.shape)
     for when, size in zip(*command_changes(run), strict=True):
         since = time_s - when
-        total += np.where(since >= 0.0, size**2 * np.exp(-2.0 * np.maximum(since, 0.0) / DECAY_S), 0.0)
+        total += np.where(since >= 0.0, size**2 * np.exp(-2.0 * np.maximum(since, 0.0) / decay_s), 0.0)
     return np.sqrt(total)
 
 

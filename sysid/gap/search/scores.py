@@ -64,11 +64,14 @@ def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0
 
     `inflation` is a factor on all variances, if the best fit leaves more than expected.
     """
-    residual = problem.marginal_inverse(fitted.residual)
-    own = problem.marginal_inverse(fitted.jacobian)
-    columns = np.concatenate([own, -problem.nuisance], axis=1) / np.sqrt(inflation)
-    residual = residual / np.sqrt(inflation)
-    p = own.shape[1]
+    p = fitted.jacobian.shape[1]
+    if problem.knows_all:
+        # The other groups would move what the logs of the fit say to where it explains any lasting difference.
+        columns, residual = fitted.jacobian, fitted.residual
+    else:
+        residual = problem.marginal_inverse(fitted.residual)
+        columns = np.concatenate([problem.marginal_inverse(fitted.jacobian), -problem.nuisance], axis=1)
+    columns, residual = columns / np.sqrt(inflation), residual / np.sqrt(inflation)
     prior = np.concatenate([np.full(p, 1.0 / PRIOR**2), np.full(columns.shape[1] - p, 1.0 / inflation)])
     normal = columns.T @ columns + np.diag(prior)
     gradient = columns.T @ residual

@@ -66,7 +66,7 @@ def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0
     """
     p = fitted.jacobian.shape[1]
     if problem.knows_all:
-        # The other groups would move what the logs of the fit say to where it explains any lasting difference.
+        # Else the other groups move what the logs of the fit say, until that explains any lasting difference.
         columns, residual = fitted.jacobian, fitted.residual
     else:
         residual = problem.marginal_inverse(fitted.residual)

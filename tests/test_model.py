@@ -134,6 +134,19 @@ def test_a_heavier_robot_can_accelerate_as_hard_as_the_packaged_one_until_its_to
         assert robot_from_dict(small).torque_limit_n_m == packaged.torque_limit_n_m
 
 
+def test_a_robot_of_another_size_lags_behind_its_servo_as_the_packaged_one_until_that_is_known():
+    size = {"wheel_radius_m": 0.03, "mass_kg": 1.3}
+
+    def lag_s(robot: Robot) -> float:
+        return robot.mass_kg * robot.wheel_radius_m**2 / (4.0 * robot.servo_n_m_s_rad)
+
+    assert lag_s(robot_from_dict(size)) == pytest.approx(lag_s(Robot()))
+    assert robot_from_dict({**size, "servo_n_m_s_rad": 2.0}).servo_n_m_s_rad == 2.0
+    for missing in size:
+        partial = {name: value for name, value in size.items() if name != missing}
+        assert robot_from_dict(partial).servo_n_m_s_rad == Robot().servo_n_m_s_rad
+
+
 def test_the_smallest_file_is_a_law(paper):
     law = paper.wheel.law
     numbers = {**dict(zip("ABCDEF", law.coefficients, strict=True)), "sample_period_s": law.sample_period_s}

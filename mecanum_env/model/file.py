@@ -95,10 +95,12 @@ def model_from_dict(value: Any) -> Model:
 def robot_from_dict(value: Any) -> Robot:
     """Build a robot from a partial JSON object `value`; the packaged robot's values fill in what is absent.
 
-    Some of them are adapted to another robot. If mass, wheelbase and track are given, the yaw inertia is that
-    of a solid plate. If mass and wheel radius are given, the torque limit is raised so that the robot
-    accelerates at least as hard as the packaged one. With a list of omni wheels and no radius, that of
-    the first wheel is taken.
+    Some of them are adapted to another robot. If mass, wheelbase and track are given, the yaw inertia is
+    that of a solid plate. If mass and wheel radius are given, the torque limit is raised so that the robot
+    accelerates at least as hard as the packaged one, and the servo is so stiff that the load m R^2 / 4 lags
+    as far behind it as the packaged one's: on rollers a much stiffer servo rings against the floor's contacts
+    at the step rate, and throws a light robot about. With a list of omni wheels and no radius, that of the
+    first wheel is taken.
 
     Raises:
         InputError: an unknown name, or a value out of range.
@@ -114,6 +116,9 @@ def robot_from_dict(value: Any) -> Robot:
     if "torque_limit_n_m" not in given and {"mass_kg", "wheel_radius_m"} <= given.keys():
         larger = robot.mass_kg * robot.wheel_radius_m / (Robot.mass_kg * Robot.wheel_radius_m)
         robot = replace(robot, torque_limit_n_m=max(1.0, larger) * Robot.torque_limit_n_m)
+    if "servo_n_m_s_rad" not in given and {"mass_kg", "wheel_radius_m"} <= given.keys():
+        load = robot.mass_kg * robot.wheel_radius_m**2 / (Robot.mass_kg * Robot.wheel_radius_m**2)
+        robot = replace(robot, servo_n_m_s_rad=load * Robot.servo_n_m_s_rad)
     plate = {"mass_kg", "half_wheelbase_m", "half_track_m"}
     if "yaw_inertia_kg_m2" not in given and plate <= given.keys():
         robot = replace(robot, yaw_inertia_kg_m2=robot.plate_yaw_inertia_kg_m2)

@@ -75,6 +75,9 @@ class ResidualProblem:
             self._ripple = WheelAngleRipple(self.simulators, whitener, self._residual, self.marginal)
         self.measured = whitener.whiten(whitener.measured())
         self.nuisance = np.zeros((self.size, 0))
+        self.knows_all = learned is not None and not self.bench
+        """Whether what every effect would do is among the model's own error, as far as the logs of its fit
+        leave that open, so that only what is new counts."""
         if learned is not None:
             columns = whitener.whiten(learned.columns(self.simulators))
             self.measured = self.measured - columns @ learned.mean

@@ -2,8 +2,8 @@
 
 The law alone is the model as long as it is enough. An effect is added, and law and effects are fitted again
 together, only if three things hold: the cost falls by more than `EVIDENCE` beyond the price of its parameters
-(BIC), the validation runs are predicted better by `WORTH`, and no smaller set does as well. The noise is that
-of repeats; where the model leaves more than the noise, the residual's variance is used instead.
+(BIC), the validation runs are predicted better by its `worth`, and no smaller set does as well. The noise is
+that of repeats; where the model leaves more than the noise, the residual's variance is used instead.
 
 A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
 therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
@@ -40,22 +40,37 @@ from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.fit.drive_candidates import TRIED, drive_candidates, first_order_laws, starts
-from sysid.logs import Dataset
+from sysid.logs import Dataset, Run
 from sysid.progress import Progress, silent, within
 
 EVIDENCE: Final = 10.0
 """Difference of BIC that an effect must gain: "very strong" on the scale of Kass and Raftery (1995)."""
-WORTH: Final = 0.02
-"""Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
-as for a delay or a ceiling (`drive_choice`)."""
-_MOST: Final = 6
-"""Largest number of effects. Assumed."""
-_FITTED: Final = 3
-"""Effects by which a set is tried to grow in each round: those that promise most."""
-_BEAM: Final = 2
-"""Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
-_PATIENCE: Final = 2
-"""Rounds without a better set after which the search ends: the second of a pair may be what helps."""
+
+
+@dataclass(frozen=True)
+class _Effort:
+    """How much is tried."""
+
+    most: int
+    """Largest number of effects. Assumed."""
+    fitted: int
+    """Effects by which a set is tried to grow in each round: those that promise most."""
+    beam: int
+    """Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
+    patience: int
+    """Rounds without a better set after which the search ends: the second of a pair may be what helps."""
+    starts: int
+    """Places at which an effect is tried."""
+    laws: int
+    """Laws to start from, the best first."""
+    worth: float
+    """Least relative decrease of the error on the validation runs for which an effect is added. Assumed. On
+    the bench it is that for a delay or a ceiling (`drive_choice`). On a robot, servo and inertia may explain
+    a little as well, and what is left open is known to a study (`sysid.compare.suspects`)."""
+
+
+_EFFORT: Final = {"bench": _Effort(6, 3, 2, 2, 24, 2, 0.02), "robot": _Effort(4, 2, 1, 1, 6, 1, 0.1)}
+"""By the level of the logs: a robot takes five times as long to simulate as its wheels on the bench."""
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
@@ -63,6 +78,8 @@ _SECONDS: Final = 40.0
 _TICKS: Final = 8000
 """Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
 _NORMAL_90: Final = 1.645
+_STUDY: Final = Study("planar")
+"""A robot is simulated without slip: that is fast, and its wheels do what they do on rollers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +132,7 @@ def find_drive_effects(
     """
     progress(stage := "drive effects")
     tell = within(progress, stage)
+    dataset, effort = with_wheels_only(dataset), _EFFORT[dataset.level]
     seconds = min(_SECONDS, _TICKS * alone.wheel.law.sample_period_s)
     runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
@@ -122,8 +140,8 @@ def find_drive_effects(
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
-    known = drive_candidates(dataset.columns)
-    searches = [_Search(law, whitener, held_out, largest_pole, known) for law in laws]
+    known = drive_candidates(dataset.columns, dataset.level)
+    searches = [_Search(law, whitener, held_out, largest_pole, known, effort) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]
     if not began or (is_enough and began[0].base is not searches[0].base):
         return None
@@ -131,13 +149,15 @@ def find_drive_effects(
         # The starts differ in nothing but the time constant.
         began = [min(began, key=lambda start: start.fitted.cost)]
         searches = [search for search in searches if search.base is began[0].base]
+    began = sorted(began, key=lambda start: start.fitted.cost)[: effort.laws] if effort.laws == 1 else began
+    searches = [search for search in searches if any(search.base is start.base for start in began)]
     first = began[0]
     beam, best, stale = began, first, 0
-    for size in range(_MOST):
+    for size in range(effort.most):
         tell(f"effect {size + 1}")
         before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
         stale = 0 if size == 0 or best is not before else stale + 1
-        if stale == _PATIENCE:
+        if stale == effort.patience:
             break
         grown = [
             more
@@ -146,12 +166,12 @@ def find_drive_effects(
             if one.base is search.base
             for more in search.grown(one)
         ]
-        beam = _best_ones(grown, best.inflation)
-        if not beam:
+        beam = _best_ones(grown, best.inflation, effort.beam)
+        if not beam or (is_enough and effort.beam == 1 and not beam[0].better_than(first, effort.worth)):
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
     best = next(search for search in searches if search.base is best.base).pruned(best)
-    worthy = best is not first and best.better_than(first)
+    worthy = best is not first and best.better_than(first, effort.worth)
     if not worthy and is_enough:
         return None
     best = best if worthy else first
@@ -191,13 +211,13 @@ class _Reached:
         effects = len(self.fitted.candidate.effects.names)
         return self.fitted.cost / inflation + self.parameter_count * math.log(samples) + EVIDENCE * effects
 
-    def better_than(self, other: _Reached) -> bool:
+    def better_than(self, other: _Reached, worth: float) -> bool:
         """Return whether this is worth its parameters: by BIC, and on the validation runs."""
         samples = self.fitted.residual.size
         gain = (other.fitted.cost - self.fitted.cost) / self.inflation
         price = (self.parameter_count - other.parameter_count) * math.log(samples)
         more = max(1, len(self.model.effects) - len(other.model.effects))
-        agrees = self.held_out_rpm < (1.0 - WORTH) ** more * other.held_out_rpm
+        agrees = self.held_out_rpm < (1.0 - worth) ** more * other.held_out_rpm
         return gain - price > EVIDENCE and agrees
 
     def intervals(self) -> dict[str, dict[str, dict[str, float]]]:
@@ -224,10 +244,11 @@ class _Search:
         held_out: Observations,
         largest_pole: float,
         known: Mapping[str, Effect],
+        effort: _Effort,
     ) -> None:
-        self.known = known
+        self.known, self._effort = known, effort
         self.base = replace(law, uncertainty={})
-        self.problem = ResidualProblem(self.base, whitener, Study())
+        self.problem = ResidualProblem(self.base, whitener, _STUDY)
         self.held_out, self.largest_pole = held_out, largest_pole
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
@@ -241,7 +262,7 @@ class _Search:
 
     def grown(self, reached: _Reached) -> list[_Reached]:
         """Return the sets with one effect more that promise most, fitted."""
-        promising = sorted(self._promising(reached), key=lambda item: item[0])[:_FITTED]
+        promising = sorted(self._promising(reached), key=lambda item: item[0])[: self._effort.fitted]
         fitted = (self._reached(candidate, place) for _, candidate, place in promising)
         return [one for one in fitted if one is not None]
 
@@ -312,7 +333,7 @@ class _Search:
             candidate = LawWithEffects(fitted.candidate.law, effects)
             function = marginal_function(self.problem, candidate)
             best: tuple[float, FloatArray] | None = None
-            for start in starts(effect, added, scale):
+            for start in starts(effect, added, scale, self._effort.starts):
                 place = np.concatenate([fitted.place, start])
                 residual = function(place)
                 if residual is None:
@@ -328,12 +349,22 @@ class _Search:
                 yield best[0], candidate, best[1]
 
 
-def _best_ones(grown: Sequence[_Reached], inflation: float) -> list[_Reached]:
-    """Return the best of some sets, each set of effects once."""
+def with_wheels_only(dataset: Dataset) -> Dataset:
+    """Return a dataset without the channels that are no wheel's speed, except the supply's voltage."""
+
+    def kept(run: Run) -> Run:
+        channels = {n: v for n, v in run.channels.items() if n.startswith("speed_") or n == "battery_v"}
+        return replace(run, channels=channels)
+
+    return replace(dataset, runs=tuple(map(kept, dataset.runs)))
+
+
+def _best_ones(grown: Sequence[_Reached], inflation: float, most: int) -> list[_Reached]:
+    """Return the `most` best of some sets, each set of effects once."""
     found: dict[tuple[str, ...], _Reached] = {}
     for one in sorted(grown, key=lambda one: one.price(inflation)):
         found.setdefault(tuple(sorted(one.fitted.candidate.effects.names)), one)
-    return list(found.values())[:_BEAM]
+    return list(found.values())[:most]
 
 
 def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
@@ -348,6 +379,6 @@ def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
 
 def _rms(observations: Observations, model: Model) -> float:
     """Return the rms error of a model in rpm, over the means of repeats."""
-    predicted = Simulator(observations).predictions(model)
+    predicted = Simulator(observations, _STUDY).predictions(model)
     parts = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
     return rms(np.concatenate(parts))

@@ -57,7 +57,7 @@ class FitOptions:
     delay_s: float | None = None
     """Transport delay [s]; None: estimated, and adopted on evidence."""
     effects: Literal["auto", "off"] = "auto"
-    """Whether bench logs may show that the drive does more than its law; see `drive_effects`."""
+    """Whether the logs may show that the drive does more than its law; see `drive_effects`."""
     per_wheel: bool = False
     """Whether a law is fitted to each wheel, too."""
     sample_period_s: float | None = None
@@ -90,7 +90,7 @@ class Fit:
     """With `per_wheel`: wheel name -> its own estimate."""
     runs: Runs
     drive_effects: DriveEffects | None = None
-    """From bench logs: what the drive does besides its law; None if the law alone is enough."""
+    """What the drive does besides its law; None if the law alone is enough, or each wheel has its own."""
     robot: RobotFit | None = None
     """From robot logs: the law behind the servo and the robot parameters that they show."""
     notes: tuple[str, ...] = field(default=())
@@ -169,6 +169,10 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
             )
     progress("uncertainty")
     notes += gain_notes(runs, search, found)
+    effects = None
+    if options.effects == "auto" and not options.per_wheel:
+        effects = _drive_effects(dataset, runs, search, options, found, progress)
+        notes += [effects.note] if effects else []
     robot = None
     if dataset.level == "robot" and options.per_wheel:
         notes.append(
@@ -177,15 +181,12 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         )
     if dataset.level == "robot" and not options.per_wheel:
         progress(stage := "servo, inertia and grip")
-        known_robot = Model(wheel_model(path, found), options.robot, latency(found))
+        alone = Model(wheel_model(path, found), options.robot, latency(found))
+        known_robot = replace(effects.model, uncertainty={}) if effects else alone
         robot, note = robot_of(
             dataset, runs, known_robot, options.robot_given, sigma, known, within(progress, stage)
         )
         notes.append(note)
-    effects = None
-    if dataset.level == "bench" and options.effects == "auto":
-        effects = _drive_effects(dataset, runs, search, options, found, progress)
-        notes += [effects.note] if effects else []
     data = pooled(runs["fit"])
     return Fit(
         dataset=dataset,

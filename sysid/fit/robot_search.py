@@ -7,7 +7,7 @@ with the whole robot simulated on the logs' own commands.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -18,10 +18,10 @@ from mecanum_env.law import WheelLaw
 from mecanum_env.law.stability import free_coordinates, stabilised_abc, stable_abc
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import Model
-from mecanum_env.simulator import RobotPlant, compile_plant, drive
+from mecanum_env.simulator import RobotPlant, drive
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
-from sysid.compare.prediction import commands_of, supply_of
+from sysid.compare.prediction import Study, commands_of, compile_robot, follows_voltage, supply_of
 from sysid.logs import Run
 from sysid.progress import Progress, silent
 
@@ -30,8 +30,8 @@ _RANGE: Final = math.log(30.0)  # largest change of the logarithm of a robot's p
 _LAW_SIZE: Final = 5  # coordinates of a law of given DC gain
 _FASTER: Final = (1.5, 2.5)
 """Exponents of the poles of further initial laws: the fitted one contains the load's lag."""
-_EVALUATIONS_PER_START: Final = 8
-_EVALUATIONS: Final = 30  # evaluations of the search from the best start
+_EVALUATIONS_PER_START: Final = 5
+_EVALUATIONS: Final = 12  # evaluations of the search from the best start
 _EVALUATIONS_ON_ROLLERS: Final = 4
 """Evaluations on the roller plant, whose contacts make further ones useless."""
 
@@ -65,13 +65,19 @@ class PlantData:
 
     def predicted(self, model: Model, plant: RobotPlant = "planar") -> FloatArray:
         """Return what a `model` predicts for `measured` on a `plant`, shape (M,)."""
-        compiled = compile_plant(model, plant, visuals=False)
+        compiled = compile_robot(model, Study(plant))
         parts: list[FloatArray] = []
+        driven: dict[Hashable, Mapping[str, FloatArray]] = {}
         for run in self.runs:
-            commands = commands_of(run, model.wheel.command_period_s)
-            supply = supply_of(run)
-            path = drive(model, commands, run.duration_s, plant=plant, mj_model=compiled, supply=supply)
-            parts += self._samples(run, path.channels_at(run.time_s))
+            supply = supply_of(run) if follows_voltage(model) else None
+            columns = (run.time_s, *run.command.columns().values())
+            key = run.file if supply else tuple(values.tobytes() for values in columns)
+            # Repeats of the same commands at the same times are one simulation.
+            if key not in driven:
+                commands = commands_of(run, model.wheel.command_period_s)
+                path = drive(model, commands, run.duration_s, plant=plant, mj_model=compiled, supply=supply)
+                driven[key] = path.channels_at(run.time_s)
+            parts += self._samples(run, driven[key])
         return np.concatenate(parts)
 
     def _samples(self, run: Run, channels: Mapping[str, FloatArray]) -> list[FloatArray]:

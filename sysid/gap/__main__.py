@@ -39,7 +39,7 @@ def gap(
         model: Model to compare with them, from python -m sysid.fit; without one, a law and effects are fitted
             to these logs (of a wheel on the bench), and what is beyond the law is reported.
         out: Folder to write.
-        fitted_on: The logs that the model was fitted to; default: where model.json says, if of a bench.
+        fitted_on: The logs that the model was fitted to; default: where model.json says.
         seed: Seed of the simulated thresholds, the bootstrap and the design of experiments.
         level: Level that the logs must have; auto accepts both.
         only: Effects to look for; default: all that act on such logs (python -m mecanum_env.effects).

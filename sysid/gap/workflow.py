@@ -202,9 +202,14 @@ def _report(
 
 
 def _since(learned: Learned | None, decision: Decision) -> Mapping[str, Since]:
-    """Return what the logs of the fit, where these are known bench logs, say of the chosen effects."""
-    if learned is None or decision.chosen is None or not learned.is_bench:
+    """Return what the logs of the fit, where these are known, say of the chosen effects.
+
+    Of a robot, what every effect does in the logs of the fit is taken off: what is found came later.
+    """
+    if learned is None or decision.chosen is None:
         return {}
+    if not learned.is_bench:
+        return dict.fromkeys(decision.chosen.names, "new")
     return since_of(learned, decision.chosen.fitted)
 
 

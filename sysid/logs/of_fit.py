@@ -21,10 +21,10 @@ def with_logs(model: Model, logs: Path, folder: Path) -> Model:
 
 
 def logs_of_fit(model: Model, folder: Path) -> tuple[Dataset | None, str]:
-    """Return the bench logs that a model was fitted to, and why there are none, as a sentence.
+    """Return the logs that a model was fitted to, and why there are none, as a sentence.
 
     `folder` is that of the model's file. They are only taken if they are the same as when the model was
-    fitted. Robot logs have to be given: their comparison takes long.
+    fitted.
     """
     where, known = model.provenance.get(_KEY), model.provenance.get("data_sha256")
     if not isinstance(where, str):
@@ -34,8 +34,6 @@ def logs_of_fit(model: Model, folder: Path) -> tuple[Dataset | None, str]:
         found = read_dataset(path)
     except InputError:
         return None, f"the logs of the fit are not at {path}: give them with --fitted-on to compare with them"
-    if found.level != "bench":
-        return None, ""
     if found.sha256 != known:
         return None, f"{path} has changed since the model was fitted: no comparison with the logs of the fit"
     return found, ""

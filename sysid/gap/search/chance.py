@@ -44,6 +44,8 @@ class Floor:
     """Whether it is known what a right model leaves; if not, no set can be called inadequate."""
     compared: bool = False
     """Whether the model's own error is from a comparison with the logs of its fit."""
+    knows_all: bool = False
+    """Whether what every effect would do is among that error, as far as the logs of the fit leave it open."""
     repeatable: bool = True
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
 

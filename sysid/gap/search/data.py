@@ -187,7 +187,8 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     if learned is not None and noise.is_like(learned.whitener.noise, THRESHOLDS.inconsistent_repeats):
         # Whatever acts at random did so in the logs of the fit, too.
         repeatable = True
-    floor = Floor(noise.degrees_of_freedom, trusted, learned is not None, repeatable)
+    compared = learned is not None
+    floor = Floor(noise.degrees_of_freedom, trusted, compared, compared and not bench, repeatable)
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 
 

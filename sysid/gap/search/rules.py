@@ -97,13 +97,14 @@ def _inadequate(facts: Facts) -> Outcome | None:
 def _too_small(facts: Facts) -> Outcome | None:
     """No gap: the chosen set is significant and removes next to nothing."""
     within = facts.floor.compared and facts.p_misfit > _AS_EXPECTED
-    if within and facts.gain < THRESHOLDS.least_gain:
+    least = THRESHOLDS.least_robot_gain if facts.floor.knows_all else THRESHOLDS.least_gain
+    if (within or facts.floor.knows_all) and facts.gain < least:
         reason = (
             f"{facts.significant} lowers the squared difference by {facts.gain:.0%} only, which is no larger "
             "than the model's own error in the logs of the fit lets expect"
         )
         return Outcome("no_gap", (reason,))
-    if facts.removed >= THRESHOLDS.least_removed:
+    if facts.removed >= THRESHOLDS.least_removed or facts.floor.knows_all:
         return None
     reason = (
         f"{facts.significant} removes only {max(facts.removed, 0.0):.0%} of the difference above the noise: "

@@ -79,7 +79,7 @@ def settle_task(task: Task) -> Settled:
         case = WRITERS[task.level](task.seed, Path(made))
         model = nominal_model(Path(made))
 
-        options = GapOptions(jobs=1, fitted_on=logs_of_fit(case, Path(made)))
+        options = GapOptions(jobs=1, fitted_on=logs_of_fit(Path(made)))
 
         def study(dataset: Dataset) -> GapReport:
             return analyse(dataset, model, options)

@@ -148,7 +148,7 @@ def analysed(case: Case, folder: Path) -> Outcome:
     try:
         model = nominal_model(folder)
         stage, fit_s = "study", time.perf_counter() - began
-        options = GapOptions(next_experiment=False, fitted_on=logs_of_fit(case, folder))
+        options = GapOptions(next_experiment=False, fitted_on=logs_of_fit(folder))
         report = analyse(read_dataset(folder / "logs"), model, options)
         return outcome_of(case, report, fit_s, time.perf_counter() - began - fit_s)
     except Exception as error:
@@ -157,12 +157,9 @@ def analysed(case: Case, folder: Path) -> Outcome:
         return Outcome(case, ERROR, fit_s=fit_s, study_s=study_s, message=f"{stage}: {_text(error, folder)}")
 
 
-def logs_of_fit(case: Case, folder: Path) -> Dataset | None:
-    """Return the nominal logs in a case's `folder` where a study compares with them, else None.
-
-    The program does so with the bench logs that a model was fitted to.
-    """
-    return read_dataset(folder / "nominal") if case.level == "bench" else None
+def logs_of_fit(folder: Path) -> Dataset:
+    """Return the nominal logs in the `folder` of a case, with which a study compares as the program does."""
+    return read_dataset(folder / "nominal")
 
 
 @functools.cache

@@ -1,0 +1,65 @@
+"""What the logs of a robot's fit teach about effects: those are taken off, and only what is new is left."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from sysid.compare.learned import Learned, learn
+from sysid.compare.observations import observe
+from sysid.compare.prediction import Study
+from sysid.compare.problem import ResidualProblem
+from sysid.compare.whitening import Whitener
+from sysid.fit.drive_candidates import drive_candidates
+from sysid.fit.drive_effects import with_wheels_only
+from sysid.logs import Dataset
+
+MakeLogs = Callable[..., Dataset]
+PLANAR = Study("planar")
+
+
+@pytest.fixture(scope="module")
+def turned() -> Model:
+    return paper_model().with_effect("mount_yaw", angle_deg=3.0)
+
+
+@pytest.fixture(scope="module")
+def learned(robot_logs: MakeLogs, turned: Model) -> Learned:
+    return learn(paper_model(), robot_logs(turned, runs=3, seconds=2.0, body=True), PLANAR)
+
+
+def cost(learned: Learned, logs: Dataset, what: Learned) -> float:
+    """Return the mean square of what is left of the base model in logs, with what was learned."""
+    whitener = Whitener(observe(logs), learned.whitener.noise, learned.error)
+    problem = ResidualProblem(learned.model, whitener, PLANAR, learned=what)
+    return float(np.mean(problem.base_residual**2))
+
+
+def test_an_effect_that_the_logs_of_the_fit_have_is_no_difference(
+    learned: Learned, robot_logs: MakeLogs, turned: Model
+) -> None:
+    same = robot_logs(turned, runs=2, seconds=2.0, body=True)
+    assert cost(learned, same, learned) < 1.3
+    assert cost(learned, same, learned.before()) > 2.0 * cost(learned, same, learned)
+
+
+def test_an_effect_that_came_later_stays(learned: Learned, robot_logs: MakeLogs, turned: Model) -> None:
+    later = robot_logs(turned.with_effect("mount_yaw", angle_deg=9.0), runs=2, seconds=2.0, body=True)
+    assert cost(learned, later, learned) > 2.0
+
+
+def test_a_robot_may_ramp_its_body_commands_and_a_bench_may_not() -> None:
+    assert "body_acceleration_limit" in drive_candidates(("speed_fl_rpm",), "robot")
+    assert "body_acceleration_limit" not in drive_candidates(("speed_rpm",))
+
+
+def test_drives_are_judged_by_their_wheels_alone(robot_logs: MakeLogs, paper: Model) -> None:
+    logs = with_wheels_only(robot_logs(paper, runs=1, seconds=0.5, body=True))
+    assert all(name.startswith("speed_") for run in logs.runs for name in run.channels)
+    battery = {"battery_v": np.zeros(logs.runs[0].time_s.size)}
+    run = replace(logs.runs[0], channels={**logs.runs[0].channels, **battery})
+    assert "battery_v" in with_wheels_only(replace(logs, runs=(run,))).runs[0].channels

@@ -93,10 +93,11 @@ def leaderboard_page(boards: Sequence[Board], bench: Path) -> str:
 def _provenance(made: dict[str, Any], boards: Sequence[Board]) -> str:
     kind = "Sealed seeds, which no method has seen" if made["sealed"] else "Seeds for development"
     now = commit() or "unknown"
+    today = datetime.date.today().isoformat()
     return (
-        f"Written by `python -m sysid.studies.gapbench leaderboard` on {datetime.date.today().isoformat()} "
-        f"with commit `{now[:12]}{'+' if now.endswith('+') else ''}`; do not edit. {len(boards[0].scored)} cases, "
-        f"made with version {made['version']}, commit `{made['commit'][:12]}`. {kind}: {made['seeds']}."
+        f"Written by `python -m sysid.studies.gapbench leaderboard` on {today} with commit `{now[:12]}"
+        f"{'+' if now.endswith('+') else ''}`; do not edit. {len(boards[0].scored)} cases, made with version "
+        f"{made['version']}, commit `{made['commit'][:12]}`. {kind}: {made['seeds']}."
     )
 
 

@@ -39,6 +39,17 @@ ADAPTERS: Final[Mapping[str, Adapter]] = MappingProxyType(
         "most_frequent_name": Adapter(
             "Says no gap where the error is that of the nominal logs, else names acceleration_limit."
         ),
+        "friction_bic": Adapter(
+            "Nested friction models on the fitted law, chosen by the Bayesian information criterion (as BAM)."
+        ),
+        "sindy": Adapter("PySINDy on the simulator's error, and a table from terms to names.", ("pysindy",)),
+        "cmaes_all": Adapter(
+            "CMA-ES over all effects at once; the largest significant one is named (as PACE).", ("cma",)
+        ),
+        "mujoco_sysid": Adapter(
+            "mujoco.sysid with all parameters of a wheel free; the largest significant change is named.",
+            ("colorama", "tabulate", "yaml"),
+        ),
     }
 )
 """Name, which is also that of its module -> method."""

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
+from typing import Final
 
 import numpy as np
 
@@ -13,8 +15,13 @@ from sysid.logs import Run
 from sysid.studies.gapbench.case_folder import CHANNEL, simulated
 from sysid.studies.gapbench.cases import BenchCase
 
-_GROWN = 1.2
+_GROWN: Final = 1.2
 """Error in the changed logs over that in the held-out nominal ones above which something has changed."""
+
+TWINS: Final[Mapping[str, str]] = MappingProxyType(
+    {"speed_gain": "sensor_scale", "command_latency": "sensor_latency"}
+)
+"""Name -> the one that no log of commands and one wheel's speed can tell from it."""
 
 
 def errors(model: Model, runs: Sequence[Run]) -> list[FloatArray]:

@@ -16,6 +16,7 @@ from mecanum_env.checkout import commit
 from mecanum_env.errors import BackendError, InputError, install_command
 from mecanum_env.files import atomic_path, write_json, write_text
 from mecanum_env.parallel import process_pool
+from sysid.fit import fit_dataset, fitted_model
 from sysid.logs import read_dataset
 from sysid.studies import score
 from sysid.studies.gapbench.case_folder import Material, columns, write_case
@@ -24,8 +25,10 @@ from sysid.studies.gapbench.real import real_cases
 from sysid.studies.gapbench.simulated import simulated_case
 from sysid.studies.zoo.seeds import spans
 
-_FOLDER: Final = Path(__file__).parent / "folder"
+FOLDER: Final = Path(__file__).parent / "folder"
+"""What a benchmark's folder is made of."""
 _VERBATIM: Final = ("truth.schema.json", "answers.schema.json", "example_adapter.py")
+"""Files of it that are copied as they are."""
 MANIFEST: Final = "gapbench.json"
 
 
@@ -65,16 +68,21 @@ def make_bench(
         for material in real_cases(folder):
             if not _is_made(out, material.name):
                 failed += filter(None, [_written(material, out)])
-    for name in _VERBATIM:
-        shutil.copyfile(_FOLDER / name, out / name)
-    shutil.copyfile(score.__file__, out / "score.py")
-    write_json(out / "names.json", names_json())
-    write_text(out / "README.md", _readme())
+    write_fixtures(out)
     write_json(out / MANIFEST, manifest)
     if parquet:
         for case in sorted((out / "cases").iterdir()):
-            _write_parquet(case, out / "parquet" / case.name)
+            write_parquet(case, out / "parquet" / case.name)
     return tuple(failed)
+
+
+def write_fixtures(out: Path) -> None:
+    """Write to a benchmark's folder, `out`, what all have: page, names, schemas, scorer, example."""
+    for name in _VERBATIM:
+        shutil.copyfile(FOLDER / name, out / name)
+    shutil.copyfile(score.__file__, out / "score.py")
+    write_json(out / "names.json", names_json())
+    write_text(out / "README.md", _readme())
 
 
 def _make(seed: int, name: str, out: Path) -> str:
@@ -88,7 +96,7 @@ def _make(seed: int, name: str, out: Path) -> str:
 def _written(material: Material, out: Path) -> str:
     """Write a case; return an error in words, empty if there was none."""
     try:
-        write_case(material, out)
+        write_case(material, fitted_model(fit_dataset(material.nominal)), out)
     except (InputError, BackendError) as error:
         shutil.rmtree(out / "cases" / material.name, ignore_errors=True)
         shutil.rmtree(out / "truth" / material.name, ignore_errors=True)
@@ -126,15 +134,15 @@ def _require_same(out: Path, manifest: dict[str, Any]) -> None:
 def _readme() -> str:
     words = "\n".join(f"- **{word}**: {meaning}." for word, meaning in score.WORDS.items())
     sizes = ", ".join(f"{size} below {end:g}" for size, (_, end) in list(score.SIZES.items())[:-1])
-    text = (_FOLDER / "README.md").read_text(encoding="utf-8")
+    text = (FOLDER / "README.md").read_text(encoding="utf-8")
     parts = {"@WORDS@": words, "@SIZES@": f"{sizes}, gross above", "@NAMES@": names_table()}
     for mark, part in parts.items():
         text = text.replace(mark, part)
     return text
 
 
-def _write_parquet(case: Path, target: Path) -> None:
-    """Write the logs of a case as one Parquet table per part, with the columns run, group and split."""
+def write_parquet(case: Path, target: Path) -> None:
+    """Write the logs of a case to a `target` folder: one Parquet table per part, with file and split."""
     try:
         import pyarrow as pa
         import pyarrow.parquet as pq

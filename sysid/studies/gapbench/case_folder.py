@@ -14,7 +14,6 @@ from mecanum_env.model import Model, write_model
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.prediction import predict
-from sysid.fit import fit_dataset, fitted_model
 from sysid.logs import Dataset, Run
 from sysid.logs.runs import TIME, UNITS
 from sysid.logs.writer import write_columns, write_dataset
@@ -49,14 +48,12 @@ class Material:
     """Where the logs are from, with their licence."""
 
 
-def write_case(material: Material, bench: Path) -> None:
+def write_case(material: Material, model: Model, bench: Path) -> None:
     """Write a case to cases/NAME and its truth to truth/NAME of a `bench` folder.
 
-    Raises:
-        InputError: nominal logs to which no law can be fitted.
+    `model`, fitted to the nominal logs, is its simulator.
     """
     folder, truth = bench / "cases" / material.name, bench / "truth" / material.name
-    model = fitted_model(fit_dataset(material.nominal))
     write_model(model, folder / "simulator" / "model.json")
     parts = {"nominal": material.nominal.runs, "changed": material.changed.runs, "test": material.test}
     squares: list[FloatArray] = []

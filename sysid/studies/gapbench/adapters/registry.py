@@ -48,7 +48,7 @@ ADAPTERS: Final[Mapping[str, Adapter]] = MappingProxyType(
         ),
         "mujoco_sysid": Adapter(
             "mujoco.sysid with all parameters of a wheel free; the largest significant change is named.",
-            ("colorama", "tabulate", "yaml"),
+            ("absl", "colorama", "tabulate", "yaml"),
         ),
     }
 )

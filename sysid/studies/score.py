@@ -160,7 +160,7 @@ def intervals_held(
 
 
 def is_smaller(value: float, other: float, neutral: float) -> bool:
-    """Return whether a value lies between neutral, which may be infinite, and another value."""
+    """Return whether a value lies between neutral, which may be infinite, and the `other` value."""
     return other < value < neutral or neutral < value < other
 
 
@@ -184,6 +184,8 @@ class Scored:
     size: str
     """One of `SIZES`; "unknown" for recordings of real machines."""
     word: str
+    sets: int
+    """Sets of effects that the answer offers as the explanation."""
     closure: float
     """On the hidden test runs; NaN where there was no gap or no prediction by this method at all."""
     held: tuple[bool, ...]
@@ -229,31 +231,30 @@ def _scored(
         for name, parameters in effects.items()
     }
     signal = truth["signal"]
-    size = "unknown"
-    if signal is not None:
-        size = size_of(signal_of(float(signal), [float(h["signal"]) for h in truth["hidden"]]))
-    before, floor = (math.nan if truth["test"][k] is None else float(truth["test"][k]) for k in _ENDS)
+    alone = [_number(h["signal"]) for h in truth["hidden"]]
+    size = "unknown" if signal is None else size_of(signal_of(float(signal), alone))
+    before, floor = (_number(truth["test"][end]) for end in ("before", "floor"))
     after = math.nan
     if predicts:
         # Without a prediction for this case nothing was added to the simulator.
         found = _error(answers / "predictions" / case, bench / "truth" / case / "test", truth["test"])
         after = before if found is None else found
     held = intervals_held(hidden, effects, intervals) if answer["verdict"] == "named" else ()
-    word = word_of(
-        truth["kind"], frozenset(hidden), answer["verdict"], claims, _untestable(truth["hidden"], answer)
-    )
+    said = _untestable(truth["hidden"], answer)
     return Scored(
-        case,
-        truth["kind"],
-        size,
-        word,
-        closure(before, after, floor),
-        tuple(inside for _, _, inside in held),
-        float(answer.get("seconds", math.nan)),
+        case=case,
+        kind=truth["kind"],
+        size=size,
+        word=word_of(truth["kind"], frozenset(hidden), answer["verdict"], claims, said),
+        sets=len(claims),
+        closure=closure(before, after, floor),
+        held=tuple(inside for _, _, inside in held),
+        seconds=float(answer.get("seconds", math.nan)),
     )
 
 
-_ENDS = ("before", "floor")
+def _number(value: float | None) -> float:
+    return math.nan if value is None else float(value)
 
 
 def _untestable(hidden: Sequence[Mapping[str, Any]], answer: Mapping[str, Any]) -> bool:
@@ -353,6 +354,7 @@ def metrics(scored: Sequence[Scored]) -> tuple[Metric, ...]:
         _share("false alarms", (s.word == "false alarm" for s in scored if s.kind == "quiet")),
         _share("names for what has none", (s.word == "false name" for s in scored if s.kind in OUTSIDERS)),
         _share("coverage", (inside for s in scored for inside in s.held)),
+        _median("sets if ambiguous", (s.sets for s in scored if s.sets > 1)),
         _median("closure", (s.closure for s in visible)),
         _median("seconds", (s.seconds for s in scored)),
     )
@@ -386,10 +388,8 @@ def main() -> int:
         return 2
     for one in scored if options.cases else ():
         print(f"{one.case}  {one.kind:<13}  {one.size:<12}  {one.word:<17}  closure {one.closure:.2f}")
-    for word in WORDS:
-        count = sum(one.word == word for one in scored)
-        if count:
-            print(f"{word:<24}{count:4d}")
+    for word in (word for word in WORDS if any(one.word == word for one in scored)):
+        print(f"{word:<24}{sum(one.word == word for one in scored):4d}")
     for metric in metrics(scored):
         print(f"{metric.name:<24}{metric.text()}, of {metric.count}")
     return 0

@@ -38,7 +38,7 @@ def test_words_sizes_and_coverage_of_a_folder(made, tmp_path):
         },
     )
     scored = score_folder(answers, made)
-    assert [one.word for one in scored] == ["right", "false alarm", "right"]
+    assert [(one.word, one.sets) for one in scored] == [("right", 1), ("false alarm", 0), ("right", 1)]
     assert [one.held for one in scored] == [(True,), (), (False,)]
     assert {m.name: m.value for m in metrics(scored)}["coverage"] == 0.5
     assert math.isnan(scored[0].closure)

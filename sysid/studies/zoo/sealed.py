@@ -8,11 +8,12 @@ from pathlib import Path
 
 from mecanum_env.checkout import checkout, commit
 from mecanum_env.errors import InputError
+from sysid.studies.zoo.cases.case import Level
 from sysid.studies.zoo.seeds import Block, claim, finish
 from sysid.studies.zoo.sources import fingerprint
 
 
-def claim_seeds(counts: Mapping[str, int], first_seed: int | None) -> Block:
+def claim_seeds(counts: Mapping[Level, int], first_seed: int | None) -> Block:
     """Spend sealed seeds, and write that down before anything runs.
 
     Args:

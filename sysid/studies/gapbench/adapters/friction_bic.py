@@ -16,7 +16,7 @@ from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.studies.gapbench.adapters.fitting import Fitted, Logs, independent
 from sysid.studies.gapbench.cases import Answer, BenchCase, Bounds, predicted
 
-_MODELS: Final = (
+_MODELS: Final[tuple[tuple[str, ...], ...]] = (
     ("viscous_friction",),
     ("coulomb_friction",),
     ("viscous_friction", "coulomb_friction"),

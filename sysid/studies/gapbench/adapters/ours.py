@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from sysid.gap import GapOptions, analyse
 from sysid.studies.gapbench.cases import Answer, BenchCase, predicted
 
@@ -15,7 +17,7 @@ def answer(case: BenchCase) -> Answer:
         }
         for effect in report.effects
     }
-    unseen = {entry.name: {} for entry in report.untestable}
+    unseen: dict[str, Mapping[str, float]] = {entry.name: {} for entry in report.untestable}
     return Answer(
         report.verdict,
         effects,

@@ -28,6 +28,8 @@ class Board:
     words: str
     """What the method does."""
     scored: tuple[Scored, ...]
+    commits: tuple[str, ...] = ()
+    """Of the code that gave the answers, as far as they say so."""
 
     @property
     def metrics(self) -> dict[str, Metric]:
@@ -51,8 +53,9 @@ def read_boards(bench: Path, answers: Path) -> tuple[Board, ...]:
             scored = tuple(score_folder(path.parent, bench))
         except AnswerError as error:
             raise InputError(str(error)) from error
-        words = json.loads(path.read_text(encoding="utf-8"))["method"]
-        boards.append(Board(path.parent.name, words, scored))
+        said = json.loads(path.read_text(encoding="utf-8"))
+        commits = {entry["commit"][:12] for entry in said["cases"].values() if "commit" in entry}
+        boards.append(Board(path.parent.name, said["method"], scored, tuple(sorted(commits))))
     if not boards:
         raise InputError(f"{answers}: no METHOD/answers.json in it; let methods answer with the command run")
     return tuple(sorted(boards, key=lambda b: (-b.metrics["right answers"].value, b.name)))
@@ -83,7 +86,7 @@ def leaderboard_page(boards: Sequence[Board], bench: Path) -> str:
         "## Words",
         _word_table(boards),
         "## Methods",
-        "\n".join(f"- **{board.name}**: {board.words}" for board in boards),
+        "\n".join(f"- **{board.name}**: {board.words}{_answered(board)}" for board in boards),
     ]
     if absent := [name for name in ADAPTERS if name not in {board.name for board in boards}]:
         parts.append(f"Not run: {', '.join(absent)}.")
@@ -116,6 +119,10 @@ def _lead(boards: Sequence[Board]) -> str:
         f"Against the best other method, {best.name}, {_OURS} has {points:+.0f} points of right answers and "
         f"{wrong:+.0f} points of wrong ones; wanted were +30 or more, and fewer wrong ones."
     )
+
+
+def _answered(board: Board) -> str:
+    return f" Answered with commit `{'`, `'.join(board.commits)}`." if board.commits else ""
 
 
 def _word_table(boards: Sequence[Board]) -> str:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from tqdm import tqdm
 
+from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import write_json
 from mecanum_env.parallel import process_pool
@@ -62,7 +63,8 @@ def answer_case(name: str, folder: Path, out: Path) -> None:
         answer = Answer("error", message=f"{type(error).__name__}: {' '.join(str(error).split())}")
     seconds = time.perf_counter() - began
     write_predictions(answer, case, out / name / "predictions" / case.name)
-    write_json(_saved(out, name, case.name), answer_json(answer, seconds))
+    made_by = {"commit": commit() or "unknown"}
+    write_json(_saved(out, name, case.name), answer_json(answer, seconds) | made_by)
 
 
 def _saved(out: Path, name: str, case: str) -> Path:

@@ -63,6 +63,18 @@ def test_every_method_has_a_module(name):
     assert callable(load(name))
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+@pytest.mark.parametrize("name", sorted(ADAPTERS.keys() - TRIVIAL))
+def test_a_method_answers_and_predicts(made, name):
+    if ADAPTERS[name].missing():
+        pytest.skip(ADAPTERS[name].missing())
+    case = read_case(made / "cases/case_000")
+    said = load(name)(case)
+    assert said.verdict in ("named", "ambiguous", "unexplained", "no_gap")
+    assert [speed.size for speed in said.predictions] == [case.test[0].time_s.size] * len(said.predictions)
+
+
 def test_a_case_is_read_as_it_was_written(made):
     case = read_case(made / "cases/case_000")
     assert [run.split for run in case.changed.runs] == ["fit", "validation", "test"]

@@ -38,7 +38,7 @@ check: $(VENV)/installed
 	$(BIN)/mypy
 
 bench: $(VENV)/train
-	for name in imports plugin physics paper_drives replay fit gap online render env real_logs; do \
+	for name in imports plugin physics paper_drives replay fit gap online render env real_logs executor; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
 # An interrupted run goes on where it was.
@@ -86,9 +86,9 @@ $(VENV)/installed: pyproject.toml constraints.txt CMakeLists.txt $(wildcard meca
 	$(BIN)/pip install --quiet -c constraints.txt -e ".[dev]"
 	@touch $@
 
-# Stable-Baselines3 with torch, which only training and its tests need.
+# Stable-Baselines3 with torch and Ray, which only training, clusters and their tests need.
 $(VENV)/train: $(VENV)/installed
-	$(BIN)/pip install --quiet -c constraints.txt "mecanum-tankendo[train]"
+	$(BIN)/pip install --quiet -c constraints.txt "mecanum-tankendo[train,ray]"
 	@touch $@
 
 clean:

@@ -203,12 +203,13 @@ def study(out: Path, model: Model, scale: Scale) -> GapReport:
 
 def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Certificate:
     """Certify a controller on the model that it knows; write the certificate and its page to a folder."""
+    from mecanum_env.parallel import Workers
     from training.certify.certificate import write_certificate
     from training.certify.report import write_certificate_page
     from training.certify.run import CertifyOptions, certify_controller, episodes_of
 
     options = CertifyOptions(
-        episodes=scale.episodes, plants=("nominal",), physics=scale.fights, jobs=scale.jobs
+        episodes=scale.episodes, plants=("nominal",), physics=scale.fights, workers=Workers(jobs=scale.jobs)
     )
     with bar(episodes_of(options, model)) as progress:
         certificate = certify_controller(controller, model, options, progress)
@@ -243,10 +244,11 @@ def on_the_robot(controllers: Mapping[str, Model], scale: Scale) -> tuple[Share,
 
 def played(jobs: Mapping[str, Any], scale: Scale) -> dict[str, Share]:
     """Return the success in each of the jobs, which are `training.evaluate.Job`, under its name."""
+    from mecanum_env.parallel import Workers
     from training.evaluate import play_jobs
 
     with bar(sum(job.episodes for job in jobs.values())) as progress:
-        found = play_jobs(jobs, scale.jobs, progress)
+        found = play_jobs(jobs, Workers(jobs=scale.jobs), progress)
     return {name: found[name].success for name in jobs}
 
 

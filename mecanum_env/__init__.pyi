@@ -5,6 +5,7 @@ from .files import asset_path
 from .law import WheelLaw
 from .law.metrics import law_step_metrics
 from .model import CustomEffect, CustomTable, Model, Robot, Wheel, paper_model, read_model, write_model
+from .parallel import Workers
 from .rendering.backend import use_backend
 from .rendering.video import render_frames, write_video
 from .rendering.view import View
@@ -34,6 +35,7 @@ __all__ = [
     "Wheel",
     "WheelCommands",
     "WheelLaw",
+    "Workers",
     "asset_path",
     "command_to_action",
     "drive",

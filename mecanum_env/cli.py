@@ -29,7 +29,8 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
         _require_no_empty(sys.argv[1:] if args is None else args)
         result = tyro.cli(command, args=args, prog=prog)
     except MecanumError as error:
-        print(f"error: {error}", file=sys.stderr)
+        # Notes say in which of many tasks it was.
+        print("\n  ".join([f"error: {error}", *getattr(error, "__notes__", ())]), file=sys.stderr)
         return 2
     except BrokenPipeError:
         # The reader (`| head`) has closed the pipe; without this the interpreter fails again when it flushes.

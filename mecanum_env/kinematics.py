@@ -12,16 +12,22 @@ The command of the robot is V [rpm], theta [deg], VC [rpm]: vx = V cos(theta) an
 rpm, and VC is added as -, +, -, +. The paper does not print its Eq. 1, so whether its V carries a factor
 sqrt(2) is unknown; `_COMMAND_GAIN` is the one place to change that.
 
+Body twists also go to and from the wheels of robots on other omni wheels (`Geometry.wheels`), by the
+equations of `mecanum_env.omni`, of which those above are the case of four Mecanum wheels.
+
 All functions work on arrays with any leading axes.
 """
 
 from __future__ import annotations
 
+import math
 from typing import Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.errors import InputError
+from mecanum_env.omni import OmniWheel, speeds_to_twist, twist_to_speeds
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 WHEELS: Final = ("fl", "fr", "rl", "rr")
@@ -47,10 +53,47 @@ class Geometry(Protocol):
     def half_track_m(self) -> float:
         """Half the distance between left and right wheels [m]."""
 
+    @property
+    def wheels(self) -> tuple[OmniWheel, ...]:
+        """The wheels of a robot that has not the four Mecanum wheels of the dimensions above; else empty."""
+
 
 def yaw_arm_m(geometry: Geometry) -> float:
     """Return k = half_wheelbase + half_track [m], the lever of each wheel about the yaw axis."""
     return geometry.half_wheelbase_m + geometry.half_track_m
+
+
+def mecanum_wheels(geometry: Geometry) -> tuple[OmniWheel, ...]:
+    """Return the wheels of a geometry as omni wheels: its own list, or four Mecanum wheels fl, fr, rl, rr."""
+    if geometry.wheels:
+        return geometry.wheels
+    x, y = geometry.half_wheelbase_m, geometry.half_track_m
+    corners = ((x, y), (x, -y), (-x, y), (-x, -y))
+    return tuple(
+        OmniWheel(
+            name,
+            angle_deg=math.degrees(math.atan2(left, ahead)),
+            distance_m=math.hypot(ahead, left),
+            radius_m=geometry.wheel_radius_m,
+            drive_deg=0.0,
+            roller_deg=math.copysign(45.0, -ahead * left),
+        )
+        for name, (ahead, left) in zip(WHEELS, corners, strict=True)
+    )
+
+
+def require_mecanum(geometry: Geometry, what: str) -> None:
+    """Refuse a geometry with a list of omni wheels where only four Mecanum wheels will do, for `what`.
+
+    Raises:
+        InputError: `geometry.wheels` is not empty.
+    """
+    if geometry.wheels:
+        raise InputError(
+            f"robot.wheels lists {len(geometry.wheels)} wheels, but {what} of four Mecanum wheels; study "
+            "such a "
+            "robot wheel by wheel, and its body by `python -m sysid.logs body` (docs/robot.md)"
+        )
 
 
 def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: npt.ArrayLike) -> FloatArray:
@@ -90,14 +133,24 @@ def wheels_to_command(wheels_rpm: npt.ArrayLike) -> tuple[FloatArray, FloatArray
 
 
 def twist_to_wheels(twist: npt.ArrayLike, geometry: Geometry) -> FloatArray:
-    """Return wheel speeds [rpm], shape (..., 4), of body twists (vx, vy [m/s], wz [rad/s]), (..., 3)."""
+    """Return wheel speeds [rpm], shape (..., N), of body twists (vx, vy [m/s], wz [rad/s]), (..., 3).
+
+    N is 4, or the number of `geometry.wheels` where it lists any.
+    """
+    if geometry.wheels:
+        return twist_to_speeds(twist, geometry.wheels)
     scale = np.array([1.0, 1.0, yaw_arm_m(geometry)])
     surface_m_s: FloatArray = (np.asarray(twist, float) * scale) @ _MIXING.T
     return surface_m_s / (geometry.wheel_radius_m * RAD_S_PER_RPM)
 
 
 def wheels_to_twist(wheels_rpm: npt.ArrayLike, geometry: Geometry) -> FloatArray:
-    """Return body twists (vx, vy [m/s], wz [rad/s]), shape (..., 3), of wheel speeds [rpm], (..., 4)."""
+    """Return body twists (vx, vy [m/s], wz [rad/s]), shape (..., 3), of wheel speeds [rpm], (..., N).
+
+    N is 4, or the number of `geometry.wheels` where it lists any.
+    """
+    if geometry.wheels:
+        return speeds_to_twist(wheels_rpm, geometry.wheels)
     surface_m_s = np.asarray(wheels_rpm, float) * (geometry.wheel_radius_m * RAD_S_PER_RPM)
     return np.asarray(surface_m_s @ _MIXING / 4.0 / np.array([1.0, 1.0, yaw_arm_m(geometry)]))
 
@@ -108,12 +161,21 @@ def command_to_twist(
     """Return the body twist (vx, vy [m/s], wz [rad/s]), (..., 3), that a command asks for on a geometry.
 
     Saturation and dynamics are left out.
+
+    Raises:
+        InputError: the geometry is not of four Mecanum wheels.
     """
+    require_mecanum(geometry, "the commands V, theta, VC are")
     return wheels_to_twist(command_to_wheels(v_rpm, theta_deg, vc_rpm), geometry)
 
 
 def twist_to_command(twist: npt.ArrayLike, geometry: Geometry) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Return the command V [rpm], theta [deg], VC [rpm], shapes (...), for a body twist, shape (..., 3)."""
+    """Return the command V [rpm], theta [deg], VC [rpm], shapes (...), for a body twist, shape (..., 3).
+
+    Raises:
+        InputError: the geometry is not of four Mecanum wheels.
+    """
+    require_mecanum(geometry, "the commands V, theta, VC are")
     return wheels_to_command(twist_to_wheels(twist, geometry))
 
 

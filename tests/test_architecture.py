@@ -58,7 +58,17 @@ IMPORTS = {name: imports_of(name, ast.walk(tree)) - {name} for name, tree in TRE
 """Every import of every module: at import time, inside functions, and for type checkers alone."""
 
 ROOMS = {
-    "mecanum_env": ("law", "model", "effects", "plugin", "mjcf", "simulator", "rendering", "tankendo"),
+    "mecanum_env": (
+        "parallel",
+        "law",
+        "model",
+        "effects",
+        "plugin",
+        "mjcf",
+        "simulator",
+        "rendering",
+        "tankendo",
+    ),
     "sysid": ("logs", "compare", "fit", "gap", "studies"),
     "sysid.gap": ("search", "design", "report", "workflow"),
     "training": ("controllers", "evaluate", "certify", "compare"),

@@ -109,7 +109,8 @@ def test_did_you_mean_names_only_what_is_near():
     [
         ("sysid.studies.reproduce", ["--seed", "-1"], "seed = -1, must be at least 0"),
         ("sysid.studies.zoo", ["--first-seed", "-1"], "first-seed = -1, must be at least 0"),
-        ("sysid.studies.zoo", ["--jobs", "0"], "jobs = 0, must be at least 1"),
+        ("training.certify", ["still", "--jobs", "-1"], "jobs = -1, must be at least 0 (0: all processors)"),
+        ("sysid.studies.zoo", ["--ray-address", "a:1"], "ray-address = a:1: needs --backend ray"),
     ],
 )
 def test_a_number_that_is_too_small_is_refused_before_the_work(

@@ -9,7 +9,11 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from mecanum_env import kinematics as kin
+from mecanum_env import omni
+from mecanum_env.errors import InputError
 from mecanum_env.model import Robot
+from mecanum_env.omni import OmniWheel
+from mecanum_env.units import RAD_S_PER_RPM
 
 ROBOT = Robot()
 RPM = st.floats(-200.0, 200.0)
@@ -125,3 +129,79 @@ def test_commands_are_rounded_to_what_the_robot_takes():
     assert (float(v), float(theta), float(vc)) == (10.0, 31.0, -8.0)
     v, theta, vc = kin.round_command(10.4, 30.6, -7.6, 0.0)
     assert (float(v), float(theta), float(vc)) == (10.4, 30.6, -7.6)
+
+
+SIZES = st.floats(0.05, 0.5)
+THREE_TO_SIX = st.integers(3, 6).flatmap(
+    lambda n: st.tuples(
+        st.lists(st.floats(-40.0 / n, 40.0 / n), min_size=n, max_size=n),
+        st.lists(SIZES, min_size=n, max_size=n),
+        st.lists(st.floats(0.02, 0.2), min_size=n, max_size=n),
+    )
+)
+
+
+@given(THREE_TO_SIX, TWISTS)
+def test_a_twist_survives_any_number_of_omni_wheels(sizes, twist):
+    n = len(sizes[0])
+    wheels = tuple(
+        OmniWheel(str(i), 360.0 * i / n + off, distance, radius)
+        for i, (off, distance, radius) in enumerate(zip(*sizes, strict=True))
+    )
+    robot = Robot(wheels=wheels)
+    speeds = kin.twist_to_wheels(twist, robot)
+    assert speeds.shape == (*twist.shape[:-1], n)
+    np.testing.assert_allclose(kin.wheels_to_twist(speeds, robot), twist, atol=1e-9)
+    np.testing.assert_allclose(omni.speeds_against(speeds, wheels), 0.0, atol=1e-6)
+
+
+@given(SIZES, SIZES, TWISTS)
+def test_four_mecanum_wheels_are_the_special_case_of_rollers_at_45_degrees(x, y, twist):
+    robot = Robot(half_wheelbase_m=x, half_track_m=y)
+    wheels = kin.mecanum_wheels(robot)
+    speeds = kin.twist_to_wheels(twist, robot)
+    np.testing.assert_allclose(omni.twist_to_speeds(twist, wheels), speeds, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(
+        omni.speeds_to_twist(speeds, wheels), kin.wheels_to_twist(speeds, robot), rtol=1e-11, atol=1e-11
+    )
+
+
+@given(SIZES, SIZES, TWISTS)
+def test_the_mecanum_robot_keeps_the_bits_of_its_own_equations(x, y, twist):
+    robot = Robot(half_wheelbase_m=x, half_track_m=y)
+    vx, vy, turn = twist[..., 0], twist[..., 1], (x + y) * twist[..., 2]
+    rim = np.stack([vx - vy - turn, vx + vy + turn, vx + vy - turn, vx - vy + turn], axis=-1)
+    own = rim / (robot.wheel_radius_m * RAD_S_PER_RPM)
+    assert np.array_equal(kin.twist_to_wheels(twist, robot), own)
+
+
+def test_three_omni_wheels_turn_as_drawn():
+    """A robot on wheels at 60, 180 and 300 degrees: forward uses the two in front, against each other."""
+    wheels = [OmniWheel(str(a), a, 0.135, 0.04) for a in (60.0, 180.0, 300.0)]
+    rim = np.array(omni.twist_to_speeds([[1, 0, 0], [0, 1, 0], [0, 0, 1]], wheels)) * 0.04 * RAD_S_PER_RPM
+    half = math.sqrt(3) / 2
+    np.testing.assert_allclose(rim, [[-half, 0, half], [0.5, -1, 0.5], [0.135] * 3], atol=1e-15)
+
+
+@pytest.mark.parametrize(
+    "wheels",
+    [
+        [OmniWheel("a", 0, 0.1, 0.05), OmniWheel("b", 180, 0.1, 0.05)],
+        [
+            OmniWheel(name, angle, 0.1, 0.05, drive_deg=0.0)
+            for name, angle in (("a", 0), ("b", 90), ("c", 180))
+        ],
+        [OmniWheel(name, 120.0 * i, 0.1, 0.05) for i, name in enumerate("aab")],
+    ],
+)
+def test_wheels_that_cannot_drive_every_motion_are_refused(wheels):
+    with pytest.raises(InputError, match=r"cannot drive the body|two wheels have the name"):
+        Robot(wheels=tuple(wheels))
+
+
+def test_what_is_of_mecanum_wheels_alone_says_so():
+    robot = Robot(wheels=tuple(OmniWheel(str(i), 120.0 * i, 0.1, 0.05) for i in range(3)))
+    with pytest.raises(
+        InputError, match=r"robot\.wheels lists 3 wheels, but the commands V, theta, VC are of four"
+    ):
+        kin.twist_to_command([1.0, 0.0, 0.0], robot)

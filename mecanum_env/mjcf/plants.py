@@ -15,7 +15,7 @@ from mecanum_env.effects.apply import change_spec, changed_model, drive_paramete
 from mecanum_env.effects.definition import PlantKind, RobotPlant
 from mecanum_env.errors import EffectRefusedError
 from mecanum_env.files import write_text
-from mecanum_env.kinematics import WHEELS
+from mecanum_env.kinematics import WHEELS, require_mecanum
 from mecanum_env.mjcf.chassis import dress_robot
 from mecanum_env.mjcf.geometry import no_slip_rows, wheel_geometry, wheel_position, wheels_on_body
 from mecanum_env.mjcf.masses import Inertia, base_offset, robot_masses
@@ -213,6 +213,7 @@ def _begin(
     model: Model, plant: RobotPlant, name: str, timestep_s: float | None, visuals: bool
 ) -> tuple[Model, mujoco.MjSpec, mujoco.MjsBody]:
     """Return what `_new_plant` does, with the field and the robot's body "base", still without joints."""
+    require_mecanum(model.robot, f"the plant {plant} is")
     model, spec = _new_plant(model, plant, name, timestep_s)
     add_scene(spec, visuals=visuals)
     base = spec.worldbody.add_body(name="base", pos=[0, 0, model.robot.wheel_radius_m])

@@ -12,11 +12,12 @@ from mecanum_env.model.file import (
     robot_from_dict,
     write_model,
 )
-from mecanum_env.model.model import Model, Robot, Wheel
+from mecanum_env.model.model import ROBOT_NUMBERS, Model, Robot, Wheel
 
 __all__ = [
     "EFFECT_PARAMETERS",
     "FORMAT",
+    "ROBOT_NUMBERS",
     "CustomEffect",
     "CustomTable",
     "Model",

@@ -19,14 +19,15 @@ from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
 from mecanum_env.model.custom_file import custom_from_json, custom_to_json
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named, form_of
 from mecanum_env.model.json_checks import mapping, number_list, numbers, uncertainty_from_dict
-from mecanum_env.model.model import Model, Robot, Wheel
+from mecanum_env.model.model import ROBOT_NUMBERS, Model, Robot, Wheel
 from mecanum_env.model.static_map import LISTS, MAP, map_lists, map_parameters
+from mecanum_env.model.wheel_list import wheels_from_json, wheels_to_json
 
 FORMAT: Final = "mecanum-model/1"
 _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "custom", "uncertainty", "provenance")
 _LAW_FIELDS: Final = (*COEFFICIENTS, "sample_period_s")
 _WHEEL_FIELDS: Final = tuple(f.name for f in fields(Wheel) if f.name != "law")
-_ROBOT_FIELDS: Final = tuple(f.name for f in fields(Robot))
+_ROBOT_FIELDS: Final = (*ROBOT_NUMBERS, "wheels")
 
 
 def model_to_dict(model: Model) -> dict[str, Any]:
@@ -40,7 +41,8 @@ def model_to_dict(model: Model) -> dict[str, Any]:
             **model.extra.get("wheel", {}),
         },
         "robot": {
-            **{name: getattr(model.robot, name) for name in _ROBOT_FIELDS},
+            **{name: getattr(model.robot, name) for name in ROBOT_NUMBERS},
+            **({"wheels": wheels_to_json(model.robot.wheels)} if model.robot.wheels else {}),
             **model.extra.get("robot", {}),
         },
         "effects": {cause_of(name): _effect_to_dict(name, values) for name, values in model.effects.items()},
@@ -93,17 +95,22 @@ def model_from_dict(value: Any) -> Model:
 def robot_from_dict(value: Any) -> Robot:
     """Build a robot from a partial JSON object `value`; the packaged robot's values fill in what is absent.
 
-    Two of them are adapted to another robot. If mass, wheelbase and track are given, the yaw inertia is that
+    Some of them are adapted to another robot. If mass, wheelbase and track are given, the yaw inertia is that
     of a solid plate. If mass and wheel radius are given, the torque limit is raised so that the robot
-    accelerates at least as hard as the packaged one.
+    accelerates at least as hard as the packaged one. With a list of omni wheels and no radius, that of
+    the first wheel is taken.
 
     Raises:
         InputError: an unknown name, or a value out of range.
     """
-    given: dict[str, Any] = dict(numbers("robot", value, _ROBOT_FIELDS))
+    section = dict(mapping("robot", value))
+    wheels = wheels_from_json(section.pop("wheels")) if "wheels" in section else ()
+    given: dict[str, Any] = dict(numbers("robot", section, ROBOT_NUMBERS))
     if given.get("rollers_per_wheel", math.nan).is_integer():
         given["rollers_per_wheel"] = int(given["rollers_per_wheel"])
-    robot = Robot(**given)
+    if wheels:
+        given.setdefault("wheel_radius_m", wheels[0].radius_m)
+    robot = Robot(**given, wheels=wheels)
     if "torque_limit_n_m" not in given and {"mass_kg", "wheel_radius_m"} <= given.keys():
         larger = robot.mass_kg * robot.wheel_radius_m / (Robot.mass_kg * Robot.wheel_radius_m)
         robot = replace(robot, torque_limit_n_m=max(1.0, larger) * Robot.torque_limit_n_m)

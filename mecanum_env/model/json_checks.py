@@ -8,13 +8,12 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import fields
 from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS
-from mecanum_env.model.model import Robot
+from mecanum_env.model.model import ROBOT_NUMBERS
 
 _SIZE: Final = len(COEFFICIENTS)
 
@@ -132,7 +131,7 @@ def _check_joint(where: str, joint: Mapping[str, Any]) -> None:
 
 
 def _check_robot(where: str, errors: Mapping[str, Any]) -> None:
-    _require_known(where, errors, [one.name for one in fields(Robot) if one.name != "rollers_per_wheel"])
+    _require_known(where, errors, [one for one in ROBOT_NUMBERS if one != "rollers_per_wheel"])
     for name, error in errors.items():
         _not_negative(f"{where}.{name}", error)
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS
@@ -13,6 +13,7 @@ from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model.custom import STATIONS, CustomEffect, program_at
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named
+from mecanum_env.omni import OmniWheel, require_all_motions
 
 
 @dataclass(frozen=True)
@@ -67,6 +68,9 @@ class Robot:
     """
     friction: float = 0.8
     """Coulomb coefficient between roller and floor."""
+    wheels: tuple[OmniWheel, ...] = ()
+    """The wheels of a robot on other omni wheels than the four Mecanum wheels of these dimensions; else
+    empty. The plants in MuJoCo and the commands V, theta, VC are of the Mecanum robot and refuse it."""
 
     @property
     def plate_yaw_inertia_kg_m2(self) -> float:
@@ -82,6 +86,12 @@ class Robot:
             raise InputError(
                 f"robot.rollers_per_wheel = {self.rollers_per_wheel}, must be a whole number 4..24"
             )
+        if self.wheels:
+            require_all_motions(self.wheels)
+
+
+ROBOT_NUMBERS: Final = tuple(one.name for one in fields(Robot) if one.name != "wheels")
+"""Names of the robot's numbers, in the order of the file."""
 
 
 @dataclass(frozen=True)

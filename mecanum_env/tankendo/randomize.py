@@ -14,7 +14,7 @@ The posterior is in the model file: `uncertainty.wheel.covariance`, `uncertainty
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -22,7 +22,7 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.law.coefficients import COEFFICIENTS, WheelLaw
-from mecanum_env.model import EFFECT_PARAMETERS, Model, Robot
+from mecanum_env.model import EFFECT_PARAMETERS, ROBOT_NUMBERS, Model
 from mecanum_env.units import FloatArray
 
 Range = tuple[float, float]
@@ -142,7 +142,7 @@ def _range(name: str, ends: Any) -> Range:
 
 
 def _check_name(name: str) -> None:
-    robot = [f"robot.{one.name}" for one in fields(Robot) if one.name != "rollers_per_wheel"]
+    robot = [f"robot.{one}" for one in ROBOT_NUMBERS if one != "rollers_per_wheel"]
     effects = [f"effects.{effect}.{one}" for effect, known in EFFECT_PARAMETERS.items() for one in known]
     known = ["wheel.saturation_rpm", *robot, *effects]
     if name not in known:

@@ -200,7 +200,7 @@ def _left(
     parts = []
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         run = observations.situations[block.situation].runs[0]
-        known = noise.sigma[block.channel] ** 2 / block.weight + variance[rows]
+        known = noise.variance(block, run) + variance[rows]
         parts.append(Residual(run, block.channel, block.time_s, error[rows], known))
     return estimate_model_error(parts, data_sha256)
 

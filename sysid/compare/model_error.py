@@ -82,12 +82,12 @@ def command_changes(run: Run) -> tuple[FloatArray, FloatArray]:
     return times[1:], np.max(np.abs(np.diff(wheels, axis=0)), axis=1)
 
 
-def activity_rpm(run: Run, time_s: FloatArray) -> FloatArray:
+def activity_rpm(run: Run, time_s: FloatArray, decay_s: float = DECAY_S) -> FloatArray:
     """Return the root of the sum over c in e(t)^2 [rpm], at the times (n,) [s]."""
     total = np.zeros(time_s.shape)
     for when, size in zip(*command_changes(run), strict=True):
         since = time_s - when
-        total += np.where(since >= 0.0, size**2 * np.exp(-2.0 * np.maximum(since, 0.0) / DECAY_S), 0.0)
+        total += np.where(since >= 0.0, size**2 * np.exp(-2.0 * np.maximum(since, 0.0) / decay_s), 0.0)
     return np.sqrt(total)
 
 

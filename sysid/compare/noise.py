@@ -11,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import command_changes
+from sysid.compare.model_error import activity_rpm, command_changes
 from sysid.compare.observations import EDGE_S, Block, Observations, displacements
 from sysid.compare.prediction import POSE
+from sysid.compare.uneven_noise import UnevenNoise, find_uneven
 from sysid.logs import Dataset, Run
 from sysid.logs.noise import noise_from_repeats
 
@@ -27,6 +28,8 @@ _LEAST: Final = 1e-9
 _SIGNIFICANT: Final = 4.0  # standard deviations of an autocorrelation that is zero
 _HOLE: Final = 1.5
 """Rows from one sample to the next, relative to their median, above which there are empty cells between."""
+_LAGS: Final = 40
+"""Number of lags of the repeats' autocovariance."""
 _EFFICIENCY: Final = 0.37 / 1.94
 """Degrees of freedom of the variance estimate per second difference. The median of squared normal values is
 0.37 times as efficient as their mean, and neighbouring differences share samples: their correlations of -2/3
@@ -35,7 +38,7 @@ _MEDIAN_OF_SQUARES: Final = 0.4549  # of squared normal values, relative to thei
 _BLURRED: Final = 0.5
 """Ratio of noise to a sensor's resolution above which rounding errors differ from sample to sample."""
 
-Source = Literal["repeats", "scatter"]
+Source = Literal["repeats", "scatter", "motion"]
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,8 @@ class Noise:
     sigma: Mapping[str, float]
     """Channel -> standard deviation; for a pose that of its displacement in a window."""
     source: Mapping[str, Source]
-    """Channel -> where sigma is from: repeats of a command, or neighbouring samples of held commands."""
+    """Channel -> where sigma is from: repeats of a command, or neighbouring samples of held commands, or of
+    motion where no command is held, which makes it an upper bound."""
 
     correlated: Mapping[str, CorrelatedNoise] = field(default_factory=dict)
     """Channel -> the correlated part of the noise; channels of white noise are left out."""
@@ -69,9 +73,36 @@ class Noise:
     rounding: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation of the rounding error, if all repeats share it."""
 
+    uneven: Mapping[str, UnevenNoise] = field(default_factory=dict)
+    """Channel -> how its noise changes after a change of command; channels of even noise are left out."""
+
+    def settled(self, channel: str) -> float:
+        """Return the standard deviation of single samples while a command is held, in the channel's unit."""
+        changing = self.uneven.get(channel)
+        return self.sigma[channel] * (1.0 if changing is None else changing.settled)
+
+    def transient(self, channel: str, run: Run, time_s: FloatArray) -> FloatArray:
+        """Return the standard deviation of what decays in a `channel` after a run's changes of command.
+
+        At the times (n,) [s].
+        """
+        changing = self.uneven.get(channel)
+        if changing is None:
+            return np.zeros(time_s.shape)
+        return changing.transient * activity_rpm(run, time_s, changing.decay_s)
+
+    def variance(self, block: Block, run: Run) -> FloatArray:
+        """Return the variance of each of a block's values, in a run of its situation, shape (m,)."""
+        lasting = self.transient(block.channel, run, block.time_s) ** 2 / block.repeats
+        return np.asarray(self.settled(block.channel) ** 2 / block.weight + lasting)
+
     def inconsistent_channels(self, factor: float) -> tuple[str, ...]:
         """Return the channels whose repeats differ over `factor` times as much as neighbouring samples."""
         return tuple(n for n, s in self.sigma.items() if s > factor * self.scatter.get(n, s))
+
+    def is_like(self, other: Noise, factor: float) -> bool:
+        """Return whether the noise of each channel is at most `factor` times that of `other` noise."""
+        return all(s <= factor * other.sigma[n] for n, s in self.sigma.items() if n in other.sigma)
 
     def beside(self, other: Noise) -> Noise:
         """Return this noise with that of repeats in `other` logs of the same sensors where it has none.
@@ -81,15 +112,16 @@ class Noise:
         taken = [
             name
             for name, source in self.source.items()
-            if source == "scatter"
-            and other.source.get(name) == "repeats"
-            and other.sigma[name] > self.sigma[name]
+            if other.source.get(name) == "repeats"
+            and (source == "motion" or (source == "scatter" and other.sigma[name] > self.sigma[name]))
         ]
         if not taken:
             return self
         correlated = {n: c for n, c in self.correlated.items() if n not in taken}
+        uneven = {n: c for n, c in self.uneven.items() if n not in taken}
         return replace(
             self,
+            uneven={**uneven, **{n: c for n, c in other.uneven.items() if n in taken}},
             sigma={**self.sigma, **{name: other.sigma[name] for name in taken}},
             source={**self.source, **dict.fromkeys(taken, "repeats")},
             correlated={**correlated, **{n: c for n, c in other.correlated.items() if n in taken}},
@@ -115,13 +147,16 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     correlated: dict[str, CorrelatedNoise] = {}
     scatter: dict[str, float] = {}
     rounding: dict[str, float] = {}
+    uneven: dict[str, UnevenNoise] = {}
     freedom_of_repeats, differences = 0, 0
     splits = {"fit", "validation", *(situation.split for situation in observations.situations)}
     runs = [run for run in dataset.runs if run.split in splits]
     repeats = noise_from_repeats(runs) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
-        by_neighbours, count = _pose_scatter(runs, name) if name in POSE else _scatter(observations, blocks)
+        by_neighbours, count, held = (
+            (*_pose_scatter(runs, name), True) if name in POSE else _scatter(observations, blocks)
+        )
         # A quantised speed can be constant during smooth motion; that does not mean zero noise.
         resolution = _resolution(observations, blocks)
         least = max(_LEAST, resolution / math.sqrt(12.0))
@@ -137,14 +172,17 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
             sigma[name], source[name] = repeats[name].std, "repeats"
             freedom_of_repeats += repeats[name].degrees_of_freedom
         else:
-            sigma[name], source[name] = scatter[name], "scatter"
+            sigma[name], source[name] = scatter[name], "scatter" if held else "motion"
         if sigma[name] < _BLURRED * resolution:
             rounding[name] = resolution / math.sqrt(12.0)
         sigma[name] = max(sigma[name], least)
-        if found := _correlated(blocks):
-            correlated[name] = found
-    known = freedom_of_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
-    return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding)
+        if source[name] == "repeats" and name not in POSE:
+            if changing := find_uneven(observations, blocks, sigma[name], least):
+                uneven[name] = changing
+            if lasting := _correlated(observations, blocks, sigma[name], changing):
+                correlated[name] = lasting
+    known = freedom_of_repeats if set(source.values()) == {"repeats"} else _EFFICIENCY * differences
+    return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding, uneven)
 
 
 def _pose_repeats(runs: Sequence[Run], name: str) -> tuple[float, int]:
@@ -192,11 +230,21 @@ def _resolution(observations: Observations, blocks: list[Block]) -> float:
     return float(np.min(steps[steps > _LEAST], initial=math.inf)) if np.any(steps > _LEAST) else 0.0
 
 
-def _correlated(blocks: list[Block]) -> CorrelatedNoise | None:
-    """Return the correlated part of the noise, None if the repeats' autocorrelation is insignificant."""
-    products = np.sum([block.lagged_products for block in blocks], axis=0)
-    samples = sum(block.value.size * block.repeats for block in blocks if block.degrees_of_freedom)
-    if products[0] <= 0.0 or blocks[0].channel in POSE:
+def _correlated(
+    observations: Observations, blocks: list[Block], sigma: float, uneven: UnevenNoise | None
+) -> CorrelatedNoise | None:
+    """Return the correlated part of the settled noise, None if its autocorrelation is insignificant."""
+    products, samples = np.zeros(_LAGS), 0
+    for block in blocks:
+        deviation = np.nan_to_num(block.deviations) if block.degrees_of_freedom else np.zeros((0, 0))
+        if uneven is not None and deviation.size:
+            run = observations.situations[block.situation].runs[0]
+            decaying = uneven.transient * activity_rpm(run, block.sample_times_s, uneven.decay_s)
+            deviation = np.where(decaying < uneven.settled * sigma, deviation, 0.0)
+        samples += int(np.count_nonzero(np.any(deviation, axis=0))) * block.repeats
+        for lag in range(min(_LAGS, deviation.shape[1])):
+            products[lag] += float(np.sum(deviation[:, lag:] * deviation[:, : deviation.shape[1] - lag]))
+    if products[0] <= 0.0:
         return None
     autocorrelation = products / products[0]
     if autocorrelation[1] < _SIGNIFICANT / math.sqrt(samples):
@@ -211,8 +259,11 @@ def _correlated(blocks: list[Block]) -> CorrelatedNoise | None:
     return CorrelatedNoise(share, lag * interval)
 
 
-def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, int]:
-    """Return the noise by second differences, which vanish in settled motion, and their number."""
+def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, int, bool]:
+    """Return the noise by second differences, which vanish in settled motion, and their number.
+
+    The third value is whether they are of settled motion; there may be too little of it.
+    """
     settled_squares: list[FloatArray] = []
     all_squares: list[FloatArray] = []
     for block in blocks:
@@ -225,10 +276,11 @@ def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, in
         settled_squares.append((squares / weight)[settled & neighbours])
         all_squares.append((squares * block.weight[1:-1] / 6.0)[neighbours])
     found = np.concatenate(settled_squares)
-    if found.size < _LEAST_SAMPLES:
+    held = found.size >= _LEAST_SAMPLES
+    if not held:
         found = np.concatenate(all_squares)
     # The median, as a few second differences are motion.
-    return (math.sqrt(float(np.median(found)) / _MEDIAN_OF_SQUARES) if found.size else 0.0), found.size
+    return (math.sqrt(float(np.median(found)) / _MEDIAN_OF_SQUARES) if found.size else 0.0), found.size, held
 
 
 def _without_holes(block: Block) -> npt.NDArray[np.bool_]:

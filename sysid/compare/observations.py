@@ -26,8 +26,6 @@ WINDOW_S: Final = 0.4
 """Length of the windows in which displacements are compared [s]."""
 EDGE_S: Final = 0.05
 """The pose at a window's edge is the mean of the samples within this time [s]."""
-_LAGS: Final = 40
-"""Number of lags of the repeats' autocovariance."""
 MOST_SAMPLES: Final = 600
 """Largest number of values in a block; more samples are averaged in pairs, triples ..."""
 
@@ -68,18 +66,26 @@ class Block:
     """Mean over the repeats, in the channel's unit, shape (m,)."""
     weight: FloatArray
     """Number of samples that each value is the mean of, shape (m,)."""
-    repeat_squares: float
-    """Sum of the squared deviations of the repeats from their mean."""
-    degrees_of_freedom: int
-    """Degrees of freedom of `repeat_squares`."""
-    lagged_products: FloatArray
-    """Sum of the products of each deviation with the one 0, 1 ... samples later, shape (_LAGS,)."""
+    deviations: FloatArray
+    """Deviation of each repeat's samples from their mean, shape (r, n), NaN where there is no sample."""
+    sample_times_s: FloatArray
+    """Time of each sample [s], shape (n,)."""
     repeats: int
     """Number of runs that are averaged."""
     rows: Rows
     """Rows of the run that each value is the mean of, shape (m, g); for a pose the index of its window."""
     row_weights: FloatArray
     """Number of samples in each of these rows, (m, g); 0 where a value has fewer rows than another."""
+
+    @property
+    def repeat_squares(self) -> float:
+        """Sum of the squared deviations of the repeats from their mean."""
+        return float(np.nansum(self.deviations**2))
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Degrees of freedom of `repeat_squares`."""
+        return int(np.isfinite(self.deviations).sum()) - self.sample_times_s.size
 
     def of(self, run: Run, channels: Channels) -> FloatArray:
         """Return what corresponds to `value` in a run's predicted channels, shape (m,)."""
@@ -155,10 +161,7 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
         return None
     time, values, present, count = time[used], values[:, used], present[:, used], count[used]
     mean = np.where(present, values, 0.0).sum(axis=0) / count
-    deviation = np.where(present, values - mean, 0.0)
-    products = np.zeros(_LAGS)
-    for lag in range(min(_LAGS, mean.size)):
-        products[lag] = float(np.sum(deviation[:, lag:] * deviation[:, : mean.size - lag]))
+    deviations, samples = values - mean, time
     # A window makes a value; so does a sample, or as many as leave at most MOST_SAMPLES values.
     size = 1 if name in POSE else -(-used.size // MOST_SAMPLES)
     counts = _together(count, size)
@@ -171,9 +174,8 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
         time_s=time,
         value=mean,
         weight=counts.sum(axis=1).astype(float),
-        repeat_squares=float(products[0]),
-        degrees_of_freedom=int((count - 1).sum()),
-        lagged_products=products,
+        deviations=deviations,
+        sample_times_s=samples,
         repeats=len(runs),
         rows=_together(used, size),
         row_weights=counts / counts[:, :1],

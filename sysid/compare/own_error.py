@@ -50,7 +50,7 @@ def block_residuals(observations: Observations, noise: Noise, parts: Sequence[Fl
             block.channel,
             block.time_s,
             part,
-            noise.sigma[block.channel] ** 2 / block.weight,
+            noise.variance(block, observations.situations[block.situation].runs[0]),
         )
         for block, part in zip(observations.blocks, parts, strict=True)
     ]

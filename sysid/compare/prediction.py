@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final, TypeVar
 
@@ -15,6 +14,7 @@ from mecanum_env.effects.apply import Sensors, drive_parameters, in_turned_axes,
 from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
+from mecanum_env.parallel import map_in_threads
 from mecanum_env.simulator import (
     BodyCommands,
     Commands,
@@ -61,11 +61,7 @@ class Study:
 
     def map(self, work: Callable[[T], U], items: Iterable[T]) -> list[U]:
         """Return `work` of each of the `items`, in order, `jobs` at a time."""
-        if self.jobs == 1:
-            return [work(item) for item in items]
-        # MuJoCo releases the interpreter lock while it steps, so threads suffice.
-        with ThreadPoolExecutor(self.jobs) as pool:
-            return list(pool.map(work, items))
+        return map_in_threads(work, items, self.jobs)
 
 
 @dataclass(frozen=True)

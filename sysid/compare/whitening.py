@@ -5,11 +5,12 @@ The covariance of a block's residual is
     C(i, j) = delta(i, j) sigma^2 / weight(i) + _SHARE^2 e(i) e(j) exp(-|t(i) - t(j)| / T),
 
 with e(t) and the correlation time T of `sysid.compare.model_error`. If the noise is correlated, that share of
-sigma^2 decays with its own correlation time. If a sensor's resolution is coarse compared with its noise, the
-variance of the rounding that all repeats share is added twice: once white and once correlated over
-`_ROUNDING_S`. With C = L L', the residual L^-1 (measured - predicted) of a right model is white with unit
-variance. The part of the model's error that is the same after every change of command is not in C: it is a
-column of `sysid.compare.nuisance`.
+sigma^2 decays with its own correlation time. If it is uneven (`sysid.compare.uneven_noise`), sigma is that of
+settled noise, and what decays after a change of command adds a term like the last one. If a sensor's
+resolution is coarse compared with its noise, the variance of the rounding that all repeats share is added
+twice: once white and once correlated over `_ROUNDING_S`. With C = L L', the residual L^-1 (measured -
+predicted) of a right model is white with unit variance. The part of the model's error that is the same after
+every change of command is not in C: it is a column of `sysid.compare.nuisance`.
 """
 
 from __future__ import annotations
@@ -73,24 +74,29 @@ class Whitener:
 
     def _factor(self, block: Block) -> FloatArray:
         """Return L, or its diagonal if C is diagonal."""
-        variance = self.noise.sigma[block.channel] ** 2 / block.weight
+        run = self.observations.situations[block.situation].runs[0]
+        settled = self.noise.settled(block.channel)
+        variance = settled**2 / block.weight
+        uneven = self.noise.uneven.get(block.channel)
         correlated = self.noise.correlated.get(block.channel)
         error = error_of(self.error, block.channel)
         exact = error is None or (error.settled == 0.0 and error.transient == 0.0)
         rounding = self.noise.rounding.get(block.channel, 0.0)
-        if exact and correlated is None and not rounding:
+        if exact and correlated is None and uneven is None and not rounding:
             return np.sqrt(variance)
         lag_s = np.abs(block.time_s[:, None] - block.time_s[None, :])
         covariance = np.zeros(lag_s.shape)
         if correlated is not None:
-            common = correlated.share * self.noise.sigma[block.channel] ** 2 / block.repeats
+            common = correlated.share * settled**2 / block.repeats
             covariance += common * np.exp(-lag_s / correlated.time_s)
             variance = (1.0 - correlated.share) * variance + _LEAST_WHITE * common
+        if uneven is not None:
+            decaying = self.noise.transient(block.channel, run, block.time_s)
+            covariance += np.outer(decaying, decaying) * np.exp(-lag_s / uneven.decay_s) / block.repeats
         if rounding:
             variance = variance + rounding**2
             covariance += rounding**2 * np.exp(-lag_s / _ROUNDING_S)
         if error is not None and not exact:
-            run = self.observations.situations[block.situation].runs[0]
             size = _SHARE * np.hypot(error.settled, error.transient * activity_rpm(run, block.time_s))
             covariance += np.outer(size, size) * np.exp(-lag_s / error.correlation_s)
         covariance[np.diag_indices_from(covariance)] += variance

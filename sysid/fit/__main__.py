@@ -63,6 +63,7 @@ def fit(
     from sysid.fit.result import fit_json, fitted_model
     from sysid.logs import read_dataset
     from sysid.logs.of_fit import with_logs
+    from sysid.logs.quantities import require_our_units
     from sysid.progress import stage_bar
 
     options = FitOptions(
@@ -81,6 +82,7 @@ def fit(
         robot_given=tuple(json.loads(robot.read_text(encoding="utf-8"))) if robot else (),
     )
     dataset = read_dataset(logs)
+    require_our_units(dataset)
     require_writable(*(out / name for name in _FILES))
     with stage_bar(_STAGES + len(options.methods) - 1 + 4 * per_wheel) as progress:
         found = fit_dataset(dataset, options, progress)

@@ -10,6 +10,7 @@ from typing import Final, Literal
 import numpy as np
 
 from mecanum_env.errors import InputError
+from mecanum_env.kinematics import require_mecanum
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, Robot, Wheel
@@ -107,9 +108,13 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     These are bench logs, or robot logs with wheel speeds. `progress` is called before each long step.
 
     Raises:
-        InputError: no run to fit, no wheel speed, or data to which no law can be fitted.
+        InputError: no run to fit, no wheel speed, a robot log of other wheels than four Mecanum wheels, or
+        data
+            to which no law can be fitted.
     """
     options = options or FitOptions()
+    if dataset.level == "robot":
+        require_mecanum(options.robot, "robot logs are")
     if not dataset.split("fit"):
         raise InputError(f'{dataset.name}: no run has split = "fit"; set one in dataset.toml')
     path = infer_command_path(

@@ -61,6 +61,7 @@ def gap(
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
     from sysid.logs.of_fit import logs_of_fit
+    from sysid.logs.quantities import require_our_units
     from sysid.progress import stage_bar
 
     options = GapOptions(
@@ -75,6 +76,7 @@ def gap(
         adopt=adopt,
     )
     dataset = read_dataset(logs)
+    require_our_units(dataset)
     require_valid(options, dataset.level)
     require_writable(*(out / name for name in FILES))
     base = None

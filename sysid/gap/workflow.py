@@ -12,6 +12,7 @@ import numpy as np
 import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
+from mecanum_env.parallel import one_thread
 from sysid.compare.learned import Learned
 from sysid.compare.model_error import ModelError, estimate_model_error
 from sysid.compare.own_error import block_residuals
@@ -75,7 +76,7 @@ def analyse(
     options = options or GapOptions()
     require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
-    with without_engine_warnings():
+    with without_engine_warnings(), one_thread():
         return _analyse(dataset, model, options, progress)
 
 

@@ -1,4 +1,4 @@
-"""Check logs or import ROS bags: `python -m sysid.logs check LOGS`, `... import BAG --out DIR`."""
+"""Plan, check, draw and import logs: `python -m sysid.logs plan`, `... check LOGS` and so on."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from mecanum_env.cli import run as run_command
 from mecanum_env.errors import InputError
 from sysid.logs.bags import Clock, Unit
 from sysid.logs.findings import KINDS
+from sysid.logs.plan.sequences import Form, Size
 from sysid.logs.runs import SPLITS, UNITS, Dataset, Run
 
 
@@ -84,6 +85,112 @@ def import_bags(
     print(describe(read_dataset(out)))
 
 
+def plan(
+    out: Path = Path("plan"),
+    form: Form = "bench",
+    top_speed: float = Size.top_rpm,
+    period: float = Size.period_s,
+    rise: float = Size.rise_s,
+    noise: float | None = None,
+    precision: float = 1.0,
+    minutes: float | None = None,
+    room: float = Size.room_m,
+    robot: Path | None = None,
+) -> None:
+    """Plan a recording session for your robot: commands as CSV files, a dataset.toml and PROTOCOL.md.
+
+    Example: python -m sysid.logs plan --top-speed 200 --rise 0.15 --out plan
+
+    Args:
+        out: New folder to write.
+        form: bench: one wheel in the air; floor: a robot on four Mecanum wheels drives.
+        top_speed: Fastest speed of a wheel [rpm].
+        period: Time between two commands that the robot takes [s].
+        rise: About how long a wheel takes to reach a new speed [s].
+        noise: Noise of a measured speed [rpm]; default 1 % of the top speed.
+        precision: Wanted error of the drive's gain, rise time, delay and friction [%].
+        minutes: Time for the whole session; default: as much as the precision needs.
+        room: Side of the free square on the floor [m].
+        robot: JSON with the robot's dimensions, for the floor; default: the packaged robot's.
+    """
+    from mecanum_env.model import Robot, read_robot
+    from sysid.logs.plan.layout import make_plan
+    from sysid.logs.plan.protocol import PROTOCOL, recordings, write_plan
+
+    known = Robot() if robot is None else read_robot(robot)
+    size = Size(form, top_speed, period, rise, room, known)
+    made = make_plan(size, precision_percent=precision, noise_rpm=noise, minutes=minutes)
+    write_plan(made, out)
+    worst = max(made.errors_percent.values())
+    print(
+        f"{len(recordings(made))} runs of {len(made.sequences)} command sequences, {made.minutes:.1f} "
+        f"minutes; ",
+        end="",
+    )
+    print(f"expected error {worst:.2g} % with a noise of {made.noise_rpm:.3g} rpm")
+    print(f"wrote {out}; read {out / PROTOCOL}")
+
+
+def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> None:
+    """Draw commands and wheel speeds of every command sequence, repeats over each other.
+
+    Example: python -m sysid.logs plot examples/logs --out logs.png
+
+    Args:
+        logs: A folder of runs, or one run.
+        out: Picture to write: .png, .svg or .pdf.
+    """
+    from sysid.logs.plots import plot_logs
+    from sysid.logs.reader import read_dataset
+
+    dataset = read_dataset(logs)
+    shown, groups = plot_logs(dataset, out), len(dataset.groups())
+    print(f"wrote {out}" + (f" with the first {shown} of {groups} sequences" if shown < groups else ""))
+
+
+def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path | None = None) -> None:
+    """Read a robot on any number of omni wheels, wheel by wheel, and say how its body moves.
+
+    Example: python -m sysid.logs body logs --robot robot.json --out wheels
+
+    Args:
+        logs: One folder of runs with command_NAME_rpm and speed_NAME_rpm for every wheel of the robot, or one
+            folder of bench logs for each wheel, in the order of robot.json.
+        robot: JSON with the robot's dimensions: "wheels", or those of the four Mecanum wheels fl, fr, rl, rr.
+        out: Folder for bench logs of every wheel and of the body's directions, to fit and to study each.
+    """
+    from mecanum_env.kinematics import mecanum_wheels
+    from mecanum_env.model import read_robot
+    from sysid.logs.bodies import (
+        DIRECTIONS,
+        body_runs,
+        body_table,
+        direction_dataset,
+        read_measured,
+        read_wheel_logs,
+    )
+    from sysid.logs.writer import write_dataset
+
+    if not logs:
+        raise InputError("no logs given; give a folder with all wheels, or one for each wheel")
+    wheels = mecanum_wheels(read_robot(robot))
+    if out is not None and out.exists() and any(out.iterdir()):
+        raise InputError(f"{out}: is not empty; choose another --out")
+    datasets = read_wheel_logs(logs, wheels)
+    runs = body_runs(datasets, wheels, read_measured(logs[0]) if len(logs) == 1 else {})
+    print(body_table(runs))
+    if out is None:
+        return
+    named = {f"wheel_{wheel.name}": dataset for wheel, dataset in zip(wheels, datasets, strict=True)}
+    for index, name in enumerate(DIRECTIONS):
+        made = direction_dataset(runs, index, wheels, f"the body's motion: {name}")
+        named |= {} if made is None else {f"body_{name}": made}
+    for name, dataset in named.items():
+        write_dataset(dataset, out / name)
+    print(f"wrote bench logs to {out}: {', '.join(named)}; study each with python -m sysid.fit and sysid.gap")
+    print("not supported: one study of all wheels and the body at once, which knows four Mecanum wheels only")
+
+
 def describe(dataset: Dataset, *, all_findings: bool = False) -> str:
     """Return a table of the runs, then findings (one per kind, or `all_findings`), then the noise floor."""
     from sysid.logs.noise import noise_from_repeats
@@ -149,7 +256,13 @@ def _findings(dataset: Dataset, every: bool) -> list[str]:
     return lines
 
 
-COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"check": check, "import": import_bags}
+COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
+    "plan": plan,
+    "check": check,
+    "plot": plot,
+    "import": import_bags,
+    "body": body,
+}
 
 
 def main(args: list[str]) -> int:
@@ -158,7 +271,7 @@ def main(args: list[str]) -> int:
         return run_command(COMMANDS[args[0]], args[1:], prog=f"python -m sysid.logs {args[0]}")
     help_wanted = args[:1] in (["-h"], ["--help"])
     lines = "\n".join(f"  {name:8}{(c.__doc__ or '').splitlines()[0]}" for name, c in COMMANDS.items())
-    usage = f"usage: python -m sysid.logs {{check,import}} ...\n\n{lines}"
+    usage = f"usage: python -m sysid.logs {{{','.join(COMMANDS)}}} ...\n\n{lines}"
     print(usage, file=sys.stdout if help_wanted else sys.stderr)
     return 0 if help_wanted else 2
 

@@ -16,12 +16,14 @@ from mecanum_env.tables import Table, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
 from sysid.logs.checks import dataset_findings, run_findings
 from sysid.logs.findings import Finding
+from sysid.logs.quantities import refuse_other_unit, refuse_other_wheel, refuse_position, require_speeds
 from sysid.logs.runs import (
     BENCH_COMMAND,
     BODY_COMMAND,
     COMMANDS,
     KNOWN,
     ROBOT_MOTION,
+    SPEEDS,
     TIME,
     UNITS,
     WHEEL_COMMAND,
@@ -56,13 +58,13 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     if path.name == FILE_NAME:
         path = path.parent
     folder = path if path.is_dir() else path.parent
-    files = _run_files(path)
+    files = run_files(path)
     settings = read_settings(folder)
     if path.is_dir():
         _check_listed(settings, folder, files)
     tables = [read_table(file) for file in files]
     _check_sources(settings, tables)
-    read = [_read_run(table, settings) for table in tables]
+    read = [read_run(table, settings) for table in tables]
     runs, findings = [run for run, _ in read], [finding for _, noticed in read for finding in noticed]
     for run in runs[1:]:
         if run.level != runs[0].level:
@@ -70,6 +72,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
                 f"{folder}: {runs[0].file} is a {runs[0].level} log and {run.file} a {run.level} log; "
                 "put them in two folders"
             )
+    require_speeds(runs)
     if settings.runs and path.is_dir():
         findings += [Finding(run.file, "unlisted", 1.0) for run in runs if run.file not in settings.runs]
     entries = [entry for entry in settings.runs.values() if any(run.file == entry.file for run in runs)]
@@ -84,7 +87,12 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     return Dataset(name, tuple(runs), tuple(findings), _digest(files, settings))
 
 
-def _run_files(path: Path) -> list[Path]:
+def run_files(path: Path) -> list[Path]:
+    """Return the files of the runs in the folder `path`, or that one file.
+
+    Raises:
+        InputError: there is none, or one run is there twice.
+    """
     if path.is_file():
         if not has_table_suffix(path):
             raise InputError(f"{path}: not a log; a run ends in .csv, .csv.gz or .parquet")
@@ -138,7 +146,12 @@ def _check_sources(settings: Settings, tables: Sequence[Table]) -> None:
             )
 
 
-def _read_run(table: Table, settings: Settings) -> tuple[Run, list[Finding]]:
+def read_run(table: Table, settings: Settings) -> tuple[Run, list[Finding]]:
+    """Return the run of one table under the `settings` of its folder, and what was noticed in its commands.
+
+    Raises:
+        InputError: as for `read_dataset`.
+    """
     data = _our_columns(table, settings)
     if TIME not in data:
         raise InputError(f"{table.header}: column time_s is missing; the file has {', '.join(table.names)}")
@@ -163,6 +176,9 @@ def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
         if name in settings.ignore_columns or name in sources:
             continue
         if name not in KNOWN:
+            refuse_position(table.header, name)
+            refuse_other_unit(table.header, name)
+            refuse_other_wheel(table.header, name)
             raise InputError(
                 f"{table.header}: unknown column {name!r}{did_you_mean(name, KNOWN)}; known: "
                 f"{', '.join(KNOWN)}. Map it to one of these under [columns] in {FILE_NAME}, or "
@@ -172,6 +188,8 @@ def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
     for ours, rule in settings.columns.items():
         if rule.source not in table.names:
             continue
+        if ours in SPEEDS:
+            refuse_position(table.header, rule.source)
         if ours in data:
             raise InputError(
                 f"{table.header}: {ours} is a column of the file, and {FILE_NAME} also makes it from "

@@ -20,6 +20,8 @@ BODY_COMMAND: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
 WHEEL_COMMAND: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
 COMMANDS: Final = (*BENCH_COMMAND, *BODY_COMMAND, *WHEEL_COMMAND)
 WHEEL_SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
+SPEEDS: Final = (*BENCH_COMMAND, *WHEEL_COMMAND, "speed_rpm", *WHEEL_SPEEDS)
+"""Columns that hold the speed of a wheel, commanded or measured [rpm]."""
 
 UNITS: Final[Mapping[str, str]] = {
     "speed_rpm": "rpm",

@@ -41,7 +41,7 @@ def test_where_only_test_runs_have_repeats_neighbouring_samples_tell_the_noise(
     logs = _with_loud_test_runs(bench_logs(base, late_s=late_s))
     runs = tuple(run for run in logs.runs if run.split == "test" or run.file.endswith("_0.csv"))
     noise = _noise(replace(logs, runs=runs))
-    assert noise.source == {"speed_rpm": "scatter"}
+    assert noise.source == {"speed_rpm": "motion"}
     assert noise.sigma["speed_rpm"] == pytest.approx(NOISE_RPM, rel=0.3)
 
 

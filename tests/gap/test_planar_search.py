@@ -142,4 +142,4 @@ def test_twins_stay_tied_though_rollers_are_rough() -> None:
     search.grow(1)
     judged = [scored(problem, fitted) for fitted in search.of_size(1)]
     best = min(judged, key=lambda j: j.score)
-    assert {j.names for j in tied(search, best, judged, 1.0)} == {(name,) for name in twins}
+    assert {j.names for j in tied(search, Floor(1e3, True), best, judged, 1.0)} == {(name,) for name in twins}

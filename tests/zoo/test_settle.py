@@ -9,6 +9,7 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
+from mecanum_env.parallel import Workers
 from sysid.gap.result import Experiment, FoundEffect, GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs.writer import write_columns
@@ -219,7 +220,7 @@ def test_only_ambiguous_cases_are_driven_and_none_twice(tmp_path):
     settled = done("named", TIED[:1])
     write_json(settled_file(Task("bench", 3), tmp_path / fingerprint()), settled_json(settled))
     outcomes = [Outcome(CASE, "ambiguous", candidates=TIED), Outcome(replace(CASE, seed=4), "named")]
-    assert [one.result for one in settle_cases(outcomes, tmp_path, jobs=1)] == ["settled"]
+    assert [one.result for one in settle_cases(outcomes, tmp_path, Workers(jobs=1))] == ["settled"]
 
 
 def test_changes_of_command_that_the_link_does_not_send_are_counted(logs):

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
-from concurrent.futures import Future
-from contextlib import contextmanager
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -17,11 +14,12 @@ from mecanum_env import checkout
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
+from mecanum_env.parallel import Workers
 from sysid.studies.zoo import calibrate, seeds, work
 from sysid.studies.zoo.cases.case import Case, Hidden
 from sysid.studies.zoo.outcome import Outcome, to_json
 from sysid.studies.zoo.sources import fingerprint, sources
-from sysid.studies.zoo.work import Task, read_outcome, run_task, run_tasks, saved
+from sysid.studies.zoo.work import Task, read_outcome, run_task, run_tasks, save, saved
 
 NAMES = {0: "backlash", 1: "stiction"}
 
@@ -73,16 +71,6 @@ class Bench:
             raise self.errors[where]
 
 
-@contextmanager
-def in_this_process(_jobs: int) -> Iterator[Any]:
-    def submit(call: Callable[..., Any], *arguments: Any) -> Future[Any]:
-        future: Future[Any] = Future()
-        future.set_result(call(*arguments))
-        return future
-
-    yield SimpleNamespace(submit=submit)
-
-
 @pytest.fixture
 def bench(monkeypatch) -> Bench:
     fake = Bench()
@@ -90,40 +78,40 @@ def bench(monkeypatch) -> Bench:
     monkeypatch.setattr(work, "nominal_model", fake.fit)
     monkeypatch.setattr(work, "analyse", fake.analyse)
     monkeypatch.setattr(work, "read_dataset", lambda folder: folder)
-    monkeypatch.setattr(work, "process_pool", in_this_process)
     return fake
 
 
+HERE = Workers(jobs=1)
 TASKS = [Task("bench", seed) for seed in range(4)]
 
 
 def test_an_interrupted_run_goes_on_where_it_was(bench, tmp_path, capsys):
-    run_task(TASKS[1], tmp_path / fingerprint(), fingerprint())
+    save(TASKS[1], run_task(TASKS[1], fingerprint()), tmp_path / fingerprint())
     assert saved(TASKS[1], tmp_path / fingerprint()).name == "bench-0001.json"
-    results = run_tasks(TASKS, tmp_path, 1)
+    results = run_tasks(TASKS, tmp_path, HERE)
     assert [outcome.case.seed for outcome in results.outcomes] == [0, 1, 2, 3]
     assert sorted(bench.studied) == [0, 1, 2, 3]
     assert "3 of 4 cases to run, 1 kept from an earlier run" in capsys.readouterr().out
-    assert run_tasks(TASKS, tmp_path, 1) == results
+    assert run_tasks(TASKS, tmp_path, HERE) == results
     assert len(bench.studied) == 4
 
 
 def test_outcomes_of_other_code_are_not_used(bench, tmp_path, capsys, monkeypatch):
-    run_tasks(TASKS, tmp_path, 1)
+    run_tasks(TASKS, tmp_path, HERE)
     before = fingerprint()
     monkeypatch.setattr(work, "fingerprint", lambda: "another")
     work._require_same_code.cache_clear()
-    run_tasks(TASKS[:1], tmp_path, 1)
+    run_tasks(TASKS[:1], tmp_path, HERE)
     assert len(bench.studied) == 5
     assert f"other code in {tmp_path} are not used: {before} (4)" in capsys.readouterr().out
     with pytest.raises(InputError, match="the code changed from"):
-        run_task(TASKS[0], tmp_path / before, before)
+        run_task(TASKS[0], before)
     work._require_same_code.cache_clear()
 
 
 def test_an_error_is_an_outcome_and_stops_no_other_case(bench, tmp_path):
     bench.errors = {"fit 0": InputError("a.csv: nothing moves"), "study 2": ZeroDivisionError("by zero")}
-    outcomes = {outcome.case.seed: outcome for outcome in run_tasks(TASKS, tmp_path, 1).outcomes}
+    outcomes = {outcome.case.seed: outcome for outcome in run_tasks(TASKS, tmp_path, HERE).outcomes}
     assert {seed: outcome.verdict for seed, outcome in outcomes.items()} == {
         0: "error",
         1: "no_gap",
@@ -137,26 +125,26 @@ def test_an_error_is_an_outcome_and_stops_no_other_case(bench, tmp_path):
 
 def test_a_case_that_cannot_be_drawn_is_named_and_tried_again(bench, tmp_path):
     bench.errors = {"draw 3": RuntimeError("no size\nshows")}
-    results = run_tasks(TASKS, tmp_path, 1)
+    results = run_tasks(TASKS, tmp_path, HERE)
     assert len(results.outcomes) == 3
     assert results.undrawn == ("bench-0003: RuntimeError: no size shows",)
     bench.errors = {}
-    assert len(run_tasks(TASKS, tmp_path, 1).outcomes) == 4
+    assert len(run_tasks(TASKS, tmp_path, HERE).outcomes) == 4
 
 
 def test_cases_that_are_not_asked_for_are_drawn_once_and_not_studied(bench, tmp_path):
     for _ in range(2):
-        results = run_tasks(TASKS, tmp_path, 1, "bench-*-single-backlash")
+        results = run_tasks(TASKS, tmp_path, HERE, "bench-*-single-backlash")
         assert [outcome.case.seed for outcome in results.outcomes] == [0, 2]
     assert sorted(bench.drawn) == [0, 1, 2, 3]
     assert sorted(bench.studied) == [0, 2]
-    assert len(run_tasks(TASKS, tmp_path, 1).outcomes) == 4
-    assert len(run_tasks(TASKS, tmp_path, 1, "*stiction").outcomes) == 2
+    assert len(run_tasks(TASKS, tmp_path, HERE).outcomes) == 4
+    assert len(run_tasks(TASKS, tmp_path, HERE, "*stiction").outcomes) == 2
 
 
 def test_an_outcome_is_read_as_it_was_saved(bench, tmp_path):
     assert bench.drawn == []
-    run_task(TASKS[0], tmp_path, fingerprint())
+    save(TASKS[0], run_task(TASKS[0], fingerprint()), tmp_path)
     made = read_outcome(saved(TASKS[0], tmp_path))
     assert isinstance(made, Outcome)
     assert made.case.name == "bench-0000-single-backlash"
@@ -173,8 +161,8 @@ def test_the_fingerprint_is_of_what_an_outcome_depends_on():
 
 def test_the_command_writes_its_files(bench, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    bench.errors = {"study 1": ValueError("no")}
-    assert run(program.main, ["--bench", "3", "--robot", "0", "--markdown", "docs/zoo.md"]) == 0
+    bench.errors, page = {"study 1": ValueError("no")}, "docs/zoo.md"
+    assert run(program.main, ["--bench", "3", "--robot", "0", "--jobs", "1", "--markdown", page]) == 0
     assert "bench-0001-single-stiction: study: ValueError: no" in capsys.readouterr().out
     written = json.loads((tmp_path / "out" / "zoo" / "zoo.json").read_text())
     assert [case["name"][:10] for case in written["cases"]] == ["bench-0000", "bench-0001", "bench-0002"]
@@ -189,7 +177,7 @@ def test_a_sealed_run_spends_its_seeds_and_goes_on_if_interrupted(bench, tmp_pat
     monkeypatch.setattr(checkout, "checkout", lambda: tmp_path / "repo")
     monkeypatch.setattr(checkout, "commit", lambda: "abc")
     monkeypatch.setattr(seeds, "changed_files", lambda _root: ())
-    sealed = ["--sealed", "--bench", "2", "--robot", "0"]
+    sealed = ["--sealed", "--bench", "2", "--robot", "0", "--jobs", "1"]
     with monkeypatch.context() as patch:
         patch.setattr(work, "run_tasks", interrupt)
         assert run(program.main, sealed) == 130

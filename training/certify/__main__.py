@@ -10,6 +10,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, install_command
+from mecanum_env.parallel import Workers
 from training.certify.thresholds import Thresholds
 
 _ALL: Final = "all"
@@ -24,7 +25,7 @@ def main(
     out: Path = Path("certificate"),
     physics: Literal["planar", "rollers"] = "planar",
     difficulty: str = "normal",
-    jobs: int = 0,
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     thresholds: Thresholds = Thresholds(),  # noqa: B008  (frozen; its values are the help's defaults)
 ) -> int:
     """Play a controller on many plants; write its metrics and whether they meet the thresholds.
@@ -44,7 +45,7 @@ def main(
         out: Folder to write.
         physics: planar, which is fast, or rollers: every roller on the floor, on all plants.
         difficulty: Difficulty of the opponent: easy, normal or hard.
-        jobs: Number of parallel processes, which does not change the result; 0: as many as processors.
+        workers: Where the episodes are played.
         thresholds: What a controller must reach; compared with the worse end of the metric's interval.
 
     Returns:
@@ -67,7 +68,7 @@ def main(
         plants=() if _ALL in plants else plants,
         physics=physics,
         difficulty=difficulty,
-        jobs=jobs,
+        workers=workers,
         thresholds=thresholds,
     )
     require_usable(options)

@@ -15,6 +15,7 @@ import mecanum_env
 from mecanum_env.errors import require_at_least
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
+from mecanum_env.parallel import Workers
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import opponent_for
 from training.certify.certificate import (
@@ -29,7 +30,7 @@ from training.certify.plants import RobotVariant, knows_uncertainty, robot_varia
 from training.certify.thresholds import Thresholds, require_valid
 from training.certify.warning import RANGE_S, WarningCurve, warning_curve
 from training.evaluate import Episode, Evaluation, Job, Mean, Setup, mean, play_jobs, success_of
-from training.evaluate.play import Progress, require_jobs
+from training.evaluate.play import Progress
 
 TRACK_SHARE = 4
 """One episode of tracking is played for this many of the dodge, since it lasts five times as long."""
@@ -48,8 +49,8 @@ class CertifyOptions:
     """Names and groups of plants, to which the nominal one is added; empty: all."""
     physics: RobotPlant = "planar"
     difficulty: str = "normal"
-    jobs: int = 0
-    """Number of parallel processes, which does not change the result; 0: as many as there are processors."""
+    workers: Workers = Workers()  # noqa: RUF009  (frozen)
+    """Where the episodes are played, which does not change the result."""
     thresholds: Thresholds = Thresholds()  # noqa: RUF009  (frozen)
 
 
@@ -72,7 +73,7 @@ def certify_controller(
     options = CertifyOptions() if options is None else options
     require_usable(options)
     chosen = select_variants(robot_variants(model, options.physics), options.plants)
-    played = play_jobs(_jobs(controller, model, chosen, options), options.jobs, progress)
+    played = play_jobs(_jobs(controller, model, chosen, options), options.workers, progress)
     nominal = played[chosen[0].name].episodes
     results = tuple(
         variant_result(variant, played[variant.name].episodes, None if i == 0 else nominal)
@@ -105,10 +106,10 @@ def require_usable(options: CertifyOptions) -> None:
     """Refuse options that cannot be played.
 
     Raises:
-        InputError: there is no episode, a negative number of jobs, or no such difficulty or threshold.
+        InputError: there is no episode, workers cannot be, or there is no such difficulty or threshold.
     """
     require_at_least(1, episodes=options.episodes)
-    require_jobs(options.jobs)
+    options.workers.require_usable()
     opponent_for(options.difficulty)
     require_valid(options.thresholds)
 

@@ -11,6 +11,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
+from mecanum_env.parallel import Workers
 
 
 def main(
@@ -19,7 +20,7 @@ def main(
     model: Path | None = None,
     episodes: int = 200,
     rollers: bool = True,
-    jobs: int = 0,
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
 ) -> None:
@@ -32,7 +33,7 @@ def main(
         model: Model file of the robot; by default the packaged one.
         episodes: Number of episodes per controller and setting, with the seeds 0, 1, ...
         rollers: Play on rollers too, which takes most of the time.
-        jobs: Number of parallel processes, which does not change the result; 0: as many as processors.
+        workers: Where the episodes are played.
         out: File for the results (.json).
         markdown: Also write a page to this file (.md).
     """
@@ -61,7 +62,7 @@ def main(
             robot,
             episodes=episodes,
             rollers=rollers,
-            jobs=jobs,
+            workers=workers,
             progress=progress,
         )
     write_json(out, {"format": "mecanum-comparison/1", **asdict(found)})

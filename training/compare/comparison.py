@@ -13,6 +13,7 @@ import mecanum_env
 from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model
+from mecanum_env.parallel import Workers
 from mecanum_env.tankendo import DIFFICULTIES, opponent_for
 from training.certify.certificate import (
     Timing,
@@ -33,7 +34,7 @@ from training.certify.run import (
 )
 from training.certify.warning import RANGE_S, WarningCurve
 from training.evaluate import Job, Setup, Share, controller_factory, evaluate_controller, play_jobs
-from training.evaluate.play import Progress, require_jobs
+from training.evaluate.play import Progress
 
 _ROLLERS: Final = "rollers"
 """Name of the setting with every roller on the floor, level normal."""
@@ -71,7 +72,7 @@ def compare_controllers(
     *,
     episodes: int = 200,
     rollers: bool = True,
-    jobs: int = 0,
+    workers: Workers = Workers(),  # noqa: B008  (frozen)
     progress: Progress | None = None,
 ) -> Comparison:
     """Play every controller in every setting, with the seeds 0, 1, ...
@@ -81,18 +82,18 @@ def compare_controllers(
         model: the robot, which all controllers know.
         episodes: number of episodes per controller and setting.
         rollers: whether to play on rollers too, which takes most of the time.
-        jobs: number of parallel processes, which does not change the result; 0: as many as processors.
+        workers: where the episodes are played; by default on all processors of this machine.
         progress: called after each job with its name and number of episodes.
 
     Raises:
-        InputError: there is no such controller, none at all or one twice, no episode, or jobs are negative.
+        InputError: there is no such controller, none at all or one twice, or no episode.
     """
     if not controllers or len(set(controllers)) != len(controllers):
         raise InputError(
             f"controllers = {', '.join(controllers) or 'none'}: must be at least one, each named once"
         )
     require_at_least(1, episodes=episodes)
-    require_jobs(jobs)
+    workers.require_usable()
     for name in controllers:
         # Otherwise a misspelt last name would be found out after an hour.
         evaluate_controller(controller_factory(name, model), Setup(model), [0])
@@ -103,7 +104,7 @@ def compare_controllers(
         for name in controllers
         for setting, setup in setups.items()
     }
-    played = play_jobs(planned, jobs, progress)
+    played = play_jobs(planned, workers, progress)
     rows = tuple(
         Row(
             controller=name,

@@ -1,14 +1,12 @@
-"""Playing seeded episodes of a controller, side by side and in parallel processes.
+"""Playing seeded episodes of a controller, side by side and on many processors.
 
-The results depend neither on the number of episodes side by side nor on the number of processes.
+The results depend neither on the number of episodes side by side nor on where they are played.
 """
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import as_completed
 from dataclasses import dataclass, field
 from typing import Any, Final, Literal
 
@@ -17,7 +15,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
-from mecanum_env.parallel import process_pool
+from mecanum_env.parallel import Task, Workers, one_thread, run_tasks
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import Opponent, Rules, command_to_action
 from mecanum_env.tankendo.arena import Arena, TaskName
@@ -260,50 +258,33 @@ class Job:
 
 
 def play_jobs(
-    jobs: Mapping[str, Job], processes: int = 0, progress: Progress | None = None
+    jobs: Mapping[str, Job], workers: Workers | None = None, progress: Progress | None = None
 ) -> dict[str, Evaluation]:
     """Return the evaluation of each job, under its key.
 
-    The first job is played alone: a controller that cannot be made is refused before any process starts, and
-    its times per command are measured while nothing else of this program runs.
+    The first job is played alone in this process: a controller that cannot be made is refused before any
+    other process starts, and its times per command are measured while nothing else of this program runs.
 
     Args:
         jobs: at least one job.
-        processes: number of parallel processes; 0: as many as there are processors.
+        workers: where the other jobs are played; by default on all processors of this machine.
         progress: called after each job.
 
     Raises:
-        InputError: the number of processes is negative, or the first failing job raised it.
+        InputError: the first failing job raised it, or the workers cannot be had.
     """
-    require_jobs(processes)
-    processes = min(processes or os.cpu_count() or 1, len(jobs))
-    played: dict[str, Evaluation] = {}
 
-    def done(key: str, evaluation: Evaluation) -> None:
-        played[key] = evaluation
+    def done(job: Job, evaluation: Evaluation) -> Evaluation:
         if progress is not None:
-            progress(jobs[key].name, jobs[key].episodes)
+            progress(job.name, job.episodes)
+        return evaluation
 
     first, *others = jobs
-    done(first, jobs[first].play())
-    if processes == 1:
-        for key in others:
-            done(key, jobs[key].play())
-        return played
-    with process_pool(processes) as pool:
-        # The longest jobs first, so that the processes end together.
-        order = sorted(others, key=lambda key: (jobs[key].setup.physics != "rollers", -jobs[key].episodes))
-        running = {pool.submit(jobs[key].play): key for key in order}
-        for future in as_completed(running):
-            done(running[future], future.result())
-    return played
-
-
-def require_jobs(jobs: int) -> None:
-    """Refuse a negative number of parallel jobs.
-
-    Raises:
-        InputError: it is negative.
-    """
-    if jobs < 0:
-        raise InputError(f"jobs = {jobs}, must be at least 0 (0: as many as there are processors)")
+    with one_thread():
+        alone = done(jobs[first], jobs[first].play())
+    # The longest jobs first, so that the processes end together.
+    order = sorted(others, key=lambda key: (jobs[key].setup.physics != "rollers", -jobs[key].episodes))
+    tasks = [Task(jobs[key].name, jobs[key].play) for key in order]
+    played = run_tasks(tasks, workers, lambda index, evaluation: done(jobs[order[index]], evaluation))
+    found = {first: alone, **dict(zip(order, played, strict=True))}
+    return {key: found[key] for key in jobs}

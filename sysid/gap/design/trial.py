@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Final, Literal, TypeAlias
 
@@ -250,12 +249,7 @@ def best_sequence(
         def z_of(rows: FloatArray) -> FloatArray | None:
             return judge(Trial(base, rows, conditions, coarse=not thorough), thorough)
 
-        if study.jobs == 1:
-            found = list(map(z_of, sequences))
-        else:
-            # Threads suffice: MuJoCo releases the interpreter lock while it steps.
-            with ThreadPoolExecutor(study.jobs) as pool:
-                found = list(pool.map(z_of, sequences))
+        found = study.map(z_of, sequences)
         return [JudgedSequence(rows, z) for rows, z in zip(sequences, found, strict=True) if z is not None]
 
     quick = judge_all(library(limits, rng), False)

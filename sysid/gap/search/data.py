@@ -159,7 +159,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         notes.append(
             f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
         )
-    scattered = [name for name, source in noise.source.items() if source == "scatter"]
+    scattered = [name for name, source in noise.source.items() if source != "repeats"]
     if scattered:
         notes.append(
             f"no repeats for {', '.join(scattered)}: the noise is estimated from neighbouring samples of "
@@ -184,6 +184,9 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             "the repeats"
         )
     repeatable = not (bench and noise.inconsistent_channels(THRESHOLDS.unrepeatable))
+    if learned is not None and noise.is_like(learned.whitener.noise, THRESHOLDS.inconsistent_repeats):
+        # Whatever acts at random did so in the logs of the fit, too.
+        repeatable = True
     floor = Floor(noise.degrees_of_freedom, trusted, learned is not None, repeatable)
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 

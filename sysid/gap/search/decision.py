@@ -94,7 +94,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     return replace(
         facts,
         chosen=chosen,
-        tied=tied(search, chosen, harmless, inflation),
+        tied=tied(search, floor, chosen, harmless, inflation),
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,
@@ -135,8 +135,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         _polished(search, floor, near)
     search.leave_out_needless(size, inflation)
     chosen = _best(search, size, inflation)
-    while size > 1 and (doubtful(problem, chosen.fitted, inflation) or rises(problem, base, chosen.fitted)):
-        # An effect that may as well be none, or that does harm, is no finding: the smaller set is.
+    while size > 1 and not _holds(search, floor, chosen, rng):
         size -= 1
         chosen = _best(search, size, inflation)
     return replace(facts, inflation=inflation, chosen=chosen)
@@ -154,7 +153,7 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
         if gain < by_chance * inflation:
             return size
         if not _visible(problem, parent):
-            least = by_chance * inflation + _formula_residue(search, parent)
+            least = by_chance * inflation + _formula_residue(search, parent, THRESHOLDS.exact_formula)
             if search.may_gain(gain) < least:
                 return size
         search.grow(size + 1)
@@ -176,13 +175,29 @@ def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
     gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
     if not obvious:
         # The residue of an imperfect formula can mimic another effect, and so can that of an imperfect fit.
-        needed += _formula_residue(search, smaller.fitted) / inflation
+        share = _formula_error(problem, floor, larger.fitted, smaller.fitted)
+        needed += _formula_residue(search, smaller.fitted, share) / inflation
         if needed <= gain < _CLEARLY * needed:
             smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
             gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
     if gain < needed or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
         return False
     return not rises(problem, search.base, larger.fitted)
+
+
+def _holds(search: Search, floor: Floor, chosen: ScoredSet, rng: np.random.Generator) -> bool:
+    """Return whether each effect of a set is a finding; if not, a smaller set is.
+
+    None may as well be none or do harm, and the last one must still pay: smaller sets may fit better by now
+    than when it was added.
+    """
+    problem, size = search.problem, len(chosen.names)
+    inflation = _inflation(problem, search.best_fit)
+    if doubtful(problem, chosen.fitted, inflation) or rises(problem, search.base, chosen.fitted):
+        return False
+    smaller = _best(search, size - 1, inflation).fitted
+    by_chance = chance_gains(smaller, search.library, rng, roller_scatter(problem, smaller)).threshold()
+    return _pays(search, floor, size, by_chance)
 
 
 def _polished(search: Search, floor: Floor, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
@@ -195,9 +210,21 @@ def _visible(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> bool:
     return fitted.cost > THRESHOLDS.plainly_visible * expected(problem, fitted)
 
 
-def _formula_residue(search: Search, fitted: Fitted[EffectSet]) -> float:
-    """Return the cost that the formulas of a set may leave of what they explain."""
-    return THRESHOLDS.formula_error**2 * (search.base.cost - fitted.cost)
+def _formula_residue(search: Search, fitted: Fitted[EffectSet], share: float) -> float:
+    """Return the cost that the formulas of a set may leave of what they explain, `share` being the rms."""
+    return share**2 * (search.base.cost - fitted.cost)
+
+
+def _formula_error(
+    problem: ResidualProblem, floor: Floor, better: Fitted[EffectSet], worse: Fitted[EffectSet]
+) -> float:
+    """Return the relative error (rms) of formulas that may be all that makes a set worse than a better one.
+
+    If the better one reaches the noise and the other does not, chance would have to give the first one just
+    what the other's formulas lack.
+    """
+    sharp = complete(problem, better, floor) and not complete(problem, worse, floor)
+    return THRESHOLDS.exact_formula if sharp else THRESHOLDS.formula_error
 
 
 def _inflation(problem: ResidualProblem, best: Fitted[EffectSet]) -> float:
@@ -266,14 +293,14 @@ def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Ge
 
 
 def tied(
-    search: Search, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
+    search: Search, floor: Floor, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
 ) -> tuple[ScoredSet, ...]:
     """Return the chosen set and those as good, without those that predict the same with more parameters.
 
     `same_size` are the sets of its size, itself among them; `inflation` is the residual variance of the best
     fit relative to the expected one.
     """
-    near = [j for j in same_size if j is chosen or _as_good(search, chosen, j, inflation)]
+    near = [j for j in same_size if j is chosen or _as_good(search, floor, chosen, j, inflation)]
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
     kept: list[ScoredSet] = []
     for one in near:
@@ -283,7 +310,7 @@ def tied(
     return tuple(kept)
 
 
-def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
+def _as_good(search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
     """Return whether these logs cannot tell a rival from the chosen set.
 
     With u the difference of two sets' predictions and R the columns of the rollers' scatter, only the
@@ -291,7 +318,8 @@ def _as_good(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: flo
     With z = `tie_sigmas`, a rival that is the truth is therefore dropped with a probability below Phi(-z),
     however large u is, if its cost may be larger by z^2 (1 + rho^2).
     """
-    allowed = _tolerance(search, chosen, rival, inflation)
+    share = _formula_error(search.problem, floor, chosen.fitted, rival.fitted)
+    allowed = _tolerance(search, chosen, rival, inflation, share)
     if rival.score <= chosen.score + allowed:
         return True
     problem = search.problem
@@ -319,15 +347,21 @@ def _difference(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> F
     return other.fitted.residual - one.fitted.residual
 
 
-def _tolerance(search: Search, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> float:
+def _tolerance(
+    search: Search,
+    chosen: ScoredSet,
+    rival: ScoredSet,
+    inflation: float,
+    share: float,
+) -> float:
     """Return how much worse a rival's score may be, without the rollers' scatter.
 
-    An imperfect formula leaves the square of `formula_error` of what it explains beyond the effects that both
-    sets have.
+    An imperfect formula leaves the square of a `share` of what it explains beyond the effects that both sets
+    have.
     """
     rest = search.shared(chosen.names, rival.names)
     explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
-    return THRESHOLDS.tie_sigmas**2 + THRESHOLDS.formula_error**2 * explained
+    return THRESHOLDS.tie_sigmas**2 + share**2 * explained
 
 
 def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
@@ -336,4 +370,4 @@ def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float)
         return True
     more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
     square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
-    return more and square < _tolerance(search, other, one, inflation)
+    return more and square < _tolerance(search, other, one, inflation, THRESHOLDS.exact_formula)

@@ -15,7 +15,7 @@ import mecanum_env
 from mecanum_env.checkout import commit
 from mecanum_env.errors import BackendError, InputError, install_command
 from mecanum_env.files import atomic_path, write_json, write_text
-from mecanum_env.parallel import process_pool
+from mecanum_env.parallel import Task, Workers, run_tasks
 from sysid.fit import fit_dataset, fitted_model
 from sysid.logs import read_dataset
 from sysid.studies import score
@@ -57,13 +57,10 @@ def make_bench(
     """
     manifest = _manifest(seeds, sealed)
     _require_same(out, manifest)
-    failed = []
+    failed: list[str] = []
     todo = [(s, n) for s, n in ((s, f"case_{i:03d}") for i, s in enumerate(seeds)) if not _is_made(out, n)]
-    if jobs == 1:
-        failed += [error for seed, name in todo if (error := _make(seed, name, out))]
-    else:
-        with process_pool(jobs) as pool:
-            failed += [e for e in pool.map(_make, *zip(*todo, strict=True), [out] * len(todo)) if e]
+    tasks = [Task(name, _make, (seed, name, out)) for seed, name in todo]
+    failed += filter(None, run_tasks(tasks, Workers(jobs=jobs)))
     for folder in recordings:
         for material in real_cases(folder):
             if not _is_made(out, material.name):

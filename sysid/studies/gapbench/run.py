@@ -13,7 +13,7 @@ from tqdm import tqdm
 from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import write_json
-from mecanum_env.parallel import process_pool
+from mecanum_env.parallel import Task, Workers, run_tasks
 from sysid.studies.gapbench.adapters.registry import ADAPTERS, load
 from sysid.studies.gapbench.cases import Answer, answer_json, answers_json, read_case, write_predictions
 
@@ -36,12 +36,9 @@ def run_adapters(cases: Path, out: Path, names: Sequence[str], jobs: int = 1) ->
     seconds = {}
     for name in _wanted(names):
         todo = [folder for folder in folders if not _saved(out, name, folder.name).is_file()]
-        if jobs == 1:
-            for folder in tqdm(todo, desc=name, unit="case"):
-                answer_case(name, folder, out)
-        else:
-            with process_pool(jobs) as pool:
-                list(pool.map(answer_case, [name] * len(todo), todo, [out] * len(todo)))
+        tasks = [Task(f"{name}, {folder.name}", answer_case, (name, folder, out)) for folder in todo]
+        with tqdm(total=len(todo), desc=name, unit="case") as bar:
+            run_tasks(tasks, Workers(jobs=jobs), lambda _index, _nothing, bar=bar: bar.update())
         answers = {
             folder.name: json.loads(_saved(out, name, folder.name).read_text(encoding="utf-8"))
             for folder in folders

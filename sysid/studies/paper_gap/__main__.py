@@ -5,10 +5,17 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+import tyro
+
 from mecanum_env.cli import run
+from mecanum_env.parallel import Workers
 
 
-def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
+def main(
+    out: Path = Path("paper_gap"),
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
+    markdown: Path | None = None,
+) -> None:
     """Search for the effects that reproduce the six numbers of the paper's robot; write tables.
 
     Writes paper_gap.json and paper_gap.md.
@@ -17,6 +24,7 @@ def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
 
     Args:
         out: Folder to write.
+        workers: Where the fits run.
         markdown: Also write the tables to this file.
     """
     # Imported here, so that --help does not wait for the library.
@@ -26,9 +34,10 @@ def main(out: Path = Path("paper_gap"), markdown: Path | None = None) -> None:
     from sysid.studies.paper_gap.tables import conclusion, paper_gap_json, paper_gap_markdown
 
     written = [out / "paper_gap.json", out / "paper_gap.md", *([markdown] if markdown else [])]
+    workers.require_usable()
     require_writable(*written)
     with stage_bar(STAGES) as progress:
-        found = paper_gap(progress)
+        found = paper_gap(progress, workers)
     write_json(written[0], paper_gap_json(found))
     for path in written[1:]:
         write_text(path, paper_gap_markdown(found))

@@ -5,15 +5,16 @@ The paper suspects load, rolling friction, latency and saturation; they are fitt
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
-from mecanum_env.simulator import RobotPlant
+from mecanum_env.parallel import Executor, Task, Workers, executor
 from mecanum_env.units import FloatArray
 from sysid.progress import Progress, silent
 from sysid.studies.paper_gap.drives import DRIVES, HOLD_S, PAPER, TOLERANCE, drive_metrics, turn_losses
@@ -23,7 +24,6 @@ _BEAM: Final = {1: 3, 2: 4, 3: 5}
 """Size -> number of its best sets from which larger sets grow."""
 _PROMISING: Final = 7
 """Number of most promising effects that are tried as additions to a set."""
-PLANTS: Final[tuple[RobotPlant, ...]] = ("planar", "rollers")
 _SIZES: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 0.9, 1.0)
 
 
@@ -43,27 +43,31 @@ class Reach:
         return np.asarray(np.maximum(self.most, -self.least) > TOLERANCE)
 
 
-def reaches(base: Model) -> list[Reach]:
-    """Return the range of each effect of the catalogue on the six numbers of the base model.
+def reaches(base: Model, pool: Executor) -> list[Reach]:
+    """Return the range of each effect of the catalogue on the six numbers of the base model, found by a pool.
 
     The first form of a cause stands for the others, which six numbers do not tell apart.
     """
-    fitters = {plant: Fitter(base, plant, hold_s=HOLD_S) for plant in PLANTS}
-    found = []
-    for name, effect in CATALOGUE.items():
-        if name in LEFT_OUT or name != effect.cause or effect.unsearched_on or effect.search_from:
-            continue
-        fitter = fitters["planar" if effect.acts_in("planar") else "rollers"]
-        chosen = fitter.set_of([name])
-        start, before, rows = chosen.start(), fitter.empty().six, []
-        for index in range(start.size):
-            for size in _SIZES:
-                place = start.copy()
-                place[index] = size
-                rows.append(fitter.six(chosen, place) - before)
-        changes = np.array(rows)
-        found.append(Reach(name, np.nanmin(changes, axis=0), np.nanmax(changes, axis=0)))
-    return found
+    names = [
+        name
+        for name, effect in CATALOGUE.items()
+        if not (name in LEFT_OUT or name != effect.cause or effect.unsearched_on or effect.search_from)
+    ]
+    return pool.run([Task(name, _reach, (base, name)) for name in names])
+
+
+def _reach(base: Model, name: str) -> Reach:
+    """Return the range of the effect with this name."""
+    fitter = Fitter(base, "planar" if CATALOGUE[name].acts_in("planar") else "rollers", hold_s=HOLD_S)
+    chosen = fitter.set_of([name])
+    start, before, rows = chosen.start(), fitter.empty().six, []
+    for index in range(start.size):
+        for size in _SIZES:
+            place = start.copy()
+            place[index] = size
+            rows.append(fitter.six(chosen, place) - before)
+    changes = np.array(rows)
+    return Reach(name, np.nanmin(changes, axis=0), np.nanmax(changes, axis=0))
 
 
 def _movers(found: Sequence[Reach]) -> tuple[str, ...]:
@@ -71,17 +75,22 @@ def _movers(found: Sequence[Reach]) -> tuple[str, ...]:
     return tuple(r.name for r in found if r.moves.any() and CATALOGUE[r.name].acts_in("planar"))
 
 
-def _grown_sets(fitter: Fitter, names: Sequence[str], most: int) -> dict[tuple[str, ...], SetFit]:
+def _grown_sets(
+    base: Model, names: Sequence[str], most: int, pool: Executor
+) -> dict[tuple[str, ...], SetFit]:
     """Return all fitted sets, by their names: all single effects, then additions to the best sets.
 
     `names` are the effects to consider; a set has at `most` so many effects.
     """
-    fitted: dict[tuple[str, ...], SetFit] = {(): fitter.empty()}
+    fitted: dict[tuple[str, ...], SetFit] = {(): Fitter(base).empty()}
     for size in range(1, most + 1):
         # A set that already reproduces the numbers needs no addition.
         parents = [f for f in best(fitted, size - 1) if f.worst > 1.0]
         for parent in parents[: _BEAM.get(size - 1, 1)]:
-            _grow(fitter, fitted, parent, names, len(names) if size == 1 else _PROMISING)
+            grown = _grown(base, parent, names, pool)[: len(names) if size == 1 else _PROMISING]
+            new = [start for start in grown if start.names not in fitted]
+            fits = pool.run([Task(_title(start.names), Fitter(base).fit, (start,)) for start in new])
+            fitted |= {fit.names: fit for fit in fits}
     return fitted
 
 
@@ -95,15 +104,18 @@ def needless(found: SetFit, fitted: Iterable[SetFit]) -> bool:
     return any(set(f.names) < set(found.names) and f.worst <= 1.0 for f in fitted)
 
 
-def _grow(
-    fitter: Fitter, fitted: dict[tuple[str, ...], SetFit], parent: SetFit, names: Sequence[str], most: int
-) -> None:
-    """Fit a set together with each of the most promising other effects."""
-    starts = [(fitter.start(parent, name), name) for name in names if name not in parent.names]
-    starts.sort(key=lambda s: (s[0].misfit, s[1]))
-    for start, _ in starts[:most]:
-        if start.names not in fitted:
-            fitted[start.names] = fitter.fit(start)
+def _grown(base: Model, parent: SetFit, names: Sequence[str], pool: Executor) -> list[SetFit]:
+    """Return a set together with each of the other effects, not fitted yet, the most promising first."""
+    others = [name for name in names if name not in parent.names]
+    # Each task has a fitter of its own: what one remembers must not depend on who did what.
+    starts = pool.run(
+        [Task(_title((*parent.names, name)), Fitter(base).start, (parent, name)) for name in others]
+    )
+    return [s for s, _ in sorted(zip(starts, others, strict=True), key=lambda s: (s[0].misfit, s[1]))]
+
+
+def _title(names: Sequence[str]) -> str:
+    return " + ".join(names)
 
 
 _CEILING: Final = (("speed_saturation", "softness_rpm"),)
@@ -127,25 +139,27 @@ class Turn:
     """Losses at `TURN_SPEEDS_RPM`."""
 
 
-def suspects(base: Model) -> dict[str, SetFit]:
-    """Fit the paper's suspects, alone and together, to its six numbers; return title -> fit.
+def suspects(base: Model, pool: Executor) -> dict[str, SetFit]:
+    """Fit the paper's suspects to its six numbers, alone and together, in a pool; return title -> fit.
 
     Sensor latency is in none of the larger sets because it changes none of the numbers.
     """
-    plain, ceiling = Fitter(base), Fitter(base, neutral=_CEILING)
-    integral = Fitter(_with_integral(base))
     together = ("speed_saturation", "coulomb_friction", "viscous_friction", "payload")
-    return {
-        "load": plain.built(["payload"]),
-        "sensor latency": plain.built(["sensor_latency"]),
-        "rolling friction": plain.built(_FRICTION),
-        "saturation, a ceiling": ceiling.built(["speed_saturation"]),
-        "saturation, a soft knee": plain.built(["speed_saturation"]),
-        "load and rolling friction": plain.built([*_FRICTION, "payload"]),
-        "all, saturation a ceiling": ceiling.built(together),
-        ALL_SOFT: plain.built(together),
-        "the same, a drive with integral action": integral.built(together),
+    ceiling = partial(Fitter, base, neutral=_CEILING)
+    plain, integral = partial(Fitter, base), partial(Fitter, _with_integral(base))
+    fits: dict[str, tuple[Callable[[], Fitter], Sequence[str]]] = {
+        "load": (plain, ["payload"]),
+        "sensor latency": (plain, ["sensor_latency"]),
+        "rolling friction": (plain, _FRICTION),
+        "saturation, a ceiling": (ceiling, ["speed_saturation"]),
+        "saturation, a soft knee": (plain, ["speed_saturation"]),
+        "load and rolling friction": (plain, [*_FRICTION, "payload"]),
+        "all, saturation a ceiling": (ceiling, together),
+        ALL_SOFT: (plain, together),
+        "the same, a drive with integral action": (integral, together),
     }
+    tasks = [Task(title, fitter().built, (names,)) for title, (fitter, names) in fits.items()]
+    return dict(zip(fits, pool.run(tasks), strict=True))
 
 
 def _suspects_turning(base: Model) -> Turn:
@@ -195,26 +209,30 @@ class PaperGap:
         return tuple(found for found in self.sets if found.worst <= 1.0)
 
 
-def paper_gap(progress: Progress = silent) -> PaperGap:
-    """Search for sets of effects that reproduce the six numbers; report `progress` before each step."""
+def paper_gap(progress: Progress = silent, workers: Workers | None = None) -> PaperGap:
+    """Search for sets of effects that reproduce the six numbers; report `progress` before each step.
+
+    Fits run on `workers`, by default on all processors of this machine.
+    """
     base = paper_model()
-    progress("what each effect can do")
-    reach = reaches(base)
-    names = _movers(reach)
-    progress("the paper's suspects")
-    suspected = suspects(base)
-    turn = _suspects_turning(base)
-    progress("sets of effects")
-    fitter = Fitter(base)
-    fitted = _grown_sets(fitter, names, _MOST_EFFECTS)
-    kept = [f for f in fitted.values() if not needless(f, fitted.values())]
-    sets = _shown(kept)
-    progress("a drive with integral action")
-    first = min(kept, key=lambda f: f.misfit)
-    integral = Fitter(_with_integral(base)).built(first.names)
-    progress("on rollers")
-    good = [f for f in sets if f.worst <= 1.0]
-    rollers = [_on_rollers(fitter.model(f.chosen, f.place)) for f in good]
+    with executor(workers or Workers()) as pool:
+        progress("what each effect can do")
+        reach = reaches(base, pool)
+        names = _movers(reach)
+        progress("the paper's suspects")
+        suspected = suspects(base, pool)
+        (turn,) = pool.run([Task("suspects turning", _suspects_turning, (base,))])
+        progress("sets of effects")
+        fitted = _grown_sets(base, names, _MOST_EFFECTS, pool)
+        kept = [f for f in fitted.values() if not needless(f, fitted.values())]
+        sets = _shown(kept)
+        progress("a drive with integral action")
+        first = min(kept, key=lambda f: f.misfit)
+        again = Task("integral action", Fitter(_with_integral(base)).built, (first.names,))
+        (integral,) = pool.run([again])
+        progress("on rollers")
+        models = [Fitter(base).model(f.chosen, f.place) for f in sets if f.worst <= 1.0]
+        plain, *rollers = pool.run([Task("on rollers", _on_rollers, (model,)) for model in (base, *models)])
     return PaperGap(
         reach=tuple(reach),
         sets=sets,
@@ -223,7 +241,7 @@ def paper_gap(progress: Progress = silent) -> PaperGap:
         suspects=suspected,
         turn=turn,
         integral=integral,
-        base=_on_rollers(base),
+        base=plain,
     )
 
 

@@ -6,14 +6,21 @@ import sys
 from pathlib import Path
 from typing import Final
 
+import tyro
+
 from mecanum_env.cli import run
+from mecanum_env.parallel import Workers
 
 _RESULT: Final = "reproduce.json"
 _PAGE: Final = "report.html"
 
 
 def main(
-    out: Path = Path("reproduce"), quick: bool = False, seed: int = 0, markdown: Path | None = None
+    out: Path = Path("reproduce"),
+    quick: bool = False,
+    seed: int = 0,
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
+    markdown: Path | None = None,
 ) -> None:
     """Run every method of the paper on a target system and write reproduce.json, report.html and pictures.
 
@@ -23,6 +30,7 @@ def main(
         out: Folder to write.
         quick: 20 starts, few iterations, a coarse search: to see that it runs, not for its results.
         seed: Seed of the recordings and of the random starts.
+        workers: Where the fits run; times and memory are measured in this process, alone.
         markdown: Also write all tables to this file, with the pictures in a folder beside it.
     """
     # Imported here, so that --help does not wait for the library.
@@ -41,9 +49,10 @@ def main(
 
     pages = [] if markdown is None else [markdown, markdown.parent / markdown.stem / _RESULT]
     require_at_least(0, seed=seed)
+    workers.require_usable()
     require_writable(out / _RESULT, out / _PAGE, *pages)
     with stage_bar(len(STAGES) + 1) as progress:
-        found = reproduce(seed, QUICK if quick else ExperimentEffort(), progress)
+        found = reproduce(seed, QUICK if quick else ExperimentEffort(), progress, workers)
         progress("page and pictures")
         write_json(out / _RESULT, reproduction_json(found))
         write_reproduction_plots(found, out)

@@ -85,7 +85,6 @@ class ExperimentEffort:
     cost_repeats: int = 10
     """Number of timed identifications."""
     exhaustive_repeats: int = 2
-    workers: int = 2
 
 
 QUICK: Final = ExperimentEffort(
@@ -96,7 +95,6 @@ QUICK: Final = ExperimentEffort(
     ),
     cost_repeats=2,
     exhaustive_repeats=1,
-    workers=1,
 )
 """Enough to see that everything runs; the results are not those of the experiment."""
 

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import Future, as_completed
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from mecanum_env.parallel import process_pool
+from mecanum_env.parallel import Task, Workers, one_thread, run_tasks
 from sysid.fit.estimators import Estimate, Options, estimate
 from sysid.progress import Progress, silent
 from sysid.studies.reproduce import published
@@ -40,15 +37,20 @@ from sysid.studies.reproduce.prediction import (
 )
 from sysid.studies.reproduce.robot import RobotDrive, robot_drives, wheel_model
 
+_ROBOT: Final = "robot on rollers"
+_TASKS: Final = (
+    *(f"many starts: {name}" for name in reversed(WITH_STARTS)),
+    _ROBOT,
+    *(f"ten starts: {name}" for name in CONTENDERS),
+)
+"""What does not depend on each other, the longest first."""
 STAGES: Final = (
     "record the target system",
     *(f"time and memory: {name}" for name in COMPARED),
-    *(f"ten starts: {name}" for name in CONTENDERS),
+    *_TASKS,
     "step responses and random inputs",
-    *(f"many starts: {name}" for name in WITH_STARTS),
-    "robot on rollers",
 )
-"""Stages that `reproduce` reports to its progress, once each; the last ones in the order of completion."""
+"""Stages that `reproduce` reports to its progress, once each; the tasks in the order of completion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,93 +85,73 @@ class Reproduction:
 
 
 def reproduce(
-    seed: int = 0, effort: ExperimentEffort | None = None, progress: Progress = silent
+    seed: int = 0,
+    effort: ExperimentEffort | None = None,
+    progress: Progress = silent,
+    workers: Workers | None = None,
 ) -> Reproduction:
     """Run the experiment; equal seeds give equal results, except for times and memory.
 
-    `effort` is the full one by default; `progress` is called with each of `STAGES`.
+    Args:
+        seed: of the recordings and of the random starts.
+        effort: the full one by default.
+        progress: called with each of `STAGES`.
+        workers: where the fits run; by default on all processors of this machine.
     """
     effort = effort or ExperimentEffort()
     progress(STAGES[0])
     data = record_data_sets(seed)
-    runs = data.fit_runs
     # Costs are measured first, while nothing else runs.
     costs = measure_costs(data, effort, seed, lambda name: progress(f"time and memory: {name}"))
-    with _pool(effort.workers) as submit:
-        many = {submit(_many_starts, name, effort, seed): name for name in reversed(WITH_STARTS)}
-        estimates = {}
-        for name, contender in CONTENDERS.items():
-            progress(f"ten starts: {name}")
-            estimates[name] = identify(
-                data.runs_for(contender.method), contender, effort, seed, published.STARTS
-            )
-        laws = {name: estimates[name].law for name in COMPARED}
-        drives = submit(robot_drives, wheel_model(laws[OURS]))
-        progress("step responses and random inputs")
-        beyond = data.beyond[0]
-        result: dict[str, Any] = {
-            "fitted_ceiling_rpm": _fitted_ceiling(data),
-            "target": target_steps(data),
-            "models": {name: model_step(law) for name, law in laws.items()},
-            "errors": tuple(set_errors(data, laws)),
-            "shown": tuple(shown_steps(data, laws, published.SHOWN_STEPS_RPM)),
-            "beyond": response(beyond, laws),
-            "beyond_limited": response(beyond, laws, published.CEILING_RPM),
-            "trials": tuple(response(trial, laws) for trial in data.trials),
-        }
-        best = best_rms([estimates[name] for name in WITH_STARTS])
-        largest = float(max(published.FIT_STEPS_RPM))
-        found_many = {}
-        for done in as_completed([*many, drives]):
-            if done is drives:
-                progress("robot on rollers")
-                continue
-            name = many[done]
-            progress(f"many starts: {name}")
-            found_many[name] = start_rates(name, done.result(), best, largest)
+    tasks: list[Task[Any]] = [
+        *(Task(f"many starts: {n}", _fit, (n, effort, seed, effort.starts)) for n in reversed(WITH_STARTS)),
+        Task(_ROBOT, _drives, (effort, seed)),
+        *(Task(f"ten starts: {n}", _fit, (n, effort, seed, published.STARTS)) for n in CONTENDERS),
+    ]
+    results = run_tasks(tasks, workers, lambda index, _: progress(tasks[index].name))
+    found: dict[str, Any] = dict(zip((task.name for task in tasks), results, strict=True))
+    progress("step responses and random inputs")
+    estimates: dict[str, Estimate] = {name: found[f"ten starts: {name}"] for name in CONTENDERS}
+    best = best_rms([estimates[name] for name in WITH_STARTS])
+    largest = float(max(published.FIT_STEPS_RPM))
+    laws = {name: estimates[name].law for name in COMPARED}
+    beyond = data.beyond[0]
+    with one_thread():
+        ceiling = _fitted_ceiling(data)
     return Reproduction(
         seed=seed,
         effort=effort,
         estimates=estimates,
         ten_starts={name: start_rates(name, estimates[name], best, largest) for name in WITH_STARTS},
-        many_starts={name: found_many[name] for name in WITH_STARTS},
+        many_starts={
+            name: start_rates(name, found[f"many starts: {name}"], best, largest) for name in WITH_STARTS
+        },
         best_rms_rpm=best,
-        sigma_rpm=float(runs[0].sigma_rpm[0]),
+        sigma_rpm=float(data.fit_runs[0].sigma_rpm[0]),
+        fitted_ceiling_rpm=ceiling,
+        target=target_steps(data),
+        models={name: model_step(law) for name, law in laws.items()},
+        errors=tuple(set_errors(data, laws)),
+        shown=tuple(shown_steps(data, laws, published.SHOWN_STEPS_RPM)),
+        beyond=response(beyond, laws),
+        beyond_limited=response(beyond, laws, published.CEILING_RPM),
+        trials=tuple(response(trial, laws) for trial in data.trials),
         costs=costs,
-        robot=tuple(drives.result()),
-        **result,
+        robot=tuple(found[_ROBOT]),
     )
 
 
-def _many_starts(name: str, effort: ExperimentEffort, seed: int) -> Estimate:
+def _fit(name: str, effort: ExperimentEffort, seed: int, starts: int) -> Estimate:
     """Record the same data again, which is quicker than copying them between processes, and fit them."""
-    return identify(record_data_sets(seed).fit_runs, CONTENDERS[name], effort, seed, effort.starts)
+    data, contender = record_data_sets(seed), CONTENDERS[name]
+    return identify(data.runs_for(contender.method), contender, effort, seed, starts)
+
+
+def _drives(effort: ExperimentEffort, seed: int) -> list[RobotDrive]:
+    """Drive the robot with the law of the first ten starts, which is fitted again: it takes a second."""
+    return robot_drives(wheel_model(_fit(OURS, effort, seed, published.STARTS).law))
 
 
 def _fitted_ceiling(data: DataSets) -> float:
     runs = [*data.fit_runs, *(recording.run for recording in data.beyond)]
     return estimate(runs, OURS, Options(starts=1, fit_saturation=True)).saturation_rpm
-
-
-@contextmanager
-def _pool(workers: int) -> Iterator[Callable[..., Future[Any]]]:
-    """Yield `submit`; a single worker does the work at once in this process."""
-    if workers == 1:
-        yield _at_once
-        return
-    before = os.environ.get("OMP_NUM_THREADS")
-    os.environ["OMP_NUM_THREADS"] = "1"  # One thread per process; workers read it when they import NumPy.
-    try:
-        with process_pool(workers) as pool:
-            yield pool.submit
-    finally:
-        if before is None:
-            del os.environ["OMP_NUM_THREADS"]
-        else:
-            os.environ["OMP_NUM_THREADS"] = before
-
-
-def _at_once(work: Callable[..., Any], *arguments: Any) -> Future[Any]:
-    future: Future[Any] = Future()
-    future.set_result(work(*arguments))
-    return future

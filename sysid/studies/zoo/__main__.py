@@ -9,8 +9,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+import tyro
+
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, install_command, require_at_least
+from mecanum_env.parallel import Workers
 
 if TYPE_CHECKING:
     from sysid.studies.zoo.cases.case import Level
@@ -26,7 +29,7 @@ def main(
     robot: int | None = None,
     first_seed: int | None = None,
     sealed: bool = False,
-    jobs: int = 2,
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     only: str = "*",
     settle: bool = False,
     out: Path = Path("out/zoo"),
@@ -45,13 +48,13 @@ def main(
         robot: Number of robot cases; default 60, or 6 with --quick.
         first_seed: Seed of the first case of each level; default 0.
         sealed: Spend sealed seeds, the next ones or from --first-seed on; the checkout records it.
-        jobs: Number of worker processes; the result does not depend on it.
+        workers: Where the cases run; the result does not depend on it.
         only: Pattern of the cases' names, such as "bench-*-single-backlash".
         settle: Also drive the next experiments of ambiguous cases, on the same drives and robots.
         out: Folder to write.
         markdown: Also write the tables to this file, and the power curves beside it.
     """
-    require_at_least(1, jobs=jobs)
+    workers.require_usable()
     for option, value in (("bench", bench), ("robot", robot), ("first-seed", first_seed)):
         require_at_least(0, **{option: value or 0})
     if sealed and (quick or only != "*"):
@@ -88,7 +91,7 @@ def main(
         else:
             seeds[level] = spread_seeds(count) if quick else development_seeds(count, first_seed or 0)
     tasks = [Task(level, seed) for level, numbers in seeds.items() for seed in numbers]
-    results = run_tasks(tasks, out, jobs, only)
+    results = run_tasks(tasks, out, workers, only)
     outcomes, undrawn = results.outcomes, results.undrawn
     if not outcomes:
         raise InputError(
@@ -96,7 +99,7 @@ def main(
             if not undrawn
             else f"no case could be drawn; the first error: {undrawn[0]}"
         )
-    driven = settle_cases(outcomes, out, jobs) if settle else ()
+    driven = settle_cases(outcomes, out, workers) if settle else ()
     settled = settle_table(driven) if settle else ""
     options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
     command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)

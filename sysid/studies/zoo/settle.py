@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import as_completed
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,8 +17,9 @@ from typing import Final, TypeAlias
 import numpy as np
 from tqdm import tqdm
 
+from mecanum_env import parallel
 from mecanum_env.files import write_json
-from mecanum_env.parallel import process_pool
+from mecanum_env.parallel import Workers
 from mecanum_env.units import FloatArray
 from sysid.gap.design.trial import REPEATS
 from sysid.gap.result import Experiment, GapOptions, GapReport
@@ -42,8 +42,8 @@ Study: TypeAlias = Callable[[Dataset], GapReport]
 """Studies logs with the case's model, and designs the next experiment."""
 
 
-def settle_cases(outcomes: Sequence[Outcome], out: Path, jobs: int) -> tuple[Settled, ...]:
-    """Drive the next experiments of ambiguous outcomes, in a number of `jobs`, and return what came of it.
+def settle_cases(outcomes: Sequence[Outcome], out: Path, workers: Workers) -> tuple[Settled, ...]:
+    """Drive the next experiments of ambiguous outcomes, on `workers`, and return what came of it.
 
     `out` receives FINGERPRINT/settled/NAME.json beside the outcomes; what is there is not driven again.
     """
@@ -51,12 +51,15 @@ def settle_cases(outcomes: Sequence[Outcome], out: Path, jobs: int) -> tuple[Set
     tasks = [Task(one.case.level, one.case.seed) for one in outcomes if one.verdict == "ambiguous"]
     todo = [task for task in tasks if not settled_file(task, folder).is_file()]
     if todo:
-        with process_pool(jobs) as pool:
-            running = [pool.submit(settle_task, task, folder) for task in todo]
-            with tqdm(total=len(tasks), initial=len(tasks) - len(todo), unit="tie") as bar:
-                for future in as_completed(running):
-                    bar.set_postfix_str(future.result(), refresh=False)
-                    bar.update()
+        with tqdm(total=len(tasks), initial=len(tasks) - len(todo), unit="tie") as bar:
+
+            def tell(index: int, done: Settled) -> None:
+                write_json(settled_file(todo[index], folder), settled_json(done))
+                bar.set_postfix_str(done.outcome.case.name, refresh=False)
+                bar.update()
+
+            work = [parallel.Task(task.name, settle_task, (task,)) for task in todo]
+            parallel.run_tasks(work, workers, tell)
     return tuple(read_settled(settled_file(task, folder)) for task in tasks)
 
 
@@ -66,12 +69,12 @@ def settled_file(task: Task, folder: Path) -> Path:
 
 
 def read_settled(path: Path) -> Settled:
-    """Return the settled case in a file that `settle_task` saved."""
+    """Return the settled case in a file that `settle_cases` wrote."""
     return settled_from_json(json.loads(path.read_text(encoding="utf-8")))
 
 
-def settle_task(task: Task, folder: Path) -> str:
-    """Draw the case of a task again, settle it, save what came of it, and return the name of the case."""
+def settle_task(task: Task) -> Settled:
+    """Draw the case of a task again, settle it, and return what came of it."""
     with TemporaryDirectory() as made:
         case = WRITERS[task.level](task.seed, Path(made))
         model = nominal_model(Path(made))
@@ -81,9 +84,7 @@ def settle_task(task: Task, folder: Path) -> str:
         def study(dataset: Dataset) -> GapReport:
             return analyse(dataset, model, options)
 
-        done = settle(case, Path(made) / "logs", study, recorder(case))
-    write_json(settled_file(task, folder), settled_json(done))
-    return case.name
+        return settle(case, Path(made) / "logs", study, recorder(case))
 
 
 def settle(case: Case, logs: Path, study: Study, record: Recorder) -> Settled:

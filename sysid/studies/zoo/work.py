@@ -1,7 +1,8 @@
-"""Running cases in worker processes; each outcome is saved as soon as it is there.
+"""Running cases on many processors; each outcome is saved as soon as it is there.
 
-Folders are named by the fingerprint of the code, so an interrupted run goes on where it was, and outcomes of
-another version are never taken for those of this one.
+Workers send what they find to this process, which writes it, so a cluster needs no shared folder. Folders are
+named by the fingerprint of the code: an interrupted run goes on where it was, and outcomes of another version
+are never taken for those of this one.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ import functools
 import json
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import as_completed
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -19,9 +19,10 @@ from typing import Final
 
 from tqdm import tqdm
 
+from mecanum_env import parallel
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
-from mecanum_env.parallel import process_pool
+from mecanum_env.parallel import Workers
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
@@ -60,8 +61,21 @@ class Results:
     """Name of a task and the error, where no case could be drawn: a fault of the zoo, not of the workflow."""
 
 
-def run_tasks(tasks: Sequence[Task], out: Path, jobs: int, only: str = "*") -> Results:
-    """Run tasks in a number of `jobs` and return what was found; `out` receives FINGERPRINT/cases/NAME.json.
+@dataclass(frozen=True)
+class Ran:
+    """What a worker sends back of a task."""
+
+    name: str
+    """Of the case, or of the task if no case could be drawn."""
+    case: Case | None
+    outcome: Outcome | None
+    """None if the case was not drawn or not asked for."""
+    error: str = ""
+    """Why no case could be drawn."""
+
+
+def run_tasks(tasks: Sequence[Task], out: Path, workers: Workers, only: str = "*") -> Results:
+    """Run tasks on `workers` and return what was found; `out` receives FINGERPRINT/cases/NAME.json.
 
     What is found there is not computed again, and how much that is gets printed. Cases whose names do not
     match `only` are drawn, but not analysed. No case stops the others.
@@ -75,15 +89,17 @@ def run_tasks(tasks: Sequence[Task], out: Path, jobs: int, only: str = "*") -> R
     print(_reuse(tasks, todo, out, code), flush=True)
     undrawn = []
     if todo:
-        with process_pool(jobs) as pool:
-            running = [pool.submit(run_task, task, folder, code, only) for task in todo]
-            with tqdm(total=len(tasks), initial=len(tasks) - len(todo), unit="case") as bar:
-                for future in as_completed(running):
-                    name, error = future.result()
-                    if error:
-                        undrawn.append(f"{name}: {error}")
-                    bar.set_postfix_str(name, refresh=False)
-                    bar.update()
+        with tqdm(total=len(tasks), initial=len(tasks) - len(todo), unit="case") as bar:
+
+            def tell(index: int, ran: Ran) -> None:
+                save(todo[index], ran, folder)
+                if ran.error:
+                    undrawn.append(f"{ran.name}: {ran.error}")
+                bar.set_postfix_str(ran.name, refresh=False)
+                bar.update()
+
+            work = [parallel.Task(task.name, run_task, (task, code, only)) for task in todo]
+            parallel.run_tasks(work, workers, tell)
     found = [read_outcome(path) for task in tasks if (path := saved(task, folder)).is_file()]
     wanted = tuple(outcome for outcome in found if fnmatch.fnmatch(outcome.case.name, only))
     return Results(wanted, tuple(sorted(undrawn)))
@@ -95,15 +111,23 @@ def saved(task: Task, folder: Path) -> Path:
 
 
 def read_outcome(path: Path) -> Outcome:
-    """Return the outcome in a file that `run_task` saved."""
+    """Return the outcome in a file that `save` wrote."""
     return from_json(json.loads(path.read_text(encoding="utf-8")))
 
 
-def run_task(task: Task, folder: Path, code: str, only: str = "*") -> tuple[str, str]:
-    """Draw the case of a task, analyse it and save the outcome; return its name and an error, if any.
+def save(task: Task, ran: Ran, folder: Path) -> None:
+    """Write what was found of a task to the folder of a fingerprint."""
+    if ran.case is not None:
+        write_json(_drawn(task, folder), asdict(ran.case))
+    if ran.outcome is not None:
+        write_json(saved(task, folder), to_json(ran.outcome))
 
-    The error is of the drawing: whatever the fit and the study raise is an outcome. `code` is the fingerprint
-    that `folder` is named by. A case that does not match `only` is not analysed.
+
+def run_task(task: Task, code: str, only: str = "*") -> Ran:
+    """Draw the case of a task, analyse it and return what was found.
+
+    An error is of the drawing: whatever the fit and the study raise is an outcome. `code` is the fingerprint
+    of the run. A case that does not match `only` is not analysed.
 
     Raises:
         InputError: the code is another one by now.
@@ -113,11 +137,9 @@ def run_task(task: Task, folder: Path, code: str, only: str = "*") -> tuple[str,
         try:
             case = WRITERS[task.level](task.seed, Path(made))
         except Exception as error:
-            return task.name, _text(error, Path(made))
-        write_json(_drawn(task, folder), asdict(case))
-        if fnmatch.fnmatch(case.name, only):
-            write_json(saved(task, folder), to_json(analysed(case, Path(made))))
-        return case.name, ""
+            return Ran(task.name, None, None, _text(error, Path(made)))
+        wanted = fnmatch.fnmatch(case.name, only)
+        return Ran(case.name, case, analysed(case, Path(made)) if wanted else None)
 
 
 def analysed(case: Case, folder: Path) -> Outcome:

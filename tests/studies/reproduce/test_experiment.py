@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.law import WheelLaw
+from mecanum_env.parallel import Workers
 from sysid.studies.reproduce import published
 from sysid.studies.reproduce.contenders import COMPARED, OURS, QUICK
 from sysid.studies.reproduce.data import record_data_sets
@@ -92,7 +93,7 @@ def test_every_stage_is_told_once(quick, quick_stages):
 
 @pytest.fixture(scope="module")
 def again():
-    return reproduce(0, QUICK)
+    return reproduce(0, QUICK, workers=Workers(jobs=1))
 
 
 def without_cost(found):

@@ -6,11 +6,12 @@ from typing import Any
 import pytest
 
 from mecanum_env.model import paper_model
+from mecanum_env.parallel import Workers
 from training.certify.certificate import Certificate
 from training.certify.run import CertifyOptions, certify_controller
 from training.evaluate import Episode
 
-SMALL = CertifyOptions(episodes=4, plants=("latency", "with-backlash"), jobs=1)
+SMALL = CertifyOptions(episodes=4, plants=("latency", "with-backlash"), workers=Workers(jobs=1))
 
 
 @pytest.fixture(scope="session")

@@ -10,6 +10,7 @@ import pytest
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
+from mecanum_env.parallel import Workers
 from training.certify.__main__ import main
 from training.certify.certificate import certificate_to_dict, read_certificate, write_certificate
 from training.certify.report import certificate_table, write_certificate_page
@@ -33,7 +34,7 @@ def reproducible(certificate) -> bytes:
 
 def test_the_same_certificate_bit_for_bit_whatever_the_number_of_jobs(small):
     again = certify_controller(
-        "retreat", paper_model(), CertifyOptions(4, ("latency", "with-backlash"), jobs=2)
+        "retreat", paper_model(), CertifyOptions(4, ("latency", "with-backlash"), workers=Workers(jobs=2))
     )
     assert again == small
     assert reproducible(again) == reproducible(small)
@@ -57,7 +58,7 @@ def test_the_worst_plant_is_the_one_with_the_least_success(small):
 def test_robots_drawn_from_the_posterior(paper):
     known = {"effects": {"speed_gain": {"gain": {"low": 0.8, "high": 1.0}}}}
     model = replace(paper.with_effect("speed_gain", gain=0.9), uncertainty=known)
-    found = certify_controller("still", model, CertifyOptions(2, ("posterior",), jobs=1))
+    found = certify_controller("still", model, CertifyOptions(2, ("posterior",), workers=Workers(jobs=1)))
     assert [one.name for one in found.plants] == ["nominal", "posterior"]
     assert not any("holds no uncertainty" in note for note in found.notes)
 
@@ -97,7 +98,7 @@ def test_the_table_shows_plants_and_checks(small):
 
 def test_the_bar_knows_how_many_episodes_there_are(paper):
     seen = []
-    options = CertifyOptions(4, ("latency",), jobs=1)
+    options = CertifyOptions(4, ("latency",), workers=Workers(jobs=1))
     certify_controller("still", paper, options, lambda _, count: seen.append(count))
     assert sum(seen) == episodes_of(options, paper)
 

@@ -6,6 +6,7 @@ import pytest
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
+from mecanum_env.parallel import Workers
 from training.certify.plants import robot_level
 from training.compare import compare_controllers
 from training.compare.__main__ import main
@@ -19,7 +20,7 @@ NAMES = ("still", "retreat")
 def found():
     from mecanum_env.model import paper_model
 
-    return compare_controllers(NAMES, paper_model(), episodes=4, rollers=False, jobs=1)
+    return compare_controllers(NAMES, paper_model(), episodes=4, rollers=False, workers=Workers(jobs=1))
 
 
 def successes(name, setup, paper):
@@ -43,7 +44,7 @@ def test_the_results_are_those_of_the_episodes(found, paper):
 
 
 def test_rollers_are_a_setting_of_their_own(paper):
-    one = compare_controllers(["still"], paper, episodes=1, rollers=True, jobs=1)
+    one = compare_controllers(["still"], paper, episodes=1, rollers=True, workers=Workers(jobs=1))
     assert list(one.rows[0].success)[3] == "rollers"
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.parallel import Workers
 from mecanum_env.tankendo import Opponent, Rules, command_to_action
 from mecanum_env.tankendo.env import TankendoEnv
 from training.controllers.scripted import Still
@@ -113,11 +114,11 @@ def test_each_job_is_played_and_reported(paper):
     """A test of certificates shows that the number of processes changes nothing."""
     jobs = {key: Job(key, "still", Setup(paper), count) for key, count in (("a", 1), ("b", 3), ("c", 2))}
     reported = []
-    one = play_jobs(jobs, 1, lambda name, count: reported.append((name, count)))
+    one = play_jobs(jobs, Workers(jobs=1), lambda name, count: reported.append((name, count)))
     assert reported == [("a", 1), ("b", 3), ("c", 2)]
     assert {key: len(found.episodes) for key, found in one.items()} == {"a": 1, "b": 3, "c": 2}
 
 
 def test_a_controller_that_cannot_be_made_is_refused_at_once(paper):
     with pytest.raises(InputError, match="no such name"):
-        play_jobs({"a": Job("a", "stil", Setup(paper), 1), "b": Job("b", "still", Setup(paper), 1)}, 2)
+        play_jobs({name: Job(name, name, Setup(paper), 1) for name in ("stil", "still")}, Workers(jobs=2))

@@ -1,0 +1,15 @@
+from .tasks import Executor, Task, Tell, WorkerLostError
+from .threads import map_in_threads, one_thread
+from .workers import Workers, executor, run_tasks
+
+__all__ = [
+    "Executor",
+    "Task",
+    "Tell",
+    "WorkerLostError",
+    "Workers",
+    "executor",
+    "map_in_threads",
+    "one_thread",
+    "run_tasks",
+]

@@ -57,10 +57,10 @@ def make_bench(
     """
     manifest = _manifest(seeds, sealed)
     _require_same(out, manifest)
-    failed: list[str] = []
     todo = [(s, n) for s, n in ((s, f"case_{i:03d}") for i, s in enumerate(seeds)) if not _is_made(out, n)]
     tasks = [Task(name, _make, (seed, name, out)) for seed, name in todo]
-    failed += filter(None, run_tasks(tasks, Workers(jobs=jobs)))
+    errors: list[str] = run_tasks(tasks, Workers(jobs=jobs))
+    failed = [error for error in errors if error]
     for folder in recordings:
         for material in real_cases(folder):
             if not _is_made(out, material.name):

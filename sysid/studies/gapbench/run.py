@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 import json
 import statistics
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -38,7 +40,7 @@ def run_adapters(cases: Path, out: Path, names: Sequence[str], jobs: int = 1) ->
         todo = [folder for folder in folders if not _saved(out, name, folder.name).is_file()]
         tasks = [Task(f"{name}, {folder.name}", answer_case, (name, folder, out)) for folder in todo]
         with tqdm(total=len(todo), desc=name, unit="case") as bar:
-            run_tasks(tasks, Workers(jobs=jobs), lambda _index, _nothing, bar=bar: bar.update())
+            run_tasks(tasks, Workers(jobs=jobs), functools.partial(_count, bar))
         answers = {
             folder.name: json.loads(_saved(out, name, folder.name).read_text(encoding="utf-8"))
             for folder in folders
@@ -62,6 +64,10 @@ def answer_case(name: str, folder: Path, out: Path) -> None:
     write_predictions(answer, case, out / name / "predictions" / case.name)
     made_by = {"commit": commit() or "unknown"}
     write_json(_saved(out, name, case.name), answer_json(answer, seconds) | made_by)
+
+
+def _count(bar: Any, _index: int, _done: object) -> None:
+    bar.update()
 
 
 def _saved(out: Path, name: str, case: str) -> Path:

@@ -7,6 +7,7 @@
 # make bench-train  what training reaches over three seeds, half an hour
 # make zoo        drives and robots drawn at random, with hidden effects: the whole table, docs/results/zoo.md
 # make zoo-quick  the same with sixty cases
+# make gapbench   the benchmark's folder, the answers of all methods and the leaderboard, docs/results/gapbench.md
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
 VENV := .venv
@@ -16,7 +17,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick behaviour system clean FORCE
+.PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick gapbench behaviour system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
@@ -50,6 +51,14 @@ zoo: $(VENV)/installed
 
 zoo-quick: $(VENV)/installed
 	$(BIN)/python -m sysid.studies.zoo --quick --out out/zoo
+
+# An hour; an interrupted run goes on where it was. Recordings of one's own: REAL="--real FOLDER".
+gapbench: $(VENV)/installed
+	$(BIN)/pip install --quiet -c constraints.txt "mecanum-tankendo[gapbench]"
+	$(BIN)/python -m sysid.studies.gapbench make --out out/gapbench $(REAL)
+	$(BIN)/python -m sysid.studies.gapbench run --cases out/gapbench/cases --out out/gapbench/answers
+	$(BIN)/python -m sysid.studies.gapbench leaderboard --bench out/gapbench --answers out/gapbench/answers \
+	  --markdown docs/results/gapbench.md
 
 # Six minutes; `python benchmarks/behaviour.py compare BEFORE AFTER` prints every difference.
 behaviour: $(VENV)/train

@@ -7,12 +7,13 @@ from dataclasses import replace
 
 import pytest
 
+from sysid.studies.score import size_of
 from sysid.studies.zoo.calibration import calibrate, choose_p_value, quantile
 from sysid.studies.zoo.cases.case import Hidden
 from sysid.studies.zoo.metrics import at_least, at_most, metrics
 from sysid.studies.zoo.page import Provenance, page_markdown, run_json, summary_text
 from sysid.studies.zoo.power import curve, power_table, write_power_plot
-from sysid.studies.zoo.tables import coverage_table, false_alarm_table, share, signal_of, size_of, word_tables
+from sysid.studies.zoo.tables import coverage_table, false_alarm_table, share, signal_of, word_tables
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,6 @@ from mecanum_env.parallel import Workers
 
 if TYPE_CHECKING:
     from sysid.studies.zoo.cases.case import Level
-    from sysid.studies.zoo.seeds import Block
 
 _BENCH, _ROBOT = 600, 60
 _QUICK_BENCH, _QUICK_ROBOT = 54, 6
@@ -69,7 +68,8 @@ def main(
     from sysid.studies.zoo.drives.families import FAMILIES
     from sysid.studies.zoo.page import page_markdown, provenance_of, run_json, short_text, summary_text
     from sysid.studies.zoo.power import write_power_plot
-    from sysid.studies.zoo.seeds import development_seeds, finish, spread_seeds
+    from sysid.studies.zoo.sealed import claim_seeds, finish_seeds
+    from sysid.studies.zoo.seeds import development_seeds, spread_seeds
     from sysid.studies.zoo.settle import settle_cases
     from sysid.studies.zoo.settled import settled_json
     from sysid.studies.zoo.settled_table import settle_table
@@ -83,7 +83,7 @@ def main(
     }
     if not any(counts.values()):
         raise InputError("bench and robot are both 0: give one of them cases")
-    block = _claim(counts, first_seed) if sealed else None
+    block = claim_seeds(counts, first_seed) if sealed else None
     seeds: dict[Level, Sequence[int]] = {}
     for level, count in counts.items():
         if block is not None:
@@ -111,37 +111,9 @@ def main(
         write_power_plot(outcomes, picture)
         write_text(markdown, page_markdown(outcomes, undrawn, about, FAMILIES, picture.name, settled))
     if block is not None:
-        finish(_checkout(), block)
+        finish_seeds(block)
     print(short_text(outcomes, undrawn))
     print(f"\nwrote {out / 'zoo.json'} and {out / 'zoo.txt'}{f' and {markdown}' if markdown else ''}")
-
-
-def _claim(counts: Mapping[Level, int], first_seed: int | None) -> Block:
-    """Spend sealed seeds, and write that down before anything runs."""
-    from mecanum_env.checkout import commit
-    from sysid.studies.zoo.seeds import Block, claim
-    from sysid.studies.zoo.sources import fingerprint
-
-    wanted = Block(
-        first=first_seed or 0,
-        bench=counts["bench"],
-        robot=counts["robot"],
-        commit=commit() or "unknown",
-        fingerprint=fingerprint(),
-        date=datetime.date.today().isoformat(),
-    )
-    block = claim(_checkout(), wanted, first_seed)
-    print(f"sealed seeds {block.seeds[0]} to {block.seeds[-1]} are spent on commit {block.commit[:12]}")
-    return block
-
-
-def _checkout() -> Path:
-    from mecanum_env.checkout import checkout
-
-    root = checkout()
-    if root is None:
-        raise InputError("sealed: an installation keeps no record of spent seeds; run it in a checkout")
-    return root
 
 
 def _command(flags: Mapping[str, bool], options: Mapping[str, int | None], only: str) -> str:

@@ -9,8 +9,9 @@ from typing import Final, Literal
 
 import numpy as np
 
+from sysid.studies.score import size_of
 from sysid.studies.zoo.outcome import Outcome
-from sysid.studies.zoo.tables import is_found, is_visible, of_kind, share, signal_of, size_of
+from sysid.studies.zoo.tables import is_found, is_visible, of_kind, share, signal_of
 from sysid.studies.zoo.words import word_of
 
 Reached = Literal["reached", "missed", "open", "-"]

@@ -10,6 +10,7 @@ from typing import Any, Final
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import effect_named
 from sysid.gap.result import Evidence, FoundEffect, GapReport, Interval
+from sysid.studies import score
 from sysid.studies.zoo.cases.case import Case, Hidden
 
 Bounds = tuple[float, float, float]
@@ -66,16 +67,12 @@ class Outcome:
     @property
     def claims(self) -> tuple[frozenset[str], ...]:
         """Every set of effects that the verdict offers as the explanation; empty if it offers none."""
-        if self.verdict == "named":
-            return (frozenset(self.named),)
-        return tuple(map(frozenset, self.candidates)) if self.verdict == "ambiguous" else ()
+        return score.claims_of(self.verdict, self.named, self.candidates)
 
     @property
     def closure(self) -> float:
         """(before - after) / (before - floor) on test runs; NaN where there was no gap, or no known floor."""
-        if not self.before > self.floor:
-            return math.nan
-        return (self.before - self.after) / (self.before - self.floor)
+        return score.closure(self.before, self.after, self.floor)
 
     @property
     def noise_ratio(self) -> float:
@@ -87,15 +84,11 @@ class Outcome:
 
         Parameters of which the case states no truth, or the report no value, are left out.
         """
-        if not self.hidden or frozenset(self.named) != self.hidden:
-            return ()
-        held = []
-        for hidden in self.case.hidden:
-            for parameter, truth in hidden.parameters.items():
-                bounds = self.parameters.get(hidden.name, {}).get(parameter)
-                if bounds is not None:
-                    held.append((hidden.name, parameter, bounds[1] <= truth <= bounds[2]))
-        return tuple(held)
+        return score.intervals_held(
+            {hidden.name: hidden.parameters for hidden in self.case.hidden},
+            self.named,
+            {name: {key: b[1:] for key, b in values.items()} for name, values in self.parameters.items()},
+        )
 
 
 def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> Outcome:
@@ -144,7 +137,7 @@ def _out_of_sight(hidden: Hidden, report: GapReport) -> bool:
         return True
     seen = report.smallest_detectable.get(name, {})
     return bool(hidden.parameters) and all(
-        key in seen and _is_smaller(value, seen[key], _neutral(name, key, report))
+        key in seen and score.is_smaller(value, seen[key], _neutral(name, key, report))
         for key, value in hidden.parameters.items()
     )
 
@@ -152,11 +145,6 @@ def _out_of_sight(hidden: Hidden, report: GapReport) -> bool:
 def _neutral(name: str, parameter: str, report: GapReport) -> float:
     known = {p.name: p for p in CATALOGUE[name].parameters}
     return float(report.base.effects.get(name, {}).get(parameter, known[parameter].neutral_in(report.base)))
-
-
-def _is_smaller(value: float, other: float, neutral: float) -> bool:
-    """Return whether a value lies between neutral, which may be infinite, and another value."""
-    return other < value < neutral or neutral < value < other
 
 
 def to_json(outcome: Outcome) -> dict[str, Any]:

@@ -12,6 +12,7 @@ import mecanum_env
 from mecanum_env.checkout import commit
 from mecanum_env.files import plain_json
 from mecanum_env.markdown import markdown_table
+from sysid.studies.score import SIZES, WORDS
 from sysid.studies.zoo.calibration import calibrate, left_out_table
 from sysid.studies.zoo.drives.drive import Family
 from sysid.studies.zoo.metrics import METRIC_HEAD, metrics
@@ -19,8 +20,8 @@ from sysid.studies.zoo.outcome import Outcome, to_json
 from sysid.studies.zoo.power import power_table
 from sysid.studies.zoo.seeds import Block, spans
 from sysid.studies.zoo.sources import fingerprint
-from sysid.studies.zoo.tables import SIZES, Table, coverage_table, false_alarm_table, word_tables
-from sysid.studies.zoo.words import WORDS, word_of
+from sysid.studies.zoo.tables import Table, coverage_table, false_alarm_table, word_tables
+from sysid.studies.zoo.words import word_of
 
 FORMAT: Final = "mecanum-zoo/1"
 

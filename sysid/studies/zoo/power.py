@@ -13,8 +13,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from mecanum_env.files import atomic_path
+from sysid.studies.score import SIZES, size_of
 from sysid.studies.zoo.outcome import Outcome
-from sysid.studies.zoo.tables import SIZES, Share, Table, is_found, of_kind, share, signal_of, size_of
+from sysid.studies.zoo.tables import Share, Table, is_found, of_kind, share, signal_of
 
 EDGES: Final = (0.0, 0.1, 0.3, 0.6, 1.0, 2.0, 5.0, 10.0, 20.0, math.inf)
 """Signals between which the cases of an overall curve are pooled."""

@@ -17,13 +17,13 @@ _WITHOUT_EFFECT: Final = (
     "mecanum_env/rendering",
     "mecanum_env/tankendo",
     "sysid/online",
-    *(f"sysid/studies/{name}" for name in ("blind", "paper_gap", "reproduce")),
+    *(f"sysid/studies/{name}" for name in ("gapbench", "paper_gap", "reproduce")),
     # What reads outcomes, and cannot change them.
     *(
         f"sysid/studies/zoo/{name}.py"
         for name in (
             *("__main__", "calibrate", "calibration", "metrics", "page", "power"),
-            *("seeds", "settled_table", "tables", "words"),
+            *("sealed", "seeds", "settled_table", "tables", "words"),
         )
     ),
 )

@@ -6,22 +6,14 @@ import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final, Literal
+from typing import Final
 
 from mecanum_env.statistics import wilson_interval
+from sysid.studies import score
+from sysid.studies.score import FOUND, NAMED_KINDS, SIZES, VISIBLE, WORDS, size_of
 from sysid.studies.zoo.outcome import Outcome
-from sysid.studies.zoo.words import FOUND, WORDS, word_of
+from sysid.studies.zoo.words import word_of
 
-Size = Literal["undetectable", "weak", "clear", "gross"]
-SIZES: Final[Mapping[Size, tuple[float, float]]] = {
-    "undetectable": (0.0, 0.3),
-    "weak": (0.3, 1.0),
-    "clear": (1.0, 5.0),
-    "gross": (5.0, math.inf),
-}
-"""Size of a change -> from and below which signal: rms of what it does to the logs, over the noise."""
-NAMED_KINDS: Final = ("single", "twin", "pair", "triple")
-"""Kinds of cases whose hidden effects have names and can be seen."""
 Keys = Callable[[Outcome], Iterable[str]]
 """The rows of a table in which an outcome counts."""
 
@@ -61,20 +53,14 @@ class Table:
     rows: tuple[tuple[str, ...], ...]
 
 
-def size_of(signal: float) -> Size:
-    """Return the size of a change by its signal: rms of what it does to the logs, over the noise."""
-    return next(size for size, (_, end) in SIZES.items() if signal < end or math.isinf(end))
-
-
 def signal_of(outcome: Outcome) -> float:
     """Return the signal of a case's change; of several effects, the smallest that one has alone, if known."""
-    alone = [hidden.signal for hidden in outcome.case.hidden]
-    return min(alone) if len(alone) > 1 and all(alone) else outcome.case.signal
+    return score.signal_of(outcome.case.signal, [hidden.signal for hidden in outcome.case.hidden])
 
 
 def is_visible(outcome: Outcome) -> bool:
     """Return whether a case's change is clear or gross."""
-    return signal_of(outcome) >= SIZES["clear"][0]
+    return size_of(signal_of(outcome)) in VISIBLE
 
 
 def is_found(outcome: Outcome) -> bool:

@@ -1,0 +1,116 @@
+"""GapBench: `python -m sysid.studies.gapbench make --out DIR`, `... run --cases DIR`, `... leaderboard`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import Any, Final
+
+from mecanum_env.cli import run as run_command
+from mecanum_env.errors import require_at_least
+
+_FIRST_SEED: Final = 400
+
+
+def make(
+    out: Path,
+    bench: int = 40,
+    first_seed: int | None = None,
+    sealed: bool = False,
+    parquet: bool = False,
+    real: tuple[Path, ...] = (),
+    jobs: int = 1,
+) -> None:
+    """Write a benchmark's folder: cases as plain CSV, their truths apart, a scorer, an example and a page.
+
+    Cases that the folder has already are kept: an interrupted run continues from there.
+
+    Example: python -m sysid.studies.gapbench make --out out/gapbench --bench 40
+
+    Args:
+        out: Folder to write.
+        bench: Number of cases of simulated drives.
+        first_seed: Seed of the first of them; default 400, or the next sealed one with --sealed.
+        sealed: Spend sealed seeds of the zoo; the checkout records it.
+        parquet: Also write the logs as Parquet tables.
+        real: Folders of recordings with a pairs.toml, or known ones such as robotino.
+        jobs: Number of worker processes; the result does not depend on it.
+    """
+    require_at_least(1, jobs=jobs)
+    require_at_least(0, bench=bench)
+    # Imported here, so that --help does not wait for the library.
+    from sysid.studies.gapbench.bench import make_bench
+    from sysid.studies.zoo.sealed import claim_seeds, finish_seeds
+    from sysid.studies.zoo.seeds import development_seeds
+
+    block = claim_seeds({"bench": bench, "robot": 0}, first_seed) if sealed else None
+    if block is None:
+        seeds = development_seeds(bench, _FIRST_SEED if first_seed is None else first_seed)
+    else:
+        seeds = block.seeds
+    failed = make_bench(out, seeds, real, sealed=sealed, parquet=parquet, jobs=jobs)
+    if block is not None:
+        finish_seeds(block)
+    for error in failed:
+        print(f"not made: {error}", file=sys.stderr)
+    print(f"wrote {out}: {len(list((out / 'cases').iterdir()))} cases; its README.md says how to use it")
+
+
+def run(cases: Path, out: Path, adapters: tuple[str, ...] = ("all",), jobs: int = 1) -> None:
+    """Let methods answer the cases of a benchmark; print the seconds per case that each takes.
+
+    Answers that a method has given already are kept; remove its folder to have it answer again.
+
+    Example: python -m sysid.studies.gapbench run --cases out/gapbench/cases --out out/gapbench/answers
+
+    Args:
+        cases: The folder of cases; the truth lies elsewhere, and no method sees it.
+        out: Folder that receives one folder of answers per method.
+        adapters: Methods to run, or all.
+        jobs: Number of worker processes; the result does not depend on it.
+    """
+    require_at_least(1, jobs=jobs)
+    from sysid.studies.gapbench.run import run_adapters
+
+    for name, seconds in run_adapters(cases, out, adapters, jobs).items():
+        print(f"{name}: {seconds:.1f} s per case in the median; {out / name / 'answers.json'}")
+
+
+def leaderboard(bench: Path, answers: Path, markdown: Path | None = None) -> None:
+    """Score all answers and print the leaderboard.
+
+    Example: python -m sysid.studies.gapbench leaderboard --bench out/gapbench --answers out/gapbench/answers
+
+    Args:
+        bench: The benchmark's folder, with its truth.
+        answers: Folder with one folder of answers per method.
+        markdown: Also write the leaderboard's page to this file.
+    """
+    from mecanum_env.files import write_text
+    from sysid.studies.gapbench.leaderboard import leaderboard_page, leaderboard_table, read_boards
+
+    boards = read_boards(bench, answers)
+    print(leaderboard_table(boards))
+    if markdown is not None:
+        write_text(markdown, leaderboard_page(boards, bench))
+        print(f"\nwrote {markdown}")
+
+
+COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"make": make, "run": run, "leaderboard": leaderboard}
+
+
+def main(args: list[str]) -> int:
+    """Run the command of `COMMANDS` that `args` names; return the exit code."""
+    prog = "python -m sysid.studies.gapbench"
+    if args and args[0] in COMMANDS:
+        return run_command(COMMANDS[args[0]], args[1:], prog=f"{prog} {args[0]}")
+    help_wanted = args[:1] in (["-h"], ["--help"])
+    lines = "\n".join(f"  {name:13}{(c.__doc__ or '').splitlines()[0]}" for name, c in COMMANDS.items())
+    usage = f"usage: {prog} {{{','.join(COMMANDS)}}} ...\n\n{lines}"
+    print(usage, file=sys.stdout if help_wanted else sys.stderr)
+    return 0 if help_wanted else 2
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

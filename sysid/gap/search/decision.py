@@ -325,6 +325,9 @@ def _as_good(search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, 
     problem = search.problem
     if not problem.has_surrogate:
         return False
+    if problem.knows_all and rival.fitted.cost > search.base.cost - THRESHOLDS.tie_sigmas**2 * inflation:
+        # It explains nothing, however much the rollers scatter.
+        return False
     residual = chosen.fitted.residual
     difference = _difference(problem, chosen, rival)
     square = float(difference @ difference)

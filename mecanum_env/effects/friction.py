@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _WHEEL_JOINTS: Final = tuple(f"wheel_{wheel}" for wheel in WHEELS)
 _CURRENT: Final = "the motor's current at several steady speeds and at break-away"
-_TORQUE: Final = Parameter("torque_n_m", "N m", 0.0, (0.0, 1.0))
+_TORQUE: Final = Parameter("torque_n_m", "N m", 0.0, (0.0, 4.0))
 _BREAKAWAY: Final = Parameter("breakaway_n_m", "N m", 0.0, (0.0, 1.0), scan=(0.05, 0.1, 0.2, 0.4, 0.8))
 _STRIBECK: Final = Parameter("stribeck_rpm", "rpm", None, (0.5, 30.0), (1e-3, 1e6), default=5.0)
 _DAMPING: Final = Parameter("damping_n_m_s_rad", "N m s/rad", 0.0, (0.0, 0.5))

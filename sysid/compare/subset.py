@@ -57,6 +57,7 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
             time_s=run.time_s[rows] - run.time_s[rows][0],
             command=type(run.command)(*columns),
             channels={name: values[rows] for name, values in run.channels.items()},
+            weights={name: values[rows] for name, values in run.weights.items()},
         )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -125,6 +125,8 @@ class Run:
     """Measured columns by name, in the units of `UNITS`, shape (n,); NaN where a sample is missing."""
     start_s: float = 0.0
     """First stamp of the file [s]."""
+    weights: Mapping[str, FloatArray] = field(default_factory=dict)
+    """How much each sample of a channel counts, shape (n,); 1 for channels without (`sysid.logs.tails`)."""
 
     @property
     def level(self) -> Level:

@@ -31,7 +31,7 @@ from sysid.compare.fitted import Fitted
 from sysid.compare.problem import ResidualProblem
 from sysid.progress import Progress, silent
 
-_TORQUES: Final = (0.05, 0.2, 0.5)
+_TORQUES: Final = (0.0125, 0.05, 0.125)
 """Friction torques that are tried on a drive with integral action, on the scale 0 .. 1."""
 _TYPICAL_INTEGRAL: Final = 50.0
 """Integral action with which friction is tried [N m/rad]. Assumed."""

@@ -1,9 +1,9 @@
 """Bench logs whose changes of command are moved to where they acted: what is left is one common delay.
 
-A link that delays every change differently cannot be simulated change by change from its mean and spread. With
-the delays of a log known (`sysid.compare.link_delays`) the same log is written with each change moved by how
-much later than the common delay it acted. Models with a fixed delay then predict it, and everything that
-reads logs works on it as it is.
+A link that delays every change differently cannot be simulated change by change from its mean and spread.
+With the delays of a log known (`sysid.compare.link_delays`) the same log is written with each change moved
+by how much later than the common delay it acted. Models with a fixed delay then predict it, and everything
+that reads logs works on it as it is.
 """
 
 from __future__ import annotations
@@ -43,8 +43,9 @@ def resolution_s(tick_s: float, delay_s: float) -> float:
 def aligned(dataset: Dataset, found: LinkDelays, period_s: float) -> Dataset:
     """Return bench logs with each change of command moved by its delay beyond the common one.
 
-    Moved changes lie on multiples of `period_s` [s] and have a row of their own, without samples. Lost changes
-    are left out. Samples count less where the speed follows from a delay that is not sure. A run that begins with a change begins earlier, at rest. Runs are no repeats any more.
+    Moved changes lie on multiples of `period_s` [s] and have a row of their own, without samples. Lost
+    changes are left out. Samples count less where the speed follows from a delay that is not sure. A run that
+    begins with a change begins earlier, at rest. Runs are no repeats any more.
     """
     runs = []
     for index, run in enumerate(dataset.runs):

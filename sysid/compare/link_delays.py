@@ -1,14 +1,14 @@
 """When each change of a command acted, from bench logs: a link's delays as latent values.
 
 The delay of change i is d(i) = m + s e(i), with the link's common delay m, its spread s and standard normal
-e(i). A model predicts the logs with every change at its delay; the likelihood of another delay of one change
-follows without another simulation, since the law is linear: the change's step response is moved. Delays and
-prediction are improved in turns. The common delay and the spread maximise the likelihood of the logs with the
-delays integrated out (empirical Bayes; Robbins, Proc. 3rd Berkeley Symp. 1:157, 1956), and each delay is then
-the mean of its posterior.
+e(i). A model predicts the logs with every change at its delay; the likelihood of another delay of one
+change follows without another simulation, since the law is linear: the change's step response is moved.
+Delays and prediction are improved in turns. The common delay and the spread maximise the likelihood of the
+logs with the delays integrated out (empirical Bayes; Robbins, Proc. 3rd Berkeley Symp. 1:157, 1956), and
+each delay is then the mean of its posterior.
 
-Delays that go with the size or the direction of a change are no jitter: a limit, friction or play delays large
-or small changes more. A spread therefore counts only if it remains beside them.
+Delays that go with the size or the direction of a change are no jitter: a limit, friction or play delays
+large or small changes more. A spread therefore counts only if it remains beside them.
 """
 
 from __future__ import annotations
@@ -40,6 +40,8 @@ _TAIL: Final = 4.0
 """Degrees of freedom of Student's t as which errors are counted: a few outliers decide nothing. Assumed."""
 _SPREADS_S: Final = (0.0, *np.geomspace(0.001, 0.2, 24).tolist())
 _FEWEST: Final = 6  # changes that show a spread
+_LEAST_SPREAD: Final = 0.25
+"""Least spread in sampling intervals: stamps and latches alone make about that. Assumed."""
 _EVIDENCE: Final = 10.0  # twice the logarithm of a likelihood ratio: "very strong" (Kass and Raftery, 1995)
 _LOST: Final = 8.0  # logarithm of a likelihood ratio from which a change counts as lost
 _FEW_SAMPLES: Final = 5  # a change seen in fewer samples tells nothing
@@ -111,9 +113,7 @@ def changes_of(runs: Sequence[Run], clock_s: float | None) -> tuple[Change, ...]
     return tuple(found)
 
 
-def link_delays(
-    model: Model, runs: Sequence[Run], clock_s: float | None, resolution_s: float
-) -> LinkDelays:
+def link_delays(model: Model, runs: Sequence[Run], clock_s: float | None, resolution_s: float) -> LinkDelays:
     """Estimate the delay of each change of the command in bench `runs`.
 
     The `model` has no delay. `clock_s` is as for `changes_of`, and arrivals are simulated on a grid of
@@ -141,6 +141,8 @@ def link_delays(
     unsure = _unsure(fine, runs, changes, steps, _weights(table.likelihood, mean, spread), table.noise_rpm)
     acting = [change for change, gone in zip(changes, lost, strict=True) if not gone]
     evidence = min(_evidence(seen), _evidence(_without_trend(seen, acting)))
+    if spread < _LEAST_SPREAD * float(np.median([run.median_interval_s for run in runs])):
+        evidence = min(evidence, 0.0)
     return LinkDelays(changes, delays, errors, lost, unsure, mean, spread, evidence)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.units import FloatArray
+from sysid.compare.hold_levels import level_scatter
 from sysid.compare.model_error import command_changes
 from sysid.compare.observations import Block, Observations
 from sysid.compare.prediction import POSE
@@ -29,6 +30,8 @@ _EFFICIENCY: Final = 0.37 / 1.94
 """Degrees of freedom of the variance estimate per second difference. The median of squared normal values is
 0.37 times as efficient as their mean, and neighbouring differences share samples: their correlations of -2/3
 and 1/6 make 1.94 of them as informative as one that is independent."""
+_LASTS: Final = 10.0
+"""Correlation time of a difference between runs, in times for which a command is held: it lasts for a run."""
 _BLURRED: Final = 0.5
 """Ratio of noise to a sensor's resolution above which rounding errors differ from sample to sample."""
 
@@ -113,6 +116,13 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
         sigma[name] = max(sigma[name], least)
         if found := _correlated(blocks):
             correlated[name] = found
+        elif name not in POSE and source[name] == "scatter":
+            # Runs of the same commands that are no repeats, as their stamps differ, tell of lasting noise.
+            level, time_s = level_scatter(observations, name, sigma[name])
+            if level > 0.0:
+                total = math.hypot(sigma[name], level)
+                correlated[name] = CorrelatedNoise((level / total) ** 2, _LASTS * time_s)
+                sigma[name] = total
     known = freedom_of_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
     return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding)
 

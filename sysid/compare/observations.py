@@ -157,7 +157,11 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
     heavy = np.array([run.weights[name][used] if name in run.weights else np.ones(used.size) for run in runs])
     weight = np.where(present, heavy, 0.0) if name not in POSE else present.astype(float)
     # A single run is its own mean, without rounding.
-    mean = np.where(present, weight * values, 0.0).sum(axis=0) / weight.sum(axis=0) if len(runs) > 1 else values[0]
+    mean = (
+        np.where(present, weight * values, 0.0).sum(axis=0) / weight.sum(axis=0)
+        if len(runs) > 1
+        else values[0]
+    )
     deviation = np.where(present, np.sqrt(weight) * (values - mean), 0.0)
     products = np.zeros(_LAGS)
     for lag in range(min(_LAGS, mean.size)):

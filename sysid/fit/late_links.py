@@ -20,8 +20,10 @@ LINK_TURNS: Final = 3
 """How often the delays of the changes and the law are estimated in turns."""
 _WORTH: Final = 0.2
 """Least relative decrease of the error by the delays for which they are adopted. Assumed."""
-_PARTS: Final = 2.0
-"""Ticks of the law between samples that come slowly: changes that act at different times show them."""
+_UNSEEN_TICKS: Final = 2.0
+"""Ticks per sample above which the law's tick goes with the samples, as in `command_path`."""
+_PARTS: Final = 2.5
+"""Ticks per sample then: changes that act between samples show a faster response than samples are apart."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,14 +43,18 @@ class LateLink:
         return with_jitter(model, self.delays.spread_s, self.given.command_period_s)
 
     def note(self, before: Estimate, before_runs: Runs, after: Estimate, after_runs: Runs) -> str:
-        """Return what was found, in a sentence, with the errors by one delay and by that of each change."""
+        """Return what was found, in a sentence.
+
+        It has the errors of the estimate `before`, with one delay, on `before_runs`, and of that `after`, with
+        the delay of each change, on `after_runs`.
+        """
         found = self.delays
         lost = f", and {found.loss:.0%} of the changes never act" if found.lost.any() else ""
         return (
             f"each change of the command acts at a time of its own: {found.mean_s * 1e3:.0f} ms late with a "
-            f"spread of {found.spread_s * 1e3:.0f} ms over {len(found.changes)} changes{lost}; with the delay "
-            f"of each as found, the law errs by {_error(after_runs, after):.3g} rpm (rms) on runs that it was "
-            f"not fitted to, with one delay by {_error(before_runs, before):.3g} rpm"
+            f"spread of {found.spread_s * 1e3:.0f} ms over {len(found.changes)} changes{lost}; with the "
+            f"delay of each as found, the law errs by {_error(after_runs, after):.3g} rpm (rms) on runs that "
+            f"it was not fitted to, with one delay by {_error(before_runs, before):.3g} rpm"
         )
 
 
@@ -59,21 +65,23 @@ def late_link(dataset: Dataset, path: CommandPath, model: Model) -> LateLink | N
     """
     interval = float(np.median([run.median_interval_s for run in dataset.runs]))
     tick = path.sample_period_s
-    if interval > _PARTS * tick * (1.0 + 1e-6):
+    if interval > _UNSEEN_TICKS * tick * (1.0 + 1e-6):
+        # In whole ticks per sample a law could alternate from tick to tick unseen.
         tick = interval / _PARTS
     clock = path.command_period_s if path.latched else None
     found = link_delays(without_delays(model), dataset.runs, clock, resolution_s(tick, 0.0))
     if not found.jitters:
         return None
     period = resolution_s(tick, found.mean_s)
-    fine = replace(
-        path, sample_period_s=tick, command_period_s=period, latched=True, exact=True, notes=()
-    )
+    fine = replace(path, sample_period_s=tick, command_period_s=period, latched=True, exact=True, notes=())
     return LateLink(found, aligned(dataset, found, period), fine, path)
 
 
 def link_is_worth_having(before_runs: Runs, before: Estimate, after_runs: Runs, after: Estimate) -> bool:
-    """Return whether the delays of the changes lower the error enough."""
+    """Return whether the delays of the changes lower the error enough.
+
+    The estimate `before` is with one delay and predicts `before_runs`, that `after` predicts `after_runs`.
+    """
     return _error(after_runs, after) < (1.0 - _WORTH) * _error(before_runs, before)
 
 

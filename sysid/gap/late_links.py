@@ -42,8 +42,9 @@ class LateLogs:
         found, stated = self.delays, self.given.effects[JITTER]
         lost = f"; {found.loss:.0%} of the changes never act" if found.lost.any() else ""
         note = (
-            f"every change of the command acts at a time of its own, as the model says: {found.mean_s * 1e3:.0f} "
-            f"ms late with a spread of {found.spread_s * 1e3:.0f} ms in these logs{lost} (model: "
+            "every change of the command acts at a time of its own, as the model says: "
+            f"{found.mean_s * 1e3:.0f} ms late with a spread of {found.spread_s * 1e3:.0f} ms in these logs"
+            f"{lost} (model: "
             f"{stated['delay_s'] * 1e3:.0f} and {stated['jitter_s'] * 1e3:.0f} ms); compared is what is left "
             "with the delay of each change as found"
         )

@@ -1,11 +1,11 @@
-"""Samples that count less: outliers and heavy-tailed noise of a channel.
+"""Samples that count less: outliers, heavy-tailed noise, and noise that grows with the speed.
 
-A sample is compared with its neighbours while a command is held: with the median of the two before and the two
-after. If these differences have heavier tails than normal noise at that number of samples, they are taken for
-Student's t, whose maximum likelihood is least squares with the weight (n + 1) / (n + z^2), with n its degrees
-of freedom and z the sample's distance in units of the scale (Lange, Little and Taylor, J. Am. Stat. Assoc.
-84:881, 1989). Soon after a change of command neighbours differ by motion: there only a sample that is far off
-four steady neighbours counts less.
+A sample is compared with its neighbours while a command is held: with the median of the two before and the
+two after. If these differences have heavier tails than normal noise at that number of samples, they are
+taken for Student's t, whose maximum likelihood is least squares with the weight (n + 1) / (n + z^2), with n
+its degrees of freedom and z the sample's distance in units of the scale (Lange, Little and Taylor, J. Am.
+Stat. Assoc. 84:881, 1989). Soon after a change of command neighbours differ by motion: there only a sample
+that is far off four steady neighbours counts less.
 """
 
 from __future__ import annotations
@@ -35,73 +35,101 @@ _MEDIAN_OF_FOUR: Final = 0.298
 _OUTLYING: Final = 5.0
 """Scales beyond which a sample is called an outlier: normal noise has one in two million."""
 _STEADY: Final = 5.0
-"""Range of four neighbours, in scales, up to which they are steady: normal noise is within it in 99 of 100."""
+"""Range of four neighbours, in scales, up to which they are steady: that of normal noise in 99 of 100."""
+_GROWTHS: Final = (0.5, 1.0, 2.0, 4.0, 8.0)
+"""Noise at the highest speed in scales at rest that are tried, without the part at rest."""
 _ROUNDS: Final = 30  # of the scale's fixed point
 
 
 @dataclass(frozen=True)
 class Tails:
-    """The noise of a channel with heavier tails than normal noise has."""
+    """The noise of a channel that is not normal, or not the same at all speeds."""
 
     freedom: float
-    """Degrees of freedom of Student's t."""
+    """Degrees of freedom of Student's t; infinite for normal noise."""
     scale: float
-    """Its scale, in the channel's unit."""
+    """Its scale at rest, in the channel's unit."""
+    growth: float
+    """By how much the scale grows with the speed, as a share of it: scale(v)^2 = scale^2 + (growth v)^2."""
     outliers: float
     """Share of the compared samples that are more than five scales off."""
     reduced: float
-    """Share of the compared samples that count less than half."""
+    """Share of the compared samples that count less than half of what their speed lets expect."""
+
+    def at(self, level: FloatArray) -> FloatArray:
+        """Return the scale at speeds `level`, in the channel's unit and of their shape."""
+        return np.hypot(self.scale, self.growth * level)
 
     def note(self, channel: str) -> str:
-        """Return what was found, in a sentence."""
-        return (
-            f"{channel}: the noise has heavy tails (Student's t with {self.freedom:g} degrees of freedom); "
-            f"{self.reduced:.1%} of the samples count less than half, {self.outliers:.1%} are outliers beyond "
-            "five times its scale"
-        )
+        """Return what was found in a `channel`, in a sentence."""
+        said = []
+        if math.isfinite(self.freedom):
+            said.append(
+                f"the noise has heavy tails (Student's t with {self.freedom:g} degrees of freedom): "
+                f"{self.reduced:.1%} of the samples count less than half, {self.outliers:.1%} are outliers "
+                "beyond five times its scale"
+            )
+        if self.growth > 0.0:
+            said.append(f"the noise grows with the speed, by {self.growth:.1%} of it")
+        return f"{channel}: {', and '.join(said)}"
 
 
 def weighted_down(dataset: Dataset) -> tuple[Dataset, Mapping[str, Tails]]:
-    """Return the dataset with weights of samples where noise is heavy-tailed, and channel -> what it is like.
+    """Return the dataset with weights of samples where noise is not normal, and channel -> what it is like.
 
     Without such a channel the dataset is returned as it is.
     """
     found: dict[str, Tails] = {}
     weights: list[dict[str, FloatArray]] = [{} for _ in dataset.runs]
     for name in _CHANNELS:
-        differences = [_differences(run, name) for run in dataset.runs]
-        values = np.concatenate([d[np.isfinite(d)] for d in differences] or [np.zeros(0)])
-        tails = _tails(values, _resolution(dataset.runs, name))
+        parts = [_differences(run, name) for run in dataset.runs]
+        off, level = (np.concatenate([part[i] for part in parts] or [np.zeros(0)]) for i in (0, 1))
+        compared = np.isfinite(off)
+        tails = _tails(off[compared], level[compared], _resolution(dataset.runs, name))
         if tails is None:
             continue
         found[name] = tails
-        for own, run, one in zip(weights, dataset.runs, differences, strict=True):
+        for own, run, part in zip(weights, dataset.runs, parts, strict=True):
             if name in run.channels:
-                own[name] = _weights(_with_spikes(run, name, one, tails), tails)
+                own[name] = _weights(_with_spikes(run, name, part[0], tails), part[1], tails)
     if not found:
         return dataset, found
     runs = (replace(run, weights=own) for run, own in zip(dataset.runs, weights, strict=True))
     return replace(dataset, runs=tuple(runs)), found
 
 
-def _weights(differences: FloatArray, tails: Tails) -> FloatArray:
-    square = (differences / tails.scale) ** 2 / (1.0 + _MEDIAN_OF_FOUR)
-    return np.where(np.isfinite(square), (tails.freedom + 1.0) / (tails.freedom + square), 1.0)
+def _weights(differences: FloatArray, level: FloatArray, tails: Tails) -> FloatArray:
+    scale = tails.at(level)
+    square = (differences / scale) ** 2 / (1.0 + _MEDIAN_OF_FOUR)
+    heavy = np.where(np.isfinite(square), _counts(square, tails.freedom), 1.0)
+    return np.asarray(heavy * (tails.scale / scale) ** 2)
 
 
-def _differences(run: Run, name: str) -> FloatArray:
-    """Return by how much each sample differs from its neighbours while a command is held, else NaN, (n,)."""
-    found = np.full(run.time_s.size, np.nan)
+def _counts(square: FloatArray, freedom: float) -> FloatArray:
+    """Return the weight of samples whose squared distance, in scales, is `square`."""
+    return (freedom + 1.0) / (freedom + square) if math.isfinite(freedom) else np.ones(square.shape)
+
+
+def _differences(run: Run, name: str) -> tuple[FloatArray, FloatArray]:
+    """Return by how much each sample differs from its neighbours, else NaN, and the size of these, both (n,).
+
+    Samples are compared while a command is held. The size is that of the median of five neighbours.
+    """
+    found, level = np.full(run.time_s.size, np.nan), np.zeros(run.time_s.size)
     if name not in run.channels:
-        return found
-    for rows in _held(run, run.finite(name)):
-        values = run.channels[name][rows]
+        return found, level
+    rows = np.flatnonzero(run.finite(name))
+    if rows.size >= 5:
+        values = np.pad(run.channels[name][rows], 2, mode="edge")
+        level[rows] = np.abs(np.median(np.lib.stride_tricks.sliding_window_view(values, 5), axis=1))
+    for held in _held(run, run.finite(name)):
+        values = run.channels[name][held]
         if values.size < 5 or np.ptp(values) == 0.0:
             # A constant channel, such as that of a wheel at rest, says nothing about noise.
             continue
         around = np.stack([values[:-4], values[1:-3], values[3:-1], values[4:]])
-        found[rows[2:-2]] = values[2:-2] - np.median(around, axis=0)
-    return found
+        found[held[2:-2]] = values[2:-2] - np.median(around, axis=0)
+    return found, level
 
 
 def _with_spikes(run: Run, name: str, differences: FloatArray, tails: Tails) -> FloatArray:
@@ -133,34 +161,45 @@ def _resolution(runs: Sequence[Run], name: str) -> float:
     return float(np.min(steps[steps > 1e-9], initial=math.inf)) if np.any(steps > 1e-9) else 0.0
 
 
-def _tails(values: FloatArray, resolution: float) -> Tails | None:
-    """Return what noise has such differences between neighbours (n,); None if normal noise may have them."""
+def _tails(values: FloatArray, level: FloatArray, resolution: float) -> Tails | None:
+    """Return what noise has such differences between neighbours, at speeds, (n,); None for normal noise."""
     if values.size < _FEWEST:
         return None
     # Rounding alone may leave most differences at 0: the scale is no finer than that.
     least = max(resolution / math.sqrt(12.0), 1e-12) * math.sqrt(1.0 + _MEDIAN_OF_FOUR)
-    spread = max(float(np.sqrt(np.mean(values**2))), least)
-    normal = float(np.sum(-0.5 * (values / spread) ** 2)) - values.size * math.log(spread)
-    normal -= 0.5 * values.size * math.log(2.0 * math.pi)
-    likelihood, freedom, scale = max(_student(values, freedom, least) for freedom in _FREEDOMS)
-    if 2.0 * (likelihood - normal) - math.log(values.size) < _EVIDENCE:
+    top = max(float(np.max(level)), 1e-12)
+    tried = []
+    for growing in (0.0, *_GROWTHS):
+        shape = np.hypot(1.0, growing * level / top)
+        for freedom in (math.inf, *_FREEDOMS):
+            likelihood, scale = _student(values / shape, freedom, 0.25 * least)
+            parameters = 1 + math.isfinite(freedom) + (growing > 0.0)
+            twice = 2.0 * (likelihood - float(np.log(shape).sum())) - parameters * math.log(values.size)
+            tried.append((twice, freedom, scale, growing))
+    plain, (best, freedom, scale, growing) = tried[0], max(tried)
+    if best - plain[0] < _EVIDENCE:
         return None
-    distance = np.abs(values) / scale
-    reduced = (freedom + 1.0) / (freedom + distance**2) < 0.5
+    distance = np.abs(values) / np.hypot(max(scale, least), scale * growing * level / top)
+    unit = math.sqrt(1.0 + _MEDIAN_OF_FOUR)
     return Tails(
         freedom,
-        scale / math.sqrt(1.0 + _MEDIAN_OF_FOUR),
+        max(scale, least) / unit,
+        scale * growing / top / unit,
         float(np.mean(distance > _OUTLYING)),
-        float(np.mean(reduced)),
+        float(np.mean(_counts(distance**2, freedom) < 0.5)),
     )
 
 
-def _student(values: FloatArray, freedom: float, least: float) -> tuple[float, float, float]:
-    """Return the greatest log likelihood of values under Student's t, its degrees of freedom and scale."""
-    square, scale = values**2, max(float(np.median(np.abs(values))) / 0.6745, least)
+def _student(values: FloatArray, freedom: float, least: float) -> tuple[float, float]:
+    """Return the greatest log likelihood of values under Student's t, and its scale."""
+    square = values**2
+    if not math.isfinite(freedom):
+        scale = max(math.sqrt(float(np.mean(square))), least)
+        spread = 0.5 * float(np.sum(square)) / scale**2
+        return -spread - values.size * (math.log(scale) + 0.5 * math.log(2.0 * math.pi)), scale
+    scale = max(float(np.median(np.abs(values))) / 0.6745, least)
     for _ in range(_ROUNDS):
-        weight = (freedom + 1.0) / (freedom + square / scale**2)
-        scale = max(math.sqrt(float(np.mean(weight * square))), least)
+        scale = max(math.sqrt(float(np.mean(_counts(square / scale**2, freedom) * square))), least)
     constant = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * math.log(math.pi * freedom)
     spread = 0.5 * (freedom + 1.0) * float(np.log1p(square / (freedom * scale**2)).sum())
-    return float(values.size * (constant - math.log(scale)) - spread), freedom, scale
+    return float(values.size * (constant - math.log(scale)) - spread), scale

@@ -140,8 +140,11 @@ def link_delays(model: Model, runs: Sequence[Run], clock_s: float | None, resolu
     delays, errors = _posterior(table.likelihood, mean, spread)
     unsure = _unsure(fine, runs, changes, steps, _weights(table.likelihood, mean, spread), table.noise_rpm)
     acting = [change for change, gone in zip(changes, lost, strict=True) if not gone]
-    evidence = min(_evidence(seen), _evidence(_without_trend(seen, acting)))
-    if spread < _LEAST_SPREAD * float(np.median([run.median_interval_s for run in runs])):
+    untrended = _without_trend(seen, acting)
+    evidence = min(_evidence(seen), _evidence(untrended))
+    if min(spread, _common(untrended)[1]) < _LEAST_SPREAD * float(
+        np.median([run.median_interval_s for run in runs])
+    ):
         evidence = min(evidence, 0.0)
     return LinkDelays(changes, delays, errors, lost, unsure, mean, spread, evidence)
 

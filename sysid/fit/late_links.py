@@ -45,8 +45,8 @@ class LateLink:
     def note(self, before: Estimate, before_runs: Runs, after: Estimate, after_runs: Runs) -> str:
         """Return what was found, in a sentence.
 
-        It has the errors of the estimate `before`, with one delay, on `before_runs`, and of that `after`, with
-        the delay of each change, on `after_runs`.
+        It has the errors of the estimate `before`, with one delay, on `before_runs`, and of that `after`,
+        with the delay of each change, on `after_runs`.
         """
         found = self.delays
         lost = f", and {found.loss:.0%} of the changes never act" if found.lost.any() else ""

@@ -16,6 +16,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, excludes_itself
 from sysid.compare.descent import Minimum, compass_search
@@ -206,7 +207,12 @@ class Search:
                 return replace(found, place=growth.parent_place, residual=growth.parent.residual)
             again = fit(self.problem, growth.candidate, growth.parent_place, limit=limit, known=known)
             found = again if again is not None and (found is None or again.cost < found.cost) else found
-        if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+        base = self.problem.base.effects
+        # A form that takes the place of another one in the model does not contain the model.
+        taken = {cause_of(name) for name in base} & {
+            cause_of(n) for n in growth.candidate.names if n not in base
+        }
+        if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING) and not taken:
             raise AssertionError(f"{growth.key[0]} fits worse than {growth.parent.names}, which it contains")
         return found
 

@@ -21,11 +21,12 @@ export OMP_NUM_THREADS := 1
 demo: $(VENV)/installed
 	$(BIN)/python examples/demo.py --out out
 
+# A file stays with one worker, so that what its tests share is computed once.
 test: $(VENV)/train
-	$(BIN)/python -m pytest -n auto -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
 
 test-all: $(VENV)/train
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist loadfile
 
 test-wheel: $(VENV)/installed
 	$(BIN)/python tests/run_on_wheel.py

@@ -77,6 +77,7 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
     - `wheel.covariance`: covariance of A-F, 6 rows of 6 numbers, or null; `wheel.names`: a list;
     - `robot.NAME`: standard error of a number of the robot;
     - `effects.EFFECT.PARAMETER`: `low` and `high` of its interval;
+    - `joint.covariance`: covariance of what `joint.names` lists, A-F and "EFFECT.PARAMETER", a row for each;
     - `model_error.channels.CHANNEL`: `settled`, `transient`, `correlation_s`, or null (see
       `sysid.compare.model_error`).
 
@@ -87,6 +88,8 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
     _check_wheel("uncertainty.wheel", mapping("uncertainty.wheel", section.get("wheel", {})))
     _check_robot("uncertainty.robot", mapping("uncertainty.robot", section.get("robot", {})))
     _check_effects("uncertainty.effects", mapping("uncertainty.effects", section.get("effects", {})))
+    if section.get("joint") is not None:
+        _check_joint("uncertainty.joint", mapping("uncertainty.joint", section["joint"]))
     if section.get("model_error") is not None:
         where = "uncertainty.model_error"
         channels = mapping(f"{where}.channels", mapping(where, section["model_error"]).get("channels"))
@@ -109,6 +112,20 @@ def _check_wheel(where: str, wheel: Mapping[str, Any]) -> None:
             f"{where}.covariance must be {_SIZE} rows of {_SIZE} numbers, for {', '.join(COEFFICIENTS)}; "
             "make one with `python -m sysid.fit LOGS`, or leave it out"
         )
+    for i, row in enumerate(rows):
+        for j, item in enumerate(row):
+            _finite(f"{where}.covariance[{i}][{j}]", item)
+
+
+def _check_joint(where: str, joint: Mapping[str, Any]) -> None:
+    names, rows = joint.get("names"), joint.get("covariance")
+    if not isinstance(names, list):
+        raise InputError(f"{where}.names = {json.dumps(names)}, must be a list of names")
+    known = [*COEFFICIENTS, *(f"{name}.{p}" for name, values in EFFECT_PARAMETERS.items() for p in values)]
+    _require_known(f"{where}.names", names, known)
+    sizes = [len(row) if isinstance(row, list) else 0 for row in rows] if isinstance(rows, list) else []
+    if not isinstance(rows, list) or sizes != [len(names)] * len(names):
+        raise InputError(f"{where}.covariance must be {len(names)} rows of {len(names)} numbers")
     for i, row in enumerate(rows):
         for j, item in enumerate(row):
             _finite(f"{where}.covariance[{i}][{j}]", item)

@@ -14,7 +14,7 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 import numpy as np
 
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.law.stability import free_coordinates, stable_abc
+from mecanum_env.law.stability import POLE_LIMIT, free_coordinates, stable_abc
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.descent import (
@@ -265,6 +265,8 @@ class RefittedLaw:
     base: Model
     robot: tuple[str, ...] = ()
     """Names of the robot's parameters that are fitted together with the law."""
+    largest_pole: float = POLE_LIMIT
+    """Largest magnitude of a pole; the poles of the base model's law must be smaller."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -302,7 +304,8 @@ class RefittedLaw:
             return base
         law = self.base.wheel.law
         c = law.coefficients
-        abc = stable_abc(free_coordinates(c[:3]) + moved[:3])
+        scale = (self.largest_pole / POLE_LIMIT) ** np.arange(1, 4)
+        abc = scale * stable_abc(free_coordinates(c[:3] / scale) + moved[:3])
         gain = float(np.sum(c[3:]) / (1.0 - np.sum(c[:3])))
         d, e = c[3:5] + moved[3:]
         f = gain * (1.0 - float(np.sum(abc))) - d - e

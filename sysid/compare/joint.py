@@ -6,6 +6,7 @@ found at a wrong size.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -56,23 +57,34 @@ class LawWithEffects:
         return self.effects.model(self.law.model(base, unit[:count]), unit[count:])
 
 
-def coefficient_covariance(
+def joint_covariance(
     fitted: Fitted[LawWithEffects], base: Model, inflation: float
 ) -> tuple[list[str], FloatArray]:
-    """Return the names A-F and the covariance (6, 6) of the law's coefficients in a fit with effects.
+    """Return the names and the covariance (n, n) of all that was fitted together, in the model's own units.
 
-    The effects' parameters are unknown as well. `base` is the model that was fitted, and `inflation` the
-    variance of the residual relative to the noise.
+    The names are A-F and then "EFFECT.PARAMETER" of each free parameter that has a finite value. `base` is
+    the model that was fitted, and `inflation` the variance of the residual relative to the noise. As five
+    numbers give A-F (the law's DC gain is kept), the matrix is singular.
     """
-    law, place = fitted.candidate.law, fitted.place
-    count = law.parameter_count
+    candidate, place = fitted.candidate, fitted.place
+    count = candidate.law.parameter_count
 
     def coefficients(at: FloatArray) -> FloatArray:
-        return np.asarray(law.model(base, at).wheel.law.coefficients, float)
+        return np.asarray(candidate.law.model(base, at).wheel.law.coefficients, float)
 
-    rows = [
-        (coefficients(place[:count] + step) - coefficients(place[:count] - step)) / (2.0 * _STEP)
-        for step in _STEP * np.eye(count)
-    ]
-    slope = np.array(rows).T
-    return list(COEFFICIENTS), np.asarray(slope @ fitted.covariance(inflation)[:count, :count] @ slope.T)
+    slope = np.zeros((len(COEFFICIENTS) + candidate.effects.parameter_count, place.size))
+    for index, step in enumerate(_STEP * np.eye(count)):
+        change = coefficients(place[:count] + step) - coefficients(place[:count] - step)
+        slope[: len(COEFFICIENTS), index] = change / (2.0 * _STEP)
+    names, rows = list(COEFFICIENTS), list(range(len(COEFFICIENTS)))
+    for index, one in enumerate(candidate.effects.coordinates):
+        at = float(place[count + index])
+        # One-sided at a bound, beyond which a place has no value.
+        low, high = max(0.0, at - _STEP), min(1.0, at + _STEP)
+        moved = one.value(high) - one.value(low)
+        if one.effect and math.isfinite(one.value(at)) and math.isfinite(moved):
+            names.append(f"{one.effect}.{one.parameter}")
+            rows.append(len(COEFFICIENTS) + index)
+            slope[rows[-1], count + index] = moved / (high - low)
+    slope = slope[rows]
+    return names, np.asarray(slope @ fitted.covariance(inflation) @ slope.T)

@@ -238,7 +238,7 @@ def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
     notes = []
     slowest = abs(found.law.poles[0])
     constant_s = -found.law.sample_period_s / math.log(slowest) if 0.0 < slowest < 1.0 else 0.0
-    held_s = _longest_hold_s(runs)
+    held_s = longest_hold_s(runs)
     if constant_s > held_s:
         notes.append(
             f"the slowest pole has a time constant of {constant_s:.3g} s, but no command is held longer than "
@@ -267,7 +267,7 @@ def gain_notes(runs: Runs, search: Search, found: Estimate) -> list[str]:
     return notes
 
 
-def _longest_hold_s(runs: Runs) -> float:
+def longest_hold_s(runs: Runs) -> float:
     """Return the longest time [s] for which a command of the fit runs is held."""
     longest = 0
     for run in pooled(runs["fit"]):

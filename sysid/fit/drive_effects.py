@@ -6,7 +6,9 @@ together, only if three things hold: the cost falls by more than `EVIDENCE` beyo
 of repeats; where the model leaves more than the noise, the residual's variance is used instead.
 
 A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
-therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`.
+therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
+pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
+law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
 """
 
 from __future__ import annotations
@@ -20,12 +22,14 @@ import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect, Parameter
 from mecanum_env.errors import MecanumError
+from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, cause_of
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, coordinate, effect_set, scanned
 from sysid.compare.fitted import Fitted, RefittedLaw, fit, marginal_function
-from sysid.compare.joint import LawWithEffects, coefficient_covariance
+from sysid.compare.joint import LawWithEffects, joint_covariance
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import Observations, observe
 from sysid.compare.prediction import Study
@@ -54,6 +58,8 @@ _OVER_TIME: Final = ("battery_sag", "warm_up")
 _PROBES: Final = (0.03, 0.15, 0.5)
 """Steps from neutral at which a parameter without a scan is tried, on its scale from 0 to 1."""
 _NORMAL_90: Final = 1.645
+_TIME_CONSTANTS: Final = (0.02, 0.06, 0.2, 0.5)
+"""Time constants of first-order laws to start from, relative to the largest one allowed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,20 +89,30 @@ class DriveEffects:
 
 
 def find_drive_effects(
-    dataset: Dataset, laws: Sequence[Model], progress: Progress = silent
+    dataset: Dataset,
+    alone: Model,
+    others: Sequence[Model] = (),
+    largest_pole: float = POLE_LIMIT,
+    progress: Progress = silent,
 ) -> DriveEffects | None:
     """Return the law with the effects that bench logs show, None if the law alone is enough.
 
-    `laws` are models to start from: the law that was fitted first, then others that may be better starting
-    points. `progress` is called before each round.
+    Searches start from the law that was fitted `alone`, unless a pole of it exceeds `largest_pole`, and from
+    `others`. `progress` is called before each round.
     """
-    runs = select_runs(dataset.split("fit"), _SECONDS, laws[0].wheel.command_period_s)
+    runs = select_runs(dataset.split("fit"), _SECONDS, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
-    alone = laws[0]
-    searches = [_Search(law, whitener, held_out) for law in laws]
+    is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
+    laws = (alone, *others) if is_enough else tuple(_first_order(alone, largest_pole))
+    searches = [_Search(law, whitener, held_out, largest_pole) for law in laws]
     began = [search.begin() for search in searches]
+    if not is_enough:
+        # The starts differ in nothing but the time constant.
+        reached = [start for start in began if start is not None]
+        simplest = min(reached, key=lambda start: start.fitted.cost, default=None)
+        searches, began = [searches[began.index(simplest)]], [simplest]
     first = began[0]
     if first is None:
         return None
@@ -104,22 +120,27 @@ def find_drive_effects(
     for search, start in zip(searches, began, strict=True):
         if start is None:
             continue
-        reached = start if start is first or start.better_than(first) else None
+        reached_now = start if start is first or start.better_than(first) else None
         for size in range(_MOST):
             progress(f"drive effects: {size + 1}")
-            grown = search.grown(reached or start)
+            grown = search.grown(reached_now or start)
             if grown is None:
                 break
-            reached = grown
-        if reached is not None and reached is not best and reached.better_than(best):
-            best = reached
-    if not best.model.effects or best is first:
+            reached_now = grown
+        if reached_now is not None and reached_now is not best and reached_now.better_than(best):
+            best = reached_now
+    if not best.model.effects or (best is first and is_enough):
         return None
     before = _rms(held_out, alone)
-    names, covariance = coefficient_covariance(best.fitted, best.base, best.inflation)
-    stated = {"wheel": {"names": names, "covariance": covariance.tolist()}, "effects": best.intervals()}
+    names, covariance = joint_covariance(best.fitted, best.base, best.inflation)
+    of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
+    stated = {
+        "wheel": {"names": list(COEFFICIENTS), "covariance": of_law.tolist()},
+        "effects": best.intervals(),
+        "joint": {"names": names, "covariance": covariance.tolist()},
+    }
     model = replace(best.model, uncertainty={**best.model.uncertainty, **stated})
-    return DriveEffects(model, covariance, before, best.held_out_rpm)
+    return DriveEffects(model, of_law, before, best.held_out_rpm)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,16 +185,17 @@ class _Reached:
 class _Search:
     """The effects beside one starting law."""
 
-    def __init__(self, law: Model, whitener: Whitener, held_out: Observations) -> None:
+    def __init__(self, law: Model, whitener: Whitener, held_out: Observations, largest_pole: float) -> None:
         self.base = replace(law, uncertainty={})
         self.problem = ResidualProblem(self.base, whitener, Study())
-        self.held_out = held_out
+        self.held_out, self.largest_pole = held_out, largest_pole
 
     def begin(self) -> _Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
         names = [name for name in self.base.effects if name in _known()]
         scale = self.problem.study.scale
-        candidate = LawWithEffects(RefittedLaw(self.base), effect_set(self.base, names, scale=scale))
+        law = RefittedLaw(self.base, largest_pole=self.largest_pole)
+        candidate = LawWithEffects(law, effect_set(self.base, names, scale=scale))
         return self._reached(candidate, candidate.start())
 
     def grown(self, reached: _Reached) -> _Reached | None:
@@ -226,6 +248,15 @@ class _Search:
                     best = (expected, place)
             if best is not None:
                 yield best[0], candidate, best[1]
+
+
+def _first_order(model: Model, largest_pole: float) -> Iterator[Model]:
+    """Yield a model with first-order laws of unit gain and a free gain, fast ones first."""
+    for share in _TIME_CONSTANTS:
+        pole = float(largest_pole ** (1.0 / share))
+        law = replace(model.wheel.law, A=pole, B=0.0, C=0.0, D=1.0 - pole, E=0.0, F=0.0)
+        start = replace(model, wheel=replace(model.wheel, law=law))
+        yield start.with_effect("speed_gain", gain=1.0)
 
 
 def _starts(base: Model, effect: Effect, added: EffectSet, scale: float) -> Iterator[FloatArray]:

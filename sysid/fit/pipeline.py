@@ -11,6 +11,7 @@ import numpy as np
 
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
+from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, Robot, Wheel
 from sysid.fit.command_path import CommandPath, infer_command_path
 from sysid.fit.drive_choice import (
@@ -20,6 +21,7 @@ from sysid.fit.drive_choice import (
     delay_is_vague,
     drive_notes,
     gain_notes,
+    longest_hold_s,
     pooled,
     runs_by_split,
 )
@@ -35,6 +37,9 @@ from sysid.logs.noise import noise_from_repeats
 from sysid.logs.tails import Tails, weighted_down
 from sysid.progress import Progress, peak_memory_mib, silent, with_peak_memory
 
+SLOWEST: Final = 2.0
+"""Longest time constant of a pole beside effects, in the longest time for which a command is held. After as
+long as one time constant 63 % of a response are seen; of twice that, 39 %. Assumed."""
 _LEAST_SIGMA: Final = 1e-6  # rpm, for repeats without noise
 
 
@@ -238,7 +243,8 @@ def _drive_effects(
 ) -> DriveEffects | None:
     """Look for effects beside the law that was `found`, and beside one whose DC gain is free."""
     path = search.path
-    laws = [Model(wheel_model(path, found), options.robot, latency(found))]
+    alone = Model(wheel_model(path, found), options.robot, latency(found))
+    others = []
     if options.unit_gain:
         free = search.run(
             pooled(runs["fit"]),
@@ -250,8 +256,10 @@ def _drive_effects(
         if gain > 0.0 and math.isfinite(gain):
             law = replace(free.law, D=free.law.D / gain, E=free.law.E / gain, F=free.law.F / gain)
             wheel = replace(wheel_model(path, free), law=law)
-            laws.append(Model(wheel, options.robot, {**latency(free), "speed_gain": {"gain": gain}}))
-    return find_drive_effects(dataset, laws, progress)
+            others.append(Model(wheel, options.robot, {**latency(free), "speed_gain": {"gain": gain}}))
+    slowest_s = SLOWEST * longest_hold_s(runs)
+    largest_pole = min(POLE_LIMIT, math.exp(-found.law.sample_period_s / slowest_s))
+    return find_drive_effects(dataset, alone, others, largest_pole, progress)
 
 
 def wheel_model(path: CommandPath, found: Estimate) -> Wheel:

@@ -24,9 +24,10 @@ FORMAT: Final = "mecanum-fit/1"
 def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     """Return the model of a fit.
 
-    Its `uncertainty` holds the covariance of the coefficients and the model's own error on the logs
-    (`sysid.compare.model_error`). Its effect "command_latency" is the fitted delay, if there is one. The
-    `robot` around the wheel is by default the one that the fit was given.
+    Its `uncertainty` holds the covariance of the coefficients, that of coefficients and effects together
+    where effects were fitted (`joint`), and the model's own error on the logs (`sysid.compare.model_error`).
+    Its effect "command_latency" is the fitted delay, if there is one. The `robot` around the wheel is by
+    default the one that the fit was given.
     """
     found, path = fit.estimate, fit.path
     wheel = wheel_model(path, found)
@@ -53,7 +54,7 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     )
     if fit.drive_effects is not None:
         together = fit.drive_effects.model
-        stated = {**model.uncertainty, "effects": together.uncertainty["effects"]}
+        stated = {**model.uncertainty, **{key: together.uncertainty[key] for key in ("effects", "joint")}}
         stated["wheel"] = {**stated["wheel"], **together.uncertainty["wheel"]}
         model = replace(model, wheel=together.wheel, effects=together.effects, uncertainty=stated)
     if fit.dataset.level == "robot" and not fit.wheels:

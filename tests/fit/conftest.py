@@ -49,7 +49,7 @@ def bench_run(
     return Run(name, name.split(".")[0], split, time, BenchCommand(command), {"speed_rpm": speed})
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def bench() -> Callable[..., Dataset]:
     """Make a bench dataset of five runs of random whole levels; keywords go to `bench_run`."""
 

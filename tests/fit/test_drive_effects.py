@@ -87,3 +87,28 @@ def test_what_was_found_is_stated_with_its_uncertainty(rubbing):
     stated = model.uncertainty["effects"]["speed_gain"]["gain"]
     assert stated["low"] < model.effects["speed_gain"]["gain"] < stated["high"]
     assert np.all(np.linalg.eigvalsh(np.array(model.uncertainty["wheel"]["covariance"])) > -1e-9)
+
+
+def test_law_and_effects_are_stated_with_one_covariance(rubbing):
+    _, fit = rubbing
+    uncertainty = fitted_model(fit).uncertainty
+    names, covariance = uncertainty["joint"]["names"], np.array(uncertainty["joint"]["covariance"])
+    assert names[:6] == list("ABCDEF")
+    assert {"speed_gain.gain", "coulomb_friction.torque_n_m"} <= set(names)
+    assert np.array_equal(covariance[:6, :6], np.array(uncertainty["wheel"]["covariance"]))
+    ends = uncertainty["effects"]["speed_gain"]["gain"]
+    deviation = np.sqrt(covariance[names.index("speed_gain.gain"), names.index("speed_gain.gain")])
+    assert ends["high"] - ends["low"] == pytest.approx(2.0 * 1.645 * deviation, rel=1e-3)
+    assert np.any(covariance[:6, 6:] != 0.0)
+
+
+def test_a_gain_is_not_imitated_by_a_pole_that_no_hold_shows(paper_module):
+    law = replace(paper_module.wheel.law, A=0.85, B=0.0, C=0.0, D=0.15, E=0.0, F=0.0)
+    true = replace(paper_module, wheel=replace(paper_module.wheel, law=law)).with_effect(
+        "speed_gain", gain=0.8
+    )
+    found = fitted_model(fit_dataset(logs(true), FitOptions(starts=2)))
+    assert found.effects["speed_gain"]["gain"] == pytest.approx(0.8, abs=0.02)
+    held_s = np.arange(600) * SAMPLE_S
+    speeds = [replay_bench(model, held_s, np.full(600, 100.0))[-1] for model in (true, found)]
+    assert speeds[1] == pytest.approx(speeds[0], abs=2.0)

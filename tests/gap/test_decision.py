@@ -10,18 +10,19 @@ import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
-from sysid.compare.coordinates import EffectSet
+from sysid.compare.coordinates import EffectSet, effect_set
 from sysid.compare.fitted import Fitted
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.report.output import gap_json
-from sysid.gap.result import FoundEffect, GapOptions, Interval
+from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search.responses import Growth, growths, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
 from sysid.gap.workflow import analyse
+from sysid.logs import Dataset
 from tests.gap.conftest import MakeLogs
 
 QUIET = GapOptions(next_experiment=False)
@@ -34,8 +35,15 @@ def test_logs_of_the_model_itself_have_no_gap(bench_logs: MakeLogs, base: Model)
     assert report.model is base
 
 
-def test_a_hidden_effect_is_named_with_its_size(bench_logs: MakeLogs, base: Model) -> None:
-    report = analyse(bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0)), base, QUIET)
+@pytest.fixture(scope="module")
+def limited(bench_logs: MakeLogs, base: Model) -> tuple[Dataset, GapReport]:
+    """Return logs of a wheel with a lower limit of its speed, and their study."""
+    dataset = bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0))
+    return dataset, analyse(dataset, base, QUIET)
+
+
+def test_a_hidden_effect_is_named_with_its_size(limited: tuple[Dataset, GapReport]) -> None:
+    _, report = limited
     assert report.verdict == "named"
     (effect,) = report.effects
     assert effect.name == "speed_saturation"
@@ -45,9 +53,8 @@ def test_a_hidden_effect_is_named_with_its_size(bench_logs: MakeLogs, base: Mode
     assert effect.selection_frequency > 0.9
 
 
-def test_the_improved_model_has_no_gap_left(bench_logs: MakeLogs, base: Model) -> None:
-    dataset = bench_logs(base.with_effect("speed_saturation", limit_rpm=80.0))
-    first = analyse(dataset, base, QUIET)
+def test_the_improved_model_has_no_gap_left(limited: tuple[Dataset, GapReport]) -> None:
+    dataset, first = limited
     assert first.gap.after == pytest.approx(first.gap.noise_floor, rel=0.1)
     assert first.model.effects["speed_saturation"]["limit_rpm"] == pytest.approx(80.0, abs=0.5)
     assert analyse(dataset, first.model, QUIET).verdict == "no_gap"
@@ -178,3 +185,16 @@ def test_behind_a_delay_no_other_form_of_a_cause_of_the_set_is_screened(
     search.grow(1)
     grown = search.growths(search.fitted[("sensor_latency",), False])
     assert [growth.candidate.names for growth in grown] == [("speed_gain", "sensor_latency")]
+
+
+def test_another_form_of_an_effect_that_the_model_has_may_fit_worse(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    model = base.with_effect("coulomb_friction", "washed_out", torque_n_m=0.9, washout_s=0.2)
+    logs = bench_logs(model)
+    observations = observe(logs)
+    problem = ResidualProblem(model, Whitener(observations, measure_noise(logs, observations), None))
+    search = Search(problem, [], SearchEffort())
+    droop = effect_set(model, ["coulomb_friction"])
+    search.fit_best([Growth(droop, droop.start(), search.base, expected=0.0)], most=1)
+    assert search.fitted[droop.names, False].cost > 2.0 * search.base.cost

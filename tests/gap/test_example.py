@@ -20,7 +20,7 @@ DEAD_BAND_RPM, RAMP_RPM_S = 12.5, 900.0
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return fitted_model(fit_dataset(read_dataset(EXAMPLES / "logs"), FitOptions(starts=3)))
+    return fitted_model(fit_dataset(read_dataset(EXAMPLES / "logs"), FitOptions(starts=1)))
 
 
 @pytest.fixture(scope="module")
@@ -74,14 +74,13 @@ def test_the_new_model_has_no_gap_left(report: GapReport, changed: Dataset, tmp_
 def test_any_number_of_jobs_gives_the_same_bytes(changed: Dataset, model: Model, tmp_path: Path):
     few = replace(changed, runs=tuple(run for run in changed.runs if run.group.startswith(("slow", "stair"))))
     only = ("command_deadband", "acceleration_limit", "speed_gain")
-    for jobs in (1, 2, 3):
+    for jobs in (1, 3):
         options = GapOptions(seed=1, only=only, jobs=jobs, max_effects=2, next_experiment=False)
         write_study(analyse(few, model, options), tmp_path / str(jobs))
     first = (tmp_path / "1" / "gap.json").read_bytes()
     assert json.loads(first)["verdict"] == "named"
-    for jobs in (2, 3):
-        assert (tmp_path / str(jobs) / "gap.json").read_bytes() == first
-        assert read_model(tmp_path / str(jobs) / "model.json") == read_model(tmp_path / "1" / "model.json")
+    assert (tmp_path / "3" / "gap.json").read_bytes() == first
+    assert read_model(tmp_path / "3" / "model.json") == read_model(tmp_path / "1" / "model.json")
 
 
 def test_the_terminal_says_it_in_ten_lines(report: GapReport):

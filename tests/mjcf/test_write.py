@@ -5,9 +5,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import asset_path
 from mecanum_env.mjcf import robot_spec
+from mecanum_env.mjcf.__main__ import main
 from mecanum_env.mjcf.plants import SPECS, left_out, mjcf_text, write_models
 from mecanum_env.model import paper_model, write_model
 
@@ -92,9 +94,7 @@ def test_the_program_writes_files_that_open(tmp_path):
         assert mujoco.MjModel.from_xml_path(str(tmp_path / "mjcf" / name)).nu in (1, 4)
 
 
-def test_the_program_names_a_bad_model_and_exits_with_2(tmp_path):
+def test_the_program_names_a_bad_model_and_exits_with_2(tmp_path, capsys):
     (tmp_path / "model.json").write_text("{")
-    command = [sys.executable, "-m", "mecanum_env.mjcf", tmp_path / "model.json", "--out", tmp_path / "mjcf"]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert done.returncode == 2
-    assert "model.json, line 1" in done.stderr
+    assert run(main, [str(tmp_path / "model.json"), "--out", str(tmp_path / "mjcf")]) == 2
+    assert "model.json, line 1" in capsys.readouterr().err

@@ -2,7 +2,7 @@ import json
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
@@ -39,6 +39,7 @@ def test_every_law_is_finite_stable_and_of_unit_gain_for_any_input(samples):
         assert np.all(np.isfinite(found.standard_errors))
 
 
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.sampled_from([0.0, 0.5, 5.0, 50.0]))
 def test_stable_at_every_step_while_learning_random_laws(seed, noise):
     rng = np.random.default_rng(seed)
@@ -61,7 +62,7 @@ def test_absurd_signals_on_the_slowest_law_do_not_break_the_arithmetic(hold):
         assert np.all(np.isfinite(found.standard_errors))
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_after_ten_seconds_it_predicts_new_data_to_the_noise(law, start, seed):
     rng = np.random.default_rng(seed)
     data, held_out = random_samples([(law, 1200)], rng), random_samples([(law, 1200)], rng)
@@ -102,10 +103,10 @@ def test_a_changed_law_is_followed_within_two_seconds_of_data(law, after, seed):
     assert free_run_error_rpm(found[-1].law, held_out) <= 1.2 * FLOOR_RPM
 
 
-def test_ten_minutes_of_constant_command_forget_nothing(law, start):
+def test_three_minutes_of_constant_command_forget_nothing(law, start):
     rng = np.random.default_rng(5)
     lively = random_samples([(law, 1200)], rng).command_rpm
-    command = np.concatenate([lively, np.full(72_000, 60.0)])
+    command = np.concatenate([lively, np.full(21_600, 60.0)])
     settled = len(lively) + 120
     true = law.simulate(command[:settled])[:-1]
     speed = np.rint(np.concatenate([true, np.full(len(command) - settled, 60.0)]))

@@ -198,23 +198,28 @@ class Search:
     def _fit(self, work: tuple[Growth, float]) -> Fitted[EffectSet] | None:
         (growth, limit), known = work, _columns(work[0].candidate, work[0].parent)
         self.tell(" + ".join(growth.candidate.names))
+        contains = not self._replaces_form(growth.candidate)
         if any(c.stepwise for i, c in enumerate(growth.candidate.coordinates) if i not in known):
             # Its derivative promises nothing.
             limit = math.inf
         found = fit(self.problem, growth.candidate, growth.place, limit=limit, known=known)
-        if found is None or found.cost > growth.parent.cost * (1.0 + _ROUNDING):
+        if found is None or (contains and found.cost > growth.parent.cost * (1.0 + _ROUNDING)):
             if found is not None and found.given_up:
                 return replace(found, place=growth.parent_place, residual=growth.parent.residual)
             again = fit(self.problem, growth.candidate, growth.parent_place, limit=limit, known=known)
             found = again if again is not None and (found is None or again.cost < found.cost) else found
-        base = self.problem.base.effects
-        # A form that takes the place of another one in the model does not contain the model.
-        taken = {cause_of(name) for name in base} & {
-            cause_of(n) for n in growth.candidate.names if n not in base
-        }
-        if found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING) and not taken:
+        if contains and found is not None and found.cost > growth.parent.cost * (1.0 + _ROUNDING):
             raise AssertionError(f"{growth.key[0]} fits worse than {growth.parent.names}, which it contains")
         return found
+
+    def _replaces_form(self, candidate: EffectSet) -> bool:
+        """Return whether a set takes a form of an effect out of the base model, for another one.
+
+        Such a set does not contain the smaller ones, and may fit worse than they do.
+        """
+        present = set(self.problem.base.effects)
+        causes = {cause_of(name) for name in candidate.names if name not in present}
+        return any(cause_of(name) in causes for name in present)
 
     def _excluded(self, names: Sequence[str]) -> bool:
         return excludes_itself(names, bench=self.problem.bench)

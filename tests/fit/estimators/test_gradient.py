@@ -258,18 +258,15 @@ def test_given_starts_replace_the_others(noisy_runs: list[WheelRun], paper: Mode
     assert found.starts[0].initial == start
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10)
 @given(seed=st.integers(0, 10**6), noise=st.floats(0.0, 3.0))
-def test_kkt_and_output_error_are_stable_and_no_worse_than_one_step_on_random_systems(
-    seed: int, noise: float
-) -> None:
+def test_kkt_is_stable_and_no_worse_than_one_step_on_random_systems(seed: int, noise: float) -> None:
     """Poles up to 0.98, any zeros; without the choice of order, which accepts a slightly larger error."""
     rng = np.random.default_rng(seed)
     law = WheelLaw.from_coefficients(random_coefficients(rng), 1 / 120)
     runs = step_runs(law, rng, noise_rpm=noise, repeats=1, seconds=0.8, steps_rpm=(40.0, 80.0))
     baseline = estimate(runs, "one-step").rms_rpm
-    for method in ("kkt", "output-error"):
-        found = estimate(runs, method, Options(starts=3, max_iterations=40, order="third"))
-        assert found.stable_share == 1.0
-        assert found.law.is_stable
-        assert found.rms_rpm <= baseline * (1.0 + 1e-9) + 1e-9
+    found = kkt(runs, Options(starts=3, max_iterations=40, order="third"))
+    assert found.stable_share == 1.0
+    assert found.law.is_stable
+    assert found.rms_rpm <= baseline * (1.0 + 1e-9) + 1e-9

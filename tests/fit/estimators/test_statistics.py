@@ -17,12 +17,12 @@ ONE = Options(starts=1)
 
 @pytest.fixture(scope="module")
 def realisations():
-    """60 fits of the paper's law with their runs."""
+    """40 fits of the paper's law with their runs."""
     from mecanum_env.model import paper_model
 
     rng = np.random.default_rng(0)
     result = []
-    for _ in range(60):
+    for _ in range(40):
         runs = step_runs(paper_model().wheel.law, rng)
         result.append((runs, estimate(runs, options=ONE)))
     return result

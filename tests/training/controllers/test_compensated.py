@@ -74,12 +74,12 @@ def robot_with(effects):
 
 
 def relative_speed_error(model, compensated):
-    """Return by how much the mean twist of two seconds misses what was asked for, mean of commands."""
+    """Return by how much the mean twist of one second misses what was asked for, mean of commands."""
     lever = np.array([1.0, 1.0, 0.38])  # turning counts by the speed of the wheels
     errors = []
     for command in COMMANDS:
         inverse, session = DriveInverse(model), RobotSession(model, "planar")
-        for k in range(30):
+        for k in range(20):
             session.advance(*(inverse.command(command, 0.1 * k) if compensated else command))
         path = session.trajectory()
         twist = path.twist[path.time_s >= 1.0].mean(axis=0)

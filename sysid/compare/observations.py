@@ -67,9 +67,9 @@ class Block:
     value: FloatArray
     """Mean over the repeats, in the channel's unit, shape (m,)."""
     weight: FloatArray
-    """Number of samples that each value is the mean of, shape (m,)."""
+    """Number of samples that each value is the mean of, shape (m,); outliers count less than 1."""
     repeat_squares: float
-    """Sum of the squared deviations of the repeats from their mean."""
+    """Sum of the squared deviations of the repeats from their mean, outliers weighted down."""
     degrees_of_freedom: int
     """Degrees of freedom of `repeat_squares`."""
     lagged_products: FloatArray
@@ -154,14 +154,21 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
     if used.size == 0:
         return None
     time, values, present, count = time[used], values[:, used], present[:, used], count[used]
-    mean = np.where(present, values, 0.0).sum(axis=0) / count
-    deviation = np.where(present, values - mean, 0.0)
+    heavy = np.array([run.weights[name][used] if name in run.weights else np.ones(used.size) for run in runs])
+    weight = np.where(present, heavy, 0.0) if name not in POSE else present.astype(float)
+    # A single run is its own mean, without rounding.
+    mean = (
+        np.where(present, weight * values, 0.0).sum(axis=0) / weight.sum(axis=0)
+        if len(runs) > 1
+        else values[0]
+    )
+    deviation = np.where(present, np.sqrt(weight) * (values - mean), 0.0)
     products = np.zeros(_LAGS)
     for lag in range(min(_LAGS, mean.size)):
         products[lag] = float(np.sum(deviation[:, lag:] * deviation[:, : mean.size - lag]))
     # A window makes a value; so does a sample, or as many as leave at most MOST_SAMPLES values.
     size = 1 if name in POSE else -(-used.size // MOST_SAMPLES)
-    counts = _together(count, size)
+    counts = _together(weight.sum(axis=0), size)
     if name not in POSE:
         mean = (_together(mean, size) * counts).sum(axis=1) / counts.sum(axis=1)
         time = _together(time, size).sum(axis=1) / (counts > 0).sum(axis=1)
@@ -170,7 +177,7 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
         channel=name,
         time_s=time,
         value=mean,
-        weight=counts.sum(axis=1).astype(float),
+        weight=counts.sum(axis=1),
         repeat_squares=float(products[0]),
         degrees_of_freedom=int((count - 1).sum()),
         lagged_products=products,

@@ -21,6 +21,7 @@ from sysid.compare.simulator import Simulators, without_engine_warnings
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
+from sysid.gap.late_links import late_logs
 from sysid.gap.report.held_out import (
     compare,
     differences,
@@ -48,6 +49,7 @@ from sysid.gap.search.sets import Search
 from sysid.gap.search.since import fitted_to_both, since_of
 from sysid.gap.search.thresholds import EFFORT, THRESHOLDS
 from sysid.logs import Dataset, Run
+from sysid.logs.tails import weighted_down
 from sysid.progress import Progress, silent, within
 
 
@@ -75,8 +77,15 @@ def analyse(
     options = options or GapOptions()
     require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
+    dataset, tails = weighted_down(dataset)
     with without_engine_warnings():
-        return _analyse(dataset, model, options, progress)
+        late = late_logs(dataset, model)
+        if late is None:
+            report = _analyse(dataset, model, options, progress)
+        else:
+            report = late.described(_analyse(late.dataset, late.model, options, progress))
+    heavy = tuple(one.note(channel) for channel, one in tails.items())
+    return replace(report, notes=(*heavy, *report.notes), tails=tails)
 
 
 def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Progress) -> GapReport:

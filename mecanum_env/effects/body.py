@@ -117,15 +117,9 @@ EFFECTS: Final = (
         acts_on="world",
         parameters=(
             Parameter("slope_deg", "deg", 0.0, (0.0, 10.0), (0.0, 45.0)),
-            Parameter(
-                "heading_deg",
-                "deg",
-                None,
-                (-180.0, 180.0),
-                (-math.inf, math.inf),
-                scan=(-135, -90, -45, 0, 45, 90, 135, 180),
-            ),
+            Parameter("heading_deg", "deg", None, (-180.0, 180.0), _ANY),
         ),
+        vector=("slope_deg", "heading_deg"),
         summary="The floor falls towards this heading in the world.",
         signature="Speed is lost uphill and gained downhill, depending on the heading in the world.",
         direct_check="the floor, with a level",

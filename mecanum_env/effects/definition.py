@@ -149,6 +149,9 @@ class Effect:
     """Plants that simulate only part of it, since the rest comes from how rollers bear on the floor."""
     reads: tuple[str, ...] = ()
     """Columns of a log that it follows; without them in the logs nothing shows it."""
+    vector: tuple[str, str] | None = None
+    """Names of a size and of its angle [deg]. A search takes both as a vector, since the angle of nothing is
+    arbitrary."""
     search_from: Callable[[Scale], Values] | None = None
     """For an effect that changes nothing at many places: values of parameters at which a search starts."""
     unsearched_on: tuple[PlantKind, ...] = ()

@@ -1,11 +1,15 @@
-"""A set of effects as a vector: each free parameter on a scale from 0 to 1 between its bounds."""
+"""A set of effects as a vector: each free parameter on a scale from 0 to 1 between its bounds.
+
+A size with a direction, such as a slope and its heading, has two components instead: at size 0 the angle
+would change nothing, and a search that starts there could not find it.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -17,6 +21,9 @@ from mecanum_env.units import FloatArray
 
 _LOGARITHMIC: Final = 20.0
 """Ratio of the bounds above which a parameter is searched in the logarithm."""
+Axis = Literal["", "x", "y"]
+Bounds = tuple[float, float, float]
+"""Value, lower and upper end of its interval."""
 
 
 @dataclass(frozen=True)
@@ -34,6 +41,14 @@ class Coordinate:
     """The parameter of the same effect, with the same bounds, that it equals as long as it is neutral."""
     stepwise: bool = False
     """Whether its response is piecewise constant, so that derivatives say nothing."""
+    axis: Axis = ""
+    """Of a size (`parameter`) with a direction: "x" for size times cosine, "y" for size times sine."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the parameters that it decides about: one, or a size and its angle."""
+        vector = CATALOGUE[self.effect].vector if self.axis else None
+        return vector or (self.parameter,)
 
     @property
     def logarithmic(self) -> bool:
@@ -92,9 +107,35 @@ class EffectSet:
         }
         for name, parameter, value in self.fixed:
             effects.setdefault(name, {})[parameter] = value
+        vectors: dict[str, dict[Axis, float]] = {}
         for coordinate, place in zip(self.coordinates, unit, strict=True):
-            effects.setdefault(coordinate.effect, {})[coordinate.parameter] = coordinate.value(float(place))
+            value = coordinate.value(float(place))
+            if coordinate.axis:
+                vectors.setdefault(coordinate.effect, {})[coordinate.axis] = value
+            else:
+                effects.setdefault(coordinate.effect, {})[coordinate.parameter] = value
+        for name, moved in vectors.items():
+            effects.setdefault(name, {}).update(_size_and_angle(base, CATALOGUE[name], moved))
         return replace(base, effects=effects)
+
+    def intervals(self, place: FloatArray, low: FloatArray, high: FloatArray) -> dict[str, dict[str, Bounds]]:
+        """Return effect -> parameter -> value and interval, from a `place` and its ends `low` and `high`.
+
+        The components of a vector are taken as uncorrelated: its size and angle have the half widths of the
+        ellipse along and across it. If the vector may be 0, the angle may be any.
+        """
+        found: dict[str, dict[str, Bounds]] = {name: {} for name in self.names}
+        vectors: dict[str, dict[Axis, Bounds]] = {}
+        for coordinate, *ends in zip(self.coordinates, place, low, high, strict=True):
+            value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
+            if coordinate.axis:
+                vectors.setdefault(coordinate.effect, {})[coordinate.axis] = value, first, last
+            else:
+                found[coordinate.effect][coordinate.parameter] = value, first, last
+        for name, parts in vectors.items():
+            if (vector := CATALOGUE[name].vector) is not None:
+                found[name].update(zip(vector, _polar_bounds(parts), strict=True))
+        return found
 
     @property
     def stepwise(self) -> tuple[bool, ...]:
@@ -146,6 +187,58 @@ def coordinate(base: Model, effect: Effect, parameter: Parameter, scale: Scale =
     return Coordinate(effect.name, parameter.name, low, high, neutral, like, parameter.stepwise)
 
 
+def components(base: Model, effect: Effect, scale: Scale = REFERENCE) -> tuple[Coordinate, ...]:
+    """Return the two components of an `effect`'s vector as coordinates; none if it has no vector.
+
+    Neutral, the `base` model's value, and `scale` are as for `coordinate`.
+    """
+    if effect.vector is None:
+        return ()
+    size = next(parameter for parameter in effect.parameters if parameter.name == effect.vector[0])
+    most = size.scaled(scale).bounds[1]
+    x, y = _components_of(base, effect)
+    axes: tuple[tuple[Axis, float], ...] = (("x", x), ("y", y))
+    return tuple(
+        Coordinate(effect.name, size.name, min(-most, neutral), max(most, neutral), neutral, axis=axis)
+        for axis, neutral in axes
+    )
+
+
+def _components_of(model: Model, effect: Effect) -> tuple[float, float]:
+    """Return the components of an effect's vector in a model, 0 if it has none."""
+    size, angle_deg = _vector_of(model, effect)
+    angle = math.radians(angle_deg)
+    return size * math.cos(angle), size * math.sin(angle)
+
+
+def _vector_of(model: Model, effect: Effect) -> tuple[float, float]:
+    """Return the size and the angle [deg] of an effect's vector in a model, 0 if it has none."""
+    values = effect.complete(model.effects.get(effect.name, {}), model)
+    size, angle_deg = effect.vector or ("", "")
+    return values.get(size, 0.0), values.get(angle_deg, 0.0)
+
+
+def _size_and_angle(base: Model, effect: Effect, moved: Mapping[Axis, float]) -> dict[str, float]:
+    """Return the parameters of an effect's vector with `moved` components, the other one as in the base."""
+    x0, y0 = _components_of(base, effect)
+    x, y = moved.get("x", x0), moved.get("y", y0)
+    # Cosine and back rounds, and neutral must be exact.
+    known = _vector_of(base, effect) if (x, y) == (x0, y0) else None
+    pair = known or (math.hypot(x, y), math.degrees(math.atan2(y, x)))
+    return dict(zip(effect.vector or (), pair, strict=True))
+
+
+def _polar_bounds(parts: Mapping[Axis, Bounds]) -> tuple[Bounds, Bounds]:
+    """Return size and angle [deg] of a vector with their intervals, from those of its components."""
+    (x, left, right), (y, bottom, top) = parts["x"], parts["y"]
+    size, angle = math.hypot(x, y), math.degrees(math.atan2(y, x))
+    cos, sin = (x / size, y / size) if size > 0.0 else (1.0, 0.0)
+    width, height = 0.5 * (right - left), 0.5 * (top - bottom)
+    along, across = math.hypot(width * cos, height * sin), math.hypot(width * sin, height * cos)
+    turn = 180.0 if along >= size else math.degrees(math.atan2(across, size))
+    return (size, max(0.0, size - along), size + along), (angle, angle - turn, angle + turn)
+
+
 def excludes_itself(names: Sequence[str], *, bench: bool) -> bool:
     """Return whether two effects of a set, by their `names`, cannot be in one model.
 
@@ -167,24 +260,27 @@ def scanned(parameter: Parameter, one: Coordinate, scale: Scale = REFERENCE) -> 
     return list(dict.fromkeys(one.unit(value) for value in parameter.scaled(scale).scan or ()))
 
 
+def searched_alone(effect: Effect) -> list[Parameter]:
+    """Return the parameters of an `effect` that are searched, without those of its vector."""
+    together = effect.vector or ()
+    return [p for p in effect.parameters if p.searched and p.name not in together]
+
+
 def effect_set(base: Model, names: Sequence[str], *, scale: Scale = REFERENCE) -> EffectSet:
     """Return the set of effects with these `names`, in any order, and all parameters free that are searched.
 
     Those that equal another one as long as they are neutral are left at that. `scale` is as for `coordinate`.
     """
     ordered = tuple(name for name in CATALOGUE if name in names)
-    free = [
-        coordinate(base, CATALOGUE[n], p, scale)
-        for n in ordered
-        for p in CATALOGUE[n].parameters
-        if p.searched and (not p.multiples or p.name in base.effects.get(n, {}))
-    ]
-    fixed = [
-        (n, parameter, value)
-        for n in ordered
-        if n not in base.effects
-        for parameter, value in _search_from(CATALOGUE[n], scale).items()
-    ]
+    free: list[Coordinate] = []
+    fixed: list[tuple[str, str, float]] = []
+    for name in ordered:
+        effect, present = CATALOGUE[name], base.effects.get(name, {})
+        known = [p for p in searched_alone(effect) if not p.multiples or p.name in present]
+        free += [coordinate(base, effect, p, scale) for p in known]
+        free += components(base, effect, scale)
+        if name not in base.effects:
+            fixed += [(name, parameter, value) for parameter, value in _search_from(effect, scale).items()]
     return EffectSet(ordered, tuple(free), tuple(fixed))
 
 

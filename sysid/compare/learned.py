@@ -73,6 +73,11 @@ class Learned:
     whitener: Whitener
     """Of the residual in the logs of the fit."""
 
+    @property
+    def is_bench(self) -> bool:
+        """Whether the logs of the fit are of a wheel on the bench."""
+        return self.simulators.full.observations.situations[0].runs[0].level == "bench"
+
     def before(self) -> Learned:
         """Return what is known of the factors without the logs of the fit."""
         return replace(self, mean=np.zeros(self.mean.size), root=np.diag(self.prior))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
@@ -12,15 +12,17 @@ import numpy.typing as npt
 
 from mecanum_env.units import FloatArray
 from sysid.compare.model_error import command_changes
-from sysid.compare.observations import Block, Observations
+from sysid.compare.observations import EDGE_S, Block, Observations, displacements
 from sysid.compare.prediction import POSE
-from sysid.logs import Dataset
+from sysid.logs import Dataset, Run
 from sysid.logs.noise import noise_from_repeats
 
 SETTLED_S: Final = 0.5
 """Time after a change of command from which the motion counts as settled [s]."""
 _LEAST_SAMPLES: Final = 20
 """Degrees of freedom that repeats, or second differences that held commands, must have to be used."""
+_LEAST_WINDOWS: Final = 6
+"""The same for the displacements of a pose, of which a short log has few."""
 _LEAST: Final = 1e-9
 _SIGNIFICANT: Final = 4.0  # standard deviations of an autocorrelation that is zero
 _HOLE: Final = 1.5
@@ -29,6 +31,7 @@ _EFFICIENCY: Final = 0.37 / 1.94
 """Degrees of freedom of the variance estimate per second difference. The median of squared normal values is
 0.37 times as efficient as their mean, and neighbouring differences share samples: their correlations of -2/3
 and 1/6 make 1.94 of them as informative as one that is independent."""
+_MEDIAN_OF_SQUARES: Final = 0.4549  # of squared normal values, relative to their mean
 _BLURRED: Final = 0.5
 """Ratio of noise to a sensor's resolution above which rounding errors differ from sample to sample."""
 
@@ -104,7 +107,8 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
 
     It is from the repeats among the observations. Where these are too few, since stamps differ or only some
     of the runs are observed, it is from the repeats among the dataset's fit and validation runs, else from
-    neighbouring samples of held commands. Repeats of test runs count only if test runs are observed.
+    neighbouring samples of held commands. Repeats of test runs count only if test runs are observed. Repeats
+    of a pose may start anywhere, since displacements are in the robot's frame.
     """
     sigma: dict[str, float] = {}
     source: dict[str, Source] = {}
@@ -113,20 +117,23 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
     rounding: dict[str, float] = {}
     freedom_of_repeats, differences = 0, 0
     splits = {"fit", "validation", *(situation.split for situation in observations.situations)}
-    repeats = noise_from_repeats([run for run in dataset.runs if run.split in splits]) or {}
+    runs = [run for run in dataset.runs if run.split in splits]
+    repeats = noise_from_repeats(runs) or {}
     for name in observations.channels:
         blocks = [block for block in observations.blocks if block.channel == name]
-        by_neighbours, count = _scatter(observations, blocks)
+        by_neighbours, count = _pose_scatter(runs, name) if name in POSE else _scatter(observations, blocks)
         # A quantised speed can be constant during smooth motion; that does not mean zero noise.
         resolution = _resolution(observations, blocks)
         least = max(_LEAST, resolution / math.sqrt(12.0))
         scatter[name], differences = max(by_neighbours, least), differences + count
         freedom = sum(block.degrees_of_freedom for block in blocks)
-        if freedom >= _LEAST_SAMPLES:
-            squares = sum(block.repeat_squares for block in blocks)
+        squares = sum(block.repeat_squares for block in blocks)
+        if name in POSE and freedom < _LEAST_SAMPLES:
+            squares, freedom = _pose_repeats(runs, name)
+        if freedom >= (_LEAST_WINDOWS if name in POSE else _LEAST_SAMPLES):
             sigma[name], source[name] = math.sqrt(squares / freedom), "repeats"
             freedom_of_repeats += freedom
-        elif name in repeats and name not in POSE and repeats[name].degrees_of_freedom >= _LEAST_SAMPLES:
+        elif name not in POSE and name in repeats and repeats[name].degrees_of_freedom >= _LEAST_SAMPLES:
             sigma[name], source[name] = repeats[name].std, "repeats"
             freedom_of_repeats += repeats[name].degrees_of_freedom
         else:
@@ -138,6 +145,40 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
             correlated[name] = found
     known = freedom_of_repeats if "scatter" not in source.values() else _EFFICIENCY * differences
     return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding)
+
+
+def _pose_repeats(runs: Sequence[Run], name: str) -> tuple[float, int]:
+    """Return the squared deviations of repeats' displacements from their means, and the degrees of freedom.
+
+    Repeats are compared window by window, wherever they start and whatever their stamps.
+    """
+    groups: dict[str, list[FloatArray]] = {}
+    for run in runs:
+        if name in run.channels:
+            groups.setdefault(run.group, []).append(displacements(run.time_s, run.channels)[name][1])
+    squares, freedom = 0.0, 0
+    for parts in groups.values():
+        values = np.array([part[: min(map(len, parts))] for part in parts])
+        values = values[:, np.isfinite(values).all(axis=0)]
+        squares += float(np.sum((values - values.mean(axis=0)) ** 2))
+        freedom += (len(parts) - 1) * values.shape[1]
+    return squares, freedom
+
+
+def _pose_scatter(runs: Sequence[Run], name: str) -> tuple[float, int]:
+    """Return the noise of a pose's displacements by second differences of its samples, and their number.
+
+    A window is so long that second differences of displacements would be motion.
+    """
+    squares: list[FloatArray] = []
+    for run in [run for run in runs if name in run.channels]:
+        values = run.channels[name][run.finite(name)]
+        together = max(1, round(2.0 * EDGE_S / max(run.median_interval_s, _LEAST)))
+        turned = np.unwrap(values) if name == "yaw_rad" else values
+        # Of a sample, six variances; of a displacement, those of two means.
+        squares.append(np.diff(turned, 2) ** 2 / 6.0 * 2.0 / together)
+    found = np.concatenate(squares)
+    return (math.sqrt(float(np.median(found)) / _MEDIAN_OF_SQUARES) if found.size else 0.0), found.size
 
 
 def _resolution(observations: Observations, blocks: list[Block]) -> float:
@@ -179,15 +220,15 @@ def _scatter(observations: Observations, blocks: list[Block]) -> tuple[float, in
         changes = np.concatenate([[0.0], command_changes(run)[0]])
         since = block.time_s - changes[np.searchsorted(changes, block.time_s, side="right") - 1]
         squares, neighbours = np.diff(block.value, 2) ** 2, _without_holes(block)
-        settled = since[:-2] >= (SETTLED_S if block.channel not in POSE else 0.0)
+        settled = since[:-2] >= SETTLED_S
         weight = 1.0 / block.weight[:-2] + 4.0 / block.weight[1:-1] + 1.0 / block.weight[2:]
         settled_squares.append((squares / weight)[settled & neighbours])
         all_squares.append((squares * block.weight[1:-1] / 6.0)[neighbours])
     found = np.concatenate(settled_squares)
     if found.size < _LEAST_SAMPLES:
         found = np.concatenate(all_squares)
-    # The median, as a few second differences are motion: for squared normal values it is 0.4549 of the mean.
-    return (math.sqrt(float(np.median(found)) / 0.4549) if found.size else 0.0), found.size
+    # The median, as a few second differences are motion.
+    return (math.sqrt(float(np.median(found)) / _MEDIAN_OF_SQUARES) if found.size else 0.0), found.size
 
 
 def _without_holes(block: Block) -> npt.NDArray[np.bool_]:

@@ -24,7 +24,7 @@ from sysid.logs.runs import UNITS
 
 WINDOW_S: Final = 0.4
 """Length of the windows in which displacements are compared [s]."""
-_EDGE_S: Final = 0.05
+EDGE_S: Final = 0.05
 """The pose at a window's edge is the mean of the samples within this time [s]."""
 _LAGS: Final = 40
 """Number of lags of the repeats' autocovariance."""
@@ -84,7 +84,7 @@ class Block:
     def of(self, run: Run, channels: Channels) -> FloatArray:
         """Return what corresponds to `value` in a run's predicted channels, shape (m,)."""
         if self.channel in POSE:
-            return _displacements(run.time_s, channels)[self.channel][1][self.rows[:, 0]]
+            return displacements(run.time_s, channels)[self.channel][1][self.rows[:, 0]]
         return _means(channels[self.channel][self.rows], self.row_weights)
 
 
@@ -144,7 +144,7 @@ def _masked(run: Run, name: str, held: bool) -> FloatArray:
 
 def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[FloatArray]) -> Block | None:
     if name in POSE:
-        found = [_displacements(run.time_s, run.channels)[name] for run in runs]
+        found = [displacements(run.time_s, run.channels)[name] for run in runs]
         time, values = found[0][0], np.array([displacement for _, displacement in found])
     else:
         time, values = runs[0].time_s, np.array(parts)
@@ -200,11 +200,11 @@ def _together(values: npt.NDArray[Any], size: int) -> npt.NDArray[Any]:
     return np.pad(values, (0, rows * size - values.size)).reshape(rows, size)
 
 
-def _displacements(time_s: FloatArray, channels: Channels) -> dict[str, tuple[FloatArray, FloatArray]]:
+def displacements(time_s: FloatArray, channels: Channels) -> dict[str, tuple[FloatArray, FloatArray]]:
     """Return per pose channel the middle of each window and the displacement in it, in the robot's frame."""
     edges = np.arange(0.0, float(time_s[-1]) + 1e-9, WINDOW_S)
-    low = np.searchsorted(time_s, edges - _EDGE_S - 1e-9)
-    high = np.searchsorted(time_s, edges + _EDGE_S + 1e-9)
+    low = np.searchsorted(time_s, edges - EDGE_S - 1e-9)
+    high = np.searchsorted(time_s, edges + EDGE_S + 1e-9)
     at = {name: _edge_means(_unwrapped(name, channels[name]), low, high) for name in POSE if name in channels}
     middle = edges[:-1] + 0.5 * WINDOW_S
     found = {}

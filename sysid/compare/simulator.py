@@ -64,7 +64,7 @@ class Simulator:
         self.study = study or Study()
         self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
         self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
-        self._groups: dict[tuple[float, bool], list[_Alike]] = {}
+        self._groups: dict[tuple[float, bool, bool], list[_Alike]] = {}
         self._lock = Lock()
 
     def predictions(self, model: Model) -> list[FloatArray]:
@@ -114,36 +114,37 @@ class Simulator:
         return found
 
     def _simulate(self, model: Model) -> list[Motion]:
-        groups = self._alike(model.wheel.command_period_s, follows_voltage(model))
+        # A direction in the world makes the motion depend on where a run starts.
+        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
+        groups = self._alike(model.wheel.command_period_s, follows_voltage(model), by_heading)
         if self.observations.situations[0].runs[0].level == "bench":
             found = bench_motions_of(model, [group.bench_run for group in groups], self.study)
         else:
-            found = self._robot_motions(model, groups)
+            found = self._robot_motions(model, groups, by_heading)
         motions: dict[int, Motion] = {}
         for group, motion in zip(groups, found, strict=True):
             motions |= dict.fromkeys(group.members, motion)
         return [motions[index] for index in range(len(motions))]
 
-    def _alike(self, command_period_s: float, by_voltage: bool) -> list[_Alike]:
+    def _alike(self, command_period_s: float, by_voltage: bool, by_heading: bool) -> list[_Alike]:
         """Return the groups of situations that share a motion, each with the longest of them.
 
-        `by_voltage`: the motion depends on the supply's voltage as well.
+        `by_voltage`: the motion depends on the supply's voltage as well. `by_heading`: seen from the robot,
+        it depends on where it heads when it starts.
         """
-        key = command_period_s, by_voltage
+        key = command_period_s, by_voltage, by_heading
         if key not in self._groups:
             situations = self.observations.situations
             alike: dict[Hashable, list[int]] = {}
             for index, situation in enumerate(situations):
-                alike.setdefault(_motion_key(situation, command_period_s, by_voltage), []).append(index)
+                alike.setdefault(_motion_key(situation, *key), []).append(index)
             self._groups[key] = [
-                _Alike(members, max((situations[i] for i in members), key=_duration_s), *key)
+                _Alike(members, max((situations[i] for i in members), key=_duration_s), *key[:2])
                 for members in alike.values()
             ]
         return self._groups[key]
 
-    def _robot_motions(self, model: Model, groups: Sequence[_Alike]) -> list[Motion]:
-        # A direction in the world makes the compiled model depend on where a run starts.
-        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
+    def _robot_motions(self, model: Model, groups: Sequence[_Alike], by_heading: bool) -> list[Motion]:
         compiled: dict[float, mujoco.MjModel] = {}
         stances: dict[Hashable, FloatArray] = {}
         motions = []
@@ -189,18 +190,21 @@ def _duration_s(situation: Situation) -> float:
     return situation.runs[0].duration_s
 
 
-def _motion_key(situation: Situation, command_period_s: float, by_voltage: bool) -> Hashable:
-    """Return what a motion depends on; the times of the samples are not part of it.
+def _motion_key(
+    situation: Situation, command_period_s: float, by_voltage: bool, by_heading: bool
+) -> Hashable:
+    """Return what a motion depends on; neither the times of the samples nor the place are part of it.
 
-    `by_voltage`: the supply's voltage is.
+    `by_voltage`: the supply's voltage is. `by_heading`: so is where the robot heads when it starts.
     """
-    run = situation.runs[0]
+    run, start = situation.runs[0], situation.start
+    began = (start.initial_rpm, start.moving, start.yaw_rad if by_heading else 0.0)
     rows = run.command_rows()
     since = run.held_since(command_period_s)[rows]
     commands = [values[rows].tobytes() for values in run.command.columns().values()]
     supply = supply_of(run) if by_voltage else None
     volts = supply and (supply.time_s.tobytes(), supply.voltage_v.tobytes(), supply.full_v)
-    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, situation.start, volts)
+    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, began, volts)
 
 
 def model_key(model: Model) -> Hashable:

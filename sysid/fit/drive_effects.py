@@ -204,12 +204,13 @@ class _Reached:
         """Return effect -> parameter -> value and 90 % interval, as a model file states them."""
         effects, count = self.fitted.candidate.effects, self.fitted.candidate.law.parameter_count
         spread = np.sqrt(np.diag(self.fitted.covariance(self.inflation)))[count:] * _NORMAL_90
+        place = self.fitted.place[count:]
         found: dict[str, dict[str, dict[str, float]]] = {}
-        for one, place, half in zip(effects.coordinates, self.fitted.place[count:], spread, strict=True):
-            ends = [one.value(float(np.clip(at, 0.0, 1.0))) for at in (place, place - half, place + half)]
-            if all(map(math.isfinite, ends)):
-                values = dict(zip(("value", "low", "high"), ends, strict=True))
-                found.setdefault(one.effect, {})[one.parameter] = values
+        for effect, intervals in effects.intervals(place, place - spread, place + spread).items():
+            for parameter, ends in intervals.items():
+                if all(map(math.isfinite, ends)):
+                    values = dict(zip(("value", "low", "high"), ends, strict=True))
+                    found.setdefault(effect, {})[parameter] = values
         return found
 
 

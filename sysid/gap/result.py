@@ -19,8 +19,8 @@ Verdict = Literal["no_gap", "named", "ambiguous", "unexplained"]
 """No significant gap; one smallest set of effects explains it; several equally well; none does."""
 
 
-Since = Literal["new", "already there", "unknown"]
-"""Of effects: absent when the model was fitted; in the logs of the fit, too; these cannot tell."""
+Since = Literal["new", "already when fitted", "unknown"]
+"""Of an effect: absent when the model was fitted; in the logs of its fit, too; nothing tells."""
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,8 @@ class FoundEffect:
     """Whether the model's servo stiffness is known, so that torques mean something in N m."""
     forms_tied: tuple[str, ...] = ()
     """Other forms of the same cause that explain these logs as well."""
+    since: Since = "unknown"
+    """Whether it is new since the model was fitted."""
 
     @property
     def estimates(self) -> dict[str, Interval]:
@@ -255,9 +257,6 @@ class GapReport:
     """The model with the effects added."""
     base: Model
     """The model as given."""
-    since: Since | None
-    """Whether the effects are new since the model was fitted; None without effects or without the logs of the
-    fit."""
     level: Level
     dataset: str
     """Name of the logs."""

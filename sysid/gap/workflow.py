@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
-from sysid.compare.learned import Learned, learn
+from sysid.compare.learned import Learned
 from sysid.compare.model_error import ModelError, estimate_model_error
 from sysid.compare.own_error import block_residuals
 from sysid.compare.prediction import Study
@@ -32,7 +32,7 @@ from sysid.gap.report.held_out import (
     predicted,
 )
 from sysid.gap.report.where import regions
-from sysid.gap.result import CustomProposal, FoundEffect, GapOptions, GapReport
+from sysid.gap.result import CustomProposal, FoundEffect, GapOptions, GapReport, Since
 from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
 from sysid.gap.search.custom import propose
 from sysid.gap.search.data import (
@@ -46,8 +46,8 @@ from sysid.gap.search.data import (
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
-from sysid.gap.search.since import fitted_to_both, since_of
-from sysid.gap.search.thresholds import EFFORT, THRESHOLDS
+from sysid.gap.search.since import since_of
+from sysid.gap.search.thresholds import EFFORT
 from sysid.logs import Dataset, Run
 from sysid.logs.tails import weighted_down
 from sysid.progress import Progress, silent, within
@@ -105,45 +105,8 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
-    if options.fitted_on is not None and data.learned is not None and decision.verdict != "no_gap":
-        decision = _compared(decision, search, data, data.learned, options.fitted_on, options.max_effects)
     progress("before and after")
     return _report(dataset, model, options, data, search, considered, decision)
-
-
-def _compared(
-    decision: Decision,
-    search: Search,
-    data: StudyData,
-    learned: Learned,
-    fitted_on: Dataset,
-    max_effects: int,
-) -> Decision:
-    """Return the decision after a comparison with the logs of the fit: what these show, too, is no gap."""
-    if fitted_on.level != "bench":
-        return decision
-    study, model, reason = search.problem.study, search.problem.base, ""
-    since = None if decision.chosen is None else since_of(learned, model, decision.chosen)
-    if decision.chosen is not None and since == "already there":
-        names = " + ".join(decision.chosen.names)
-        reason = f"{names}: was there already when the model was fitted; fit it again (python -m sysid.fit)"
-    else:
-        runs = [run for situation in data.observations.situations for run in situation.runs]
-        common = fitted_to_both(model, learned, fitted_on, runs, study)
-        if common is not None:
-            learned = learn(common, fitted_on, study)
-            again = replace(data, learned=learned, error=learned.error)
-            considered = tuple(dict.fromkeys(response.effect for response in search.library))
-            other = _start_search(again, common, study, considered, search.tell)
-            facts = explore(other, data.floor, max_effects, np.random.default_rng(study.seed))
-            if facts.p_value > THRESHOLDS.false_alarm:
-                reason = (
-                    "no gap that is new: one law with the model's effects explains these logs and those of "
-                    "the fit, if it is fitted to both together; do that (python -m sysid.fit)"
-                )
-    if not reason:
-        return replace(decision, since=since)
-    return replace(decision, verdict="no_gap", chosen=None, candidates=(), notes=(reason,), since=since)
 
 
 def _start_search(
@@ -183,7 +146,7 @@ def _report(
     problem = search.problem
     study = problem.study
     split, runs = held_out(dataset)
-    effects = found_effects(problem, decision)
+    effects = found_effects(problem, decision, _since(data.learned, decision))
     improved = _improved(model, decision, effects)
     proposal = None
     if decision.verdict == "unexplained":
@@ -229,7 +192,6 @@ def _report(
         level=dataset.level,
         dataset=dataset.name,
         findings=dataset.findings,
-        since=decision.since,
         notes=(*options.notes, *data.notes, *decision.notes, *unanswered),
         overlays=overlays(comparison),
         custom=custom,
@@ -245,6 +207,13 @@ def _report(
         unseen=split == "test" and len(runs) < len(dataset.runs),
         trusted=data.floor.trusted,
     )
+
+
+def _since(learned: Learned | None, decision: Decision) -> Mapping[str, Since]:
+    """Return what the logs of the fit, where these are known bench logs, say of the chosen effects."""
+    if learned is None or decision.chosen is None or not learned.is_bench:
+        return {}
+    return since_of(learned, decision.chosen.fitted)
 
 
 def _improved(model: Model, decision: Decision, effects: Sequence[FoundEffect]) -> Model:

@@ -9,12 +9,21 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.model import paper_model
-from sysid.compare.coordinates import Coordinate, coordinate, effect_set, excludes_itself, joined
+from sysid.compare.coordinates import (
+    Coordinate,
+    EffectSet,
+    components,
+    coordinate,
+    effect_set,
+    excludes_itself,
+    joined,
+)
 from sysid.compare.fitted import RefittedLaw
 
 MODEL = paper_model()
+VECTORS = [effect for effect in CATALOGUE.values() if effect.vector is not None]
 COORDINATES = [
     coordinate(MODEL, effect, parameter) for effect in CATALOGUE.values() for parameter in effect.parameters
 ]
@@ -33,6 +42,54 @@ def test_the_start_of_a_set_changes_nothing(name: str) -> None:
     chosen = effect_set(MODEL, [name])
     values = chosen.model(MODEL, chosen.start()).effects[name]
     assert CATALOGUE[name].is_neutral(values, MODEL)
+
+
+@pytest.mark.parametrize("effect", VECTORS, ids=lambda effect: effect.name)
+@given(size=st.floats(0.001, 1.0), angle_deg=st.floats(-179.0, 180.0))
+def test_a_size_and_its_angle_are_searched_as_a_vector(effect: Effect, size: float, angle_deg: float) -> None:
+    size_name, angle_name = effect.vector or ("", "")
+    x, y = components(MODEL, effect)
+    size *= x.high
+    angle = math.radians(angle_deg)
+    place = [one.unit(size * part) for one, part in ((x, math.cos(angle)), (y, math.sin(angle)))]
+    values = EffectSet((effect.name,), (x, y)).model(MODEL, place).effects[effect.name]
+    assert values[size_name] == pytest.approx(size)
+    assert math.remainder(values[angle_name] - angle_deg, 360.0) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("effect", VECTORS, ids=lambda effect: effect.name)
+def test_a_vector_that_a_model_has_stays_the_same_to_the_bit(effect: Effect) -> None:
+    size_name, angle_name = effect.vector or ("", "")
+    given_values = {size_name: 0.0123, angle_name: -200.1}
+    base = MODEL.with_effect(effect.name, **given_values)
+    chosen = effect_set(base, [effect.name])
+    values = chosen.model(base, chosen.start()).effects[effect.name]
+    assert {name: values[name] for name in given_values} == given_values
+
+
+def test_every_direction_belongs_to_a_vector() -> None:
+    directions = {e.name for e in CATALOGUE.values() for p in e.parameters if p.name == "heading_deg"}
+    assert directions == {effect.name for effect in VECTORS}
+
+
+def test_a_vector_has_intervals_along_and_across_it() -> None:
+    slope = effect_set(MODEL, ["floor_slope"])
+    x, y = slope.coordinates
+    place = np.array([x.unit(3.0), y.unit(4.0)])
+    half = np.full(2, x.unit(0.5) - x.unit(0.0))
+    found = slope.intervals(place, place - half, place + half)["floor_slope"]
+    assert found["slope_deg"] == pytest.approx((5.0, 4.5, 5.5))
+    heading = math.degrees(math.atan2(4.0, 3.0))
+    across = math.degrees(math.atan2(0.5, 5.0))
+    assert found["heading_deg"] == pytest.approx((heading, heading - across, heading + across))
+
+
+def test_a_vector_that_may_be_nothing_has_any_angle() -> None:
+    slope = effect_set(MODEL, ["floor_slope"])
+    place = slope.start()
+    found = slope.intervals(place, place - 0.01, place + 0.01)["floor_slope"]
+    assert found["slope_deg"][:2] == (0.0, 0.0)
+    assert found["heading_deg"] == (0.0, -180.0, 180.0)
 
 
 def test_an_infinite_limit_is_the_end_of_its_scale() -> None:

@@ -23,7 +23,7 @@ from sysid.compare.prediction import POSE, Study, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
-from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay
+from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay, Since
 from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
@@ -136,17 +136,20 @@ def overlays(comparison: Comparison) -> tuple[Overlay, ...]:
     )
 
 
-def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEffect, ...]:
-    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one."""
+def found_effects(
+    problem: ResidualProblem, decision: Decision, since: Mapping[str, Since]
+) -> tuple[FoundEffect, ...]:
+    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
+
+    `since` says what is known of the time when they came, effect by effect.
+    """
     if decision.chosen is None:
         return ()
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
     low, high = interval_ends(problem, fitted, decision.facts.inflation)
-    intervals: dict[str, dict[str, Interval]] = {name: {} for name in candidate.names}
-    for coordinate, *ends in zip(candidate.coordinates, fitted.place, low, high, strict=True):
-        value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
-        intervals[coordinate.effect][coordinate.parameter] = Interval(value, first, last)
+    found = candidate.intervals(fitted.place, low, high)
+    intervals = {name: {p: Interval(*ends) for p, ends in bounds.items()} for name, bounds in found.items()}
     for name, parameter, number in candidate.fixed:
         intervals[name].setdefault(parameter, Interval(number, number, number))
     model = candidate.model(problem.base, fitted.place)
@@ -158,6 +161,7 @@ def found_effects(problem: ResidualProblem, decision: Decision) -> tuple[FoundEf
             _droop(name, parameters, model, problem.study.scale.top_rpm),
             stiffness_is_known(model),
             _forms_tied(name, decision),
+            since.get(name, "unknown"),
         )
         for name, parameters in intervals.items()
     )
@@ -218,7 +222,7 @@ def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:
     found: dict[str, dict[str, float]] = {name: {} for name in judged.names}
     if isinstance(judged.fitted.candidate, EffectSet):
         for c in judged.fitted.candidate.coordinates:
-            found[c.effect][c.parameter] = model.effects[c.effect][c.parameter]
+            found[c.effect].update((name, model.effects[c.effect][name]) for name in c.names)
     else:
         found[judged.names[0]] = dict(zip("ABCDEF", model.wheel.law.coefficients.tolist(), strict=True))
     return found

@@ -87,7 +87,9 @@ def _place(found: Concentration) -> str:
 def _effect(found: FoundEffect) -> str:
     texts = {name: interval_text(p, unit_of(found.name, name)) for name, p in found.estimates.items()}
     values = ", ".join(f"{name} {value} ({interval})" for name, (value, interval) in texts.items())
-    return f"{effect_name(found.name)} {values}, in {found.selection_frequency:.0%} of resamples"
+    said = {"new": "; new", "already when fitted": "; was there already when the model was fitted"}
+    end = said.get(found.since, "")
+    return f"{effect_name(found.name)} {values}, in {found.selection_frequency:.0%} of resamples{end}"
 
 
 def _proposed(report: GapReport) -> str:
@@ -121,7 +123,6 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "level": report.level,
             "effects": [_effect_json(found) for found in report.effects],
             "candidates": report.candidates,
-            "since": report.since,
             "gap": {**vars(report.gap), "closed": closure(report.gap)},
             "held_out": report.held_out,
             "p_value": report.p_value,
@@ -152,9 +153,8 @@ def _effect_json(found: FoundEffect) -> dict[str, Any]:
     if found.form:
         value |= {"form": found.form, "forms_tied": found.forms_tied}
     droop = {} if found.droop_rpm is None else {"droop_rpm": found.droop_rpm}
-    return (
-        value | {"parameters": found.parameters} | droop | {"selection_frequency": found.selection_frequency}
-    )
+    seen = {"selection_frequency": found.selection_frequency, "since": found.since}
+    return value | {"parameters": found.parameters} | droop | seen
 
 
 def _experiment_json(experiment: Experiment | None) -> dict[str, Any] | None:

@@ -137,12 +137,15 @@ def chance_gains(
     scores = rng.standard_normal((draws, len(units))) @ _root(columns.T @ columns).T
     scores += rng.standard_normal((draws, scatter.shape[1])) @ (scatter.T @ columns)
     gains = np.zeros(draws)
+    steps: dict[tuple[str, tuple[float, ...]], list[int]] = {}
+    for index, owner in enumerate(owners):
+        if owner.linear:
+            steps.setdefault((owner.effect, owner.beside), []).append(index)
+    for joint in steps.values():
+        gram = columns[:, joint].T @ columns[:, joint]
+        together = scores[:, joint]
+        gains = np.maximum(gains, np.einsum("di,ij,dj->d", together, np.linalg.pinv(gram), together))
     for name in dict.fromkeys(owner.effect for owner in owners):
-        joint = [i for i, o in enumerate(owners) if o.effect == name and o.linear]
-        if joint:
-            gram = columns[:, joint].T @ columns[:, joint]
-            together = scores[:, joint]
-            gains = np.maximum(gains, np.einsum("di,ij,dj->d", together, np.linalg.pinv(gram), together))
         others = [i for i, o in enumerate(owners) if o.effect == name and not o.linear]
         if others:
             # A threshold acts in one direction only.

@@ -24,7 +24,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
-from sysid.gap.result import Since, Verdict
+from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, roller_scatter
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
@@ -46,8 +46,6 @@ class Decision:
     """Sets that explain the logs as well as the chosen one, which comes first."""
     facts: Facts
     notes: tuple[str, ...]
-    since: Since | None = None
-    """Whether the chosen effects are new since the model was fitted; None if that was not asked."""
 
 
 def decide(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> Decision:

@@ -22,10 +22,12 @@ from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import (
     Coordinate,
     EffectSet,
+    components,
     coordinate,
     effect_set,
     joined,
     scanned,
+    searched_alone,
 )
 from sysid.compare.fitted import Fitted
 from sysid.compare.phases import likely_frequencies
@@ -62,6 +64,11 @@ class Response:
     def effect(self) -> str:
         """Name of the effect."""
         return self.chosen.names[0]
+
+    @property
+    def beside(self) -> tuple[float, ...]:
+        """Where the coordinates beside the first one are."""
+        return tuple(self.place[1:].tolist())
 
     @property
     def length(self) -> float:
@@ -111,19 +118,18 @@ def _trials(
 ) -> list[_Trial]:
     """Return the simulations of an effect, one for each of its sizes, if it has a frequency `per_turn`."""
     trials: list[_Trial] = []
-    searched = [p for p in effect.parameters if p.searched]
-    primary = [p for p in searched if p.neutral is not None]
-    secondary = [p for p in searched if p.neutral is None and p.scan]
-    beside_first = [p for p in searched if p.multiples]
+    known = {p: coordinate(base, effect, p, scale) for p in searched_alone(effect)}
+    secondary = [p for p in known if p.neutral is None and p.scan]
+    beside_first = {p: one for p, one in known.items() if p.multiples}
     fixed = effect_set(base, [effect.name], scale=scale).fixed
     if per_turn is not None:
         fixed = (*fixed, (effect.name, "per_turn", float(per_turn)))
-    beside = [coordinate(base, effect, other, scale) for other in secondary]
-    grids = [scanned(other, place, scale) for other, place in zip(secondary, beside, strict=True)]
-    for parameter in primary:
-        one = coordinate(base, effect, parameter, scale)
+    beside = [known[other] for other in secondary]
+    grids = [scanned(other, known[other], scale) for other in secondary]
+    moved = [(one, scanned(p, one, scale)) for p, one in known.items() if p.neutral is not None]
+    moved += [(one, []) for one in components(base, effect, scale)]
+    for one, places in moved:
         neutral = one.neutral_place
-        places = scanned(parameter, one, scale)
         linear = not places
         if linear:
             # To the side with more room: a servo can be far weaker than the model's, and hardly stiffer.
@@ -135,8 +141,9 @@ def _trials(
             for rest in product(*grids):
                 chosen = EffectSet((effect.name,), (one, *beside), fixed)
                 trials.append((chosen, np.array([place, *rest]), linear, size))
-            for other in beside_first if parameter is effect.parameters[0] else ():
-                both = EffectSet((effect.name,), (one, coordinate(base, effect, other, scale)), fixed)
+            is_first = one.parameter == effect.parameters[0].name
+            for other, its_place in beside_first.items() if is_first else ():
+                both = EffectSet((effect.name,), (one, its_place), fixed)
                 at = [one.unit(multiple * one.value(place)) for multiple in other.multiples]
                 trials += [(both, np.array([place, x]), False, size) for x in at if 0.0 < x < 1.0]
     return trials
@@ -191,12 +198,18 @@ def growths(
 def _alternatives(
     own: Sequence[Response], rest: FloatArray, orthogonal: FloatArray
 ) -> Iterator[list[Response]]:
-    """Yield the ways to try one effect: all small steps at once, each size, each parameter at its best."""
-    linear = [r for r in own if r.linear and len(r.chosen.coordinates) == 1]
-    if linear:
-        yield linear
+    """Yield the ways to try one effect: all small steps at once, each size, each parameter at its best.
+
+    Small steps beside different values of another parameter, such as the frequency of a ripple, are no sum.
+    """
+    steps: dict[tuple[float, ...], list[Response]] = {}
+    for response in own:
+        if response.linear:
+            steps.setdefault(response.beside, []).append(response)
+    yield from steps.values()
+    linear = steps.get((), [])
     best: dict[str, tuple[float, Response]] = {}
-    for response in [r for r in own if r not in linear]:
+    for response in [r for r in own if not r.linear]:
         yield [response]
         expected = _linear([response], rest, orthogonal)[0]
         parameter = response.chosen.coordinates[0].parameter
@@ -265,7 +278,7 @@ def _free(
     if any(c.effect == name and math.isinf(c.neutral) for c in shown):
         # So does the softness of a limit matter only with a limit that the model does not have.
         beside |= {c.parameter for c in full.coordinates if math.isfinite(c.neutral)}
-    kept = [c for c in full.coordinates if c in shown or c.parameter in beside]
+    kept = [c for c in full.coordinates if c in shown or c.parameter in beside or c.axis]
     # What equals another parameter as long as it is neutral is free only where that was tried.
     kept += [c for response in together for c in response.chosen.coordinates if c.like and c not in kept]
     return EffectSet(full.names, tuple(kept), together[0].chosen.fixed)

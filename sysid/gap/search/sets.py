@@ -168,8 +168,10 @@ class Search:
             candidate, spread = fitted.candidate, np.sqrt(np.diag(fitted.covariance(inflation)))
             sigmas = np.abs(fitted.place - candidate.needless_at(fitted.place)) / np.maximum(spread, 1e-12)
             for index in np.argsort(sigmas):
-                siblings = candidate.owners.count(candidate.coordinates[index].effect)
-                if siblings < 2 or sigmas[index] ** 2 > THRESHOLDS.needless_square:
+                one = candidate.coordinates[index]
+                # Either component of a vector may well be 0.
+                alone = bool(one.axis) or candidate.owners.count(one.effect) < 2
+                if alone or sigmas[index] ** 2 > THRESHOLDS.needless_square:
                     continue
                 smaller = candidate.without(int(index))
                 known = _columns(smaller, fitted)

@@ -1,90 +1,45 @@
 """Whether an effect is new since the model was fitted: a comparison with the logs of the fit.
 
-Two things are no new effects. A model may fit the logs of its fit and predict others badly, because these did
-not determine it: then one model of the same kind, fitted to both, leaves no gap. And an effect that the fit
-left out is in the logs of the fit, too: these then also fit better with it than without it, whatever the law.
+An effect that the fit left out is in the logs of the fit, too: these then fit better with it than without it,
+whatever the law. If they fit worse with it, it came later.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
-
-from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model
-from sysid.compare.coordinates import effect_set
-from sysid.compare.fitted import RefittedLaw, fit
-from sysid.compare.joint import LawWithEffects
+from sysid.compare.coordinates import EffectSet
+from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.learned import Learned
-from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
-from sysid.compare.subset import select_runs
-from sysid.compare.whitening import Whitener
 from sysid.gap.result import Since
-from sysid.gap.search.scores import ScoredSet
-from sysid.gap.search.thresholds import EFFORT, THRESHOLDS
-from sysid.logs import Dataset, Run
+from sysid.gap.search.thresholds import THRESHOLDS
 
 
-def since_of(learned: Learned, model: Model, chosen: ScoredSet) -> Since:
-    """Return whether the effects of a set were there already when the `model` was fitted."""
-    with_it = chosen.fitted.candidate.model(model, chosen.fitted.place)
-    without, there = (_best_cost(learned, one) for one in (model, with_it))
-    if without is None or there is None:
-        return "unknown"
-    needed = THRESHOLDS.tie_sigmas**2
-    if there < without - needed:
-        return "already there"
-    return "new" if there > without + needed else "unknown"
+def since_of(learned: Learned, chosen: Fitted[EffectSet]) -> dict[str, Since]:
+    """Return for each effect of a fitted set whether the logs of the model's fit show it, too.
 
-
-def _best_cost(learned: Learned, model: Model) -> float | None:
-    """Return the cost of a model in the logs of the fit, with its law fitted again."""
-    problem = ResidualProblem(
-        model, learned.whitener, learned.simulators.full.study, learned.simulators, learned.before()
-    )
-    rival = RefittedLaw(model)
-    found = fit(problem, rival, rival.start(), most=8)
-    return None if found is None else found.cost
-
-
-def fitted_to_both(
-    model: Model, learned: Learned, fitted_on: Dataset, runs: Sequence[Run], study: Study
-) -> Model | None:
-    """Return the model with its law and effects fitted to the logs of its fit and to `runs` together.
-
-    None if that fits the logs of its fit worse than the model does.
+    `learned` is what these logs taught about the model that the set was fitted to.
     """
-    seconds = EFFORT[fitted_on.level].log_s
-    before = select_runs(
-        fitted_on.split("fit") + fitted_on.split("validation"), seconds, model.wheel.command_period_s
-    )
-    both = [replace(run, group=f"fit: {run.group}", file=f"fit: {run.file}") for run in before]
-    dataset = replace(fitted_on, runs=(*both, *runs), sha256="")
-    observations = observe(dataset)
-    whitener = Whitener(observations, measure_noise(dataset, observations), learned.error)
-    alone = replace(model, uncertainty={})
-    problem = ResidualProblem(alone, whitener, study)
-    names = [name for name in model.effects if name in CATALOGUE and CATALOGUE[name].acts_in("bench")]
-    candidate = LawWithEffects(RefittedLaw(alone), effect_set(alone, names, scale=problem.study.scale))
-    found = fit(problem, candidate, candidate.start(), most=20)
-    if found is None:
-        return None
-    common: Model = candidate.model(model, found.place)
-    costs = [_cost(learned, one) for one in (model, common)]
-    if costs[0] is None or costs[1] is None or costs[1] > costs[0] + THRESHOLDS.tie_sigmas**2:
-        return None
-    return common
+    model = learned.model
+    whole = chosen.candidate.model(model, chosen.place)
+    without = _cost(learned, model)
+    found: dict[str, Since] = {}
+    for name in chosen.names:
+        # Beside the effects of the model, this one alone; it takes the place of another form of its cause.
+        own = EffectSet((name,), ()).model(model, ())
+        there = _cost(learned, own.with_effect(name, **whole.effects[name]))
+        needed = THRESHOLDS.tie_sigmas**2
+        if without is None or there is None or abs(there - without) <= needed:
+            found[name] = "unknown"
+        else:
+            found[name] = "already when fitted" if there < without else "new"
+    return found
 
 
 def _cost(learned: Learned, model: Model) -> float | None:
-    problem = ResidualProblem(
-        learned.model, learned.whitener, learned.simulators.full.study, learned.simulators, learned.before()
-    )
-    residual = problem.residual(model)
-    if residual is None:
-        return None
-    marginal = problem.marginal(residual)
-    return float(marginal @ marginal)
+    """Return the cost of a model in the logs of the fit, with its law fitted again; None without a fit."""
+    study = learned.simulators.full.study
+    problem = ResidualProblem(model, learned.whitener, study, learned.simulators, learned.before())
+    rival = RefittedLaw(model)
+    found = fit(problem, rival, rival.start(), most=8)
+    return None if found is None else found.cost

@@ -132,7 +132,9 @@ class Fitter:
         """Return the set of the effects with these `names`, whose fitted parameters are free."""
         full = effect_set(self.base, names)
         out = (*_HELD, *self._neutral)
-        free = tuple(_widened(c) for c in full.coordinates if (c.effect, c.parameter) not in out)
+        free = tuple(
+            _widened(c) for c in full.coordinates if (c.effect, c.parameter) not in out and c.axis != "y"
+        )
         return EffectSet(full.names, free)
 
     def empty(self) -> SetFit:
@@ -204,5 +206,8 @@ def _starts(chosen: EffectSet, parent: SetFit, name: str) -> Iterator[FloatArray
 
 
 def _widened(coordinate: Coordinate) -> Coordinate:
+    """Return the coordinate with the bounds of this study: a slope leads uphill."""
+    if coordinate.axis:
+        return replace(coordinate, high=0.0)
     high = _WIDER.get((coordinate.effect, coordinate.parameter), coordinate.high)
     return replace(coordinate, high=max(high, coordinate.high))

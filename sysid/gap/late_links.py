@@ -37,6 +37,12 @@ class LateLogs:
     given: Model
     """The model as it was given, whose delay jitters."""
 
+    def alike(self, other: Dataset) -> Dataset:
+        """Return `other` logs through the same link, such as those of the fit, in the same way."""
+        if other.level != "bench":
+            return other
+        return aligned(other, _delays(other, self.given), self.model.wheel.command_period_s)
+
     def described(self, report: GapReport) -> GapReport:
         """Return the report on these logs as that on the logs and the model as they were given."""
         found, stated = self.delays, self.given.effects[JITTER]
@@ -63,9 +69,13 @@ def late_logs(dataset: Dataset, model: Model) -> LateLogs | None:
     """Return bench logs without the different delays of their changes; None if the model's link has none."""
     if dataset.level != "bench" or JITTER not in model.effects:
         return None
-    delay, tick = delay_of(model), model.wheel.law.sample_period_s
-    clock = model.wheel.command_period_s if model.wheel.command_period_s > tick else None
-    found = link_delays(without_delays(model), dataset.runs, clock, resolution_s(tick, delay))
+    found, delay, tick = _delays(dataset, model), delay_of(model), model.wheel.law.sample_period_s
     # The changes are moved by their delays beyond the logs' own mean: another mean is for the study to find.
     period = resolution_s(tick, max(delay, found.mean_s))
     return LateLogs(found, aligned(dataset, found, period), on_aligned(model, delay, period), model)
+
+
+def _delays(dataset: Dataset, model: Model) -> LinkDelays:
+    tick = model.wheel.law.sample_period_s
+    clock = model.wheel.command_period_s if model.wheel.command_period_s > tick else None
+    return link_delays(without_delays(model), dataset.runs, clock, resolution_s(tick, delay_of(model)))

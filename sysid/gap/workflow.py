@@ -78,11 +78,14 @@ def analyse(
     require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
     dataset, tails = weighted_down(dataset)
+    fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings():
         late = late_logs(dataset, model)
         if late is None:
-            report = _analyse(dataset, model, options, progress)
+            report = _analyse(dataset, model, replace(options, fitted_on=fitted_on), progress)
         else:
+            fitted_on = None if fitted_on is None else late.alike(fitted_on)
+            options = replace(options, fitted_on=fitted_on)
             report = late.described(_analyse(late.dataset, late.model, options, progress))
     heavy = tuple(one.note(channel) for channel, one in tails.items())
     return replace(report, notes=(*heavy, *report.notes), tails=tails)

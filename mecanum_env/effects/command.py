@@ -144,7 +144,15 @@ EFFECTS: Final = (
         station="body_command",
         acts_on="command, on V and VC",
         parameters=tuple(
-            Parameter(name, "rpm/s", math.inf, (20.0, 3000.0), _LIMIT, scan=(50, 100, 200, 400, 800, 1600))
+            Parameter(
+                name,
+                "rpm/s",
+                math.inf,
+                (20.0, 3000.0),
+                _LIMIT,
+                scan=(50, 100, 200, 400, 800, 1600),
+                follows_rise=False,
+            )
             for name in ("v_rpm_s", "vc_rpm_s")
         ),
         summary="V (as a vector) and VC change no faster than this, before the kinematics.",

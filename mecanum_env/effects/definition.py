@@ -63,6 +63,8 @@ class Parameter:
     multiples: tuple[float, ...] = ()
     """Multiples of the effect's first parameter, which has the same bounds, at which a search tries this one;
     otherwise it is left at the `default`."""
+    follows_rise: bool = True
+    """Whether a rate follows the time in which the drive rises; one of the host's commands does not."""
     relative: bool = False
     """`bounds` and `scan` are shares of what the drive can give, see `Scale.factor`."""
     largest: Callable[[Model], float] | None = None
@@ -79,7 +81,8 @@ class Parameter:
 
     def scaled(self, scale: Scale) -> Parameter:
         """Return the parameter as a search needs it on a drive of this `scale`; `valid` stays."""
-        factor = scale.factor(self.unit, relative=self.relative)
+        unit = self.unit if self.follows_rise else "rpm"
+        factor = scale.factor(unit, relative=self.relative)
         if factor == 1.0:
             return self
         low, high = self.bounds

@@ -19,21 +19,20 @@ from typing import Any, Final
 
 import numpy as np
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import MecanumError
-from mecanum_env.kinematics import wheels_to_body
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.model_error import DECAY_S, ModelError
 from sysid.compare.observations import WINDOW_S, Block, Observations, Situation
+from sysid.compare.shape import command_levels, hat, kind_of
 from sysid.compare.whitening import VELOCITY_OF, error_of
-from sysid.logs.runs import WHEEL_SPEEDS
 
 _TIMES_S: Final = (0.0, 0.02, 0.06, 0.11, 0.18, 0.30, 0.50)
 """Corners of the hat functions of time [s]; the first and the last have no hat of their own."""
 _SIZES_RPM: Final = (0.0, 30.0, 80.0, 130.0)
 """Corners of the hat functions of the size of a change and, without 0, of the speed reached [rpm]."""
-_BODY: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
 _NEGLIGIBLE: Final = 1e-10  # relative to the largest eigenvalue of a covariance: rounding errors
 
 
@@ -62,7 +61,10 @@ def plausible_models(model: Model) -> list[Model]:
 
 
 def _moved(model: Model, names: Sequence[str], step: FloatArray) -> list[Model]:
-    """Return the model with its numbers moved by `step`, or by -step if that is not allowed, or none."""
+    """Return the model with its numbers moved by `step`, or by -step if the law is unstable, or none.
+
+    The parameters of effects stay within what can be simulated.
+    """
     law = model.wheel.law
     for sign in (1.0, -1.0):
         moved = law.coefficients + sign * step[: len(COEFFICIENTS)]
@@ -70,12 +72,19 @@ def _moved(model: Model, names: Sequence[str], step: FloatArray) -> list[Model]:
         try:
             for name, change in zip(names[len(COEFFICIENTS) :], step[len(COEFFICIENTS) :], strict=True):
                 effect, _, parameter = name.rpartition(".")
-                effects[effect][parameter] += sign * float(change)
+                low, high = _valid(effect, parameter)
+                value = effects[effect][parameter] + sign * float(change)
+                effects[effect][parameter] = min(max(value, low), high)
             changed = replace(law, **dict(zip(COEFFICIENTS, moved.tolist(), strict=True))).require_stable()
             return [replace(model, wheel=replace(model.wheel, law=changed), effects=effects)]
         except (MecanumError, KeyError):
             continue
     return []
+
+
+def _valid(effect: str, parameter: str) -> tuple[float, float]:
+    """Return the range of a parameter that can be simulated."""
+    return next(p.valid for p in CATALOGUE[effect].parameters if p.name == parameter)
 
 
 def shape_columns(
@@ -89,7 +98,7 @@ def shape_columns(
         return []
     columns: dict[tuple[str, str, int, int], list[FloatArray]] = {}
     for index, block in enumerate(observations.blocks):
-        kind = _kind(block.channel)
+        kind = kind_of(block.channel)
         stated = error_of(error, block.channel)
         if stated is None:
             continue
@@ -102,15 +111,11 @@ def shape_columns(
     return list(columns.values())
 
 
-def _kind(channel: str) -> str:
-    return "wheels" if channel in ("speed_rpm", *WHEEL_SPEEDS) else VELOCITY_OF.get(channel, channel)
-
-
 def _block_columns(
     model: Model, situation: Situation, block: Block
 ) -> dict[tuple[str, int, int], FloatArray]:
     """Return (kind, time hat, size hat) -> column of a block, for a model error of size 1."""
-    times, commands = _command_levels(model, situation, block.channel)
+    times, commands = command_levels(model, situation, block.channel)
     # A displacement spans a window, over which its column is averaged.
     around = np.linspace(-0.5 * WINDOW_S, 0.5 * WINDOW_S, 21) if block.channel in VELOCITY_OF else np.zeros(1)
     at = block.time_s[:, None] + around
@@ -121,26 +126,9 @@ def _block_columns(
         for i in range(1, len(_TIMES_S) - 1):
             total = np.zeros(at.shape)
             for when, step in zip(times[1:], steps, strict=True):
-                share = float(step * _hat(abs(step), _SIZES_RPM, j))
+                share = float(step * hat(abs(step), _SIZES_RPM, j))
                 if share != 0.0:
-                    total += share * _hat(at - when, _TIMES_S, i)
+                    total += share * hat(at - when, _TIMES_S, i)
             columns["change", i, j] = math.exp(-_TIMES_S[i] / DECAY_S) * total.mean(axis=1)
-        columns["reached", 0, j] = (np.sign(held) * _hat(np.abs(held), _SIZES_RPM, j)).mean(axis=1)
+        columns["reached", 0, j] = (np.sign(held) * hat(np.abs(held), _SIZES_RPM, j)).mean(axis=1)
     return columns
-
-
-def _hat(value: FloatArray | float, corners: Sequence[float], index: int) -> FloatArray:
-    """Return a hat function: 1 at one corner, 0 at its neighbours; the last one stays 1 beyond its corner."""
-    heights = np.zeros(len(corners))
-    heights[index] = 1.0
-    return np.asarray(np.interp(value, corners, heights))
-
-
-def _command_levels(model: Model, situation: Situation, channel: str) -> tuple[FloatArray, FloatArray]:
-    """Return when the command of a channel changes [s] and its new levels as wheel speeds [rpm]."""
-    times, wheels = situation.runs[0].command_changes()
-    limit = model.wheel.saturation_rpm
-    wheels = np.clip(wheels, -limit, limit)
-    if _kind(channel) == "wheels":
-        return times, wheels[:, WHEEL_SPEEDS.index(channel) if channel in WHEEL_SPEEDS else 0]
-    return times, wheels_to_body(wheels)[:, _BODY.index(_kind(channel))]

@@ -96,17 +96,16 @@ class ShapeBasis:
         times, levels = command_levels(model, situation, block.channel)
         since = at[:, :, None] - times[1:]
         corners, sizes = self.response_s * np.array(_TIMES), largest * np.array(_SIZES)
-        hats = [_hat(since, corners, i).mean(axis=1) for i in range(1, len(_TIMES) - 1)]
+        hats = [hat(since, corners, i).mean(axis=1) for i in range(1, len(_TIMES) - 1)]
         found: dict[Key, FloatArray] = {}
         for group, part in zip(("speeding up", "slowing down"), _parts(levels), strict=True):
             for j in range(1, len(_SIZES)):
-                share = span * part * _hat(np.abs(part), sizes, j)
-                found |= {(kind, group, i, j): hat @ share for i, hat in enumerate(hats, 1)}
+                share = span * part * hat(np.abs(part), sizes, j)
+                found |= {(kind, group, i, j): shape @ share for i, shape in enumerate(hats, 1)}
         speed = _velocity(block, predicted)
         held = levels[np.clip(np.searchsorted(times, at, side="right") - 1, 0, None)].mean(axis=1)
         for j in range(1, len(_SIZES)):
-            hat = _hat(np.abs(speed), sizes, j)
-            found[kind, "speed", 0, j] = span * largest * np.sign(speed) * hat
+            found[kind, "speed", 0, j] = span * largest * np.sign(speed) * hat(np.abs(speed), sizes, j)
         for i, scale in enumerate(_BEHIND):
             found[kind, "behind", i, 0] = span * largest * np.tanh((held - speed) / (scale * largest))
         found[kind, "sign", 0, 0] = span * largest * np.tanh(speed / (_REST * largest))
@@ -129,7 +128,10 @@ def kind_of(channel: str) -> str:
 
 
 def command_levels(model: Model, situation: Situation, channel: str) -> tuple[FloatArray, FloatArray]:
-    """Return when the command of a channel changes [s] and its levels, in rpm or as a body velocity."""
+    """Return when the command of a `channel` changes [s] and its levels, in rpm or as a body velocity.
+
+    The model clips wheel speeds at its ceiling.
+    """
     times, wheels = situation.runs[0].command_changes()
     limit = model.wheel.saturation_rpm
     wheels = np.clip(wheels, -limit, limit)
@@ -150,8 +152,11 @@ def _velocity(block: Block, predicted: FloatArray) -> FloatArray:
     return predicted / WINDOW_S if block.channel in VELOCITY_OF else predicted
 
 
-def _hat(value: FloatArray, corners: FloatArray, index: int) -> FloatArray:
-    """Return a hat function: 1 at one corner, 0 at its neighbours; the last one stays 1 beyond its corner."""
-    heights = np.zeros(corners.size)
+def hat(value: FloatArray | float, corners: Sequence[float] | FloatArray, index: int) -> FloatArray:
+    """Return a hat function of a `value` of any shape: 1 at the corner `index`, 0 at its neighbours.
+
+    The last one stays 1 beyond its corner.
+    """
+    heights = np.zeros(len(corners))
     heights[index] = 1.0
     return np.asarray(np.interp(value, corners, heights))

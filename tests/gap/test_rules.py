@@ -27,6 +27,7 @@ def a_set(score: float, *names: str) -> ScoredSet:
 
 
 UNKNOWN = Floor(1e4, trusted=False)
+COMPARED = Floor(1e4, trusted=True, compared=True)
 RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
 NAMED = Facts(
@@ -57,6 +58,10 @@ NAMED = Facts(
         ({"removed": 0.05, "floor": UNKNOWN, "noise_ratio": 2.0}, "no_gap", "removes only 5%"),
         ({"removed": 0.5, "floor": UNKNOWN}, "named", ""),
         ({"raises_rms": True}, "unexplained", "raises the plain difference"),
+        ({"floor": COMPARED, "gain": 0.04, "p_misfit": 0.9}, "no_gap", "by 4% only"),
+        ({"floor": COMPARED, "gain": 0.04}, "named", ""),
+        ({"floor": COMPARED, "gain": 0.06, "p_misfit": 0.9}, "named", ""),
+        ({"gain": 0.04, "p_misfit": 0.9}, "named", ""),
         (
             {"floor": RANDOM},
             "unexplained",

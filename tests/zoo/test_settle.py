@@ -9,7 +9,7 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
-from sysid.gap.result import Experiment, GapOptions
+from sysid.gap.result import Experiment, FoundEffect, GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs.writer import write_columns
 from sysid.studies.zoo.cases.case import Case, Hidden
@@ -39,7 +39,7 @@ def experiment(duration_s: float = 4.0) -> Experiment:
 def report(verdict, names=(), candidates=(), asked=None):
     return SimpleNamespace(
         verdict=verdict,
-        effects=[SimpleNamespace(name=name, parameters={}) for name in names],
+        effects=[FoundEffect(name, {}, 1.0) for name in names],
         candidates=candidates,
         next_experiment=asked,
         notes=("no command tells them apart",),

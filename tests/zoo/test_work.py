@@ -39,7 +39,7 @@ class Bench:
         (folder / "logs").mkdir()
         (folder / "logs" / "seed").write_text(str(seed))
         self._fail(f"draw {seed}")
-        hidden = (Hidden(NAMES[seed % 2], "rest", {"gap_deg": 2.0}),)
+        hidden = (Hidden(NAMES[seed % 2], "", {"gap_deg": 2.0}),)
         return Case(seed, "bench", "single", "pi", "steps", "few", hidden, signal=2.0)
 
     def fit(self, folder: Path) -> Any:

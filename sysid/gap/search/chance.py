@@ -42,6 +42,8 @@ class Floor:
     """Degrees of freedom of the estimated noise variance."""
     trusted: bool
     """Whether it is known what a right model leaves; if not, no set can be called inadequate."""
+    compared: bool = False
+    """Whether the model's own error is from a comparison with the logs of its fit."""
     repeatable: bool = True
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
 

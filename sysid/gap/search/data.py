@@ -184,7 +184,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             "the repeats"
         )
     repeatable = not (bench and noise.inconsistent_channels(THRESHOLDS.unrepeatable))
-    floor = Floor(noise.degrees_of_freedom, trusted, repeatable)
+    floor = Floor(noise.degrees_of_freedom, trusted, learned is not None, repeatable)
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 
 

@@ -97,6 +97,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         tied=tied(search, chosen, harmless, inflation),
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
+        gain=1.0 - chosen.fitted.cost / base.cost,
         raises_rms=rises(problem, base, chosen.fitted),
         doubtful=doubtful(problem, chosen.fitted, inflation),
         frequency=_frequency(chosen, [j for j in judged if j.names], rng),

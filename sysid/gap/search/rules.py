@@ -39,6 +39,8 @@ class Facts:
     """Whether the chosen set leaves what noise allows, or little beside what it explains."""
     removed: float = 0.0
     """Share of the squared difference above the noise that the chosen set removes."""
+    gain: float = math.inf
+    """Share of the cost by which the chosen set lowers it."""
     raises_rms: bool = False
     """Whether the chosen set raises the plain error on the validation runs."""
     doubtful: tuple[str, ...] = ()
@@ -60,6 +62,9 @@ class Outcome:
     verdict: Verdict
     reasons: tuple[str, ...] = ()
 
+
+_AS_EXPECTED: Final = 0.5
+"""Probability of a larger cost above which a cost is no larger than expected."""
 
 Rule: TypeAlias = Callable[[Facts], Outcome | None]
 
@@ -91,6 +96,13 @@ def _inadequate(facts: Facts) -> Outcome | None:
 
 def _too_small(facts: Facts) -> Outcome | None:
     """No gap: the chosen set is significant and removes next to nothing."""
+    within = facts.floor.compared and facts.p_misfit > _AS_EXPECTED
+    if within and facts.gain < THRESHOLDS.least_gain:
+        reason = (
+            f"{facts.significant} lowers the squared difference by {facts.gain:.0%} only, which is no larger "
+            "than the model's own error in the logs of the fit lets expect"
+        )
+        return Outcome("no_gap", (reason,))
     if facts.removed >= THRESHOLDS.least_removed:
         return None
     reason = (

@@ -59,6 +59,7 @@ def test_an_effect_is_written_as_the_contract_says(named: GapReport):
             "forms_tied": [],
             "parameters": {"gap_deg": {"value": 2.1, "low": 1.9, "high": 2.3}},
             "selection_frequency": 0.97,
+            "since": "unknown",
         }
     ]
 

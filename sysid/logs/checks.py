@@ -5,6 +5,7 @@ The thresholds are where a person who looks at a plot would begin to wonder.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
@@ -25,6 +26,8 @@ _GAP_S: Final = 0.05
 """... and longer than this [s]."""
 _HELD_SHARE: Final = 0.2
 """Share of repeated samples during motion above which a channel is held; chance repeats stay far below."""
+_HELD_SIGMAS: Final = 2.0
+"""Standard deviations by which samples must repeat the last one more often than the last but one."""
 COMMAND_PERIOD_S: Final = Wheel.command_period_s
 """Time between two commands that the robot accepts [s]."""
 LIMIT_RPM: Final = Wheel.saturation_rpm
@@ -111,8 +114,12 @@ def _held(run: Run) -> Iterator[Finding]:
         moving = _moving(x)
         if moving.sum() < 10:
             continue
-        share = float(np.mean(x[1:][moving] == x[:-1][moving]))
-        if share > _HELD_SHARE:
+        again = (x[1:] == x[:-1]) & moving
+        # Beside a jump, or with coarse steps and noise, a value returns two samples later as often.
+        later = np.append(False, x[2:] == x[:-2]) & moving
+        repeats, by_chance = int(again.sum()), int(later.sum())
+        share = repeats / int(moving.sum())
+        if share > _HELD_SHARE and repeats - by_chance > _HELD_SIGMAS * math.sqrt(repeats + by_chance):
             yield Finding(run.file, "held_samples", share, name)
 
 

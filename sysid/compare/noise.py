@@ -69,6 +69,9 @@ class Noise:
     rounding: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation of the rounding error, if all repeats share it."""
 
+    lasting: Mapping[str, float] = field(default_factory=dict)
+    """Channel -> standard deviation of an offset that lasts as long as a command is held, if known."""
+
     def inconsistent_channels(self, factor: float) -> tuple[str, ...]:
         """Return the channels whose repeats differ over `factor` times as much as neighbouring samples."""
         return tuple(n for n, s in self.sigma.items() if s > factor * self.scatter.get(n, s))

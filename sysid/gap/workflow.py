@@ -12,8 +12,10 @@ import numpy as np
 import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
+from sysid.compare.lasting import with_lasting
 from sysid.compare.learned import Learned
 from sysid.compare.model_error import ModelError, estimate_model_error
+from sysid.compare.noise import Noise
 from sysid.compare.own_error import block_residuals
 from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
@@ -49,6 +51,7 @@ from sysid.gap.search.sets import Search
 from sysid.gap.search.since import since_of
 from sysid.gap.search.thresholds import EFFORT
 from sysid.logs import Dataset, Run
+from sysid.logs.runs import UNITS
 from sysid.logs.tails import weighted_down
 from sysid.progress import Progress, silent, within
 
@@ -108,6 +111,17 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
+    noise = _with_lasting(data, search)
+    if decision.facts.chosen is not None and noise.lasting != data.noise.lasting:
+        progress(stage := "sets of effects beside noise that lasts")
+        told = tuple(map(_lasting_note, noise.lasting.items()))
+        # The noise is measured in these logs: the error is not that of the logs of the fit alone any more.
+        floor = replace(data.floor, compared=False)
+        error = _with_scatter(data, search)
+        data = replace(data, noise=noise, error=error, floor=floor, notes=(*data.notes, *told))
+        tell = within(progress, stage)
+        search = _start_search(data, model, study, considered, tell, search.problem.simulators)
+        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
     progress("before and after")
     return _report(dataset, model, options, data, search, considered, decision)
 
@@ -135,6 +149,43 @@ def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> Mod
     explore(search, data.floor, max_effects, np.random.default_rng(problem.study.seed))
     parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
     return estimate_model_error(block_residuals(data.observations, data.noise, parts))
+
+
+def _with_lasting(data: StudyData, search: Search) -> Noise:
+    """Return the noise with what lasts as long as a command is held, as the best set of effects leaves it."""
+    problem = search.problem
+    before, after = (
+        problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
+        for fitted in (search.base, search.best_fit)
+    )
+    return with_lasting(data.noise, data.observations, before, after)
+
+
+def _with_scatter(data: StudyData, search: Search) -> ModelError | None:
+    """Return the model's error, after changes of command no less than what the best set of effects leaves.
+
+    Without repeats nothing else tells by how much two changes of the same size differ.
+    """
+    if data.error is None:
+        return None
+    problem = search.problem
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
+    left = estimate_model_error(block_residuals(data.observations, data.noise, parts)).channels
+    channels = {
+        name: replace(error, transient=max(error.transient, left[name].transient))
+        if data.noise.source.get(name) == "scatter" and name in left
+        else error
+        for name, error in data.error.channels.items()
+    }
+    return replace(data.error, channels=channels)
+
+
+def _lasting_note(item: tuple[str, float]) -> str:
+    channel, size = item
+    return (
+        f"{channel}: the same command does not give the same speed each time, by {size:.2g} "
+        f"{UNITS[channel]} (rms) beside the best set of effects; this counts as noise"
+    )
 
 
 def _report(

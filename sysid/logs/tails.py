@@ -83,9 +83,13 @@ def weighted_down(dataset: Dataset) -> tuple[Dataset, Mapping[str, Tails]]:
     weights: list[dict[str, FloatArray]] = [{} for _ in dataset.runs]
     for name in _CHANNELS:
         parts = [_differences(run, name) for run in dataset.runs]
-        off, level = (np.concatenate([part[i] for part in parts] or [np.zeros(0)]) for i in (0, 1))
+        step = _resolution(dataset.runs, name)
+        smooth = [
+            _differences(run, name, _hidden(run, step, index)) for index, run in enumerate(dataset.runs)
+        ]
+        off, level = (np.concatenate([part[i] for part in smooth] or [np.zeros(0)]) for i in (0, 1))
         compared = np.isfinite(off)
-        tails = _tails(off[compared], level[compared], _resolution(dataset.runs, name))
+        tails = _tails(off[compared], level[compared], step)
         if tails is None:
             continue
         found[name] = tails
@@ -96,6 +100,15 @@ def weighted_down(dataset: Dataset) -> tuple[Dataset, Mapping[str, Tails]]:
         return dataset, found
     runs = (replace(run, weights=own) for run, own in zip(dataset.runs, weights, strict=True))
     return replace(dataset, runs=tuple(runs)), found
+
+
+def _hidden(run: Run, step: float, index: int) -> FloatArray:
+    """Return what rounding to a `step` may have taken off each row's value, drawn at random, (n,).
+
+    A law of tails is one of continuous values: of values rounded to coarse steps most are equal, and others
+    seem far off.
+    """
+    return np.random.default_rng(index).uniform(-0.5 * step, 0.5 * step, run.time_s.size)
 
 
 def _weights(differences: FloatArray, level: FloatArray, tails: Tails) -> FloatArray:
@@ -110,10 +123,11 @@ def _counts(square: FloatArray, freedom: float) -> FloatArray:
     return (freedom + 1.0) / (freedom + square) if math.isfinite(freedom) else np.ones(square.shape)
 
 
-def _differences(run: Run, name: str) -> tuple[FloatArray, FloatArray]:
+def _differences(run: Run, name: str, hidden: FloatArray | None = None) -> tuple[FloatArray, FloatArray]:
     """Return by how much each sample differs from its neighbours, else NaN, and the size of these, both (n,).
 
-    Samples are compared while a command is held. The size is that of the median of five neighbours.
+    Samples are compared while a command is held. The size is that of the median of five neighbours. What
+    rounding has `hidden` (n,) is added to the samples, if it is given.
     """
     found, level = np.full(run.time_s.size, np.nan), np.zeros(run.time_s.size)
     if name not in run.channels:
@@ -127,6 +141,7 @@ def _differences(run: Run, name: str) -> tuple[FloatArray, FloatArray]:
         if values.size < 5 or np.ptp(values) == 0.0:
             # A constant channel, such as that of a wheel at rest, says nothing about noise.
             continue
+        values = values if hidden is None else values + hidden[held]
         around = np.stack([values[:-4], values[1:-3], values[3:-1], values[4:]])
         found[held[2:-2]] = values[2:-2] - np.median(around, axis=0)
     return found, level

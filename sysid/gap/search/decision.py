@@ -19,6 +19,7 @@ from typing import Final
 
 import numpy as np
 
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet
@@ -83,6 +84,9 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     # If nothing is left to explain, no law can do better.
     refit = chosen is not None and not complete(problem, chosen.fitted, floor)
     law = _law(problem, inflation) if refit else None
+    if chosen is not None and _is_description(chosen) and max_effects > 1 and not search.of_size(2):
+        # Two causes may do as well as a curve of five numbers, although the second is worth little beside it.
+        search.grow(2)
     every = [scored(problem, fitted, inflation) for fitted in search.fitted.values()]
     judged = tuple(sorted(every, key=lambda j: (j.score, j.names)))
     facts = replace(facts, judged=judged, law=law)
@@ -91,10 +95,13 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     same_size = [j for j in judged if len(j.names) == len(chosen.names)]
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
     chosen = _in_first_forms(chosen, harmless)
+    as_good = tied(search, chosen, harmless, inflation)
+    if causal := _with_causes(search, as_good, judged, inflation):
+        chosen, as_good = causal[0], causal
     return replace(
         facts,
         chosen=chosen,
-        tied=tied(search, chosen, harmless, inflation),
+        tied=as_good,
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,
@@ -244,6 +251,46 @@ def _in_first_forms(chosen: ScoredSet, rivals: Sequence[ScoredSet]) -> ScoredSet
         return one.fitted.candidate.parameter_count, further_forms, one.score
 
     return min(alike, key=complexity, default=chosen)
+
+
+def _with_causes(
+    search: Search, as_good: Sequence[ScoredSet], judged: Sequence[ScoredSet], inflation: float
+) -> tuple[ScoredSet, ...]:
+    """Return the sets that do as well as those `as_good` without an effect that is only a description.
+
+    Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
+    more effects with fewer parameters count, too. None is returned if no set of causes does as well.
+    """
+    problem, best = search.problem, as_good[0]
+    named = tuple(one for one in as_good if not _is_description(one))
+    if named:
+        return named
+    simpler = [
+        one
+        for one in judged
+        if len(one.names) > len(best.names)
+        and not _is_description(one)
+        and one.fitted.candidate.parameter_count < best.fitted.candidate.parameter_count
+        and _as_good(search, best, one, inflation)
+        and not rises(problem, search.base, one.fitted)
+        and not doubtful(problem, one.fitted, inflation)
+    ]
+    if not simpler:
+        return ()
+    chosen = min(simpler, key=lambda one: (len(one.names), one.score))
+    rivals = [
+        one
+        for one in judged
+        if len(one.names) == len(chosen.names)
+        and not _is_description(one)
+        and not rises(problem, search.base, one.fitted)
+    ]
+    return tied(search, chosen, rivals, inflation)
+
+
+def _is_description(one: ScoredSet) -> bool:
+    """Return whether a set has an effect that stands for whatever has no simpler name."""
+    return any(CATALOGUE[name].search_from is not None for name in one.names if name in CATALOGUE)
 
 
 def _removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:

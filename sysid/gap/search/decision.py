@@ -261,10 +261,10 @@ def _with_causes(
     Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
     more effects with fewer parameters count, too. None is returned if no set of causes does as well.
     """
-    problem, best = search.problem, as_good[0]
     named = tuple(one for one in as_good if not _is_description(one))
-    if named:
+    if named or not as_good:
         return named
+    problem, best = search.problem, as_good[0]
     simpler = [
         one
         for one in judged

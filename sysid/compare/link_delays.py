@@ -1,11 +1,11 @@
 """When each change of a command acted, from bench logs: a link's delays as latent values.
 
-The delay of change i is d(i) = m + s e(i), with the link's common delay m, its spread s and standard normal
-e(i). A model predicts the logs with every change at its delay; the likelihood of another delay of one
-change follows without another simulation, since the law is linear: the change's step response is moved.
-Delays and prediction are improved in turns. The common delay and the spread maximise the likelihood of the
-logs with the delays integrated out (empirical Bayes; Robbins, Proc. 3rd Berkeley Symp. 1:157, 1956), and
-each delay is then the mean of its posterior.
+The delay of change i is d(i) = m + s e(i), with the link's common delay m, its spread s and e(i) of Student's
+t, which allows for a change that is very late. A model predicts the logs with every change at its delay; the
+likelihood of another delay of one change follows without another simulation, since the law is linear: the
+change's step response is moved. Delays and prediction are improved in turns. The common delay and the spread
+maximise the likelihood of the logs with the delays integrated out (empirical Bayes; Robbins, Proc. 3rd
+Berkeley Symp. 1:157, 1956), and each delay is then the mean of its posterior.
 
 Delays that go with the size or the direction of a change are no jitter: a limit, friction or play delays
 large or small changes more. A spread therefore counts only if it remains beside them.
@@ -299,7 +299,9 @@ def _prior(spread_s: float) -> FloatArray:
     """Return the probability of each delay of the grid (columns) for each common delay (rows)."""
     if spread_s == 0.0:
         return np.eye(_GRID.size)
-    weight = np.exp(-0.5 * ((_GRID[:, None] - _GRID[None, :]) / max(spread_s, 0.5 * _STEP_S)) ** 2)
+    # Student's t, so that one change that is very late does not make the spread of all.
+    square = ((_GRID[:, None] - _GRID[None, :]) / max(spread_s, 0.5 * _STEP_S)) ** 2
+    weight = (1.0 + square / _TAIL) ** (-0.5 * (_TAIL + 1.0))
     return np.asarray(weight / weight.sum(axis=1, keepdims=True))
 
 

@@ -130,6 +130,9 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     found = _fit_behind(path, dataset, options, progress)
     if dataset.level == "bench" and options.delay_s is None:
         found = _through_late_link(path, found, progress)
+    if dataset.level == "bench" and options.effects == "auto":
+        # Beside the delays of the link, if it has such, since these are no effect of the drive.
+        found = _with_drive_effects(found, progress)
     heavy = tuple(one.note(channel) for channel, one in tails.items())
     return replace(found, tails=tails, notes=(*heavy, *found.notes))
 
@@ -141,7 +144,7 @@ def _through_late_link(path: CommandPath, plain: Fit, progress: Progress) -> Fit
     the fit is `plain` with one delay for all changes.
     """
     dataset, options = plain.dataset, plain.options
-    quick = replace(options, methods=options.methods[:1], starts=min(3, options.starts), effects="off")
+    quick = replace(options, methods=options.methods[:1], starts=min(3, options.starts))
     found, link = plain, None
     for turn in range(LINK_TURNS):
         model = Model(wheel_model(found.path, found.estimate), options.robot)
@@ -217,10 +220,6 @@ def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progre
             dataset, runs, known_robot, options.robot_given, sigma, known, within(progress, stage)
         )
         notes.append(note)
-    effects = None
-    if dataset.level == "bench" and options.effects == "auto":
-        effects = _drive_effects(dataset, runs, search, options, found, progress)
-        notes += [effects.note] if effects else []
     data = pooled(runs["fit"])
     return Fit(
         dataset=dataset,
@@ -234,17 +233,16 @@ def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progre
         methods=methods,
         wheels=wheels,
         runs=runs,
-        drive_effects=effects,
         robot=robot,
         notes=tuple(notes),
     )
 
 
-def _drive_effects(
-    dataset: Dataset, runs: Runs, search: Search, options: FitOptions, found: Estimate, progress: Progress
-) -> DriveEffects | None:
-    """Look for effects beside the law that was `found`, and beside one whose DC gain is free."""
-    path = search.path
+def _with_drive_effects(fit: Fit, progress: Progress) -> Fit:
+    """Look for effects beside the law of a fit to bench logs, and beside one whose DC gain is free."""
+    dataset, runs, options, found, path = fit.dataset, fit.runs, fit.options, fit.estimate, fit.path
+    share = _independent_share(dataset)
+    search = Search(options.methods[0], options.seed, options.unit_gain, path, share)
     alone = Model(wheel_model(path, found), options.robot, latency(found))
     others = []
     if options.unit_gain:
@@ -261,7 +259,10 @@ def _drive_effects(
             others.append(Model(wheel, options.robot, {**latency(free), "speed_gain": {"gain": gain}}))
     slowest_s = SLOWEST * longest_hold_s(runs)
     largest_pole = min(POLE_LIMIT, math.exp(-found.law.sample_period_s / slowest_s))
-    return find_drive_effects(dataset, alone, others, largest_pole, progress)
+    effects = find_drive_effects(dataset, alone, others, largest_pole, progress)
+    if effects is None:
+        return fit
+    return replace(fit, drive_effects=effects, notes=(*fit.notes, effects.note))
 
 
 def wheel_model(path: CommandPath, found: Estimate) -> Wheel:

@@ -51,3 +51,10 @@ def test_noise_that_grows_with_the_speed_counts_less_at_speed() -> None:
     slow_weight, fast_weight = (np.median(run.weights["speed_rpm"]) for run in found.runs)
     assert fast_weight / slow_weight == pytest.approx(1.0 / 16.0, rel=0.5)
     assert tails["speed_rpm"].growth > 0.0
+
+
+def test_normal_noise_that_is_rounded_to_coarse_steps_has_no_tails() -> None:
+    rng = np.random.default_rng(4)
+    runs = [bench_run(np.round(rng.normal(0.3, 0.6, 1000) / 1.7) * 1.7, speed) for speed in (17.0, 34.0)]
+    _, tails = weighted_down(dataset(*runs))
+    assert not tails

@@ -6,6 +6,8 @@ partly initialised, so this module imports nothing but the standard library and 
 
 from __future__ import annotations
 
+import ctypes
+import hashlib
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
@@ -53,6 +55,30 @@ def library_path(mujoco_version: str, folders: Iterable[str] | None = None) -> P
     )
 
 
+def require_current(library: Path) -> None:
+    """Refuse a library of other sources than those in this folder, whose numbers would mean something else.
+
+    The MuJoCo library must be loaded. A library that was compiled by hand does not say what its sources were.
+
+    Raises:
+        BackendError: the library was compiled from other sources.
+    """
+    loaded = ctypes.CDLL(str(library))
+    said = getattr(loaded, "mecanum_sources", None)
+    if said is not None:
+        said.restype = ctypes.c_char_p
+    sources = "" if said is None else said().decode()
+    if said is None or sources not in ("", sources_sha256()):
+        raise BackendError(f"{library} was compiled from other sources; compile the plugin again: {_BUILD}")
+
+
+def sources_sha256() -> str:
+    """Return the hash of the plugin's sources in this folder, as CMakeLists.txt makes it."""
+    texts = sorted(path for path in Path(__file__).parent.iterdir() if path.suffix in (".c", ".h"))
+    hashes = "".join(hashlib.sha256(path.read_bytes()).hexdigest() for path in texts)
+    return hashlib.sha256(hashes.encode()).hexdigest()
+
+
 def installed_folders() -> list[str]:
     """Return the plugin folders of the installed packages on `sys.path` that have this package's version."""
     from importlib.metadata import distributions
@@ -68,9 +94,11 @@ def register() -> None:
     """Load the plugin into the MuJoCo library that runs; a second call changes nothing.
 
     Raises:
-        BackendError: there is no library for the MuJoCo release that runs. During ``import mujoco`` MuJoCo
-            turns it into a RuntimeWarning.
+        BackendError: there is no library for the MuJoCo release that runs, or it is of other sources. During
+            ``import mujoco`` MuJoCo turns it into a RuntimeWarning.
     """
     import mujoco
 
-    mujoco.mj_loadPluginLibrary(str(library_path(mujoco.mj_versionString())))
+    library = library_path(mujoco.mj_versionString())
+    require_current(library)
+    mujoco.mj_loadPluginLibrary(str(library))

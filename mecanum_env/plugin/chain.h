@@ -144,6 +144,9 @@ typedef struct {
   double friction;  // of the wheel's bearing [N m]
 } Torques;
 
+// Hash of the sources that the library was compiled from, as CMakeLists.txt makes it; "" if it was compiled by hand.
+EXPORT const char* mecanum_sources(void);
+
 // The name of a parameter by its index; NULL beyond the last.
 EXPORT const char* mecanum_parameter(int64_t index);
 

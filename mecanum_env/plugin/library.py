@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from mecanum_env.law.parameters import with_programs
 from mecanum_env.law.program import INPUTS, PROGRAM_SIZE, Program
-from mecanum_env.plugin import library_path
+from mecanum_env.plugin import library_path, require_current
 from mecanum_env.units import FloatArray
 
 Counts = npt.NDArray[np.int64]
@@ -125,7 +125,9 @@ def refusal(parameters: FloatArray, timestep_s: float) -> str | None:
 @cache
 def _library() -> ctypes.CDLL:
     # The library needs MuJoCo's own, which `import mujoco` has loaded.
-    library = ctypes.CDLL(str(library_path(mujoco.mj_versionString())))
+    path = library_path(mujoco.mj_versionString())
+    require_current(path)
+    library = ctypes.CDLL(str(path))
     count, real, array = ctypes.c_int64, ctypes.c_double, ctypes.c_void_p
     library.mecanum_bench.argtypes = [count, count, real, *[array] * 10]
     library.mecanum_bench.restype = None

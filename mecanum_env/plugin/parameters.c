@@ -13,6 +13,14 @@ static const struct { const char* name; Check check; } PARAMETERS[] = {
 #undef ROW
 _Static_assert(sizeof PARAMETERS / sizeof *PARAMETERS == N_PARAMETERS, "one row for each index");
 
+#ifndef SOURCES_SHA256
+#define SOURCES_SHA256 ""
+#endif
+
+const char* mecanum_sources(void) {
+  return SOURCES_SHA256;
+}
+
 const char* mecanum_parameter(int64_t index) {
   return index >= 0 && index < N_PARAMETERS ? PARAMETERS[index].name : 0;
 }

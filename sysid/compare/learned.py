@@ -24,19 +24,17 @@ import numpy.typing as npt
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import ModelError, Residual, estimate_model_error
+from sysid.compare.model_error import FACTORS, ModelError, Residual, estimate_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import plausible_models
 from sysid.compare.observations import Observations, observe
 from sysid.compare.prediction import Study
 from sysid.compare.shape import Key, ShapeBasis
 from sysid.compare.simulator import Simulators
-from sysid.compare.subset import most_active_runs
+from sysid.compare.subset import most_active
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
 
-SECONDS: Final = {"bench": 300.0, "robot": 60.0}
-"""Duration of the logs that are simulated [s]; a robot on its rollers takes long."""
 _PARAMETER_SIGMAS: Final = 10.0
 """Prior standard deviation of a parameter, in its stated ones: the logs that gave these decide."""
 _ROUNDS: Final = 30  # of EM
@@ -44,7 +42,6 @@ _LEAST_SIZE: Final = 1e-9
 _FOLD_S: Final = 4.0
 """Length of the pieces [s] that are left out in turn where there are too few groups of runs."""
 _FEWEST_FOLDS: Final = 3
-_FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
 _OTHER_COMMANDS: Final = 4.0
 """Factor from the unexplained error in groups of runs that were left out to that in logs of other commands.
 Calibrated on drawn drives (python -m sysid.studies.zoo --bench 90 --robot 0): with 1, 2 and 4 logs in which
@@ -94,7 +91,7 @@ def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned
         InputError: the logs have no measured sample, or the model cannot be simulated.
         SimulationDivergedError: the state stopped being finite.
     """
-    observations = observe(replace(dataset, runs=most_active_runs(dataset.runs, SECONDS[dataset.level])))
+    observations = observe(most_active(dataset))
     noise = measure_noise(dataset, observations)
     simulators = Simulators.of(observations, study or Study())
     predicted = simulators.full.predictions(model)
@@ -108,22 +105,14 @@ def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned
     white = Whitener(observations, noise, None)
     found = _Posterior.of(white.whiten(residual), white.whiten(columns), group_of)
     error = _left(observations, noise, residual, columns, found, white, folds, dataset.sha256)
-    for factor in _FACTORS:
-        channels = {
-            name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
-            for name, e in error.channels.items()
-        }
-        scaled = replace(error, channels=channels)
+    for factor in FACTORS:
+        scaled = error.scaled(factor)
         whitener = Whitener(observations, noise, scaled)
         r, k = whitener.whiten(residual), whitener.whiten(columns)
         found = _Posterior.of(r, k, group_of, variance=1.0)
         if found.left_out_cost(r, k, folds) <= r.size:
             break
-    channels = {
-        name: replace(e, settled=_OTHER_COMMANDS * e.settled, transient=_OTHER_COMMANDS * e.transient)
-        for name, e in scaled.channels.items()
-    }
-    elsewhere = replace(scaled, channels=channels)
+    elsewhere = scaled.scaled(_OTHER_COMMANDS)
     values, vectors = np.linalg.eigh(found.covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     prior = found.precision**-0.5

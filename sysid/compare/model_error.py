@@ -27,6 +27,8 @@ from sysid.logs import Run
 
 DECAY_S: Final = 0.15
 """Time constant with which the error after a change of command decays [s]."""
+FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
+"""With which an error that was estimated may be multiplied until it explains the logs."""
 _ROUNDS: Final = 5  # of iteratively reweighted least squares
 _LEAST_CORRELATION_S: Final = 0.01
 _MOST_CORRELATION_S: Final = 0.3
@@ -51,6 +53,14 @@ class ModelError:
     channels: Mapping[str, ChannelError]
     data_sha256: str = ""
     """Hash of the logs that it was measured on."""
+
+    def scaled(self, factor: float) -> ModelError:
+        """Return the error with its sizes, but not its correlation times, multiplied by a `factor`."""
+        channels = {
+            name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
+            for name, e in self.channels.items()
+        }
+        return replace(self, channels=channels)
 
 
 @dataclass(frozen=True)

@@ -3,26 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
-from typing import Final
 
 import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import Residual, estimate_model_error, with_model_error
+from sysid.compare.model_error import FACTORS, Residual, estimate_model_error, with_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import plausible_models, shape_columns
 from sysid.compare.observations import Observations, observe
 from sysid.compare.prediction import Study
 from sysid.compare.simulator import Simulator
-from sysid.compare.subset import most_active_runs
+from sysid.compare.subset import most_active
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
-
-SECONDS: Final = {"bench": 300.0, "robot": 60.0}
-"""Duration of the logs that are simulated [s]; a robot on its rollers takes long."""
-_FACTORS: Final = (1.0, 1.25, 1.6, 2.0, 2.5, 3.2, 4.0)
 
 
 def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -> Model:
@@ -31,7 +25,7 @@ def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -
     The error of all channels is multiplied by the smallest factor of 1 to 4 with which the cost, counted as
     in a study of the gap, is no larger than the number of samples.
     """
-    observations = observe(replace(dataset, runs=most_active_runs(dataset.runs, SECONDS[dataset.level])))
+    observations = observe(most_active(dataset))
     noise = measure_noise(dataset, observations)
     simulator = Simulator(observations, study or Study())
     predicted = simulator.predictions(model)
@@ -39,12 +33,8 @@ def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -
     found = estimate_model_error(block_residuals(observations, noise, residual), dataset.sha256)
     plausible = [simulator.predictions(other) for other in plausible_models(model)]
     changes = [[p - q for p, q in zip(parts, predicted, strict=True)] for parts in plausible]
-    for factor in _FACTORS:
-        channels = {
-            name: replace(e, settled=factor * e.settled, transient=factor * e.transient)
-            for name, e in found.channels.items()
-        }
-        error = replace(found, channels=channels)
+    for factor in FACTORS:
+        error = found.scaled(factor)
         whitener = Whitener(observations, noise, error)
         columns = [*changes, *shape_columns(model, error, observations)]
         if _marginal_cost(whitener, residual, columns) <= whitener.size:

@@ -18,6 +18,8 @@ BEFORE_S: Final = 0.5
 """Time before a change of command at which a piece begins [s], so that the robot has settled."""
 SMALL: Final = 0.5
 """Largest of the small commands, relative to the largest command."""
+_ACTIVE_S: Final = {"bench": 300.0, "robot": 60.0}
+"""Duration of the logs in which a model's own error is measured [s]; a robot on its rollers takes long."""
 _BANDS: Final = 4  # bands of commanded speed in each direction that pieces are to cover
 
 Bands = frozenset[tuple[int, int]]
@@ -82,6 +84,11 @@ def small_command_runs(dataset: Dataset, command_period_s: float) -> Dataset:
     if not any(run.split == "fit" for run in kept):
         return dataset
     return replace(dataset, runs=kept, sha256=hashlib.sha256(f"{dataset.sha256} quiet".encode()).hexdigest())
+
+
+def most_active(dataset: Dataset) -> Dataset:
+    """Return logs with as many of their most active runs as a model's own error is measured in."""
+    return replace(dataset, runs=most_active_runs(dataset.runs, _ACTIVE_S[dataset.level]))
 
 
 def most_active_runs(runs: Sequence[Run], seconds: float) -> tuple[Run, ...]:

@@ -96,6 +96,13 @@ def test_the_library_for_the_running_mujoco_is_found_among_others(tmp_path):
         library_path("5.0.0", [str(tmp_path)])
 
 
+def test_a_library_of_other_sources_is_refused(monkeypatch):
+    monkeypatch.setattr(mujoco, "mj_loadPluginLibrary", lambda _: pytest.fail("loaded"))
+    monkeypatch.setattr(mecanum_env.plugin, "sources_sha256", lambda: "of other sources")
+    with pytest.raises(BackendError, match=r"was compiled from other sources; compile .*pip install"):
+        register()
+
+
 def installed_package(site: Path, version: str) -> Path:
     """Lay out what an installation of a version leaves in site-packages; return its library."""
     metadata = site / f"mecanum_tankendo-{version}.dist-info"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
@@ -123,7 +124,7 @@ def _waves(extent: Extent) -> Iterator[Term]:
         yield Term("speed * wave", extent.top_rpm, harmonic)
 
 
-class _Nameless:
+class _Nameless(ABC):
     """What formulas and tables have in common as candidates of `sysid.compare.fitted.fit`.
 
     Each free number lies between ends at the places 0 and 1.
@@ -137,13 +138,13 @@ class _Nameless:
         return ("custom",)
 
     @property
+    @abstractmethod
     def ends(self) -> FloatArray:
         """Lowest and highest value of each free number, shape (p, 2)."""
-        raise NotImplementedError
 
+    @abstractmethod
     def effect(self, numbers: Sequence[float], digits: int = 12) -> CustomEffect:
         """Return the effect with these `numbers` (p,), each in so many `digits`."""
-        raise NotImplementedError
 
     @property
     def parameter_count(self) -> int:

@@ -33,7 +33,7 @@ from sysid.studies.zoo.outcome import ERROR, Outcome, outcome_of
 from sysid.studies.zoo.recorders import Recorder, recorder
 from sysid.studies.zoo.settled import BUDGET_S, Names, Round, Settled, settled_from_json, settled_json
 from sysid.studies.zoo.sources import fingerprint
-from sysid.studies.zoo.work import WRITERS, Task
+from sysid.studies.zoo.work import WRITERS, Task, logs_of_fit
 
 _STREAM: Final = 7
 """Sets the luck of these recordings apart from that of the case's logs, which have the same seed."""
@@ -76,8 +76,10 @@ def settle_task(task: Task, folder: Path) -> str:
         case = WRITERS[task.level](task.seed, Path(made))
         model = nominal_model(Path(made))
 
+        options = GapOptions(jobs=1, fitted_on=logs_of_fit(case, Path(made)))
+
         def study(dataset: Dataset) -> GapReport:
-            return analyse(dataset, model, GapOptions(jobs=1))
+            return analyse(dataset, model, options)
 
         done = settle(case, Path(made) / "logs", study, recorder(case))
     write_json(settled_file(task, folder), settled_json(done))

@@ -24,7 +24,7 @@ from mecanum_env.files import write_json
 from mecanum_env.parallel import process_pool
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
-from sysid.logs import read_dataset
+from sysid.logs import Dataset, read_dataset
 from sysid.studies.zoo.cases.case import Case, Level
 from sysid.studies.zoo.cases.robot_draw import write_robot_case
 from sysid.studies.zoo.cases.write import write_bench_case
@@ -113,7 +113,7 @@ def run_task(task: Task, folder: Path, code: str, only: str = "*") -> tuple[str,
         try:
             case = WRITERS[task.level](task.seed, Path(made))
         except Exception as error:
-            return task.name, _text(error)
+            return task.name, _text(error, Path(made))
         write_json(_drawn(task, folder), asdict(case))
         if fnmatch.fnmatch(case.name, only):
             write_json(saved(task, folder), to_json(analysed(case, Path(made))))
@@ -126,15 +126,21 @@ def analysed(case: Case, folder: Path) -> Outcome:
     try:
         model = nominal_model(folder)
         stage, fit_s = "study", time.perf_counter() - began
-        nominal = read_dataset(folder / "nominal")
-        # As the program does, which compares with the bench logs that a model was fitted to.
-        options = GapOptions(next_experiment=False, fitted_on=nominal if case.level == "bench" else None)
+        options = GapOptions(next_experiment=False, fitted_on=logs_of_fit(case, folder))
         report = analyse(read_dataset(folder / "logs"), model, options)
         return outcome_of(case, report, fit_s, time.perf_counter() - began - fit_s)
     except Exception as error:
         # Whatever a user would have seen is an outcome: one case must not stop the others.
         study_s = time.perf_counter() - began - fit_s
-        return Outcome(case, ERROR, fit_s=fit_s, study_s=study_s, message=f"{stage}: {_text(error)}")
+        return Outcome(case, ERROR, fit_s=fit_s, study_s=study_s, message=f"{stage}: {_text(error, folder)}")
+
+
+def logs_of_fit(case: Case, folder: Path) -> Dataset | None:
+    """Return the nominal logs in a case's `folder` where a study compares with them, else None.
+
+    The program does so with the bench logs that a model was fitted to.
+    """
+    return read_dataset(folder / "nominal") if case.level == "bench" else None
 
 
 @functools.cache
@@ -145,9 +151,12 @@ def _require_same_code(code: str) -> None:
         raise InputError(f"the code changed from {code} to {now} while the run began; start it again")
 
 
-def _text(error: Exception) -> str:
-    """Return an error as one line; the type of those that the project raises on purpose says nothing more."""
-    text = " ".join(str(error).split())
+def _text(error: Exception, folder: Path) -> str:
+    """Return an error as one line without the place of the case's temporary `folder`, which says nothing.
+
+    Nor does the type of an error say more where the project raises it on purpose.
+    """
+    text = " ".join(str(error).split()).replace(f"{folder}/", "")
     return text if isinstance(error, InputError) else f"{type(error).__name__}: {text}"
 
 

@@ -10,7 +10,7 @@ import dataclasses
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -65,31 +65,31 @@ def no_truth(_before: Drive, _after: Drive) -> Parameters:
     return {}
 
 
-def with_motor(drive: Drive, **values: float) -> Drive:
+def with_motor(drive: Drive, **values: Any) -> Drive:
     """Return the drive with other values of its motor."""
     motor: Motor = dataclasses.replace(drive.motor, **values)
     return dataclasses.replace(drive, motor=motor)
 
 
-def with_gear(drive: Drive, **values: float) -> Drive:
+def with_gear(drive: Drive, **values: Any) -> Drive:
     """Return the drive with other values of its gear and wheel."""
-    gear: Gear = dataclasses.replace(drive.gear, **values)  # type: ignore[arg-type]
+    gear: Gear = dataclasses.replace(drive.gear, **values)
     return dataclasses.replace(drive, gear=gear)
 
 
-def with_controller(drive: Drive, **values: object) -> Drive:
+def with_controller(drive: Drive, **values: Any) -> Drive:
     """Return the drive with other values of its firmware."""
-    controller: Controller = dataclasses.replace(drive.controller, **values)  # type: ignore[arg-type]
+    controller: Controller = dataclasses.replace(drive.controller, **values)
     return dataclasses.replace(drive, controller=controller)
 
 
-def with_sensor(drive: Drive, **values: object) -> Drive:
+def with_sensor(drive: Drive, **values: Any) -> Drive:
     """Return the drive with other values of its sensor."""
-    sensor: Sensor = dataclasses.replace(drive.sensor, **values)  # type: ignore[arg-type]
+    sensor: Sensor = dataclasses.replace(drive.sensor, **values)
     return dataclasses.replace(drive, sensor=sensor)
 
 
-def with_link(drive: Drive, **values: float) -> Drive:
+def with_link(drive: Drive, **values: Any) -> Drive:
     """Return the drive with other values of its link."""
     link: Link = dataclasses.replace(drive.link, **values)
     return dataclasses.replace(drive, link=link)

@@ -62,7 +62,7 @@ PAIRS = (
      "Coulomb friction as a droop"),
     ("robotino/floor_table", "robotino/floor_gray", "another floor: 2.5 rpm more of Coulomb friction"),
 )  # fmt: skip
-"""Recordings before and after one change that is known: two folders with the same motors, and what changed."""
+"""Recordings before and after one known change: two folders with the same motors, and what changed."""
 SHOWN = 6
 """Number of sets in the table of evidence."""
 

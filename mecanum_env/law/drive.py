@@ -25,7 +25,7 @@ from mecanum_env.units import FloatArray
 
 EPS: Final = 1e-9
 """Share of its period by which a clock may be early; it absorbs the rounding of n h."""
-RING: Final = 32
+RING: Final = 64
 """Number of latched commands that a drive remembers; it bounds the delay, see `longest_delay_s`."""
 
 

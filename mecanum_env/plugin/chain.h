@@ -24,7 +24,7 @@
 
 #define EXPORT __attribute__((visibility("default")))  // for other programs, which call it through a pointer
 
-#define RING 32         // latched commands kept, which bounds the delay
+#define RING 64         // latched commands kept, which bounds the delay
 #define MAX_EVENTS 1024 // law ticks or latches in one substep, at most
 #define MAP_KNOTS 6     // knots of a static map, at most
 #define EPS 1e-9        // tolerance of the clocks, relative to their period

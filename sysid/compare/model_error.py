@@ -22,6 +22,7 @@ from scipy.optimize import nnls
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.compare.prediction import changes_from_rest
 from sysid.logs import Run
 
 DECAY_S: Final = 0.15
@@ -78,7 +79,7 @@ class Residual:
 
 def command_changes(run: Run) -> tuple[FloatArray, FloatArray]:
     """Return times [s] and sizes [rpm] of a run's changes of command, each of shape (m,)."""
-    times, wheels = run.command_changes()
+    times, wheels = changes_from_rest(run)
     return times[1:], np.max(np.abs(np.diff(wheels, axis=0)), axis=1)
 
 

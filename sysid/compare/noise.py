@@ -73,6 +73,9 @@ class Noise:
     rounding: Mapping[str, float] = field(default_factory=dict)
     """Channel -> standard deviation of the rounding error, if all repeats share it."""
 
+    lasting: Mapping[str, float] = field(default_factory=dict)
+    """Channel -> standard deviation of an offset that lasts as long as a command is held, if known."""
+
     uneven: Mapping[str, UnevenNoise] = field(default_factory=dict)
     """Channel -> how its noise changes after a change of command; channels of even noise are left out."""
 
@@ -182,7 +185,7 @@ def measure_noise(dataset: Dataset, observations: Observations) -> Noise:
             if lasting := _correlated(observations, blocks, sigma[name], changing):
                 correlated[name] = lasting
     known = freedom_of_repeats if set(source.values()) == {"repeats"} else _EFFICIENCY * differences
-    return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding, uneven)
+    return Noise(sigma, source, correlated, scatter, max(1.0, known), rounding, uneven=uneven)
 
 
 def _pose_repeats(runs: Sequence[Run], name: str) -> tuple[float, int]:

@@ -65,9 +65,12 @@ class Block:
     value: FloatArray
     """Mean over the repeats, in the channel's unit, shape (m,)."""
     weight: FloatArray
-    """Number of samples that each value is the mean of, shape (m,)."""
+    """Number of samples that each value is the mean of, shape (m,); outliers count less than 1."""
     deviations: FloatArray
-    """Deviation of each repeat's samples from their mean, shape (r, n), NaN where there is no sample."""
+    """Deviation of each repeat's samples from their mean, shape (r, n), NaN where there is no sample.
+
+    Those of outliers are weighted down.
+    """
     sample_times_s: FloatArray
     """Time of each sample [s], shape (n,)."""
     repeats: int
@@ -160,11 +163,18 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
     if used.size == 0:
         return None
     time, values, present, count = time[used], values[:, used], present[:, used], count[used]
-    mean = np.where(present, values, 0.0).sum(axis=0) / count
-    deviations, samples = values - mean, time
+    heavy = np.array([run.weights[name][used] if name in run.weights else np.ones(used.size) for run in runs])
+    weight = np.where(present, heavy, 0.0) if name not in POSE else present.astype(float)
+    # A single run is its own mean, without rounding.
+    mean = (
+        np.where(present, weight * values, 0.0).sum(axis=0) / weight.sum(axis=0)
+        if len(runs) > 1
+        else values[0]
+    )
+    deviations, samples = np.where(present, np.sqrt(weight) * (values - mean), np.nan), time
     # A window makes a value; so does a sample, or as many as leave at most MOST_SAMPLES values.
     size = 1 if name in POSE else -(-used.size // MOST_SAMPLES)
-    counts = _together(count, size)
+    counts = _together(weight.sum(axis=0), size)
     if name not in POSE:
         mean = (_together(mean, size) * counts).sum(axis=1) / counts.sum(axis=1)
         time = _together(time, size).sum(axis=1) / (counts > 0).sum(axis=1)
@@ -173,7 +183,7 @@ def _block(situation: int, name: str, runs: Sequence[Run], parts: Sequence[Float
         channel=name,
         time_s=time,
         value=mean,
-        weight=counts.sum(axis=1).astype(float),
+        weight=counts.sum(axis=1),
         deviations=deviations,
         sample_times_s=samples,
         repeats=len(runs),

@@ -93,6 +93,18 @@ def start_of(run: Run) -> Start:
     return Start(0.0, moving, *(first.get(name, 0.0) for name in POSE))
 
 
+def changes_from_rest(run: Run) -> tuple[FloatArray, FloatArray]:
+    """Return the times [s] and wheel commands [rpm] of `Run.command_changes`, (m,) and (m, wheels).
+
+    A run that starts at rest and with a command begins with a change, from 0: it is the second row then.
+    """
+    times, wheels = run.command_changes()
+    start = start_of(run)
+    if start.moving or start.initial_rpm != 0.0 or not np.any(wheels[0]):
+        return times, wheels
+    return np.insert(times, 0, times[0]), np.insert(wheels, 0, 0.0, axis=0)
+
+
 @dataclass(frozen=True, eq=False)
 class Motion:
     """The motion in a run: the true one, or as sensors see it."""

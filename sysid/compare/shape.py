@@ -21,6 +21,7 @@ from mecanum_env.law import LawState
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.observations import WINDOW_S, Block, Observations, Situation
+from sysid.compare.prediction import changes_from_rest
 from sysid.compare.whitening import VELOCITY_OF
 from sysid.logs.runs import WHEEL_SPEEDS
 
@@ -132,7 +133,7 @@ def command_levels(model: Model, situation: Situation, channel: str) -> tuple[Fl
 
     The model clips wheel speeds at its ceiling.
     """
-    times, wheels = situation.runs[0].command_changes()
+    times, wheels = changes_from_rest(situation.runs[0])
     limit = model.wheel.saturation_rpm
     wheels = np.clip(wheels, -limit, limit)
     if kind_of(channel) == "wheels":

@@ -60,6 +60,7 @@ def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
             command=type(run.command)(*columns),
             channels={name: values[rows] for name, values in run.channels.items()},
             full_v=_full_voltage(run),
+            weights={name: values[rows] for name, values in run.weights.items()},
         )
 
 

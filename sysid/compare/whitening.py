@@ -8,9 +8,10 @@ with e(t) and the correlation time T of `sysid.compare.model_error`. If the nois
 sigma^2 decays with its own correlation time. If it is uneven (`sysid.compare.uneven_noise`), sigma is that of
 settled noise, and what decays after a change of command adds a term like the last one. If a sensor's
 resolution is coarse compared with its noise, the variance of the rounding that all repeats share is added
-twice: once white and once correlated over `_ROUNDING_S`. With C = L L', the residual L^-1 (measured -
-predicted) of a right model is white with unit variance. The part of the model's error that is the same after
-every change of command is not in C: it is a column of `sysid.compare.nuisance`.
+twice: once white and once correlated over `_ROUNDING_S`. Noise that lasts (`sysid.compare.lasting`) is the
+same as long as a command is held. With C = L L', the residual L^-1 (measured - predicted) of a right model is
+white with unit variance. The part of the model's error that is the same after every change of command is not
+in C: it is a column of `sysid.compare.nuisance`.
 """
 
 from __future__ import annotations
@@ -23,6 +24,7 @@ import numpy as np
 from scipy.linalg.lapack import dtrtrs
 
 from mecanum_env.units import FloatArray
+from sysid.compare.lasting import holds_of
 from sysid.compare.model_error import ChannelError, ModelError, activity_rpm
 from sysid.compare.noise import Noise
 from sysid.compare.observations import WINDOW_S, Block, Observations
@@ -82,7 +84,8 @@ class Whitener:
         error = error_of(self.error, block.channel)
         exact = error is None or (error.settled == 0.0 and error.transient == 0.0)
         rounding = self.noise.rounding.get(block.channel, 0.0)
-        if exact and correlated is None and uneven is None and not rounding:
+        lasting = self.noise.lasting.get(block.channel, 0.0)
+        if exact and correlated is None and uneven is None and not rounding and not lasting:
             return np.sqrt(variance)
         lag_s = np.abs(block.time_s[:, None] - block.time_s[None, :])
         covariance = np.zeros(lag_s.shape)
@@ -96,6 +99,9 @@ class Whitener:
         if rounding:
             variance = variance + rounding**2
             covariance += rounding**2 * np.exp(-lag_s / _ROUNDING_S)
+        if lasting:
+            holds = holds_of(self.observations, block)
+            covariance += lasting**2 * (holds[:, None] == holds[None, :])
         if error is not None and not exact:
             size = _SHARE * np.hypot(error.settled, error.transient * activity_rpm(run, block.time_s))
             covariance += np.outer(size, size) * np.exp(-lag_s / error.correlation_s)

@@ -51,6 +51,8 @@ class CommandPath:
     the times of the log."""
     notes: tuple[str, ...]
     """Defaults that the log contradicts, in sentences."""
+    exact: bool = False
+    """Whether commands are known to act at these times, so that no other clock is tried."""
 
 
 def infer_command_path(

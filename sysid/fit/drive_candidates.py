@@ -32,8 +32,9 @@ TRIED: Final[Mapping[str, tuple[float, ...]]] = {
     "brake_rpm_s": (0.0,),
 }
 """Parameters that only a fit to logs without a gap determines, and where they are tried."""
-_TIME_CONSTANTS: Final = (0.02, 0.06, 0.2, 0.5)
-"""Time constants of first-order laws to start from, relative to the largest one allowed."""
+_TIME_CONSTANTS: Final = (0.002, 0.02, 0.06, 0.2, 0.5)
+"""Time constants of first-order laws to start from, relative to the largest one allowed. That may be many
+seconds where commands are held for long; a descent from slow laws alone would not reach a fast one."""
 
 
 def first_order_laws(model: Model, largest_pole: float) -> Iterator[Model]:

@@ -25,7 +25,7 @@ from sysid.fit.wheel_data import driven, longest_delay_s, wheel_runs
 from sysid.logs import Dataset
 from sysid.logs.runs import SPLITS
 
-_LONGEST_DELAY_S: Final = 0.25
+_LONGEST_DELAY_S: Final = 0.5
 """Longest transport delay that is tried [s]."""
 _EVIDENCE: Final = 10.0  # difference of BIC: "very strong" on the scale of Kass and Raftery (1995)
 _WORTH: Final = 0.02  # least relative decrease of the validation error for which a parameter is adopted

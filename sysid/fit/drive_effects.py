@@ -77,6 +77,8 @@ _SHORTEST_RISE_S: Final = 0.005
 _SECONDS: Final = 40.0
 _TICKS: Final = 8000
 """Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
+_LARGEST_GAIN: Final = 5.0
+"""Largest gain of a drive beside its effects, and inverse of the smallest. Assumed."""
 _NORMAL_90: Final = 1.645
 _STUDY: Final = Study("planar")
 """A robot is simulated without slip: that is fast, and its wheels do what they do on rollers."""
@@ -312,6 +314,9 @@ class _Search:
         """Return a coordinate that reaches as far as the speeds of the logs do."""
         if one.parameter == "washout_s":
             return replace(one, low=min(one.low, _SHORTEST_WASHOUT_S))
+        if one.effect == "speed_gain":
+            # Units of commands may be any, and a dead zone makes the gain beside it larger.
+            return replace(one, low=min(one.low, 1.0 / _LARGEST_GAIN), high=max(one.high, _LARGEST_GAIN))
         if one.parameter in ("limit_rpm_s", "brake_rpm_s"):
             return replace(one, high=max(one.high, self._top_rpm / _SHORTEST_RISE_S))
         return one

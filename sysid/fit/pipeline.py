@@ -28,12 +28,14 @@ from sysid.fit.drive_choice import (
 )
 from sysid.fit.drive_effects import DriveEffects, find_drive_effects
 from sysid.fit.estimators import DEFAULT_METHOD, Estimate
+from sysid.fit.late_links import LINK_TURNS, LateLink, late_link, link_is_worth_having
 from sysid.fit.metrics import MethodMetrics, Runs, method_metrics
 from sysid.fit.robot_parameters import RobotFit, robot_of
 from sysid.fit.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
 from sysid.fit.wheel_data import wheel_columns
 from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
+from sysid.logs.tails import Tails, weighted_down
 from sysid.progress import Progress, peak_memory_mib, silent, with_peak_memory, within
 
 SLOWEST: Final = 2.0
@@ -91,6 +93,11 @@ class Fit:
     runs: Runs
     drive_effects: DriveEffects | None = None
     """What the drive does besides its law; None if the law alone is enough, or each wheel has its own."""
+    link: LateLink | None = None
+    """From bench logs: the link, if it delays every change of the command differently. `dataset`, `path` and
+    `runs` are then those of the logs with their changes moved to where they acted."""
+    tails: Mapping[str, Tails] = field(default_factory=dict)
+    """Channel -> its noise, where that has heavy tails and outliers were weighted down."""
     robot: RobotFit | None = None
     """From robot logs: the law behind the servo and the robot parameters that they show."""
     notes: tuple[str, ...] = field(default=())
@@ -117,6 +124,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         require_mecanum(options.robot, "robot logs are")
     if not dataset.split("fit"):
         raise InputError(f'{dataset.name}: no run has split = "fit"; set one in dataset.toml')
+    dataset, tails = weighted_down(dataset)
     path = infer_command_path(
         dataset,
         sample_period_s=options.sample_period_s,
@@ -124,6 +132,41 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         quantum_rpm=options.quantum_rpm,
         saturation_rpm=options.saturation_rpm,
     )
+    found = _fit_behind(path, dataset, options, progress)
+    if dataset.level == "bench" and options.delay_s is None:
+        found = _through_late_link(path, found, progress)
+    if dataset.level == "bench" and options.effects == "auto":
+        # Beside the delays of the link, if it has such, since these are no effect of the drive.
+        found = _with_drive_effects(found, progress)
+    heavy = tuple(one.note(channel) for channel, one in tails.items())
+    return replace(found, tails=tails, notes=(*heavy, *found.notes))
+
+
+def _through_late_link(path: CommandPath, plain: Fit, progress: Progress) -> Fit:
+    """Return the fit with each change of the command at its own delay, where the logs show such delays.
+
+    The delays of the changes and the law are estimated in turns. `path` is that which the logs suggest, and
+    the fit is `plain` with one delay for all changes.
+    """
+    dataset, options = plain.dataset, plain.options
+    quick = replace(options, methods=options.methods[:1], starts=min(3, options.starts))
+    found, link = plain, None
+    for turn in range(LINK_TURNS):
+        model = Model(wheel_model(found.path, found.estimate), options.robot)
+        link = late_link(dataset, path, model)
+        if link is None:
+            return plain
+        progress(f"delays of the commands: {turn + 1}")
+        last = turn == LINK_TURNS - 1
+        found = _fit_behind(link.path, link.dataset, options if last else quick, progress)
+    if link is None or not link_is_worth_having(plain.runs, plain.estimate, found.runs, found.estimate):
+        return plain
+    note = link.note(plain.estimate, plain.runs, found.estimate, found.runs)
+    return replace(found, link=link, notes=(*path.notes, note, *found.notes))
+
+
+def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progress: Progress) -> Fit:
+    """Fit the law behind a command path, whose clock is tried against the platform's where it is a guess."""
     notes = list(path.notes)
     # In the order of the log: that of a set, and so the last digits of the result, would vary between runs.
     columns = dict.fromkeys(column for run in dataset.runs for column in wheel_columns(run).values())
@@ -136,7 +179,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
 
     progress("clock of the commands")
     (search, plain, runs, note), memory = with_peak_memory(
-        lambda: choose_clock(dataset, search, sigma, options.command_period_s is not None)
+        lambda: choose_clock(dataset, search, sigma, options.command_period_s is not None or path.exact)
     )
     notes += [note] if note else []
     path = search.path
@@ -170,7 +213,7 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     progress("uncertainty")
     notes += gain_notes(runs, search, found)
     effects = None
-    if options.effects == "auto" and not options.per_wheel:
+    if dataset.level == "robot" and options.effects == "auto" and not options.per_wheel:
         effects = _drive_effects(dataset, runs, search, options, found, progress)
         notes += [effects.note] if effects else []
     robot = None
@@ -204,6 +247,17 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         robot=robot,
         notes=tuple(notes),
     )
+
+
+def _with_drive_effects(fit: Fit, progress: Progress) -> Fit:
+    """Return a fit to bench logs with the effects that its drive has besides the law."""
+    options = fit.options
+    share = _independent_share(fit.dataset)
+    search = Search(options.methods[0], options.seed, options.unit_gain, fit.path, share)
+    effects = _drive_effects(fit.dataset, fit.runs, search, options, fit.estimate, progress)
+    if effects is None:
+        return fit
+    return replace(fit, drive_effects=effects, notes=(*fit.notes, effects.note))
 
 
 def _drive_effects(

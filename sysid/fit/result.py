@@ -66,7 +66,8 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
         model, note = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
         notes = [*model.provenance["notes"], note]
         model = replace(model, provenance={**model.provenance, "notes": notes})
-    return with_own_error(model, fit.dataset)
+    model = with_own_error(model, fit.dataset)
+    return model if fit.link is None else fit.link.described(model)
 
 
 def fit_json(fit: Fit) -> dict[str, Any]:

@@ -58,7 +58,8 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
 
     None if it has no sample.
     """
-    speed = run.channels[wheel_columns(run)[wheel]]
+    column = wheel_columns(run)[wheel]
+    speed = run.channels[column]
     finite = np.isfinite(speed)
     if not finite.any():
         return None
@@ -78,7 +79,7 @@ def wheel_run(run: Run, wheel: str, path: CommandPath, sigma_rpm: float) -> Whee
         command_rpm=source(0.0, math.inf),
         sample_tick=np.minimum(ticks, float(n_ticks)),
         speed_rpm=speed[finite],
-        sigma_rpm=np.full(int(finite.sum()), sigma_rpm),
+        sigma_rpm=sigma_rpm / np.sqrt(run.weights.get(column, np.ones(finite.size))[finite]),
         initial_rpm=initial,
         sample_period_s=tau,
         name=run.file if wheel == "wheel" else f"{run.file} {wheel}",

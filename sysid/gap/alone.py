@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Final
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
+from sysid.compare.subset import select_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.result import GapOptions
-from sysid.logs import Dataset
+from sysid.logs import Dataset, Split
 from sysid.progress import Progress, silent
 
 _TIMING: Final = ("command_latency", "sensor_latency")
 """Effects that a fit of the law estimates with it, whatever else it looks for."""
+
+_SECONDS: Final[Mapping[Split, float]] = {"fit": 120.0, "validation": 60.0, "test": 60.0}
+"""Duration of the runs that a law is fitted to, and that are held out of the fit [s]."""
 
 
 def require_fittable(dataset: Dataset, fitted_on: Path | None = None) -> None:
@@ -41,7 +46,7 @@ def law_of(dataset: Dataset, options: GapOptions, progress: Progress = silent) -
     Raises:
         InputError: logs to which no law can be fitted.
     """
-    whole = fitted_model(fit_dataset(dataset, FitOptions(seed=options.seed), progress))
+    whole = fitted_model(fit_dataset(_selected(dataset), FitOptions(seed=options.seed), progress))
     kept = {name: values for name, values in whole.effects.items() if name in _TIMING}
     beyond = [name for name in whole.effects if name not in kept]
     uncertainty = {key: value for key, value in whole.uncertainty.items() if key not in ("effects", "joint")}
@@ -51,3 +56,14 @@ def law_of(dataset: Dataset, options: GapOptions, progress: Progress = silent) -
     most = max(options.max_effects, len(beyond))
     law = replace(whole, effects=kept, uncertainty=uncertainty)
     return law, replace(options, max_effects=most, notes=(*options.notes, note))
+
+
+def _selected(dataset: Dataset) -> Dataset:
+    """Return bench logs with what a law is fitted to: of long recordings, pieces that cover the speeds."""
+    period = min(run.median_interval_s for run in dataset.runs)
+    runs = [
+        run
+        for split, seconds in _SECONDS.items()
+        for run in select_runs(dataset.split(split), seconds, period)
+    ]
+    return dataset if len(runs) == len(dataset.runs) else replace(dataset, runs=tuple(runs))

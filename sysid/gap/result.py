@@ -13,6 +13,7 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
 from sysid.logs import Dataset, Finding, Split
 from sysid.logs.runs import Level
+from sysid.logs.tails import Tails
 
 Verdict = Literal["no_gap", "named", "ambiguous", "unexplained"]
 """No significant gap; one smallest set of effects explains it; several equally well; none does."""
@@ -275,6 +276,8 @@ class GapReport:
     """Whether those runs took no part in the decision."""
     trusted: bool = True
     """Whether it is known what a right model would leave; if not, a difference may be noise or not."""
+    tails: Mapping[str, Tails] = field(default_factory=dict)
+    """Channel -> its noise, where that has heavy tails and outliers were weighted down."""
 
     @property
     def changed(self) -> bool:

@@ -13,8 +13,10 @@ import mecanum_env
 from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
 from mecanum_env.parallel import one_thread
+from sysid.compare.lasting import with_lasting
 from sysid.compare.learned import Learned
 from sysid.compare.model_error import ModelError, estimate_model_error
+from sysid.compare.noise import Noise
 from sysid.compare.own_error import block_residuals
 from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
@@ -22,6 +24,7 @@ from sysid.compare.simulator import Simulators, without_engine_warnings
 from sysid.compare.whitening import Whitener
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
+from sysid.gap.late_links import late_logs
 from sysid.gap.report.held_out import (
     compare,
     differences,
@@ -49,6 +52,8 @@ from sysid.gap.search.sets import Search
 from sysid.gap.search.since import since_of
 from sysid.gap.search.thresholds import EFFORT
 from sysid.logs import Dataset, Run
+from sysid.logs.runs import UNITS
+from sysid.logs.tails import weighted_down
 from sysid.progress import Progress, silent, within
 
 
@@ -76,8 +81,18 @@ def analyse(
     options = options or GapOptions()
     require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
+    dataset, tails = weighted_down(dataset)
+    fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
-        return _analyse(dataset, model, options, progress)
+        late = late_logs(dataset, model)
+        if late is None:
+            report = _analyse(dataset, model, replace(options, fitted_on=fitted_on), progress)
+        else:
+            fitted_on = None if fitted_on is None else late.alike(fitted_on)
+            options = replace(options, fitted_on=fitted_on)
+            report = late.described(_analyse(late.dataset, late.model, options, progress))
+    heavy = tuple(one.note(channel) for channel, one in tails.items())
+    return replace(report, notes=(*heavy, *report.notes), tails=tails)
 
 
 def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Progress) -> GapReport:
@@ -97,6 +112,17 @@ def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Prog
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
     decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
+    noise = _with_lasting(data, search)
+    if decision.facts.chosen is not None and noise.lasting != data.noise.lasting:
+        progress(stage := "sets of effects beside noise that lasts")
+        told = tuple(map(_lasting_note, noise.lasting.items()))
+        # The noise is measured in these logs: the error is not that of the logs of the fit alone any more.
+        floor = replace(data.floor, compared=False)
+        error = _with_scatter(data, search)
+        data = replace(data, noise=noise, error=error, floor=floor, notes=(*data.notes, *told))
+        tell = within(progress, stage)
+        search = _start_search(data, model, study, considered, tell, search.problem.simulators)
+        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
     progress("before and after")
     return _report(dataset, model, options, data, search, considered, decision)
 
@@ -124,6 +150,43 @@ def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> Mod
     explore(search, data.floor, max_effects, np.random.default_rng(problem.study.seed))
     parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
     return estimate_model_error(block_residuals(data.observations, data.noise, parts))
+
+
+def _with_lasting(data: StudyData, search: Search) -> Noise:
+    """Return the noise with what lasts as long as a command is held, as the best set of effects leaves it."""
+    problem = search.problem
+    before, after = (
+        problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
+        for fitted in (search.base, search.best_fit)
+    )
+    return with_lasting(data.noise, data.observations, before, after)
+
+
+def _with_scatter(data: StudyData, search: Search) -> ModelError | None:
+    """Return the model's error, after changes of command no less than what the best set of effects leaves.
+
+    Without repeats nothing else tells by how much two changes of the same size differ.
+    """
+    if data.error is None:
+        return None
+    problem = search.problem
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
+    left = estimate_model_error(block_residuals(data.observations, data.noise, parts)).channels
+    channels = {
+        name: replace(error, transient=max(error.transient, left[name].transient))
+        if data.noise.source.get(name) != "repeats" and name in left
+        else error
+        for name, error in data.error.channels.items()
+    }
+    return replace(data.error, channels=channels)
+
+
+def _lasting_note(item: tuple[str, float]) -> str:
+    channel, size = item
+    return (
+        f"{channel}: the same command does not give the same speed each time, by {size:.2g} "
+        f"{UNITS[channel]} (rms) beside the best set of effects; this counts as noise"
+    )
 
 
 def _report(

@@ -5,6 +5,7 @@ The thresholds are where a person who looks at a plot would begin to wonder.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
@@ -25,6 +26,8 @@ _GAP_S: Final = 0.05
 """... and longer than this [s]."""
 _HELD_SHARE: Final = 0.2
 """Share of repeated samples during motion above which a channel is held; chance repeats stay far below."""
+_HELD_SIGMAS: Final = 2.0
+"""Standard deviations by which samples must repeat the last one more often than the last but one."""
 COMMAND_PERIOD_S: Final = Wheel.command_period_s
 """Time between two commands that the robot accepts [s]."""
 LIMIT_RPM: Final = Wheel.saturation_rpm
@@ -112,8 +115,21 @@ def _held(run: Run) -> Iterator[Finding]:
         if moving.sum() < 10:
             continue
         share = float(np.mean(x[1:][moving] == x[:-1][moving]))
-        if share > _HELD_SHARE:
+        if share > _HELD_SHARE and _repeats_the_last(0.25 * x):
             yield Finding(run.file, "held_samples", share, name)
+
+
+def _repeats_the_last(x: FloatArray) -> bool:
+    """Return whether a signal that moves before and after repeats the last value, not only one of the last.
+
+    Noise beside coarse steps returns two samples later as often; beside a single jump nothing moves.
+    """
+    moving = _moving(x)
+    pairs = np.flatnonzero(moving[1:-2]) + 2
+    moved = np.minimum(np.abs(x[pairs - 1] - x[pairs - 3]), np.abs(x[pairs + 2] - x[pairs]))
+    pairs = pairs[(moved > 2.0 * _step(x)) & (pairs > 2)]
+    last, last_but_one = (int(np.sum(x[pairs] == x[pairs - lag])) for lag in (1, 2))
+    return last - last_but_one > _HELD_SIGMAS * math.sqrt(last + last_but_one)
 
 
 def _moving(x: FloatArray) -> npt.NDArray[np.bool_]:
@@ -122,15 +138,20 @@ def _moving(x: FloatArray) -> npt.NDArray[np.bool_]:
     Rounding also makes neighbours equal, but not where five samples span many times the smallest step.
     """
     x = 0.25 * x  # only ratios count, and differences of the largest numbers stay finite
-    steps = np.abs(np.diff(x))
-    if x.size < 6 or not np.any(steps > 0.0):
-        return np.zeros(steps.size, bool)
-    # The tenth percentile, not the smallest step, which rounding to two decimals may make tiny.
-    resolution = float(np.percentile(steps[steps > 0.0], 10.0))
+    resolution = _step(x)
+    if x.size < 6 or resolution == 0.0:
+        return np.zeros(max(0, x.size - 1), bool)
     window = np.lib.stride_tricks.sliding_window_view(np.pad(x, 2, mode="edge"), 5)
     spans = window.max(axis=1) - window.min(axis=1)
     moving: npt.NDArray[np.bool_] = spans[1:] > 8.0 * resolution
     return moving
+
+
+def _step(x: FloatArray) -> float:
+    """Return the usual smallest step between samples, 0 if there is none."""
+    steps = np.abs(np.diff(x))
+    # The tenth percentile, not the smallest step, which rounding to two decimals may make tiny.
+    return float(np.percentile(steps[steps > 0.0], 10.0)) if np.any(steps > 0.0) else 0.0
 
 
 def _missing(run: Run) -> Iterator[Finding]:

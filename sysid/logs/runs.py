@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Final, Literal, TypeAlias, get_args
 
 import numpy as np
@@ -129,6 +129,8 @@ class Run:
     """First stamp of the file [s]."""
     full_v: float | None = None
     """Voltage of the supply that counts as full [V], for a piece of a run; None: that of its first sample."""
+    weights: Mapping[str, FloatArray] = field(default_factory=dict)
+    """How much each sample of a channel counts, shape (n,); 1 for channels without (`sysid.logs.tails`)."""
 
     @property
     def level(self) -> Level:

@@ -19,11 +19,11 @@ from sysid.compare.prediction import predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.chance import Floor, chance_gains, complete, expected
-from sysid.gap.search.decision import tied
 from sysid.gap.search.responses import responses
 from sysid.gap.search.scores import scored
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import SearchEffort
+from sysid.gap.search.ties import tied
 from sysid.logs import BodyCommand, Dataset, Run
 
 TIME = np.arange(0.0, 2.0, 0.02)

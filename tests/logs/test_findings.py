@@ -35,6 +35,12 @@ def test_rounding_to_one_rpm_is_not_taken_for_held_samples(bench_run: BenchRun) 
     assert kinds(bench_run("a.csv", COMMAND, np.round(follow(COMMAND)))) == {}
 
 
+def test_coarse_steps_beside_noise_and_jumps_are_not_taken_for_held_samples(bench_run: BenchRun) -> None:
+    jump = np.where(np.arange(COMMAND.size) // 6 % 2 == 0, 0.0, 90.0)
+    noisy = np.round((jump + np.random.default_rng(0).normal(0.0, 0.8, jump.size)) / 1.7) * 1.7
+    assert "held_samples" not in kinds(bench_run("a.csv", COMMAND, noisy))
+
+
 @pytest.mark.parametrize("factor", [2, 3])
 def test_held_samples_are_seen_with_their_share(factor: int, bench_run: BenchRun) -> None:
     held = np.repeat(follow(COMMAND)[::factor], factor)[: COMMAND.size]

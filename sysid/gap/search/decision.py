@@ -20,7 +20,6 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.model import cause_of
-from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
@@ -30,6 +29,7 @@ from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.gap.search.ties import formula_error, in_first_forms, is_description, tied, with_causes
 
 _CLEARLY: Final = 4.0
 """Ratio of a gain to the needed one above which a better fit of the smaller set would change nothing."""
@@ -83,6 +83,9 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     # If nothing is left to explain, no law can do better.
     refit = chosen is not None and not complete(problem, chosen.fitted, floor)
     law = _law(problem, inflation) if refit else None
+    if chosen is not None and is_description(chosen) and max_effects > 1 and not search.of_size(2):
+        # Two causes may do as well as a curve of five numbers, although the second is worth little beside it.
+        search.grow(2)
     every = [scored(problem, fitted, inflation) for fitted in search.fitted.values()]
     judged = tuple(sorted(every, key=lambda j: (j.score, j.names)))
     facts = replace(facts, judged=judged, law=law)
@@ -90,11 +93,14 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         return facts
     same_size = [j for j in judged if len(j.names) == len(chosen.names)]
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
-    chosen = _in_first_forms(chosen, harmless)
+    chosen = in_first_forms(chosen, harmless)
+    as_good = tied(search, floor, chosen, harmless, inflation)
+    if causal := with_causes(search, floor, as_good, judged, inflation):
+        chosen, as_good = causal[0], causal
     return replace(
         facts,
         chosen=chosen,
-        tied=tied(search, floor, chosen, harmless, inflation),
+        tied=as_good,
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,
@@ -175,7 +181,7 @@ def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
     gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
     if not obvious:
         # The residue of an imperfect formula can mimic another effect, and so can that of an imperfect fit.
-        share = _formula_error(problem, floor, larger.fitted, smaller.fitted)
+        share = formula_error(problem, floor, larger.fitted, smaller.fitted)
         needed += _formula_residue(search, smaller.fitted, share) / inflation
         if needed <= gain < _CLEARLY * needed:
             smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
@@ -215,18 +221,6 @@ def _formula_residue(search: Search, fitted: Fitted[EffectSet], share: float) ->
     return share**2 * (search.base.cost - fitted.cost)
 
 
-def _formula_error(
-    problem: ResidualProblem, floor: Floor, better: Fitted[EffectSet], worse: Fitted[EffectSet]
-) -> float:
-    """Return the relative error (rms) of formulas that may be all that makes a set worse than a better one.
-
-    If the better one reaches the noise and the other does not, chance would have to give the first one just
-    what the other's formulas lack.
-    """
-    sharp = complete(problem, better, floor) and not complete(problem, worse, floor)
-    return THRESHOLDS.exact_formula if sharp else THRESHOLDS.formula_error
-
-
 def _inflation(problem: ResidualProblem, best: Fitted[EffectSet]) -> float:
     return max(1.0, best.cost / max(1, problem.size - best.candidate.parameter_count))
 
@@ -258,21 +252,6 @@ def _noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
     return (_mean_squares(problem, base) + spread) / sum(float(b.weight.sum()) for b in blocks)
 
 
-def _in_first_forms(chosen: ScoredSet, rivals: Sequence[ScoredSet]) -> ScoredSet:
-    """Return the set that explains the same causes by fewer parameters, or else by more of their first forms.
-
-    Only `rivals` whose score chance may have made worse than that of the `chosen` set count.
-    """
-    limit = chosen.score + THRESHOLDS.tie_sigmas**2
-    alike = [one for one in rivals if one.causes == chosen.causes and one.score <= limit]
-
-    def complexity(one: ScoredSet) -> tuple[int, int, float]:
-        further_forms = sum(name != cause_of(name) for name in one.names)
-        return one.fitted.candidate.parameter_count, further_forms, one.score
-
-    return min(alike, key=complexity, default=chosen)
-
-
 def _removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:
     """Return the share of the squared difference above the noise that a set removes, sample by sample."""
     before, after = (_mean_squares(problem, fitted) - problem.size for fitted in (base, chosen))
@@ -290,87 +269,3 @@ def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Ge
     totals = scores[:, picks].sum(axis=2) + penalty[:, None]
     winners = [judged[i].causes for i in np.argmin(totals, axis=0)]
     return {name: float(np.mean([cause_of(name) in winner for winner in winners])) for name in chosen.names}
-
-
-def tied(
-    search: Search, floor: Floor, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
-) -> tuple[ScoredSet, ...]:
-    """Return the chosen set and those as good, without those that predict the same with more parameters.
-
-    `same_size` are the sets of its size, itself among them; `inflation` is the residual variance of the best
-    fit relative to the expected one.
-    """
-    near = [j for j in same_size if j is chosen or _as_good(search, floor, chosen, j, inflation)]
-    near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
-    kept: list[ScoredSet] = []
-    for one in near:
-        if not any(_repeats(search, one, other, inflation) for other in kept):
-            kept.append(one)
-    kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
-    return tuple(kept)
-
-
-def _as_good(search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
-    """Return whether these logs cannot tell a rival from the chosen set.
-
-    With u the difference of two sets' predictions and R the columns of the rollers' scatter, only the
-    residual along u tells the two apart. Its standard deviation is sqrt(1 + rho^2), where rho = |R'u| / |u|.
-    With z = `tie_sigmas`, a rival that is the truth is therefore dropped with a probability below Phi(-z),
-    however large u is, if its cost may be larger by z^2 (1 + rho^2).
-    """
-    share = _formula_error(search.problem, floor, chosen.fitted, rival.fitted)
-    allowed = _tolerance(search, chosen, rival, inflation, share)
-    if rival.score <= chosen.score + allowed:
-        return True
-    problem = search.problem
-    if not problem.has_surrogate:
-        return False
-    if problem.knows_all and rival.fitted.cost > search.base.cost - THRESHOLDS.tie_sigmas**2 * inflation:
-        # It explains nothing, however much the rollers scatter.
-        return False
-    residual = chosen.fitted.residual
-    difference = _difference(problem, chosen, rival)
-    square = float(difference @ difference)
-    if square == 0.0:
-        return True
-    rho_square = float(np.sum((roller_scatter(problem, chosen.fitted).T @ difference) ** 2)) / square
-    # The planar plant tells the two apart without the scatter, which is no reason to drop one of them.
-    worse = (float(np.sum((residual + difference) ** 2)) - float(residual @ residual)) / inflation
-    allowed += THRESHOLDS.tie_sigmas**2 * rho_square / inflation
-    return min(worse, rival.score - chosen.score) <= allowed
-
-
-def _difference(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> FloatArray:
-    """Return the marginal residual of another set less that of one, (N,); without scatter if possible."""
-    if problem.surrogate_covers((*one.names, *other.names)):
-        models = [j.fitted.candidate.model(problem.base, j.fitted.place) for j in (one, other)]
-        ours, theirs = (problem.surrogate_residual(model) for model in models)
-        if ours is not None and theirs is not None:
-            return problem.marginal(theirs - ours)
-    return other.fitted.residual - one.fitted.residual
-
-
-def _tolerance(
-    search: Search,
-    chosen: ScoredSet,
-    rival: ScoredSet,
-    inflation: float,
-    share: float,
-) -> float:
-    """Return how much worse a rival's score may be, without the rollers' scatter.
-
-    An imperfect formula leaves the square of a `share` of what it explains beyond the effects that both sets
-    have.
-    """
-    rest = search.shared(chosen.names, rival.names)
-    explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
-    return THRESHOLDS.tie_sigmas**2 + share**2 * explained
-
-
-def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
-    """Return whether a set predicts what another predicts, up to formula errors, with more parameters."""
-    if one.names == other.names:
-        return True
-    more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
-    square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
-    return more and square < _tolerance(search, other, one, inflation, THRESHOLDS.exact_formula)

@@ -1,0 +1,169 @@
+"""Which sets of effects these logs cannot tell from the chosen one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.model import cause_of
+from mecanum_env.units import FloatArray
+from sysid.compare.coordinates import EffectSet
+from sysid.compare.fitted import Fitted
+from sysid.compare.problem import ResidualProblem
+from sysid.gap.search.chance import Floor, complete, roller_scatter
+from sysid.gap.search.scores import ScoredSet, doubtful, rises
+from sysid.gap.search.sets import Search
+from sysid.gap.search.thresholds import THRESHOLDS
+
+
+def tied(
+    search: Search, floor: Floor, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
+) -> tuple[ScoredSet, ...]:
+    """Return the chosen set and those as good, without those that predict the same with more parameters.
+
+    `same_size` are the sets of its size, itself among them; `inflation` is the residual variance of the best
+    fit relative to the expected one.
+    """
+    near = [j for j in same_size if j is chosen or _as_good(search, floor, chosen, j, inflation)]
+    near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
+    kept: list[ScoredSet] = []
+    for one in near:
+        if not any(_repeats(search, one, other, inflation) for other in kept):
+            kept.append(one)
+    kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
+    return tuple(kept)
+
+
+def with_causes(
+    search: Search, floor: Floor, as_good: Sequence[ScoredSet], judged: Sequence[ScoredSet], inflation: float
+) -> tuple[ScoredSet, ...]:
+    """Return the sets that do as well as those `as_good` without an effect that is only a description.
+
+    Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
+    more effects with fewer parameters count, too. None is returned if no set of causes does as well.
+    """
+    named = tuple(one for one in as_good if not is_description(one))
+    if named or not as_good:
+        return named
+    problem, best = search.problem, as_good[0]
+    simpler = [
+        one
+        for one in judged
+        if len(one.names) > len(best.names)
+        and not is_description(one)
+        and one.fitted.candidate.parameter_count < best.fitted.candidate.parameter_count
+        and _as_good(search, floor, best, one, inflation)
+        and not rises(problem, search.base, one.fitted)
+        and not doubtful(problem, one.fitted, inflation)
+    ]
+    if not simpler:
+        return ()
+    chosen = min(simpler, key=lambda one: (len(one.names), one.score))
+    rivals = [
+        one
+        for one in judged
+        if len(one.names) == len(chosen.names)
+        and not is_description(one)
+        and not rises(problem, search.base, one.fitted)
+    ]
+    return tied(search, floor, chosen, rivals, inflation)
+
+
+def is_description(one: ScoredSet) -> bool:
+    """Return whether a set has an effect that stands for whatever has no simpler name."""
+    return any(CATALOGUE[name].search_from is not None for name in one.names if name in CATALOGUE)
+
+
+def in_first_forms(chosen: ScoredSet, rivals: Sequence[ScoredSet]) -> ScoredSet:
+    """Return the set that explains the same causes by fewer parameters, or else by more of their first forms.
+
+    Only `rivals` whose score chance may have made worse than that of the `chosen` set count.
+    """
+    limit = chosen.score + THRESHOLDS.tie_sigmas**2
+    alike = [one for one in rivals if one.causes == chosen.causes and one.score <= limit]
+
+    def complexity(one: ScoredSet) -> tuple[int, int, float]:
+        further_forms = sum(name != cause_of(name) for name in one.names)
+        return one.fitted.candidate.parameter_count, further_forms, one.score
+
+    return min(alike, key=complexity, default=chosen)
+
+
+def formula_error(
+    problem: ResidualProblem, floor: Floor, better: Fitted[EffectSet], worse: Fitted[EffectSet]
+) -> float:
+    """Return the relative error (rms) of formulas that may be all that makes a set worse than a better one.
+
+    If the better one reaches the noise and the other does not, chance would have to give the first one just
+    what the other's formulas lack.
+    """
+    sharp = complete(problem, better, floor) and not complete(problem, worse, floor)
+    return THRESHOLDS.exact_formula if sharp else THRESHOLDS.formula_error
+
+
+def _as_good(search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
+    """Return whether these logs cannot tell a rival from the chosen set.
+
+    With u the difference of two sets' predictions and R the columns of the rollers' scatter, only the
+    residual along u tells the two apart. Its standard deviation is sqrt(1 + rho^2), where rho = |R'u| / |u|.
+    With z = `tie_sigmas`, a rival that is the truth is therefore dropped with a probability below Phi(-z),
+    however large u is, if its cost may be larger by z^2 (1 + rho^2).
+    """
+    share = formula_error(search.problem, floor, chosen.fitted, rival.fitted)
+    allowed = _tolerance(search, chosen, rival, inflation, share)
+    if rival.score <= chosen.score + allowed:
+        return True
+    problem = search.problem
+    if not problem.has_surrogate:
+        return False
+    if problem.knows_all and rival.fitted.cost > search.base.cost - THRESHOLDS.tie_sigmas**2 * inflation:
+        # It explains nothing, however much the rollers scatter.
+        return False
+    residual = chosen.fitted.residual
+    difference = _difference(problem, chosen, rival)
+    square = float(difference @ difference)
+    if square == 0.0:
+        return True
+    rho_square = float(np.sum((roller_scatter(problem, chosen.fitted).T @ difference) ** 2)) / square
+    # The planar plant tells the two apart without the scatter, which is no reason to drop one of them.
+    worse = (float(np.sum((residual + difference) ** 2)) - float(residual @ residual)) / inflation
+    allowed += THRESHOLDS.tie_sigmas**2 * rho_square / inflation
+    return min(worse, rival.score - chosen.score) <= allowed
+
+
+def _difference(problem: ResidualProblem, one: ScoredSet, other: ScoredSet) -> FloatArray:
+    """Return the marginal residual of another set less that of one, (N,); without scatter if possible."""
+    if problem.surrogate_covers((*one.names, *other.names)):
+        models = [j.fitted.candidate.model(problem.base, j.fitted.place) for j in (one, other)]
+        ours, theirs = (problem.surrogate_residual(model) for model in models)
+        if ours is not None and theirs is not None:
+            return problem.marginal(theirs - ours)
+    return other.fitted.residual - one.fitted.residual
+
+
+def _tolerance(
+    search: Search,
+    chosen: ScoredSet,
+    rival: ScoredSet,
+    inflation: float,
+    share: float,
+) -> float:
+    """Return how much worse a rival's score may be, without the rollers' scatter.
+
+    An imperfect formula leaves the square of a `share` of what it explains beyond the effects that both sets
+    have.
+    """
+    rest = search.shared(chosen.names, rival.names)
+    explained = max(0.0, rest.cost - chosen.fitted.cost) / inflation
+    return THRESHOLDS.tie_sigmas**2 + share**2 * explained
+
+
+def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
+    """Return whether a set predicts what another predicts, up to formula errors, with more parameters."""
+    if one.names == other.names:
+        return True
+    more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
+    square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
+    return more and square < _tolerance(search, other, one, inflation, THRESHOLDS.exact_formula)

@@ -11,6 +11,7 @@ import pytest
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.effects.scale import REFERENCE, Scale
+from mecanum_env.law.drive import RING
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.coordinates import Coordinate, coordinate, effect_set, scanned
@@ -154,7 +155,7 @@ def test_a_command_is_delayed_no_longer_than_a_drive_remembers() -> None:
     assert one_of("command_latency", "delay_s").high == 0.5
     quick = replace(MODEL, wheel=replace(MODEL.wheel, command_period_s=MODEL.wheel.law.sample_period_s / 2))
     late = one_of("command_latency", "delay_s", quick)
-    assert late.high < 29 * quick.wheel.command_period_s
+    assert late.high < (RING - 3) * quick.wheel.command_period_s
     longest = effect_set(quick, ["command_latency"]).model(quick, np.ones(1))
     time = np.arange(0.0, 1.0, 0.01)
     assert np.all(np.isfinite(replay_bench(longest, time, np.full(time.size, 50.0))))

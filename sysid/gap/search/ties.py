@@ -23,8 +23,8 @@ def tied(
 ) -> tuple[ScoredSet, ...]:
     """Return the chosen set and those as good, without those that predict the same with more parameters.
 
-    `same_size` are the sets of its size, itself among them; `inflation` is the residual variance of the best
-    fit relative to the expected one.
+    `same_size` are the sets of its size, itself among them; `floor` says what a right model leaves, and
+    `inflation` is the residual variance of the best fit relative to the expected one.
     """
     near = [j for j in same_size if j is chosen or _as_good(search, floor, chosen, j, inflation)]
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
@@ -42,7 +42,8 @@ def with_causes(
     """Return the sets that do as well as those `as_good` without an effect that is only a description.
 
     Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
-    more effects with fewer parameters count, too. None is returned if no set of causes does as well.
+    more effects with fewer parameters among those `judged` count, too. None is returned if no set of causes
+    does as well. `floor` and `inflation` are as in `tied`.
     """
     named = tuple(one for one in as_good if not is_description(one))
     if named or not as_good:

@@ -6,7 +6,7 @@ import datetime
 from collections.abc import Mapping
 from pathlib import Path
 
-from mecanum_env.checkout import checkout, commit
+from mecanum_env import checkout
 from mecanum_env.errors import InputError
 from sysid.studies.zoo.cases.case import Level
 from sysid.studies.zoo.seeds import Block, claim, finish
@@ -27,7 +27,7 @@ def claim_seeds(counts: Mapping[Level, int], first_seed: int | None) -> Block:
         first=first_seed or 0,
         bench=counts["bench"],
         robot=counts["robot"],
-        commit=commit() or "unknown",
+        commit=checkout.commit() or "unknown",
         fingerprint=fingerprint(),
         date=datetime.date.today().isoformat(),
     )
@@ -42,7 +42,7 @@ def finish_seeds(block: Block) -> None:
 
 
 def _checkout() -> Path:
-    root = checkout()
+    root = checkout.checkout()
     if root is None:
         raise InputError("sealed: an installation keeps no record of spent seeds; run it in a checkout")
     return root

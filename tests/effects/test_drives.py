@@ -242,5 +242,5 @@ def test_the_law_alone_has_the_drives_effects(base):
 
 
 def test_a_drive_that_cannot_be_names_the_effect_that_asks_for_it(base):
-    with pytest.raises(InputError, match=r"^effects\.command_latency: delay_s = 200\.0, must be 0 to 2\.9"):
+    with pytest.raises(InputError, match=r"^effects\.command_latency: delay_s = 200\.0, must be 0 to 6\.1"):
         steady_speed(base.with_effect("command_latency", delay_s=200.0), 60)

@@ -130,7 +130,7 @@ def test_a_log_without_rows_or_of_unequal_columns_is_refused(parameters):
     ("name", "value"),
     [
         ("delay_s", -0.1),
-        ("delay_s", 2.91),
+        ("delay_s", 6.11),
         ("delay_s", np.nan),
         ("command_period_s", 0.0),
         ("command_quantum_rpm", -1.0),

@@ -9,15 +9,14 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects import CATALOGUE, Effect, Parameter, PlantKind
+from mecanum_env.effects import CATALOGUE, Effect, Parameter
 from mecanum_env.effects.scale import Scale
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet, scanned
-from sysid.logs.runs import Level
 
-_STATIONS: Final = ("body_command", "set_point", "law", "load", "transmission")
-"""Where a drive, or a platform's own ramp before its drives, departs from the law."""
+_STATIONS: Final = ("set_point", "law", "load", "transmission")
+"""Where a drive departs from its law."""
 _TIMING: Final = ("command_latency", "sensor_lowpass", "sensor_lowpass/window")
 """Effects of the link and the sensor that are searched, too: a law of third order has no room for a delay, a
 lag and a counter's window beside the loop."""
@@ -32,6 +31,7 @@ TRIED: Final[Mapping[str, tuple[float, ...]]] = {
     "brake_rpm_s": (0.0,),
 }
 """Parameters that only a fit to logs without a gap determines, and where they are tried."""
+_MOST_STARTS: Final = 24
 _TIME_CONSTANTS: Final = (0.002, 0.02, 0.06, 0.2, 0.5)
 """Time constants of first-order laws to start from, relative to the largest one allowed. That may be many
 seconds where commands are held for long; a descent from slow laws alone would not reach a fast one."""
@@ -46,8 +46,8 @@ def first_order_laws(model: Model, largest_pole: float) -> Iterator[Model]:
         yield start.with_effect("speed_gain", gain=1.0)
 
 
-def starts(effect: Effect, added: EffectSet, scale: Scale, most: int) -> Iterator[FloatArray]:
-    """Yield at `most` so many places at which an effect is tried: combinations of those of its parameters.
+def starts(effect: Effect, added: EffectSet, scale: Scale) -> Iterator[FloatArray]:
+    """Yield the places at which an effect is tried: combinations of those of its parameters.
 
     `added` is the effect as a set with its free parameters; `scale` is that of the drive and the logs.
     """
@@ -64,7 +64,7 @@ def starts(effect: Effect, added: EffectSet, scale: Scale, most: int) -> Iterato
         neutral = [one.neutral_place] if parameter.neutral is not None or not places else []
         choices.append([*neutral, *places])
     combinations = list(product(*choices))[1:]
-    for combination in combinations[:: -(-len(combinations) // most)]:
+    for combination in combinations[:: -(-len(combinations) // _MOST_STARTS)]:
         place = np.array(combination)
         for index, one in enumerate(added.coordinates):
             if one.parameter == "brake_rpm_s":
@@ -74,17 +74,15 @@ def starts(effect: Effect, added: EffectSet, scale: Scale, most: int) -> Iterato
         yield place
 
 
-def drive_candidates(columns: Collection[str], level: Level = "bench") -> dict[str, Effect]:
+def drive_candidates(columns: Collection[str]) -> dict[str, Effect]:
     """Return the effects that a drive may have by itself, in the order of the chain.
 
-    `columns` are those of the logs of a `level`. On a robot these are the effects of its drives and of the
-    computer that commands them.
+    `columns` are those of the logs.
     """
-    plant: PlantKind = "bench" if level == "bench" else "planar"
     return {
         name: effect
         for name, effect in CATALOGUE.items()
-        if effect.searched_in(plant)
+        if effect.searched_in("bench")
         and (effect.station in _STATIONS or name in _TIMING)
         and (effect.reads or effect.cause not in _LEFT_OUT)
         and effect.readable_in(columns)

@@ -2,8 +2,8 @@
 
 The law alone is the model as long as it is enough. An effect is added, and law and effects are fitted again
 together, only if three things hold: the cost falls by more than `EVIDENCE` beyond the price of its parameters
-(BIC), the validation runs are predicted better by its `worth`, and no smaller set does as well. The noise is
-that of repeats; where the model leaves more than the noise, the residual's variance is used instead.
+(BIC), the validation runs are predicted better by `WORTH`, and no smaller set does as well. The noise is that
+of repeats; where the model leaves more than the noise, the residual's variance is used instead.
 
 A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
 therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
@@ -40,37 +40,22 @@ from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.fit.drive_candidates import TRIED, drive_candidates, first_order_laws, starts
-from sysid.logs import Dataset, Run
+from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
 EVIDENCE: Final = 10.0
 """Difference of BIC that an effect must gain: "very strong" on the scale of Kass and Raftery (1995)."""
-
-
-@dataclass(frozen=True)
-class _Effort:
-    """How much is tried."""
-
-    most: int
-    """Largest number of effects. Assumed."""
-    fitted: int
-    """Effects by which a set is tried to grow in each round: those that promise most."""
-    beam: int
-    """Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
-    patience: int
-    """Rounds without a better set after which the search ends: the second of a pair may be what helps."""
-    starts: int
-    """Places at which an effect is tried."""
-    laws: int
-    """Laws to start from, the best first."""
-    worth: float
-    """Least relative decrease of the error on the validation runs for which an effect is added. Assumed. On
-    the bench it is that for a delay or a ceiling (`drive_choice`). On a robot, servo and inertia may explain
-    a little as well, and what is left open is known to a study (`sysid.compare.suspects`)."""
-
-
-_EFFORT: Final = {"bench": _Effort(6, 3, 2, 2, 24, 2, 0.02), "robot": _Effort(4, 2, 1, 1, 6, 1, 0.1)}
-"""By the level of the logs: a robot takes five times as long to simulate as its wheels on the bench."""
+WORTH: Final = 0.02
+"""Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
+as for a delay or a ceiling (`drive_choice`)."""
+_MOST: Final = 6
+"""Largest number of effects. Assumed."""
+_FITTED: Final = 3
+"""Effects by which a set is tried to grow in each round: those that promise most."""
+_BEAM: Final = 2
+"""Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
+_PATIENCE: Final = 2
+"""Rounds without a better set after which the search ends: the second of a pair may be what helps."""
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
@@ -80,8 +65,6 @@ _TICKS: Final = 8000
 _LARGEST_GAIN: Final = 5.0
 """Largest gain of a drive beside its effects, and inverse of the smallest. Assumed."""
 _NORMAL_90: Final = 1.645
-_STUDY: Final = Study("planar")
-"""A robot is simulated without slip: that is fast, and its wheels do what they do on rollers."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,8 +88,8 @@ class DriveEffects:
             for name in self.model.effects
         )
         return (
-            f"the drive is not the law alone: {found}; fitted together with the law, they lower the held-out "
-            f"error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm"
+            f"the drive is not the law alone: {found}; fitted together with the law, they change the "
+            f"held-out error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm"
         )
 
     def _sizes(self, name: str) -> dict[str, float]:
@@ -134,7 +117,6 @@ def find_drive_effects(
     """
     progress(stage := "drive effects")
     tell = within(progress, stage)
-    dataset, effort = with_wheels_only(dataset), _EFFORT[dataset.level]
     seconds = min(_SECONDS, _TICKS * alone.wheel.law.sample_period_s)
     runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
@@ -142,8 +124,8 @@ def find_drive_effects(
     held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
-    known = drive_candidates(dataset.columns, dataset.level)
-    searches = [_Search(law, whitener, held_out, largest_pole, known, effort) for law in laws]
+    known = drive_candidates(dataset.columns)
+    searches = [_Search(law, whitener, held_out, largest_pole, known) for law in laws]
     began = [start for search in searches if (start := search.begin()) is not None]
     if not began or (is_enough and began[0].base is not searches[0].base):
         return None
@@ -151,15 +133,13 @@ def find_drive_effects(
         # The starts differ in nothing but the time constant.
         began = [min(began, key=lambda start: start.fitted.cost)]
         searches = [search for search in searches if search.base is began[0].base]
-    began = sorted(began, key=lambda start: start.fitted.cost)[: effort.laws] if effort.laws == 1 else began
-    searches = [search for search in searches if any(search.base is start.base for start in began)]
     first = began[0]
     beam, best, stale = began, first, 0
-    for size in range(effort.most):
+    for size in range(_MOST):
         tell(f"effect {size + 1}")
         before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
         stale = 0 if size == 0 or best is not before else stale + 1
-        if stale == effort.patience:
+        if stale == _PATIENCE:
             break
         grown = [
             more
@@ -168,12 +148,12 @@ def find_drive_effects(
             if one.base is search.base
             for more in search.grown(one)
         ]
-        beam = _best_ones(grown, best.inflation, effort.beam)
-        if not beam or (is_enough and effort.beam == 1 and not beam[0].better_than(first, effort.worth)):
+        beam = _best_ones(grown, best.inflation)
+        if not beam:
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
     best = next(search for search in searches if search.base is best.base).pruned(best)
-    worthy = best is not first and best.better_than(first, effort.worth)
+    worthy = best is not first and best.better_than(first)
     if not worthy and is_enough:
         return None
     best = best if worthy else first
@@ -213,13 +193,13 @@ class _Reached:
         effects = len(self.fitted.candidate.effects.names)
         return self.fitted.cost / inflation + self.parameter_count * math.log(samples) + EVIDENCE * effects
 
-    def better_than(self, other: _Reached, worth: float) -> bool:
+    def better_than(self, other: _Reached) -> bool:
         """Return whether this is worth its parameters: by BIC, and on the validation runs."""
         samples = self.fitted.residual.size
         gain = (other.fitted.cost - self.fitted.cost) / self.inflation
         price = (self.parameter_count - other.parameter_count) * math.log(samples)
         more = max(1, len(self.model.effects) - len(other.model.effects))
-        agrees = self.held_out_rpm < (1.0 - worth) ** more * other.held_out_rpm
+        agrees = self.held_out_rpm < (1.0 - WORTH) ** more * other.held_out_rpm
         return gain - price > EVIDENCE and agrees
 
     def intervals(self) -> dict[str, dict[str, dict[str, float]]]:
@@ -246,11 +226,10 @@ class _Search:
         held_out: Observations,
         largest_pole: float,
         known: Mapping[str, Effect],
-        effort: _Effort,
     ) -> None:
-        self.known, self._effort = known, effort
+        self.known = known
         self.base = replace(law, uncertainty={})
-        self.problem = ResidualProblem(self.base, whitener, _STUDY)
+        self.problem = ResidualProblem(self.base, whitener, Study())
         self.held_out, self.largest_pole = held_out, largest_pole
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
@@ -264,7 +243,7 @@ class _Search:
 
     def grown(self, reached: _Reached) -> list[_Reached]:
         """Return the sets with one effect more that promise most, fitted."""
-        promising = sorted(self._promising(reached), key=lambda item: item[0])[: self._effort.fitted]
+        promising = sorted(self._promising(reached), key=lambda item: item[0])[:_FITTED]
         fitted = (self._reached(candidate, place) for _, candidate, place in promising)
         return [one for one in fitted if one is not None]
 
@@ -338,7 +317,7 @@ class _Search:
             candidate = LawWithEffects(fitted.candidate.law, effects)
             function = marginal_function(self.problem, candidate)
             best: tuple[float, FloatArray] | None = None
-            for start in starts(effect, added, scale, self._effort.starts):
+            for start in starts(effect, added, scale):
                 place = np.concatenate([fitted.place, start])
                 residual = function(place)
                 if residual is None:
@@ -354,22 +333,12 @@ class _Search:
                 yield best[0], candidate, best[1]
 
 
-def with_wheels_only(dataset: Dataset) -> Dataset:
-    """Return a dataset without the channels that are no wheel's speed, except the supply's voltage."""
-
-    def kept(run: Run) -> Run:
-        channels = {n: v for n, v in run.channels.items() if n.startswith("speed_") or n == "battery_v"}
-        return replace(run, channels=channels)
-
-    return replace(dataset, runs=tuple(map(kept, dataset.runs)))
-
-
-def _best_ones(grown: Sequence[_Reached], inflation: float, most: int) -> list[_Reached]:
-    """Return the `most` best of some sets, each set of effects once."""
+def _best_ones(grown: Sequence[_Reached], inflation: float) -> list[_Reached]:
+    """Return the best of some sets, each set of effects once."""
     found: dict[tuple[str, ...], _Reached] = {}
     for one in sorted(grown, key=lambda one: one.price(inflation)):
         found.setdefault(tuple(sorted(one.fitted.candidate.effects.names)), one)
-    return list(found.values())[:most]
+    return list(found.values())[:_BEAM]
 
 
 def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
@@ -384,6 +353,6 @@ def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
 
 def _rms(observations: Observations, model: Model) -> float:
     """Return the rms error of a model in rpm, over the means of repeats."""
-    predicted = Simulator(observations, _STUDY).predictions(model)
+    predicted = Simulator(observations).predictions(model)
     parts = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
     return rms(np.concatenate(parts))

@@ -59,7 +59,7 @@ class FitOptions:
     delay_s: float | None = None
     """Transport delay [s]; None: estimated, and adopted on evidence."""
     effects: Literal["auto", "off"] = "auto"
-    """Whether the logs may show that the drive does more than its law; see `drive_effects`."""
+    """Whether bench logs may show that the drive does more than its law; see `drive_effects`."""
     per_wheel: bool = False
     """Whether a law is fitted to each wheel, too."""
     sample_period_s: float | None = None
@@ -92,7 +92,7 @@ class Fit:
     """With `per_wheel`: wheel name -> its own estimate."""
     runs: Runs
     drive_effects: DriveEffects | None = None
-    """What the drive does besides its law; None if the law alone is enough, or each wheel has its own."""
+    """From bench logs: what the drive does besides its law; None if the law alone is enough."""
     link: LateLink | None = None
     """From bench logs: the link, if it delays every change of the command differently. `dataset`, `path` and
     `runs` are then those of the logs with their changes moved to where they acted."""
@@ -212,10 +212,6 @@ def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progre
             )
     progress("uncertainty")
     notes += gain_notes(runs, search, found)
-    effects = None
-    if dataset.level == "robot" and options.effects == "auto" and not options.per_wheel:
-        effects = _drive_effects(dataset, runs, search, options, found, progress)
-        notes += [effects.note] if effects else []
     robot = None
     if dataset.level == "robot" and options.per_wheel:
         notes.append(
@@ -224,8 +220,7 @@ def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progre
         )
     if dataset.level == "robot" and not options.per_wheel:
         progress(stage := "servo, inertia and grip")
-        alone = Model(wheel_model(path, found), options.robot, latency(found))
-        known_robot = replace(effects.model, uncertainty={}) if effects else alone
+        known_robot = Model(wheel_model(path, found), options.robot, latency(found))
         robot, note = robot_of(
             dataset, runs, known_robot, options.robot_given, sigma, known, within(progress, stage)
         )
@@ -243,28 +238,19 @@ def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progre
         methods=methods,
         wheels=wheels,
         runs=runs,
-        drive_effects=effects,
         robot=robot,
         notes=tuple(notes),
     )
 
 
 def _with_drive_effects(fit: Fit, progress: Progress) -> Fit:
-    """Return a fit to bench logs with the effects that its drive has besides the law."""
-    options = fit.options
-    share = _independent_share(fit.dataset)
-    search = Search(options.methods[0], options.seed, options.unit_gain, fit.path, share)
-    effects = _drive_effects(fit.dataset, fit.runs, search, options, fit.estimate, progress)
-    if effects is None:
-        return fit
-    return replace(fit, drive_effects=effects, notes=(*fit.notes, effects.note))
+    """Return a fit to bench logs with the effects that its drive has besides the law.
 
-
-def _drive_effects(
-    dataset: Dataset, runs: Runs, search: Search, options: FitOptions, found: Estimate, progress: Progress
-) -> DriveEffects | None:
-    """Look for effects beside the law that was `found`, and beside one whose DC gain is free."""
-    path = search.path
+    They are looked for beside the law of the fit, and beside one whose DC gain is free.
+    """
+    dataset, runs, options, found, path = fit.dataset, fit.runs, fit.options, fit.estimate, fit.path
+    share = _independent_share(dataset)
+    search = Search(options.methods[0], options.seed, options.unit_gain, path, share)
     alone = Model(wheel_model(path, found), options.robot, latency(found))
     others = []
     if options.unit_gain:
@@ -281,7 +267,10 @@ def _drive_effects(
             others.append(Model(wheel, options.robot, {**latency(free), "speed_gain": {"gain": gain}}))
     slowest_s = SLOWEST * longest_hold_s(runs)
     largest_pole = min(POLE_LIMIT, math.exp(-found.law.sample_period_s / slowest_s))
-    return find_drive_effects(dataset, alone, others, largest_pole, progress)
+    effects = find_drive_effects(dataset, alone, others, largest_pole, progress)
+    if effects is None:
+        return fit
+    return replace(fit, drive_effects=effects, notes=(*fit.notes, effects.note))
 
 
 def wheel_model(path: CommandPath, found: Estimate) -> Wheel:

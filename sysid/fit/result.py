@@ -55,13 +55,8 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     if fit.drive_effects is not None:
         together = fit.drive_effects.model
         stated = {**model.uncertainty, **{key: together.uncertainty[key] for key in ("effects", "joint")}}
-        wheel = together.wheel
-        if fit.robot is None:
-            stated["wheel"] = {**stated["wheel"], **together.uncertainty["wheel"]}
-        else:
-            # A robot's law was fitted again behind its servo, beside these effects.
-            wheel = replace(wheel, law=fit.robot.law)
-        model = replace(model, wheel=wheel, effects=together.effects, uncertainty=stated)
+        stated["wheel"] = {**stated["wheel"], **together.uncertainty["wheel"]}
+        model = replace(model, wheel=together.wheel, effects=together.effects, uncertainty=stated)
     if fit.dataset.level == "robot" and not fit.wheels:
         model, note = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
         notes = [*model.provenance["notes"], note]

@@ -20,10 +20,10 @@ import numpy.typing as npt
 from scipy.special import gammaln
 
 from mecanum_env.units import FloatArray
-from sysid.logs.runs import WHEEL_SPEEDS, Dataset, Run
+from sysid.logs.runs import Dataset, Run
 
-_CHANNELS: Final = ("speed_rpm", *WHEEL_SPEEDS, "vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-"""Speeds, which are steady while a command is held."""
+_CHANNELS: Final = ("speed_rpm",)
+"""Speeds of bench logs, which are steady while a command is held."""
 _HELD_S: Final = 0.5
 """Time after a change of command from which neighbours differ by noise only [s]."""
 _BEFORE_S: Final = 0.1  # and up to this time before the next one, for stamps are not exact
@@ -77,8 +77,11 @@ class Tails:
 def weighted_down(dataset: Dataset) -> tuple[Dataset, Mapping[str, Tails]]:
     """Return the dataset with weights of samples where noise is not normal, and channel -> what it is like.
 
-    Without such a channel the dataset is returned as it is.
+    Without such a channel the dataset is returned as it is, and so are robot logs: a body takes longer than a
+    wheel to settle, and what it does meanwhile would count as an outlier.
     """
+    if dataset.level != "bench":
+        return dataset, {}
     found: dict[str, Tails] = {}
     weights: list[dict[str, FloatArray]] = [{} for _ in dataset.runs]
     for name in _CHANNELS:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +14,6 @@ from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.fit.drive_candidates import drive_candidates
-from sysid.fit.drive_effects import with_wheels_only
 from sysid.logs import Dataset
 
 MakeLogs = Callable[..., Dataset]
@@ -55,11 +53,3 @@ def test_an_effect_that_came_later_stays(learned: Learned, robot_logs: MakeLogs,
 def test_a_robot_may_ramp_its_body_commands_and_a_bench_may_not() -> None:
     assert "body_acceleration_limit" in drive_candidates(("speed_fl_rpm",), "robot")
     assert "body_acceleration_limit" not in drive_candidates(("speed_rpm",))
-
-
-def test_drives_are_judged_by_their_wheels_alone(robot_logs: MakeLogs, paper: Model) -> None:
-    logs = with_wheels_only(robot_logs(paper, runs=1, seconds=0.5, body=True))
-    assert all(name.startswith("speed_") for run in logs.runs for name in run.channels)
-    battery = {"battery_v": np.zeros(logs.runs[0].time_s.size)}
-    run = replace(logs.runs[0], channels={**logs.runs[0].channels, **battery})
-    assert "battery_v" in with_wheels_only(replace(logs, runs=(run,))).runs[0].channels

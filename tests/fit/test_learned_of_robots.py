@@ -13,7 +13,6 @@ from sysid.compare.observations import observe
 from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
-from sysid.fit.drive_candidates import drive_candidates
 from sysid.logs import Dataset
 
 MakeLogs = Callable[..., Dataset]
@@ -48,8 +47,3 @@ def test_an_effect_that_the_logs_of_the_fit_have_is_no_difference(
 def test_an_effect_that_came_later_stays(learned: Learned, robot_logs: MakeLogs, turned: Model) -> None:
     later = robot_logs(turned.with_effect("mount_yaw", angle_deg=9.0), runs=2, seconds=2.0, body=True)
     assert cost(learned, later, learned) > 2.0
-
-
-def test_a_robot_may_ramp_its_body_commands_and_a_bench_may_not() -> None:
-    assert "body_acceleration_limit" in drive_candidates(("speed_fl_rpm",), "robot")
-    assert "body_acceleration_limit" not in drive_candidates(("speed_rpm",))

@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from mecanum_env.model import cause_of
 from sysid.gap import GapOptions, analyse
+from sysid.gap.search.data import known_effects
 from sysid.studies.gapbench.cases import Answer, BenchCase, predicted
+from sysid.studies.gapbench.names import named_effects
 
 
 def answer(case: BenchCase) -> Answer:
     """Return the verdict of `sysid.gap` on a case, with its intervals and its predictions."""
-    report = analyse(case.changed, case.model, GapOptions(next_experiment=False, fitted_on=case.nominal))
+    # As every method, it may use the names of the list only.
+    allowed = {effect.cause for effect in named_effects()}
+    others = tuple(name for name in known_effects("bench") if cause_of(name) not in allowed)
+    options = GapOptions(next_experiment=False, fitted_on=case.nominal, exclude=others)
+    report = analyse(case.changed, case.model, options)
     effects = {
         effect.cause: {
             key: (p.value, p.low, p.high) for key, p in {**effect.parameters, **effect.estimates}.items()

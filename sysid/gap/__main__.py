@@ -60,7 +60,7 @@ def gap(
     from sysid.gap.search.data import require_valid
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
-    from sysid.logs.of_fit import logs_of_fit
+    from sysid.logs.of_fit import logs_of_fit, seen_from
     from sysid.logs.quantities import require_our_units
     from sysid.progress import stage_bar
 
@@ -90,6 +90,8 @@ def gap(
         if base is None:
             base, options = law_of(dataset, options, progress)
         report = analyse(dataset, base, options, progress)
+        if model is not None:
+            report = replace(report, model=seen_from(report.model, model.parent, out))
         progress("report")
         written = write_study(report, out)
     print(gap_table(report))

@@ -22,6 +22,7 @@ from sysid.compare.prediction import Study
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import Simulators, without_engine_warnings
 from sysid.compare.whitening import Whitener
+from sysid.gap.adoption import improved_model
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.late_links import late_logs
@@ -202,7 +203,7 @@ def _report(
     study = problem.study
     split, runs = held_out(dataset)
     effects = found_effects(problem, decision, _since(data.learned, decision))
-    improved = _improved(model, decision, effects)
+    improved = improved_model(model, decision, effects)
     proposal = None
     if decision.verdict == "unexplained":
         situations = data.observations.situations
@@ -274,14 +275,3 @@ def _since(learned: Learned | None, decision: Decision) -> Mapping[str, Since]:
     if not learned.is_bench:
         return dict.fromkeys(decision.chosen.names, "new")
     return since_of(learned, decision.chosen.fitted)
-
-
-def _improved(model: Model, decision: Decision, effects: Sequence[FoundEffect]) -> Model:
-    """Return the model with the chosen set, if any, and the intervals of its parameters."""
-    if decision.chosen is None:
-        return model
-    fitted = decision.chosen.fitted
-    improved: Model = fitted.candidate.model(model, fitted.place)
-    stated = {found.name: found.intervals for found in effects}
-    known = model.uncertainty.get("effects") or {}
-    return replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})

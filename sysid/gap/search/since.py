@@ -7,6 +7,7 @@ whatever the law. If they fit worse with it, it came later.
 from __future__ import annotations
 
 from mecanum_env.model import Model
+from sysid.compare.adopted import as_fitted
 from sysid.compare.coordinates import EffectSet
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.learned import Learned
@@ -20,8 +21,8 @@ def since_of(learned: Learned, chosen: Fitted[EffectSet]) -> dict[str, Since]:
 
     `learned` is what these logs taught about the model that the set was fitted to.
     """
-    model = learned.model
-    whole = chosen.candidate.model(model, chosen.place)
+    whole = chosen.candidate.model(learned.model, chosen.place)
+    model = as_fitted(learned.model)
     without = _cost(learned, model)
     found: dict[str, Since] = {}
     for name in chosen.names:

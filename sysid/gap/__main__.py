@@ -58,6 +58,7 @@ def gap(
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
     from sysid.gap.search.data import require_valid
+    from sysid.gap.spending import studies_near
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
     from sysid.logs.of_fit import logs_of_fit, seen_from
@@ -74,6 +75,7 @@ def gap(
         plant=plant,
         seconds=seconds,
         adopt=adopt,
+        earlier=studies_near(out),
     )
     dataset = read_dataset(logs)
     require_our_units(dataset)

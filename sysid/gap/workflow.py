@@ -52,6 +52,7 @@ from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.since import since_of
 from sysid.gap.search.thresholds import EFFORT
+from sysid.gap.spending import budget_of, with_studies
 from sysid.logs import Dataset, Run
 from sysid.logs.runs import UNITS
 from sysid.logs.tails import weighted_down
@@ -83,26 +84,38 @@ def analyse(
     require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
     dataset, tails = weighted_down(dataset)
+    budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
         late = late_logs(dataset, model)
         if late is None:
-            report = _analyse(dataset, model, replace(options, fitted_on=fitted_on), progress)
+            report = _analyse(dataset, model, replace(options, fitted_on=fitted_on), budget.level, progress)
         else:
             fitted_on = None if fitted_on is None else late.alike(fitted_on)
             options = replace(options, fitted_on=fitted_on)
-            report = late.described(_analyse(late.dataset, late.model, options, progress))
+            found = _analyse(late.dataset, late.model, options, budget.level, progress)
+            report = late.described(found)
     heavy = tuple(one.note(channel) for channel, one in tails.items())
-    return replace(report, notes=(*heavy, *report.notes), tails=tails)
+    return replace(
+        report,
+        notes=(*heavy, *budget.notes, *report.notes),
+        tails=tails,
+        false_alarm=budget.level,
+        studies=budget.studies,
+        model=with_studies(report.model, budget.studies),
+    )
 
 
-def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Progress) -> GapReport:
+def _analyse(
+    dataset: Dataset, model: Model, options: GapOptions, false_alarm: float, progress: Progress
+) -> GapReport:
     study = Study(options.plant, options.jobs, seed=options.seed)
     known = known_effects(dataset.level, options.plant, dataset.columns)
     only = options.only or known
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
     progress("data check")
     data = study_data(dataset, model, options)
+    data = replace(data, floor=replace(data.floor, false_alarm=false_alarm))
     progress(stage := "what each effect would do")
     search = _start_search(data, model, study, considered, within(progress, stage))
     if not data.floor.trusted:
@@ -224,7 +237,7 @@ def _report(
     gap, channels = differences(dataset, comparison)
     scatter = roller_scatter(problem, search.base)
     rng = np.random.default_rng(study.seed)
-    threshold = chance_gains(search.base, search.library, rng, scatter).threshold()
+    threshold = chance_gains(search.base, search.library, rng, scatter, data.floor.false_alarm).threshold()
     detectable = smallest_detectable(search.library, threshold)
     unseen = untestable(considered, search.library, detectable, dataset.level, dataset.columns)
     asked = Design(None, "")

@@ -116,7 +116,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     Returns the facts up to the best such set.
     """
     problem, base = search.problem, search.base
-    by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base))
+    by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base), floor.false_alarm)
     hope = max((base.cost - growth.expected for growth in search.growths(base)), default=0.0)
     if hope > 0.5 * by_chance.threshold():
         search.grow(1)
@@ -125,7 +125,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
     facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, inflation)
-    if p_value > THRESHOLDS.false_alarm:
+    if p_value > floor.false_alarm:
         return facts
     if not search.of_size(1):
         # Effects could gain little, but the whole residual is more than chance allows.
@@ -155,7 +155,8 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
         nearest = search.of_size(size)[: search.effort.beam]
         promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
         inflation, gain = max(1.0, promised / problem.size), parent.cost - promised
-        by_chance = chance_gains(parent, search.library, rng, roller_scatter(problem, parent)).threshold()
+        scatter = roller_scatter(problem, parent)
+        by_chance = chance_gains(parent, search.library, rng, scatter, floor.false_alarm).threshold()
         if gain < by_chance * inflation:
             return size
         if not _visible(problem, parent):
@@ -202,7 +203,8 @@ def _holds(search: Search, floor: Floor, chosen: ScoredSet, rng: np.random.Gener
     if doubtful(problem, chosen.fitted, inflation) or rises(problem, search.base, chosen.fitted):
         return False
     smaller = _best(search, size - 1, inflation).fitted
-    by_chance = chance_gains(smaller, search.library, rng, roller_scatter(problem, smaller)).threshold()
+    scatter = roller_scatter(problem, smaller)
+    by_chance = chance_gains(smaller, search.library, rng, scatter, floor.false_alarm).threshold()
     return _pays(search, floor, size, by_chance)
 
 

@@ -86,7 +86,7 @@ def _far_apart(facts: Facts) -> Outcome | None:
 
 def _not_significant(facts: Facts) -> Outcome | None:
     """No gap: neither the best effect nor the whole residual is more than chance allows."""
-    return Outcome("no_gap") if facts.p_value > THRESHOLDS.false_alarm else None
+    return Outcome("no_gap") if facts.p_value > facts.floor.false_alarm else None
 
 
 def _inadequate(facts: Facts) -> Outcome | None:
@@ -143,7 +143,7 @@ def _size_in_doubt(facts: Facts) -> Outcome | None:
     if not facts.doubtful:
         return None
     reason = f"{' + '.join(facts.doubtful)}: the runs disagree about the size, which may as well be none"
-    is_noise = facts.floor.trusted and facts.p_misfit > THRESHOLDS.false_alarm
+    is_noise = facts.floor.trusted and facts.p_misfit > facts.floor.false_alarm
     return Outcome("no_gap" if is_noise else "unexplained", (reason,))
 
 

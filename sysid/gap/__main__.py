@@ -88,7 +88,7 @@ def gap(
         base = read_model(model)
         known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)
         options = replace(options, fitted_on=known, notes=(why,) if why else ())
-    with stage_bar(6 if base else 12) as progress:
+    with stage_bar(7 if base else 13) as progress:
         if base is None:
             base, options = law_of(dataset, options, progress)
         report = analyse(dataset, base, options, progress)

@@ -26,6 +26,7 @@ from sysid.gap.adoption import improved_model
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.late_links import late_logs
+from sysid.gap.link_found import with_link_fault
 from sysid.gap.report.held_out import (
     compare,
     differences,
@@ -89,7 +90,16 @@ def analyse(
     with without_engine_warnings(), one_thread():
         late = late_logs(dataset, model)
         if late is None:
-            report = _analyse(dataset, model, replace(options, fitted_on=fitted_on), budget.level, progress)
+            options = replace(options, fitted_on=fitted_on)
+            report = _analyse(dataset, model, options, budget.level, progress)
+            progress("delays of single commands")
+            report = with_link_fault(
+                dataset,
+                model,
+                options,
+                report,
+                lambda logs, base, chosen: _analyse(logs, base, chosen, budget.level, silent),
+            )
         else:
             fitted_on = None if fitted_on is None else late.alike(fitted_on)
             options = replace(options, fitted_on=fitted_on)

@@ -7,18 +7,20 @@ likelihood of the change is
     L_i(m, s, q) = sum_k (1 - q) q^k sum_d w_s(d - m - k p) l_i(d) + q^K_i l_i:
 
 a command that is lost, with a probability q, is repeated one period p later, and K_i repetitions follow
-before the next change. A spread, and a loss, is claimed if it raises the likelihood of all changes far more
+before the next change. The period is estimated, too, since a log may not show how often a drive is sent its
+command. A spread, and a loss, is claimed if it raises the likelihood of all changes far more
 than its price, beside the spread and the loss of the logs of the model's fit, where these are known.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
 import numpy as np
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from mecanum_env.units import FloatArray
 from sysid.compare.link_delays import GRID_S, LONGEST_S, LinkDelays
@@ -26,8 +28,12 @@ from sysid.compare.link_delays import GRID_S, LONGEST_S, LinkDelays
 Kind = Literal["jitter", "loss"]
 _SPREADS_S: Final = (0.0, *np.geomspace(0.001, 0.25, 36).tolist())
 _SHARES: Final = (0.0, *np.geomspace(0.0005, 0.5, 32).tolist())
+_PERIODS_S: Final = tuple(np.geomspace(0.01, 0.2, 22).tolist())
 _TAIL: Final = 4.0
 """Degrees of freedom of Student's t, as where delays are estimated."""
+_SCALE: Final = 0.83
+"""Scale of that distribution which fits normal delays best, in their standard deviations; for uniform ones it
+is 0.91."""
 _EVIDENCE: Final = 10.0
 """Twice the logarithm of a likelihood ratio, beyond the price of the parameter, from which a fault is claimed:
 "very strong" (Kass and Raftery, J. Am. Stat. Assoc. 90:773, 1995)."""
@@ -59,6 +65,8 @@ class LinkFault:
     """Common delay [s] and the ends of its interval."""
     size: tuple[float, float, float]
     """Spread [s] of a jitter, share of a loss, and the ends of the interval."""
+    period_s: float
+    """Time after which a lost command is repeated [s]."""
     frequency: float
     """Share of resamples of the changes that show it, too."""
 
@@ -68,31 +76,33 @@ def rounding_s(interval_s: float) -> float:
     return _ROUNDING * interval_s
 
 
-def link_state(found: LinkDelays, period_s: float) -> LinkState:
-    """Return the most likely spread and loss of a link that sends every `period_s` [s]."""
+def link_state(found: LinkDelays) -> LinkState:
+    """Return the most likely spread of a link and, beside it, the most likely loss."""
     if len(found.likelihood) < _FEWEST:
         return LinkState()
-    table = _Table.of(found, found.likelihood, period_s)
-    places = [(spread, share) for spread in _SPREADS_S for share in _SHARES[:: len(_SHARES) // 8]]
-    best = max(places, key=lambda place: float(table.total(*place).max()))
-    return LinkState(*best)
+    table = _Table.of(found, found.likelihood, _PERIODS_S[0])
+    spread = max(_SPREADS_S, key=lambda one: float(table.total(one, 0.0).max()))
+    period = _likeliest_period([table], LinkState(spread))
+    shares = replace(table, period_s=period)
+    return LinkState(spread, max(_SHARES, key=lambda one: float(shares.total(spread, one).max())))
 
 
 def link_fault(
-    found: LinkDelays, period_s: float, known: LinkState, level: float, rng: np.random.Generator
+    found: LinkDelays, known: LinkState, level: float, rng: np.random.Generator
 ) -> LinkFault | None:
     """Return the fault that the delays show beyond those that are `known`, None if there is none.
 
     Args:
         found: delays of the changes under the model.
-        period_s: how often commands are sent [s].
         known: spread and loss that the link has anyway: of the logs of the fit, or of the stamps alone.
         level: probability that an interval holds the truth.
         rng: of the resamples.
     """
     if len(found.likelihood) < _FEWEST:
         return None
-    tables = [_Table.of(found, one, period_s) for one in (found.likelihood, found.untrended)]
+    tables = [_Table.of(found, one, _PERIODS_S[0]) for one in (found.likelihood, found.untrended)]
+    period = _likeliest_period(tables, known)
+    tables = [replace(table, period_s=period) for table in tables]
     by_kind = {kind: min(_evidence(table, kind, known) for table in tables) for kind in ("jitter", "loss")}
     kind: Kind = "loss" if by_kind["loss"] >= by_kind["jitter"] else "jitter"
     if by_kind[kind] < _EVIDENCE:
@@ -107,22 +117,27 @@ def link_fault(
     ours, theirs = (table.each(*place)[:, _best(table, place)] for place in (best, places[0]))
     picks = rng.integers(0, ours.size, (_RESAMPLES, ours.size))
     frequency = float(np.mean(2.0 * (ours - theirs)[picks].sum(axis=1) > math.log(ours.size)))
-    return LinkFault(kind, by_kind[kind], _interval(GRID_S, table.total(*best), level), size, frequency)
+    delay = _interval(GRID_S, table.total(*best), level)
+    if kind == "jitter":
+        own = table.posterior_s(best[0], delay[0])
+        # The stamps may shift all delays alike by as much as they are rounded.
+        half = float(norm.ppf(0.5 * (1.0 + level))) * math.hypot(size[0] / math.sqrt(own.size), known.spread_s)
+        delay = float(own.mean()), max(0.0, float(own.mean()) - half), float(own.mean()) + half
+    return LinkFault(kind, by_kind[kind], delay, size, period, frequency)
 
 
-def with_fault(found: LinkDelays, fault: LinkFault, period_s: float, known: LinkState) -> LinkDelays:
+def with_fault(found: LinkDelays, fault: LinkFault, known: LinkState) -> LinkDelays:
     """Return the delays of the changes as the fault makes them most likely, its common delay as their mean.
 
     A jitter gives each change the mean of its posterior; a loss so many periods as are most likely.
     """
-    table, mean_s = _Table.of(found, found.likelihood, period_s), fault.delay_s[0]
+    table, mean_s = _Table.of(found, found.likelihood, fault.period_s), fault.delay_s[0]
     if fault.kind == "jitter":
-        weight = table.scaled * _kernel(fault.size[0])[round(mean_s / _STEP_S)]
-        delay_s = (weight @ GRID_S) / np.maximum(weight.sum(axis=1), 1e-300)
+        delay_s = table.posterior_s(fault.size[0], mean_s)
         return replace(found, delay_s=delay_s, mean_s=mean_s, spread_s=fault.size[0])
     share = fault.size[0]
-    at = table.scaled @ _kernel(known.spread_s).T if known.spread_s > 0.0 else table.scaled
-    late_s = np.arange(mean_s, LONGEST_S, period_s)
+    at = table.smoothed(known.spread_s)
+    late_s = np.arange(mean_s, LONGEST_S, fault.period_s)
     cells = np.rint(late_s / _STEP_S).astype(int)
     weight = (1.0 - share) * share ** np.arange(late_s.size) * at[:, cells]
     weight[np.arange(late_s.size) >= table.repeats[:, None]] = 0.0
@@ -141,9 +156,24 @@ class _Table:
     """Of each change never acting, on the same scales."""
     offset: FloatArray
     """Logarithms of the scales."""
-    repeats: FloatArray
-    """How often each command is repeated before the next change."""
+    hold_s: FloatArray
+    """How long each command is held [s]."""
     period_s: float
+    """Time after which a lost command is repeated [s]."""
+    memory: dict[float, FloatArray] = field(default_factory=dict)
+    """Spread [s] -> likelihoods with that spread."""
+
+    @property
+    def repeats(self) -> FloatArray:
+        """How often each command is repeated before the next change."""
+        return np.asarray(np.maximum(1.0, np.floor(self.hold_s / self.period_s)))
+
+    def smoothed(self, spread_s: float) -> FloatArray:
+        """Return the likelihood of each change (rows) for each common delay of the grid, without losses."""
+        if spread_s not in self.memory:
+            spread = self.scaled if spread_s == 0.0 else self.scaled @ _kernel(spread_s).T
+            self.memory[spread_s] = np.asarray(spread)
+        return self.memory[spread_s]
 
     @classmethod
     def of(cls, found: LinkDelays, likelihood: FloatArray, period_s: float) -> _Table:
@@ -155,22 +185,27 @@ class _Table:
         with np.errstate(under="ignore"):
             scaled = np.exp(likelihood - offset[:, None])
             never = np.exp(found.lost_likelihood - offset)
-        return cls(scaled, never, offset, np.maximum(1.0, np.floor(hold / period_s)), period_s)
+        return cls(scaled, never, offset, hold, period_s)
+
+    def posterior_s(self, spread_s: float, mean_s: float) -> FloatArray:
+        """Return the mean of each delay's posterior [s], (n,), for a spread around a common delay [s]."""
+        weight = self.scaled * _kernel(spread_s)[round(mean_s / _STEP_S)]
+        return np.asarray((weight @ GRID_S) / np.maximum(weight.sum(axis=1), 1e-300))
 
     def each(self, spread_s: float, share: float) -> FloatArray:
         """Return the logarithm of the likelihood of each change (rows) for each common delay of the grid."""
-        at = self.scaled @ _kernel(spread_s).T if spread_s > 0.0 else self.scaled
+        at = self.smoothed(spread_s)
         total = (1.0 - share) * at
         if share > 0.0:
-            weight, step = 1.0 - share, self.period_s / _STEP_S
+            weight, step, repeats = 1.0 - share, self.period_s / _STEP_S, self.repeats
             for lost in range(1, math.ceil(LONGEST_S / self.period_s)):
                 weight *= share
                 cells = round(lost * step)
                 if weight < 1e-9 or cells >= GRID_S.size:
                     break
-                room = (self.repeats > lost)[:, None]
+                room = (repeats > lost)[:, None]
                 total[:, : GRID_S.size - cells] += weight * room * at[:, cells:]
-            total += (share**self.repeats * self.never)[:, None]
+            total += (share**repeats * self.never)[:, None]
         return np.asarray(np.log(np.maximum(total, 1e-300)) + self.offset[:, None])
 
     def total(self, spread_s: float, share: float) -> FloatArray:
@@ -191,10 +226,23 @@ def _best(table: _Table, place: tuple[float, float]) -> int:
     return int(np.argmax(table.total(*place)))
 
 
+def _likeliest_period(tables: Sequence[_Table], known: LinkState) -> float:
+    """Return the time after which lost commands are repeated [s] that explains most beside what is known."""
+    shares = _SHARES[4::7]
+
+    def worth(period_s: float) -> float:
+        moved = [replace(table, period_s=period_s) for table in tables]
+        return min(max(float(one.total(known.spread_s, share).max()) for share in shares) for one in moved)
+
+    return max(_PERIODS_S, key=worth)
+
+
 def _evidence(table: _Table, kind: str, known: LinkState) -> float:
     places = _places("jitter" if kind == "jitter" else "loss", known)
     totals = [float(table.total(*place).max()) for place in places]
-    return 2.0 * (max(totals) - totals[0]) - math.log(len(table.offset))
+    # The period of a loss is one more number that was estimated.
+    price = (2.0 if kind == "loss" else 1.0) * math.log(len(table.offset))
+    return 2.0 * (max(totals) - totals[0]) - price
 
 
 def _interval(values: FloatArray, totals: FloatArray, level: float) -> tuple[float, float, float]:
@@ -207,8 +255,7 @@ def _interval(values: FloatArray, totals: FloatArray, level: float) -> tuple[flo
 
 def _kernel(spread_s: float) -> FloatArray:
     """Return the probability of each delay of the grid (columns) for each common delay (rows)."""
-    # The standard deviation of Student's t is larger than its scale.
-    scale = spread_s * math.sqrt((_TAIL - 2.0) / _TAIL)
+    scale = _SCALE * spread_s
     square = ((GRID_S[:, None] - GRID_S[None, :]) / max(scale, 0.5 * _STEP_S)) ** 2
     weight = (1.0 + square / _TAIL) ** (-0.5 * (_TAIL + 1.0))
     return np.asarray(weight / weight.sum(axis=1, keepdims=True))

@@ -42,6 +42,8 @@ class _Found:
     fitted_on: Dataset | None
     model: Model
     """For the logs without the fault."""
+    is_enough: bool
+    """Whether the fault leaves noise, or little beside what it explains."""
 
 
 def with_link_fault(
@@ -74,47 +76,43 @@ def _found(dataset: Dataset, model: Model, options: GapOptions, report: GapRepor
     clock = model.wheel.command_period_s if model.wheel.command_period_s > tick else None
     resolution = resolution_s(tick, delay)
     interval = float(np.median([run.median_interval_s for run in dataset.runs]))
-    period = clock or max(tick, interval)
 
     def delays(under: Model, logs: Dataset) -> LinkDelays:
         return link_delays(without_delays(under), logs.runs, clock, resolution)
 
     own = delays(model, dataset)
     before = None if options.fitted_on is None else delays(model, options.fitted_on)
-    there = LinkState() if before is None else link_state(before, period)
+    there = LinkState() if before is None else link_state(before)
     known = LinkState(max(there.spread_s, rounding_s(interval)), there.share)
     rng = np.random.default_rng(options.seed)
-    fault = link_fault(own, period, known, THRESHOLDS.interval_level, rng)
+    fault = link_fault(own, known, THRESHOLDS.interval_level, rng)
     if fault is None:
         return None
     if report.effects:
-        beside = link_fault(
-            delays(report.model, dataset), period, known, THRESHOLDS.interval_level, rng
-        )
+        beside = link_fault(delays(report.model, dataset), known, THRESHOLDS.interval_level, rng)
         if beside is None or beside.kind != fault.kind:
             return None
-    sure = with_fault(own, fault, period, known)
+    sure = with_fault(own, fault, known)
     # Of a jitter the mean belongs to it; beside a loss another delay is for the study to find.
     sure = replace(sure, mean_s=delay) if fault.kind == "jitter" else sure
     fine = resolution_s(tick, delay)
     moved, base = aligned(dataset, sure, fine), on_aligned(model, delay, fine)
-    if not _is_worth_it(dataset, model, moved, base, report):
+    before_squares, after_squares = _squares(dataset, model), _squares(moved, base)
+    noise = (report.gap.noise_floor or 0.0) ** 2
+    removed, left = before_squares - after_squares, max(0.0, after_squares - noise)
+    if removed <= THRESHOLDS.least_removed * max(before_squares - noise, 0.0):
         return None
     fitted_on = options.fitted_on
     if fitted_on is not None and before is not None:
         fitted_on = aligned(fitted_on, before, fine)
-    return _Found(fault, moved, fitted_on, base)
+    return _Found(fault, moved, fitted_on, base, left <= THRESHOLDS.adequate_residual**2 * removed)
 
 
-def _is_worth_it(logs: Dataset, model: Model, moved: Dataset, base: Model, report: GapReport) -> bool:
-    """Return whether the moved changes lower the squared error above noise by as much as an effect must."""
-    squares = []
-    for dataset, one in ((logs, model), (moved, base)):
-        runs = [run for run in dataset.runs if run.split != "test"] or list(dataset.runs)
-        errors = [run.channels["speed_rpm"] - predict(one, run, study=Study())["speed_rpm"] for run in runs]
-        squares.append(float(np.nanmean(np.concatenate(errors) ** 2)))
-    noise = (report.gap.noise_floor or 0.0) ** 2
-    return squares[0] - squares[1] > THRESHOLDS.least_removed * max(squares[0] - noise, 0.0)
+def _squares(dataset: Dataset, model: Model) -> float:
+    """Return the mean squared error of a model on the runs that decide."""
+    runs = [run for run in dataset.runs if run.split != "test"] or list(dataset.runs)
+    errors = [run.channels["speed_rpm"] - predict(model, run, study=Study())["speed_rpm"] for run in runs]
+    return float(np.nanmean(np.concatenate(errors) ** 2))
 
 
 def _merged(
@@ -123,7 +121,7 @@ def _merged(
     """Return the report of the logs as they are, from that of the `rest` that the fault leaves."""
     fault, name = found.fault, _NAMES[found.fault.kind]
     note = _note(fault)
-    if rest.verdict == "unexplained":
+    if rest.verdict == "unexplained" and report.verdict != "no_gap" and not found.is_enough:
         return replace(report, notes=(*report.notes, note))
     size = "jitter_s" if fault.kind == "jitter" else "share"
     parameters = {size: Interval(*fault.size)}
@@ -176,7 +174,8 @@ def _note(fault: LinkFault) -> str:
         f"each change of the command acts at a time of its own, {fault.delay_s[0] * 1e3:.0f} ms late with a "
         f"spread of {size * 1e3:.0f} ms ({low * 1e3:.0f} .. {high * 1e3:.0f})"
         if fault.kind == "jitter"
-        else f"{size:.1%} ({low:.1%} .. {high:.1%}) of the commands never arrive, and the one before goes on"
+        else f"{size:.1%} ({low:.1%} .. {high:.1%}) of the commands never arrive, and the one before goes on "
+        f"for {fault.period_s * 1e3:.0f} ms"
     )
     return (
         f"{what} (2 log likelihood ratio {fault.evidence:.0f}); the error after is that with the changes where "

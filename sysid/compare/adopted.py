@@ -74,7 +74,8 @@ def covariance_of(
     Args:
         intervals: "EFFECT.PARAMETER" -> ends of its interval; one that is not finite or has no width is left
             out.
-        names: the parameters, n of them, of `place_covariance` (n, n), which gives their correlations.
+        names: the parameters, n of them, whose correlations are known.
+        place_covariance: gives these, shape (n, n).
         level: probability that an interval holds the truth.
     """
     sigmas = 2.0 * float(norm.ppf(0.5 * (1.0 + level)))

@@ -377,4 +377,6 @@ def _without_trend(likelihood: FloatArray, changes: Sequence[Change]) -> FloatAr
     slopes = np.linalg.lstsq(kinds * weight[:, None], mean * weight, rcond=None)[0]
     trend = kinds @ slopes
     trend -= np.average(trend, weights=weight**2)
-    return np.array([np.interp(GRID_S + off, GRID_S, row) for off, row in zip(trend, likelihood, strict=True)])
+    return np.array(
+        [np.interp(GRID_S + off, GRID_S, row) for off, row in zip(trend, likelihood, strict=True)]
+    )

@@ -1,4 +1,4 @@
-"""What a link does to its commands, from the delays of single changes: it delays them, jitters, or loses some.
+"""What a link does to its commands, from the delays of single changes: delay, jitter, or loss.
 
 Let l_i(d) be the likelihood of change i of the command acting d late (`sysid.compare.link_delays`), and l_i
 that of it never acting. With a common delay m and a spread s of Student's t (weights w_s around m) the
@@ -35,7 +35,7 @@ _SCALE: Final = 0.83
 """Scale of that distribution which fits normal delays best, in their standard deviations; for uniform ones it
 is 0.91."""
 _EVIDENCE: Final = 10.0
-"""Twice the logarithm of a likelihood ratio, beyond the price of the parameter, from which a fault is claimed:
+"""Twice the logarithm of a likelihood ratio, beyond the price of the parameters, from which a fault counts:
 "very strong" (Kass and Raftery, J. Am. Stat. Assoc. 90:773, 1995)."""
 _FEWEST: Final = 6  # changes that show a fault
 _RESAMPLES: Final = 500
@@ -121,7 +121,9 @@ def link_fault(
     if kind == "jitter":
         own = table.posterior_s(best[0], delay[0])
         # The stamps may shift all delays alike by as much as they are rounded.
-        half = float(norm.ppf(0.5 * (1.0 + level))) * math.hypot(size[0] / math.sqrt(own.size), known.spread_s)
+        half = float(norm.ppf(0.5 * (1.0 + level))) * math.hypot(
+            size[0] / math.sqrt(own.size), known.spread_s
+        )
         delay = float(own.mean()), max(0.0, float(own.mean()) - half), float(own.mean()) + half
     return LinkFault(kind, by_kind[kind], delay, size, period, frequency)
 
@@ -232,7 +234,8 @@ def _likeliest_period(tables: Sequence[_Table], known: LinkState) -> float:
 
     def worth(period_s: float) -> float:
         moved = [replace(table, period_s=period_s) for table in tables]
-        return min(max(float(one.total(known.spread_s, share).max()) for share in shares) for one in moved)
+        best = [max(float(one.total(known.spread_s, share).max()) for share in shares) for one in moved]
+        return min(best)
 
     return max(_PERIODS_S, key=worth)
 

@@ -26,7 +26,11 @@ def improved_model(model: Model, decision: Decision, effects: Sequence[FoundEffe
     improved: Model = candidate.model(model, fitted.place)
     stated = {found.name: found.intervals for found in effects}
     # A cause that takes another form leaves nothing of the form it had.
-    known = {name: one for name, one in (model.uncertainty.get("effects") or {}).items() if name in improved.effects}
+    known = {
+        name: one
+        for name, one in (model.uncertainty.get("effects") or {}).items()
+        if name in improved.effects
+    }
     improved = replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})
     ends = {
         f"{found.name}.{parameter}": (interval.low, interval.high)

@@ -24,7 +24,7 @@ from sysid.compare.late_links import JITTER, LOSS, aligned, delay_of, on_aligned
 from sysid.compare.link_delays import LinkDelays, link_delays
 from sysid.compare.link_faults import LinkFault, LinkState, link_fault, link_state, rounding_s, with_fault
 from sysid.compare.prediction import Study, predict
-from sysid.gap.result import Difference, FoundEffect, GapOptions, GapReport, Interval, Region
+from sysid.gap.result import Difference, FoundEffect, GapOptions, GapReport, Interval, Region, Since
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import Dataset
 
@@ -127,7 +127,7 @@ def _merged(
     parameters = {size: Interval(*fault.size)}
     if fault.kind == "jitter":
         parameters = {"delay_s": Interval(*fault.delay_s)} | parameters
-    since = "new" if options.fitted_on is not None else "unknown"
+    since: Since = "new" if options.fitted_on is not None else "unknown"
     effect = FoundEffect(name, parameters, fault.frequency, since=since)
     cause = cause_of(name)
     sets = rest.candidates or ((),)
@@ -178,7 +178,7 @@ def _note(fault: LinkFault) -> str:
         f"for {fault.period_s * 1e3:.0f} ms"
     )
     return (
-        f"{what} (2 log likelihood ratio {fault.evidence:.0f}); the error after is that with the changes where "
+        f"{what} (2 log likelihood ratio {fault.evidence:.0f}); the error after is with the changes where "
         "they acted, which says nothing about predicting single changes"
     )
 

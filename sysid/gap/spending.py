@@ -65,9 +65,7 @@ def budget_of(dataset: Dataset, model: Model, options: GapOptions) -> Budget:
     if not dataset.sha256:
         return Budget(alone, ())
     stated = read_spent(model.provenance.get(STUDIES))
-    known = {
-        one.study: one for one in (*stated, *options.earlier) if one.data_sha256 == dataset.sha256
-    }
+    known = {one.study: one for one in (*stated, *options.earlier) if one.data_sha256 == dataset.sha256}
     key = _key(dataset, model, options)
     earlier = tuple(sorted(known.values(), key=lambda one: (-one.level, one.study)))
     if key in known:

@@ -37,7 +37,7 @@ from sysid.gap.report.held_out import (
     predicted,
 )
 from sysid.gap.report.where import regions
-from sysid.gap.result import CustomProposal, FoundEffect, GapOptions, GapReport, Since
+from sysid.gap.result import CustomProposal, GapOptions, GapReport, Since
 from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
 from sysid.gap.search.custom import propose
 from sysid.gap.search.data import (

@@ -21,7 +21,7 @@ def with_logs(model: Model, logs: Path, folder: Path) -> Model:
 
 
 def seen_from(model: Model, old: Path, new: Path) -> Model:
-    """Return a model whose file moves from a folder to another one, so that it still says where its logs lie."""
+    """Return a model for a file in a `new` folder, so that it says where its logs lie as in the `old` one."""
     where = model.provenance.get(_KEY)
     return with_logs(model, old / where, new) if isinstance(where, str) else model
 

@@ -44,7 +44,11 @@ def test_a_study_replaces_what_was_known_of_the_effects_that_it_fits_again() -> 
     names = ["speed_gain.gain", "backlash.gap_deg"]
     first = with_adopted(model, names, np.diag([0.01, 4.0]), ["speed_gain", "backlash"], ["backlash"])
     again = with_adopted(first, ["backlash.gap_deg"], np.array([[1.0]]), ["backlash"], [])
-    assert again.uncertainty["adopted"] == {"names": names, "covariance": [[0.01, 0.0], [0.0, 1.0]], "new": []}
+    assert again.uncertainty["adopted"] == {
+        "names": names,
+        "covariance": [[0.01, 0.0], [0.0, 1.0]],
+        "new": [],
+    }
 
 
 def test_the_logs_of_the_fit_are_seen_without_what_came_later() -> None:

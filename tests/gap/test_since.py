@@ -128,7 +128,8 @@ def test_an_adopted_effect_that_is_new_does_not_spoil_what_the_logs_of_the_fit_t
     write_model(first.model, tmp_path / "model.json")
     model = read_model(tmp_path / "model.json")
     stated = model.uncertainty["adopted"]
-    assert stated["names"] == ["command_latency.delay_s"] and stated["new"] == ["command_latency"]
+    assert stated["names"] == ["command_latency.delay_s"]
+    assert stated["new"] == ["command_latency"]
     again = analyse(bench_logs(late.with_effect("speed_gain", gain=0.95), seed=3), model, options)
     assert [(found.name, found.since) for found in again.effects] == [("speed_gain", "new")]
     assert again.model.uncertainty["adopted"]["names"] == ["command_latency.delay_s", "speed_gain.gain"]

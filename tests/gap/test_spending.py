@@ -68,7 +68,9 @@ def test_studies_that_did_not_know_of_each_other_never_leave_a_level_of_zero() -
     assert 0.0 < _of(GapOptions(earlier=earlier)).level < ALONE
 
 
-def test_results_in_the_folder_and_beside_it_are_found_and_other_files_are_passed_over(tmp_path: Path) -> None:
+def test_results_in_the_folder_and_beside_it_are_found_and_other_files_are_passed_over(
+    tmp_path: Path,
+) -> None:
     spent = Spent("one", "a", ALONE)
     rows = [vars(spent), {"study": 3}, "no"]
     for name, text in (("gap", json.dumps({"studies": rows})), ("other", "{"), ("list", "[]")):

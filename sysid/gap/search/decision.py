@@ -25,6 +25,7 @@ from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, roller_scatter
+from sysid.gap.search.free_term import free_term
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
@@ -97,10 +98,14 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     as_good = tied(search, floor, chosen, harmless, inflation)
     if causal := with_causes(search, floor, as_good, judged, inflation):
         chosen, as_good = causal[0], causal
+    rival = free_term(problem, base.residual, inflation) if problem.bench else None
     return replace(
         facts,
         chosen=chosen,
         tied=as_good,
+        free=rival,
+        allowed=THRESHOLDS.free_sigmas**2
+        + _formula_residue(search, chosen.fitted, THRESHOLDS.formula_error) / inflation,
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,

@@ -35,6 +35,10 @@ class Facts:
     """Sets that explain the logs as well as the chosen one, which comes first."""
     law: ScoredSet | None = None
     """The wheel law fitted again, if that was tried."""
+    free: ScoredSet | None = None
+    """A smooth function that no cause is behind, as the rival of the chosen set, if that was tried."""
+    allowed: float = math.inf
+    """By how much the score of the free term may be better, since the formulas of the chosen set may err."""
     adequate: bool = False
     """Whether the chosen set leaves what noise allows, or little beside what it explains."""
     removed: float = 0.0
@@ -138,6 +142,18 @@ def _law_fits_better(facts: Facts) -> Outcome | None:
     return outcome if outcome.reasons else None
 
 
+def _free_term_is_better(facts: Facts) -> Outcome | None:
+    """Unexplained: a smooth function predicts runs that are left out better than the formulas may err."""
+    if facts.free is None or facts.chosen is None or facts.free.score >= facts.chosen.score - facts.allowed:
+        return None
+    reason = (
+        f"a smooth function of command, speed and time predicts runs that are left out better than "
+        f"{' + '.join(facts.chosen.names)} does, by {facts.chosen.score - facts.free.score:.0f} in -2 log "
+        f"density where formulas may err by {facts.allowed:.0f}: whatever changed, it is not only that"
+    )
+    return _unexplained(facts, reason)
+
+
 def _size_in_doubt(facts: Facts) -> Outcome | None:
     """No gap or unexplained: the runs disagree about an effect of the set, which may as well be none."""
     if not facts.doubtful:
@@ -155,6 +171,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _harmful,
     _not_repeatable,
     _law_fits_better,
+    _free_term_is_better,
     _size_in_doubt,
 )
 """What objects to naming the chosen set; the first objection decides."""

@@ -72,7 +72,7 @@ class Coordinate:
         return self.low + unit * (self.high - self.low)
 
     def beyond(self, unit: float) -> float:
-        """Return the parameter at a place `unit` that may lie outside of 0 .. 1, within what can be simulated.
+        """Return the parameter at a place `unit`, also outside of 0 .. 1 if that can be simulated.
 
         The search ends at its bounds, and what it finds there may be larger.
         """

@@ -26,9 +26,9 @@ from mecanum_env.units import FloatArray
 from sysid.compare.link_delays import GRID_S, LONGEST_S, LinkDelays
 
 Kind = Literal["jitter", "loss"]
-_SPREADS_S: Final = (0.0, *np.geomspace(0.001, 0.25, 36).tolist())
-_SHARES: Final = (0.0, *np.geomspace(0.0005, 0.5, 32).tolist())
-_PERIODS_S: Final = tuple(np.geomspace(0.01, 0.2, 22).tolist())
+_SPREADS_S: Final[tuple[float, ...]] = (0.0, *np.geomspace(0.001, 0.25, 36).tolist())
+_SHARES: Final[tuple[float, ...]] = (0.0, *np.geomspace(0.0005, 0.5, 32).tolist())
+_PERIODS_S: Final[tuple[float, ...]] = tuple(np.geomspace(0.01, 0.2, 22).tolist())
 _TAIL: Final = 4.0
 """Degrees of freedom of Student's t, as where delays are estimated."""
 _SCALE: Final = 0.83

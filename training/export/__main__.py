@@ -18,8 +18,7 @@ def export(
     model: Path | None = None,
     formats: Literal["all", "c"] = "all",
 ) -> None:
-    """Write policy.onnx, a dependency-free C header policy.h, and policy.json: what goes in and what comes
-    out.
+    """Write policy.onnx, a dependency-free C header policy.h, and their contract, policy.json.
 
     Example: python -m training.export robust --out out/export
 

@@ -1,0 +1,109 @@
+"""The loop of a controller on a robot: an observation in, a command out, ten times a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Final
+
+from training.controllers.interface import Controller
+from training.drivers.interface import SILENCE_S, Clock, Driver, Outcome, RobotSilentError
+from training.run.fight_log import FightLog
+
+_ANSWER_S: Final = 2.0
+"""How long a robot that stands still may take to answer that a fight begins [s]."""
+
+
+@dataclass(frozen=True)
+class Fight:
+    """What the loop knows of a fight."""
+
+    number: int
+    outcome: Outcome
+    commands: int
+    """Commands that were decided."""
+    missed: int
+    """Observations that never came, so that the robot held the command before."""
+    intervals_s: tuple[float, ...]
+    """Times between two decisions [s]: the command period and its jitter; those of missed ones are left
+    out."""
+    thinking_s: tuple[float, ...]
+    """Time that the controller took for each command [s], of real time."""
+
+
+def play(driver: Driver, controller: Controller, number: int, clock: Clock, log_file: Path) -> Fight:
+    """Fight once, and log it; whatever happens, the robot has been told to stop when this returns.
+
+    Args:
+        driver: of the robot.
+        controller: what decides.
+        number: of the fight.
+        clock: of the robot.
+        log_file: CSV file to write.
+
+    Raises:
+        RobotSilentError: nothing has been heard of the robot for `SILENCE_S`, or it never answered.
+        InputError: an observation that the controller does not take, or a log that cannot be written.
+    """
+    controller.reset()
+    tick, missed = -1, 0
+    decided: list[tuple[int, float]] = []
+    thinking: list[float] = []
+    real = Clock()
+    with FightLog(log_file) as log:
+        try:
+            driver.begin(number)
+            heard_s, patience_s = clock.now(), _ANSWER_S
+            while True:
+                reading = driver.read(heard_s + patience_s - clock.now())
+                if reading is None:
+                    if clock.now() - heard_s < patience_s:
+                        continue
+                    raise RobotSilentError(
+                        f"fight {number}: nothing heard of the robot for {patience_s:g} s; a stop was sent"
+                    )
+                heard_s, patience_s = clock.now(), SILENCE_S
+                log.add(reading.samples)
+                if reading.outcome not in ("ready", "fighting"):
+                    break
+                is_new = reading.tick > tick
+                if is_new:
+                    missed += reading.tick - tick - 1
+                    tick = reading.tick
+                    began_s = real.now()
+                    command = controller.act(reading.observation)
+                    thinking.append(real.now() - began_s)
+                    decided.append((tick, clock.now()))
+                sent_s = driver.send(tick, command)
+                if is_new:
+                    log.send(sent_s, command)
+        finally:
+            driver.stop()
+    pairs = pairwise(decided)
+    intervals = tuple(late - early for (first, early), (second, late) in pairs if second == first + 1)
+    return Fight(number, reading.outcome, len(decided), missed, intervals, tuple(thinking))
+
+
+def play_series(
+    driver: Driver,
+    controller: Controller,
+    count: int,
+    clock: Clock,
+    folder: Path,
+    progress: Callable[[Fight], None],
+) -> list[Fight]:
+    """Return a number of fights, `count`, one after the other; each is logged in the folder.
+
+    `driver`, `controller` and `clock` are those of `play`; `progress` is called after each fight.
+
+    Raises:
+        RobotSilentError: as in `play`; the logs so far are there.
+        InputError: as in `play`.
+    """
+    fights = []
+    for number in range(count):
+        fights.append(play(driver, controller, number, clock, folder / f"fight_{number:04d}.csv"))
+        progress(fights[-1])
+    return fights

@@ -31,9 +31,8 @@ class PacketDriver:
         self._forget(0)
 
     def begin(self, fight: int) -> None:
-        """Tell the robot that a fight, by its number, begins."""
+        """Tell the robot that a fight, by its number, begins, as soon as readings are waited for."""
         self._forget(fight)
-        self._tell(Begin())
 
     def read(self, timeout_s: float) -> Reading | None:
         """Return the next reading of the fight, waiting at most `timeout_s` [s]; None: there was none.
@@ -43,15 +42,20 @@ class PacketDriver:
         """
         until = self._clock.now() + timeout_s
         while True:
-            left = until - self._clock.now()
-            wait = left if self._answered else min(left, _AGAIN_S)
+            now = self._clock.now()
+            if not self._answered and now >= self._again_s:
+                self._tell(Begin())
+                self._again_s = now + _AGAIN_S
+            wait = until - now if self._answered else min(until, self._again_s) - now
             data = self._transport.receive(self._clock.real(max(wait, 0.0)))
             packet = None if data is None else decode(data)
-            if packet is not None and isinstance(packet.body, Report):
-                if (packet.session, packet.fight) == (self._session, self._fight):
-                    return self._reading(packet.body)
-            elif not self._answered:
-                self._tell(Begin())
+            # Until the robot has heard that a fight begins, it still reports the one before.
+            if (
+                packet is not None
+                and (packet.session, packet.fight) == (self._session, self._fight)
+                and isinstance(packet.body, Report)
+            ):
+                return self._reading(packet.body)
             if self._clock.now() >= until:
                 return None
 
@@ -77,6 +81,7 @@ class PacketDriver:
 
     def _forget(self, fight: int) -> None:
         self._fight, self._answered = fight, False
+        self._again_s = float("-inf")  # when to tell again that the fight begins
         self._sent: dict[int, float] = {}
         self._fastest_s = float("inf")
         self._offset_s = 0.0  # this clock minus the robot's

@@ -53,7 +53,8 @@ class RobotSide:
         """Obey a packet that has come at a time [s]."""
         body = packet.body
         if isinstance(body, Begin):
-            if (packet.session, packet.fight) != (self._session, self._fight):
+            # The same is told several times, and packets may overtake each other.
+            if packet.session != self._session or packet.fight > self._fight:
                 self._begin(packet, now_s)
             return
         if (packet.session, packet.fight) != (self._session, self._fight):

@@ -62,6 +62,8 @@ class Sample:
     """Since the first command of the fight was due [s], by the robot's clock."""
     values: tuple[float, ...]
     """In the order of `CHANNELS`."""
+    command: DriveCommand = (0, 0, 0)
+    """The command that the robot held from this time on, as it took it."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,8 @@ class Reading:
 
     tick: int
     """Number of the command that the observation is for, from 0."""
+    held: int
+    """Tick of the command that the robot now holds; one before `tick` unless that came too late."""
     outcome: Outcome
     observation: FloatArray
     """As `mecanum_env.tankendo.observation` describes it, shape (k,)."""
@@ -95,11 +99,11 @@ class Driver(Protocol):
         """
         ...
 
-    def send(self, tick: int, command: DriveCommand) -> float:
-        """Send the command of a tick; return when, by the robot's clock [s].
+    def send(self, tick: int, command: DriveCommand) -> None:
+        """Send the command of a tick, which the robot holds until the next.
 
-        The robot holds it until the next. The loop answers every reading, with the last command if the tick
-        is the same: that feeds the robot's watchdog and makes up for lost packets.
+        The loop answers every reading, with the last command if the tick is the same: that feeds the robot's
+        watchdog and makes up for lost packets.
         """
         ...
 

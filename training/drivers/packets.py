@@ -4,14 +4,13 @@ All numbers are little endian. Every packet is a head, a body and the CRC-32 (of
 
 head      "MT", version u8 = 1, kind u8, session u32, fight u32
 BEGIN     nothing                              controller -> robot: the fight begins
-COMMAND   number u32, tick i32, V i16 [rpm], theta i16 [deg], VC i16 [rpm]
+COMMAND   tick i32, V i16 [rpm], theta i16 [deg], VC i16 [rpm]
 STOP      nothing                              controller -> robot: stand still
-REPORT    tick i32, outcome u8, observation's size u8, samples u8, 0 u8, sent i64 [us since tick 0],
-          echoed number u32, time since it came u32 [us], observation f32 each,
-          samples: age u32 [us] before `sent`, 10 channels f32 each          robot -> controller
+REPORT    tick i32, tick of the command held i32, outcome u8, observation's size u8, samples u8, 0 u8,
+          sent i64 [us since tick 0], observation f32 each,
+          samples: age u32 [us] before `sent`, command held i16 x 3, 10 channels f32     robot -> controller
 
-The session tells one controller from another: a robot obeys the session that began the fight. The echo of the
-newest command's number lets the controller measure the time of a round trip, and so compare the two clocks.
+The session tells one controller from another: a robot obeys the session that began the fight.
 """
 
 from __future__ import annotations
@@ -30,12 +29,10 @@ _MAGIC: Final = b"MT"
 _VERSION: Final = 1
 _HEAD: Final = struct.Struct("<2sBBII")
 _CRC: Final = struct.Struct("<I")
-_COMMAND: Final = struct.Struct("<Iihhh")
-_REPORT: Final = struct.Struct("<iBBBBqII")
-_SAMPLE: Final = struct.Struct(f"<I{len(CHANNELS)}f")
+_COMMAND: Final = struct.Struct("<ihhh")
+_REPORT: Final = struct.Struct("<iiBBBBq")
+_SAMPLE: Final = struct.Struct(f"<Ihhh{len(CHANNELS)}f")
 _BEGIN, _ORDER, _STOP, _SENSED = 1, 2, 3, 4
-NO_ECHO: Final = 0xFFFFFFFF
-"""The number that is echoed before any command has come."""
 _US: Final = 1e6
 
 
@@ -53,9 +50,8 @@ class Stop:
 class Order:
     """A command."""
 
-    number: int
-    """Counts the packets of a session, so that the robot can echo the newest."""
     tick: int
+    """Number of the command period that it is for."""
     command: DriveCommand
 
 
@@ -64,15 +60,12 @@ class Report:
     """What the robot reports."""
 
     tick: int
+    held: int
     outcome: Outcome
     observation: FloatArray
     samples: tuple[Sample, ...]
     sent_s: float
     """When it was sent, since tick 0 [s]."""
-    echo: int
-    """Number of the newest command that has come; `NO_ECHO`: none."""
-    echo_age_s: float
-    """How long before `sent_s` it came [s]."""
 
 
 Body = Begin | Stop | Order | Report
@@ -95,7 +88,7 @@ def encode(packet: Packet) -> bytes:
     elif isinstance(body, Stop):
         kind, data = _STOP, b""
     elif isinstance(body, Order):
-        kind, data = _ORDER, _COMMAND.pack(body.number, body.tick, *body.command)
+        kind, data = _ORDER, _COMMAND.pack(body.tick, *body.command)
     else:
         kind, data = _SENSED, _report_bytes(body)
     whole = _HEAD.pack(_MAGIC, _VERSION, kind, packet.session, packet.fight) + data
@@ -120,8 +113,8 @@ def decode(data: bytes) -> Packet | None:
         elif kind == _STOP:
             body = Stop()
         elif kind == _ORDER:
-            number, tick, *command = _COMMAND.unpack(rest)
-            body = Order(number, tick, (command[0], command[1], command[2]))
+            tick, v, theta, vc = _COMMAND.unpack(rest)
+            body = Order(tick, (v, theta, vc))
         elif kind == _SENSED:
             body = _report(rest)
         else:
@@ -135,28 +128,28 @@ def _report_bytes(report: Report) -> bytes:
     sent_us = round(report.sent_s * _US)
     head = _REPORT.pack(
         report.tick,
+        report.held,
         OUTCOMES.index(report.outcome),
         len(report.observation),
         len(report.samples),
         0,
         sent_us,
-        report.echo,
-        min(round(report.echo_age_s * _US), 0xFFFFFFFF),
     )
     seen = np.asarray(report.observation, "<f4").tobytes()
     ages = (max(sent_us - round(sample.time_s * _US), 0) for sample in report.samples)
-    samples = (_SAMPLE.pack(age, *one.values) for age, one in zip(ages, report.samples, strict=True))
+    pairs = zip(ages, report.samples, strict=True)
+    samples = (_SAMPLE.pack(age, *one.command, *one.values) for age, one in pairs)
     return head + seen + b"".join(samples)
 
 
 def _report(data: bytes) -> Report:
-    tick, outcome, size, count, _, sent_us, echo, echo_us = _REPORT.unpack_from(data)
+    tick, held, outcome, size, count, _, sent_us = _REPORT.unpack_from(data)
     seen = np.frombuffer(data, "<f4", size, _REPORT.size).astype(float)
     first = _REPORT.size + 4 * size
     if len(data) != first + count * _SAMPLE.size:
         raise ValueError("a report of another length than it says")
     samples = []
     for number in range(count):
-        age_us, *values = _SAMPLE.unpack_from(data, first + number * _SAMPLE.size)
-        samples.append(Sample((sent_us - age_us) / _US, tuple(values)))
-    return Report(tick, OUTCOMES[outcome], seen, tuple(samples), sent_us / _US, echo, echo_us / _US)
+        age_us, v, theta, vc, *values = _SAMPLE.unpack_from(data, first + number * _SAMPLE.size)
+        samples.append(Sample((sent_us - age_us) / _US, tuple(values), (v, theta, vc)))
+    return Report(tick, held, OUTCOMES[outcome], seen, tuple(samples), sent_us / _US)

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Final
 
 from mecanum_env.errors import InputError
-from training.drivers.interface import CHANNELS, DriveCommand, Sample
+from training.drivers.interface import CHANNELS, Sample
 
 COLUMNS: Final = ("time_s", "command_v_rpm", "command_theta_deg", "command_vc_rpm", *CHANNELS)
 _FEWEST: Final = 2
@@ -20,8 +20,8 @@ _FEWEST: Final = 2
 class FightLog:
     """The log of one fight.
 
-    A row is a sample of the robot with the command that had been sent by then, both by the robot's clock. Use
-    it in a `with` statement; a file of fewer than two rows, which nobody could read, is removed at its end.
+    A row is a sample of the robot, with the command that it held from then on. Use it in a `with` statement;
+    a file of fewer than two rows, which nobody could read, is removed at its end.
 
     Raises:
         InputError: the file cannot be written.
@@ -38,7 +38,6 @@ class FightLog:
                 f"{path}: cannot be written ({error.strerror}); choose another folder"
             ) from error
         self._file.write((",".join(COLUMNS) + "\n").encode())
-        self._sent: list[tuple[float, DriveCommand]] = [(float("-inf"), (0, 0, 0))]
         self._last_s = -1e-9
 
     def __enter__(self) -> FightLog:
@@ -53,18 +52,12 @@ class FightLog:
         if self._rows < _FEWEST:
             self._path.unlink()
 
-    def send(self, sent_s: float, command: DriveCommand) -> None:
-        """Take note of a command that was sent at a time [s]."""
-        self._sent.append((sent_s, command))
-
     def add(self, samples: tuple[Sample, ...]) -> None:
-        """Write those samples that are newer than the last row, each with the command of its time."""
+        """Write those samples that are newer than the last row, each with the command held then."""
         for sample in samples:
             if sample.time_s <= self._last_s:
                 continue
-            while len(self._sent) > 1 and self._sent[1][0] <= sample.time_s:
-                del self._sent[0]
-            cells = [f"{sample.time_s:.6f}", *map(str, self._sent[0][1])]
+            cells = [f"{sample.time_s:.6f}", *map(str, sample.command)]
             cells += ["" if value != value else f"{value:.6g}" for value in sample.values]
             self._file.write((",".join(cells) + "\n").encode())
             self._last_s, self._rows = sample.time_s, self._rows + 1

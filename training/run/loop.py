@@ -26,6 +26,8 @@ class Fight:
     """Commands that were decided."""
     missed: int
     """Observations that never came, so that the robot held the command before."""
+    late: int
+    """Commands that came too late for their period, so that the robot held the one before for longer."""
     intervals_s: tuple[float, ...]
     """Times between two decisions [s]: the command period and its jitter; those of missed ones are left
     out."""
@@ -48,7 +50,7 @@ def play(driver: Driver, controller: Controller, number: int, clock: Clock, log_
         InputError: an observation that the controller does not take, or a log that cannot be written.
     """
     controller.reset()
-    tick, missed = -1, 0
+    tick, missed, late = -1, 0, 0
     decided: list[tuple[int, float]] = []
     thinking: list[float] = []
     real = Clock()
@@ -68,22 +70,20 @@ def play(driver: Driver, controller: Controller, number: int, clock: Clock, log_
                 log.add(reading.samples)
                 if reading.outcome not in ("ready", "fighting"):
                     break
-                is_new = reading.tick > tick
-                if is_new:
+                if reading.tick > tick:
                     missed += reading.tick - tick - 1
+                    late += reading.held < reading.tick - 1
                     tick = reading.tick
                     began_s = real.now()
                     command = controller.act(reading.observation)
                     thinking.append(real.now() - began_s)
                     decided.append((tick, clock.now()))
-                sent_s = driver.send(tick, command)
-                if is_new:
-                    log.send(sent_s, command)
+                driver.send(tick, command)
         finally:
             driver.stop()
     pairs = pairwise(decided)
     intervals = tuple(late - early for (first, early), (second, late) in pairs if second == first + 1)
-    return Fight(number, reading.outcome, len(decided), missed, intervals, tuple(thinking))
+    return Fight(number, reading.outcome, len(decided), missed, late, intervals, tuple(thinking))
 
 
 def play_series(

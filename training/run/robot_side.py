@@ -9,12 +9,13 @@ sensors' delay is.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from training.drivers.interface import WATCHDOG_S, Clock, DriveCommand, Outcome, Sample
-from training.drivers.packets import NO_ECHO, Begin, Order, Packet, Report, Stop, decode, encode
+from training.drivers.packets import Begin, Order, Packet, Report, Stop, decode, encode
 from training.drivers.transport import Transport
 from training.run.link import Link, LinkQuality
 from training.run.world import SAMPLES, World
@@ -42,7 +43,8 @@ class RobotSide:
         self._fight = -1
         self._outcome: Outcome = "ready"
         self._motors, self._newest = _STILL, _STILL
-        self._echo, self._echo_s, self._heard_s, self._began_s = NO_ECHO, 0.0, 0.0, 0.0
+        self._newest_tick, self._held_tick = -1, -1
+        self._heard_s, self._began_s = 0.0, 0.0
         self._samples: list[Sample] = []
         self._ahead: list[Sample] = []
         self._observation, self._tick, self._quarters = world.observation, 0, 0
@@ -64,8 +66,8 @@ class RobotSide:
         elif isinstance(body, Order):
             self._heard_s = now_s
             # Packets may overtake each other.
-            if self._echo == NO_ECHO or body.number > self._echo:
-                self._echo, self._echo_s, self._newest = body.number, now_s, body.command
+            if self._outcome == "fighting" and body.tick >= self._newest_tick:
+                self._newest_tick, self._newest = body.tick, body.command
 
     def pass_time(self, now_s: float) -> list[Packet]:
         """Let time pass until now [s]; return the reports that are due."""
@@ -83,7 +85,7 @@ class RobotSide:
         self._samples = []
         self._observation, self._tick = self._world.observation, 0
         self._outcome, self._newest = "fighting", _STILL
-        self._heard_s, self._echo, self._echo_s = now_s, NO_ECHO, now_s
+        self._newest_tick, self._held_tick, self._heard_s = -1, -1, now_s
         # The first observation is reported at once, and the first command taken when it is due.
         self._quarters = -self._lead - 1
         self._began_s = now_s + self._lead * self._quarter_s
@@ -101,22 +103,15 @@ class RobotSide:
         if self._quarters >= 0:
             if quarter == 0:
                 self._take_command()
-            self._samples = [*self._samples, *self._ahead[:1]][-_AT_ONCE:]
+            taken = [replace(sample, command=self._motors) for sample in self._ahead[:1]]
+            self._samples = [*self._samples, *taken][-_AT_ONCE:]
             del self._ahead[:1]
         if quarter >= SAMPLES - self._lead and self._tick <= tick:
             # What the sensors show of this time is what the next command may depend on.
             self._tick, self._observation = tick + 1, self._world.observation
         time_s = self._quarters * self._quarter_s
-        since_s = self._began_s + time_s - self._echo_s
-        report = Report(
-            self._tick,
-            self._outcome,
-            self._observation,
-            tuple(self._samples),
-            time_s,
-            self._echo,
-            max(since_s, 0.0),
-        )
+        samples = tuple(self._samples)
+        report = Report(self._tick, self._held_tick, self._outcome, self._observation, samples, time_s)
         assert self._session is not None
         return Packet(self._session, self._fight, report)
 
@@ -124,6 +119,7 @@ class RobotSide:
         """Begin a command period, with the newest command; what ended in the last period is now known."""
         if self._world.outcome == "fighting":
             before, self._motors = self._motors, self._newest
+            self._held_tick = self._newest_tick
             if before != self._motors:
                 why = "command" if self._outcome == "fighting" else self._outcome
                 self._journal(self._began_s + self._quarters * self._quarter_s, self._motors, why)

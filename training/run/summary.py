@@ -25,7 +25,8 @@ def timing(fights: Sequence[Fight]) -> dict[str, float]:
 
     `period_ms` is the mean time between decisions, `jitter_ms` its standard deviation, `late_ms` the 99th
     percentile of its distance from the mean and `worst_ms` the largest; `thinking_ms` is the 99th percentile
-    of the controller's time; `missed` counts observations that never came, of `commands`.
+    of the controller's time. Of the `commands`, `late` came too late; `missed` counts observations that never
+    came.
     """
     intervals = 1e3 * np.array([one for fight in fights for one in fight.intervals_s])
     thinking = 1e3 * np.array([one for fight in fights for one in fight.thinking_s])
@@ -38,6 +39,7 @@ def timing(fights: Sequence[Fight]) -> dict[str, float]:
         "thinking_ms": float(np.percentile(thinking, 99.0)) if thinking.size else 0.0,
         "commands": float(sum(fight.commands for fight in fights)),
         "missed": float(sum(fight.missed for fight in fights)),
+        "late": float(sum(fight.late for fight in fights)),
     }
 
 
@@ -46,8 +48,8 @@ def timing_text(fights: Sequence[Fight]) -> str:
     t = timing(fights)
     return (
         f"period {t['period_ms']:.1f} ms, jitter {t['jitter_ms']:.1f} ms (99 % within {t['late_ms']:.1f} ms, "
-        f"worst {t['worst_ms']:.1f} ms); {t['missed']:.0f} of {t['commands']:.0f} observations missed; "
-        f"the controller took {t['thinking_ms']:.2f} ms (99 %)"
+        f"worst {t['worst_ms']:.1f} ms); of {t['commands']:.0f} commands {t['late']:.0f} came too late, "
+        f"{t['missed']:.0f} observations never; the controller took {t['thinking_ms']:.2f} ms (99 %)"
     )
 
 
@@ -68,6 +70,7 @@ def write_summary(path: Any, controller: str, robot: str, fights: Sequence[Fight
                     "outcome": one.outcome,
                     "commands": one.commands,
                     "missed": one.missed,
+                    "late": one.late,
                 }
                 for one in fights
             ],

@@ -1,6 +1,5 @@
 """Drivers: one interface to robots over UDP, a serial line, or anything else."""
 
-from training.drivers.interface import Clock, Driver, Reading, RobotSilentError, Sample
-from training.drivers.named import open_driver
+import lazy_loader
 
-__all__ = ["Clock", "Driver", "Reading", "RobotSilentError", "Sample", "open_driver"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

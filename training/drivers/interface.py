@@ -53,6 +53,13 @@ class Clock:
         """Return how long some seconds of this clock take."""
         return seconds / self.speed
 
+    def limit(self, seconds: float) -> float:
+        """Return some seconds of real time in those of this clock.
+
+        Limits of silence are real time at any speed: what they guard against is a process that has died.
+        """
+        return seconds * self.speed
+
 
 @dataclass(frozen=True)
 class Sample:

@@ -96,7 +96,7 @@ def encode(packet: Packet) -> bytes:
 
 
 def decode(data: bytes) -> Packet | None:
-    """Return the packet in some bytes; None where they are torn, changed, or of another version."""
+    """Return the packet in `data`; None where it is torn, changed, or of another version."""
     if len(data) < _HEAD.size + _CRC.size:
         return None
     whole, crc = data[: -_CRC.size], data[-_CRC.size :]

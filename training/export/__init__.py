@@ -1,6 +1,5 @@
 """Trained policies as files that need none of this package: an ONNX graph, a C header, and their contract."""
 
-from training.export.contract import Contract, contract_of
-from training.export.write import export_policy
+import lazy_loader
 
-__all__ = ["Contract", "contract_of", "export_policy"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

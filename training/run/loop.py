@@ -59,9 +59,10 @@ def play(driver: Driver, controller: Controller, number: int, clock: Clock, log_
             driver.begin(number)
             heard_s, patience_s = clock.now(), _ANSWER_S
             while True:
-                reading = driver.read(heard_s + patience_s - clock.now())
+                until_s = heard_s + clock.limit(patience_s)
+                reading = driver.read(until_s - clock.now())
                 if reading is None:
-                    if clock.now() - heard_s < patience_s:
+                    if clock.now() < until_s:
                         continue
                     raise RobotSilentError(
                         f"fight {number}: nothing heard of the robot for {patience_s:g} s; a stop was sent"

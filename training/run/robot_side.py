@@ -31,11 +31,14 @@ Journal = Callable[[float, DriveCommand, str], None]
 class RobotSide:
     """A robot that fights in a world; fight number n has the seed `first_seed` + n.
 
-    The `journal` is told what the motors do.
+    The `journal` is told what the motors do. After `watchdog_s` without a command the robot stops [s].
     """
 
-    def __init__(self, world: World, first_seed: int, journal: Journal) -> None:
+    def __init__(
+        self, world: World, first_seed: int, journal: Journal, watchdog_s: float = WATCHDOG_S
+    ) -> None:
         self._world, self._first_seed, self._journal = world, first_seed, journal
+        self._watchdog_s = watchdog_s
         lead_s = min(world.observation_delay_s, world.period_s)
         self._lead = round(lead_s / world.period_s * SAMPLES)  # in quarters
         self._quarter_s = world.period_s / SAMPLES
@@ -70,10 +73,16 @@ class RobotSide:
                 self._newest_tick, self._newest = body.tick, body.command
 
     def pass_time(self, now_s: float) -> list[Packet]:
-        """Let time pass until now [s]; return the reports that are due."""
+        """Let time pass until now [s]; return the reports that are due.
+
+        In a process that could not run for longer than a quarter of a period no time has passed.
+        """
         reports = []
+        if (stalled_s := now_s - self.next_s) > self._quarter_s:
+            self._began_s, self._heard_s = self._began_s + stalled_s, self._heard_s + stalled_s
+            self.next_s = now_s
         while self.next_s <= now_s:
-            if self._outcome == "fighting" and now_s - self._heard_s > WATCHDOG_S:
+            if self._outcome == "fighting" and now_s - self._heard_s > self._watchdog_s:
                 self._stop()
             reports.append(self._quarter())
             self.next_s = self._began_s + (self._quarters + 1) * self._quarter_s

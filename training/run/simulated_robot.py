@@ -48,7 +48,7 @@ def simulated_robot(
 
     from mecanum_env.errors import InputError
     from mecanum_env.model import paper_model, read_model
-    from training.drivers.interface import Clock, DriveCommand
+    from training.drivers.interface import WATCHDOG_S, Clock, DriveCommand
     from training.drivers.named import BAUD
     from training.drivers.transport import Serial, Transport, Udp
     from training.run.link import LinkQuality
@@ -74,7 +74,8 @@ def simulated_robot(
         if written is not None:
             print(f"{clock.real(time_s):.6f}", *command, why, file=written, flush=True)
 
-    robot = RobotSide(World(hidden, plant, "dodge", difficulty, seed), first_seed, note)
+    world = World(hidden, plant, "dodge", difficulty, seed)
+    robot = RobotSide(world, first_seed, note, clock.limit(WATCHDOG_S))
     print(name, flush=True)
     serve(robot, transport, clock, quality, np.random.default_rng([seed, 1]))
 

@@ -21,6 +21,9 @@ class FakeDriver:
     def now(self):
         return self.time_s
 
+    def limit(self, seconds):
+        return seconds
+
     def begin(self, fight):
         self.log.append(("begin", fight))
 
@@ -144,5 +147,6 @@ def test_a_log_that_nobody_could_read_is_removed(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_faster_clock_takes_less_real_time():
+def test_a_faster_clock_takes_less_real_time_but_waits_as_long_for_silence():
     assert Clock(4.0).real(1.0) == 0.25
+    assert Clock(4.0).real(Clock(4.0).limit(SILENCE_S)) == SILENCE_S

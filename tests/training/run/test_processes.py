@@ -99,7 +99,7 @@ def test_killing_the_robot_ends_the_loop_with_one_sentence(tmp_path):
 
 
 def test_a_robot_that_is_not_there_ends_the_loop_the_same_way(tmp_path):
-    options = ("--robot", "udp:127.0.0.1:9", "--speed", 20, "--out", tmp_path / "run")
+    options = ("--robot", "udp:127.0.0.1:9", "--out", tmp_path / "run")
     with process("training.run", "nominal", *options) as controller:
         _, errors = controller.communicate(timeout=PATIENCE_S)
     assert controller.returncode == SILENT

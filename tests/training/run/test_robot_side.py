@@ -100,7 +100,8 @@ def test_after_a_stop_commands_no_longer_count_until_the_next_fight(robot, world
     assert set(world.driven[4:]) == {(0, 0, 0)}
     robot.hear(Packet(1, 1, Begin()), 1.0)
     robot.hear(order(100, (50, 0, 0), fight=1), 1.01)
-    robot.pass_time(1.06)
+    for now_s in (1.01, 1.025, 1.05):
+        robot.pass_time(now_s)
     assert world.driven == [(50, 0, 0)]
     assert world.seeds == [20_000, 20_001]
 
@@ -147,3 +148,11 @@ def test_the_end_of_a_fight_is_told_and_stops_the_motors(robot, world, journal):
     assert reports[-1].body.outcome == "won"
     assert journal[-1][1:] == ((0, 0, 0), "won")
     assert len(world.driven) == 3
+
+
+def test_a_process_that_could_not_run_has_not_lost_its_fight(robot, world):
+    until(robot, 0.3, spoken(1.0))
+    driven = len(world.driven)
+    (report,) = robot.pass_time(5.0)
+    assert report.body.outcome == "fighting"
+    assert len(world.driven) <= driven + 1

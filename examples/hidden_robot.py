@@ -110,8 +110,8 @@ def write_robot_logs(folder: Path, plant: RobotPlant) -> None:
 
 
 @contextmanager
-def served(speed: float) -> Iterator[str]:
-    """Serve the hidden robot over UDP from a process of its own, at a multiple of real time; yield its name.
+def served() -> Iterator[str]:
+    """Serve the hidden robot over UDP from a process of its own, in step with its controller; yield its name.
 
     Its link is 10 ms late each way, 2 ms more or less, and loses every fiftieth packet.
     """
@@ -119,7 +119,7 @@ def served(speed: float) -> Iterator[str]:
         model = Path(folder) / "model.json"
         write_model(_HIDDEN, model)
         command = [sys.executable, "-m", "training.run.simulated_robot", "--model", str(model), "--port", "0"]
-        command += ["--speed", str(speed), "--first-seed", str(FIRST_SEED)]
+        command += ["--first-seed", str(FIRST_SEED), "--in-step"]
         with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as robot:
             try:
                 assert robot.stdout is not None

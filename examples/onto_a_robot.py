@@ -33,8 +33,7 @@ PAGE: Final = Path(__file__).with_name("onto_a_robot.html")
 
 def onto_a_robot(
     out: Path = Path("out/onto_a_robot"),
-    fights: int = 60,
-    speed: float = 5.0,
+    fights: int = 100,
     jobs: int = 2,
     quick: bool = False,
 ) -> None:
@@ -43,7 +42,6 @@ def onto_a_robot(
     Args:
         out: folder to write; it must not have logs of fights.
         fights: number of fights of each controller.
-        speed: how many times as fast as real time robot and loop run.
         jobs: number of parallel processes of the study, which does not change its result.
         quick: consider few effects, and fight with one compensated policy, to see that everything runs.
     """
@@ -62,9 +60,9 @@ def onto_a_robot(
     print(f"1. The policy {NOMINAL}, exported with its contract -> {out / 'export'}")
     export_policy(bundled(NOMINAL), out / "export", onnx=False)
 
-    with hidden_robot.served(speed) as robot:
+    with hidden_robot.served() as robot:
         print(f"\n2. {NOMINAL} fights on the robot at {robot} and logs -> {out / 'before'}")
-        before = fought(NOMINAL, robot, out / "model.json", out / "before", fights, speed)
+        before = fought(NOMINAL, robot, out / "model.json", out / "before", fights)
 
         print(f"\n3. What is different? sysid.gap on the logs of the fights -> {out / 'gap' / 'model.json'}")
         report = study(out, read_model(out / "model.json"), jobs, quick)
@@ -75,7 +73,7 @@ def onto_a_robot(
         after = {}
         for name in (f"{one}+compensated" for one in names):
             folder = out / f"after_{name.removesuffix('+compensated')}"
-            after[name] = fought(name, robot, out / "gap" / "model.json", folder, fights, speed)
+            after[name] = fought(name, robot, out / "gap" / "model.json", folder, fights)
 
     print("\n5. Better?")
     first = share_of(before)
@@ -93,10 +91,10 @@ def onto_a_robot(
     print(f"It took {(time.perf_counter() - began) / 60.0:.1f} min.")
 
 
-def fought(controller: str, robot: str, model: Path, out: Path, fights: int, speed: float) -> dict[str, Any]:
+def fought(controller: str, robot: str, model: Path, out: Path, fights: int) -> dict[str, Any]:
     """Let a controller, which knows a model, fight on a robot in a process of its own; return fights.json."""
     command = [sys.executable, "-m", "training.run", controller, "--robot", robot, "--model", str(model)]
-    command += ["--fights", str(fights), "--out", str(out), "--speed", str(speed)]
+    command += ["--fights", str(fights), "--out", str(out), "--silence", "10"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(done.stderr.strip() or done.returncode)

@@ -57,7 +57,7 @@ def test_the_story_does_not_look_into_the_robot():
 def test_the_whole_story_ends_with_more_fights_won(script, tmp_path):
     words = io.StringIO()
     with contextlib.redirect_stdout(words), contextlib.redirect_stderr(io.StringIO()):
-        script.onto_a_robot(tmp_path / "out", fights=30, speed=4.0, jobs=1, quick=True)
+        script.onto_a_robot(tmp_path / "out", fights=30, jobs=1, quick=True)
     story = json.loads((tmp_path / "out" / "story.json").read_text(encoding="utf-8"))
     assert set(read_model(tmp_path / "out" / "gap" / "model.json").effects) == set(story["hidden"])
     assert story["fights"]["nominal+compensated"]["gained"][1] > 0.0

@@ -1,4 +1,4 @@
-from .interface import Clock, Driver, Reading, RobotSilentError, Sample
+from .interface import Driver, Reading, RobotSilentError, Sample
 from .named import open_driver
 
-__all__ = ["Clock", "Driver", "Reading", "RobotSilentError", "Sample", "open_driver"]
+__all__ = ["Driver", "Reading", "RobotSilentError", "Sample", "open_driver"]

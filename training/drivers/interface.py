@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
 from typing import Final, Literal, Protocol, get_args
 
@@ -36,29 +35,6 @@ DriveCommand = tuple[int, int, int]
 
 class RobotSilentError(MecanumError):
     """The robot cannot be heard any more; it has been told to stop."""
-
-
-@dataclass(frozen=True)
-class Clock:
-    """The time of the loop and its robot: real time, or for a simulated robot a multiple of it."""
-
-    speed: float = 1.0
-    """Seconds of this clock in a second of real time; above 1 for simulated robots only."""
-
-    def now(self) -> float:
-        """Return the time [s]."""
-        return time.monotonic() * self.speed
-
-    def real(self, seconds: float) -> float:
-        """Return how long some seconds of this clock take."""
-        return seconds / self.speed
-
-    def limit(self, seconds: float) -> float:
-        """Return some seconds of real time in those of this clock.
-
-        Limits of silence are real time at any speed: what they guard against is a process that has died.
-        """
-        return seconds * self.speed
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ import importlib
 from typing import Final
 
 from mecanum_env.errors import InputError
-from training.drivers.interface import Clock, Driver
+from training.drivers.interface import Driver
 from training.drivers.packet_driver import PacketDriver
 from training.drivers.transport import Serial, Udp
 
@@ -16,14 +16,13 @@ BAUD: Final = 921600
 """Rate of a serial line, if none is named; reports need 80 kbit/s."""
 
 
-def open_driver(name: str, clock: Clock) -> Driver:
-    """Return the driver of a robot, connected, on the loop's clock.
+def open_driver(name: str) -> Driver:
+    """Return the driver of a robot, connected.
 
     Args:
-        name: `udp:HOST[:PORT]`, `serial:DEVICE[:BAUD]`, or `MODULE:CLASS` for a driver of one's own, which is
-        called
-            with the clock.
-        clock: of the loop.
+        name: `udp:HOST[:PORT]`, `serial:DEVICE[:BAUD]`, or `MODULE:CLASS` for a driver of one's own, a class
+        that
+            is called without arguments.
 
     Raises:
         InputError: there is no such driver, host or device; the message says what would be right.
@@ -35,12 +34,12 @@ def open_driver(name: str, clock: Clock) -> Driver:
         )
     if kind == "udp":
         host, _, port = rest.partition(":")
-        return PacketDriver(Udp(host, _whole(name, port) if port else PORT), clock)
+        return PacketDriver(Udp(host, _whole(name, port) if port else PORT))
     if kind == "serial":
         device, _, baud = rest.partition(":")
-        return PacketDriver(Serial(device, _whole(name, baud) if baud else BAUD), clock)
+        return PacketDriver(Serial(device, _whole(name, baud) if baud else BAUD))
     try:
-        driver: Driver = getattr(importlib.import_module(kind), rest)(clock)
+        driver: Driver = getattr(importlib.import_module(kind), rest)()
     except (ImportError, AttributeError) as error:
         raise InputError(
             f"robot {name!r}: {error}; name a class as MODULE:CLASS, found from the current folder"

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import secrets
+import time
+from collections.abc import Callable
 from typing import Final
 
-from training.drivers.interface import Clock, DriveCommand, Reading
+from training.drivers.interface import DriveCommand, Reading
 from training.drivers.packets import Begin, Body, Order, Packet, Report, Stop, decode, encode
 from training.drivers.transport import Transport
 
@@ -16,10 +18,10 @@ _STOPS: Final = 3
 
 
 class PacketDriver:
-    """A robot at the other end of a transport."""
+    """A robot at the other end of a transport; `now` tells the time [s]."""
 
-    def __init__(self, transport: Transport, clock: Clock) -> None:
-        self._transport, self._clock = transport, clock
+    def __init__(self, transport: Transport, now: Callable[[], float] = time.monotonic) -> None:
+        self._transport, self._now = transport, now
         self._session = secrets.randbits(32)
         self._fight, self._answered = 0, False
         self._again_s = float("-inf")  # when to tell again that the fight begins
@@ -34,14 +36,14 @@ class PacketDriver:
         Raises:
             RobotSilentError: the connection is gone for good.
         """
-        until = self._clock.now() + timeout_s
+        until = self._now() + timeout_s
         while True:
-            now = self._clock.now()
+            now = self._now()
             if not self._answered and now >= self._again_s:
                 self._tell(Begin())
                 self._again_s = now + _AGAIN_S
             wait = until - now if self._answered else min(until, self._again_s) - now
-            data = self._transport.receive(self._clock.real(max(wait, 0.0)))
+            data = self._transport.receive(max(wait, 0.0))
             packet = None if data is None else decode(data)
             # Until the robot has heard that a fight begins, it still reports the one before.
             if (
@@ -52,7 +54,7 @@ class PacketDriver:
                 self._answered = True
                 said = packet.body
                 return Reading(said.tick, said.held, said.outcome, said.observation, said.samples)
-            if self._clock.now() >= until:
+            if self._now() >= until:
                 return None
 
     def send(self, tick: int, command: DriveCommand) -> None:

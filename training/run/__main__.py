@@ -9,6 +9,7 @@ from typing import Final
 import tyro
 
 from mecanum_env.cli import run
+from training.drivers.interface import SILENCE_S
 
 SILENT: Final = 3
 """Exit code when the robot cannot be heard any more."""
@@ -21,7 +22,7 @@ def drive(
     model: Path | None = None,
     fights: int = 1,
     out: Path = Path("out/run"),
-    speed: float = 1.0,
+    silence: float = SILENCE_S,
 ) -> int:
     """Fight on a robot, ten commands a second, and log every fight in our own format for python -m sysid.gap.
 
@@ -38,27 +39,26 @@ def drive(
         model: Model file of the robot, as far as it is known; by default the packaged one.
         fights: Number of fights.
         out: Folder to write: logs/fight_0000.csv and so on, and fights.json.
-        speed: How many times as fast as real time a simulated robot runs.
+        silence: How long the robot may be silent [s]; more for a simulated robot on a busy machine.
     """
     from mecanum_env.errors import InputError, require_at_least
     from mecanum_env.files import require_writable
     from mecanum_env.model import paper_model, read_model
     from training.certify.certificate import share_text
-    from training.drivers import Clock, RobotSilentError, open_driver
+    from training.drivers import RobotSilentError, open_driver
     from training.run.loop import Fight, play_series
     from training.run.summary import FILE_NAME, success_of, timing_text, write_summary
     from training.run.with_contract import controller_for
 
     require_at_least(1, fights=fights)
-    if not 0.0 < speed <= 100.0:
-        raise InputError(f"speed = {speed:g}, must be above 0 and at most 100")
+    if not silence > 0.0:
+        raise InputError(f"silence = {silence:g}, must be above 0")
     if list((out / "logs").glob("fight_*")):
         raise InputError(f"{out / 'logs'}: has logs of fights already; choose another folder")
     require_writable(out / FILE_NAME)
     known = paper_model() if model is None else read_model(model)
     player = controller_for(controller, known, "the packaged model" if model is None else str(model))
-    clock = Clock(speed)
-    driver = open_driver(robot, clock)
+    driver = open_driver(robot)
     done: list[Fight] = []
 
     def note(fight: Fight) -> None:
@@ -66,7 +66,7 @@ def drive(
         print(f"fight {fight.number}: {fight.outcome} after {fight.commands} commands", flush=True)
 
     try:
-        play_series(driver, player, fights, clock, out / "logs", note)
+        play_series(driver, player, fights, out / "logs", note, silence)
     except RobotSilentError as error:
         print(f"error: {error}", file=sys.stderr)
         return SILENT

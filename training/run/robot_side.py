@@ -8,13 +8,14 @@ sensors' delay is.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
-from training.drivers.interface import WATCHDOG_S, Clock, DriveCommand, Outcome, Sample
+from training.drivers.interface import WATCHDOG_S, DriveCommand, Outcome, Sample
 from training.drivers.packets import Begin, Order, Packet, Report, Stop, decode, encode
 from training.drivers.transport import Transport
 from training.run.link import Link, LinkQuality
@@ -24,6 +25,11 @@ _STILL: Final[DriveCommand] = (0, 0, 0)
 _AT_ONCE: Final = 2
 """Newest samples in a report: each is sent twice, since one packet may be lost."""
 
+_IDLE_S: Final = 1.0
+"""How long a robot waits for packets while nothing happens, or in step for an answer [s]."""
+_PAUSE_S: Final = 0.01
+"""How long a robot in step waits for packets between two fights [s]."""
+
 Journal = Callable[[float, DriveCommand, str], None]
 """Called with the time [s], the motors' new command, and why."""
 
@@ -31,14 +37,11 @@ Journal = Callable[[float, DriveCommand, str], None]
 class RobotSide:
     """A robot that fights in a world; fight number n has the seed `first_seed` + n.
 
-    The `journal` is told what the motors do. After `watchdog_s` without a command the robot stops [s].
+    The `journal` is told what the motors do.
     """
 
-    def __init__(
-        self, world: World, first_seed: int, journal: Journal, watchdog_s: float = WATCHDOG_S
-    ) -> None:
+    def __init__(self, world: World, first_seed: int, journal: Journal) -> None:
         self._world, self._first_seed, self._journal = world, first_seed, journal
-        self._watchdog_s = watchdog_s
         lead_s = min(world.observation_delay_s, world.period_s)
         self._lead = round(lead_s / world.period_s * SAMPLES)  # in quarters
         self._quarter_s = world.period_s / SAMPLES
@@ -53,6 +56,11 @@ class RobotSide:
         self._observation, self._tick, self._quarters = world.observation, 0, 0
         self.next_s = float("inf")
         """When time passes next [s]; infinite before the first fight."""
+
+    def awaits_answer(self, report: bytes) -> bool:
+        """Return whether a `report` is of the fight under way, so that the controller answers it."""
+        packet = decode(report)
+        return self._outcome == "fighting" and packet is not None and packet.fight == self._fight
 
     def hear(self, packet: Packet, now_s: float) -> None:
         """Obey a packet that has come at a time [s]."""
@@ -82,7 +90,7 @@ class RobotSide:
             self._began_s, self._heard_s = self._began_s + stalled_s, self._heard_s + stalled_s
             self.next_s = now_s
         while self.next_s <= now_s:
-            if self._outcome == "fighting" and now_s - self._heard_s > self._watchdog_s:
+            if self._outcome == "fighting" and now_s - self._heard_s > WATCHDOG_S:
                 self._stop()
             reports.append(self._quarter())
             self.next_s = self._began_s + (self._quarters + 1) * self._quarter_s
@@ -140,22 +148,49 @@ class RobotSide:
                 self._journal(self._began_s + self._quarters * self._quarter_s, _STILL, self._outcome)
 
 
-def serve(
-    robot: RobotSide, transport: Transport, clock: Clock, quality: LinkQuality, rng: np.random.Generator
-) -> None:
+def serve(robot: RobotSide, transport: Transport, quality: LinkQuality, rng: np.random.Generator) -> None:
     """Let a robot hear and report for ever over a transport, through links of a quality and its `rng`."""
     to_robot, from_robot = Link(quality, rng), Link(quality, rng)
     while True:
         next_s = min(robot.next_s, to_robot.next_s, from_robot.next_s)
-        left_s = min(max(next_s - clock.now(), 0.0), 1.0)
-        heard = transport.receive(clock.real(left_s))
-        now_s = clock.now()
+        heard = transport.receive(min(max(next_s - time.monotonic(), 0.0), _IDLE_S))
+        now_s = time.monotonic()
         if heard is not None:
             to_robot.put(heard, now_s)
-        for data in to_robot.due(now_s):
-            if (packet := decode(data)) is not None:
-                robot.hear(packet, now_s)
-        for report in robot.pass_time(now_s):
-            from_robot.put(encode(report), now_s)
-        for data in from_robot.due(clock.now()):
+        for data in _passed(robot, to_robot, from_robot, now_s):
             transport.send(data)
+
+
+def serve_in_step(
+    robot: RobotSide, transport: Transport, quality: LinkQuality, rng: np.random.Generator
+) -> None:
+    """Do the same in a time of its own, which stands still while the controller computes its answer.
+
+    Each report of a fight under way is answered, so the robot waits for that before it lets time pass.
+    """
+    to_robot, from_robot = Link(quality, rng), Link(quality, rng)
+    now_s = 0.0
+    while True:
+        next_s = min(robot.next_s, to_robot.next_s, from_robot.next_s)
+        while heard := transport.receive(0.0 if next_s < float("inf") else _IDLE_S):
+            to_robot.put(heard, now_s)
+            next_s = min(next_s, to_robot.next_s)
+        if next_s == float("inf"):
+            continue
+        now_s = max(now_s, next_s)
+        for data in _passed(robot, to_robot, from_robot, now_s):
+            transport.send(data)
+            # After the fight nothing but the next one is waited for, in real time.
+            answer = transport.receive(_IDLE_S if robot.awaits_answer(data) else _PAUSE_S)
+            if answer is not None:
+                to_robot.put(answer, now_s)
+
+
+def _passed(robot: RobotSide, to_robot: Link, from_robot: Link, now_s: float) -> list[bytes]:
+    """Let the robot hear what has come by now [s], and time pass; return what has left the link."""
+    for data in to_robot.due(now_s):
+        if (packet := decode(data)) is not None:
+            robot.hear(packet, now_s)
+    for report in robot.pass_time(now_s):
+        from_robot.put(encode(report), now_s)
+    return from_robot.due(now_s)

@@ -21,7 +21,7 @@ def simulated_robot(
     difficulty: str = "normal",
     first_seed: int = 20_000,
     seed: int = 0,
-    speed: float = 1.0,
+    in_step: bool = False,
     journal: Path | None = None,
 ) -> None:
     """Simulate a robot that only its packets show, until it is killed.
@@ -41,25 +41,23 @@ def simulated_robot(
         difficulty: Difficulty of the opponent: easy, normal or hard.
         first_seed: Seed of fight number 0.
         seed: Seed of the sensors' noise and of the link.
-        speed: How many times as fast as real time; the loop must run at the same speed.
+        in_step: Let time pass only while the controller is not computing, and as fast as possible: what comes
+            late is the link's doing alone, however busy this machine is. For results; the watchdogs need real
+            time.
         journal: File that gets a line for every change of the motors' command.
     """
     import numpy as np
 
-    from mecanum_env.errors import InputError
     from mecanum_env.model import paper_model, read_model
-    from training.drivers.interface import WATCHDOG_S, Clock, DriveCommand
+    from training.drivers.interface import DriveCommand
     from training.drivers.named import BAUD
     from training.drivers.transport import Serial, Transport, Udp
     from training.run.link import LinkQuality
-    from training.run.robot_side import RobotSide, serve
+    from training.run.robot_side import RobotSide, serve, serve_in_step
     from training.run.world import World
 
-    if not 0.0 < speed <= 100.0:
-        raise InputError(f"speed = {speed:g}, must be above 0 and at most 100")
     quality = LinkQuality(latency, jitter, loss)
     hidden = paper_model() if model is None else read_model(model)
-    clock = Clock(speed)
     transport: Transport
     if line == "udp":
         transport = Udp("127.0.0.1", port, serves=True)
@@ -72,12 +70,12 @@ def simulated_robot(
 
     def note(time_s: float, command: DriveCommand, why: str) -> None:
         if written is not None:
-            print(f"{clock.real(time_s):.6f}", *command, why, file=written, flush=True)
+            print(f"{time_s:.6f}", *command, why, file=written, flush=True)
 
     world = World(hidden, plant, "dodge", difficulty, seed)
-    robot = RobotSide(world, first_seed, note, clock.limit(WATCHDOG_S))
+    robot = RobotSide(world, first_seed, note)
     print(name, flush=True)
-    serve(robot, transport, clock, quality, np.random.default_rng([seed, 1]))
+    (serve_in_step if in_step else serve)(robot, transport, quality, np.random.default_rng([seed, 1]))
 
 
 if __name__ == "__main__":

@@ -18,9 +18,6 @@ class FakeTime:
     def now(self):
         return self.time_s
 
-    def real(self, seconds):
-        return seconds
-
     def send(self, data):
         self.sent.append((self.time_s, decode(data)))
 
@@ -46,7 +43,7 @@ def world():
 @pytest.fixture
 def driver(world, monkeypatch):
     monkeypatch.setattr(packet_driver.secrets, "randbits", lambda _: 77)
-    return PacketDriver(world, world)
+    return PacketDriver(world, world.now)
 
 
 def report(tick=0):

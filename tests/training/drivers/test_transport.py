@@ -5,7 +5,7 @@ import os
 import pytest
 
 from mecanum_env.errors import InputError
-from training.drivers import Clock, RobotSilentError, open_driver
+from training.drivers import RobotSilentError, open_driver
 from training.drivers.transport import Serial, Udp
 
 BAUD = 115200
@@ -77,12 +77,10 @@ def test_udp_carries_packets_and_a_robot_answers_who_spoke_last():
 )
 def test_a_driver_that_is_not_there_is_refused_with_what_would_be_right(name, said):
     with pytest.raises(InputError, match=said):
-        open_driver(name, Clock())
+        open_driver(name)
 
 
-def test_a_driver_of_ones_own_is_called_with_the_clock(tmp_path, monkeypatch):
-    (tmp_path / "own_robot.py").write_text(
-        "class Robot:\n    def __init__(self, clock):\n        self.speed = clock.speed\n", encoding="utf-8"
-    )
+def test_a_driver_of_ones_own_is_found_by_module_and_class(tmp_path, monkeypatch):
+    (tmp_path / "own_robot.py").write_text("class Robot:\n    own = True\n", encoding="utf-8")
     monkeypatch.syspath_prepend(tmp_path)
-    assert open_driver("own_robot:Robot", Clock(2.0)).speed == 2.0
+    assert open_driver("own_robot:Robot").own

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sysid.logs import read_dataset
-from training.drivers import Clock, Reading, RobotSilentError, Sample
+from training.drivers import Reading, RobotSilentError, Sample
 from training.drivers.interface import CHANNELS, SILENCE_S
 from training.run.fight_log import FightLog
 from training.run.loop import play, play_series
@@ -20,9 +20,6 @@ class FakeDriver:
 
     def now(self):
         return self.time_s
-
-    def limit(self, seconds):
-        return seconds
 
     def begin(self, fight):
         self.log.append(("begin", fight))
@@ -62,7 +59,7 @@ def sample(time_s, value=1.0, command=(0, 0, 0)):
 
 def played(readings, folder, controller=None):
     driver = FakeDriver(readings)
-    return driver, play(driver, controller or Counting(), 4, driver, folder / "fight.csv")
+    return driver, play(driver, controller or Counting(), 4, folder / "fight.csv", now=driver.now)
 
 
 def test_it_decides_once_a_tick_and_answers_every_reading(tmp_path):
@@ -92,7 +89,7 @@ def test_the_fight_ends_with_a_stop(tmp_path):
 def test_silence_ends_it_with_a_stop_and_one_sentence(tmp_path):
     driver = FakeDriver([reading(0), reading(1)])
     with pytest.raises(RobotSilentError, match=rf"fight 4: nothing heard of the robot for {SILENCE_S} s"):
-        play(driver, Counting(), 4, driver, tmp_path / "fight.csv")
+        play(driver, Counting(), 4, tmp_path / "fight.csv", now=driver.now)
     assert driver.log[-1] == ("stop",)
     assert driver.time_s == pytest.approx(0.1 + SILENCE_S)
 
@@ -104,7 +101,7 @@ def test_a_controller_that_fails_stops_the_robot(tmp_path):
 
     driver = FakeDriver([reading(0)])
     with pytest.raises(ZeroDivisionError):
-        play(driver, Failing(), 0, driver, tmp_path / "fight.csv")
+        play(driver, Failing(), 0, tmp_path / "fight.csv", now=driver.now)
     assert driver.log[-1] == ("stop",)
 
 
@@ -119,7 +116,7 @@ def test_a_series_logs_each_fight_in_a_file_of_its_own(tmp_path):
     samples = (sample(0.0), sample(0.025))
     driver = FakeDriver([reading(0, samples=samples), reading(0, "won")] * 2)
     done = []
-    play_series(driver, Counting(), 2, driver, tmp_path, done.append)
+    play_series(driver, Counting(), 2, tmp_path, done.append)
     assert [fight.number for fight in done] == [0, 1]
     assert [run.file for run in read_dataset(tmp_path).runs] == ["fight_0000.csv", "fight_0001.csv"]
 
@@ -145,8 +142,3 @@ def test_a_log_that_nobody_could_read_is_removed(tmp_path):
     with FightLog(tmp_path / "fight.csv") as log:
         log.add((sample(0.0),))
     assert list(tmp_path.iterdir()) == []
-
-
-def test_a_faster_clock_takes_less_real_time_but_waits_as_long_for_silence():
-    assert Clock(4.0).real(1.0) == 0.25
-    assert Clock(4.0).real(Clock(4.0).limit(SILENCE_S)) == SILENCE_S

@@ -94,7 +94,7 @@ def onto_a_robot(
 def fought(controller: str, robot: str, model: Path, out: Path, fights: int) -> dict[str, Any]:
     """Let a controller, which knows a model, fight on a robot in a process of its own; return fights.json."""
     command = [sys.executable, "-m", "training.run", controller, "--robot", robot, "--model", str(model)]
-    command += ["--fights", str(fights), "--out", str(out), "--silence", "10"]
+    command += ["--fights", str(fights), "--out", str(out), "--silence", "60"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
         raise SystemExit(done.stderr.strip() or done.returncode)

@@ -26,7 +26,9 @@ _AT_ONCE: Final = 2
 """Newest samples in a report: each is sent twice, since one packet may be lost."""
 
 _IDLE_S: Final = 1.0
-"""How long a robot waits for packets while nothing happens, or in step for an answer [s]."""
+"""How long a robot waits for packets while nothing happens [s]."""
+_ANSWER_S: Final = 30.0
+"""How long a robot in step waits for an answer [s]."""
 _PAUSE_S: Final = 0.01
 """How long a robot in step waits for packets between two fights [s]."""
 
@@ -181,7 +183,7 @@ def serve_in_step(
         for data in _passed(robot, to_robot, from_robot, now_s):
             transport.send(data)
             # After the fight nothing but the next one is waited for, in real time.
-            answer = transport.receive(_IDLE_S if robot.awaits_answer(data) else _PAUSE_S)
+            answer = transport.receive(_ANSWER_S if robot.awaits_answer(data) else _PAUSE_S)
             if answer is not None:
                 to_robot.put(answer, now_s)
 

@@ -9,8 +9,8 @@ residual's variance is used instead.
 A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
 therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
 pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
-law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow. Where the
-law leaves much more than the noise, a simple drive is a third start (`sysid.fit.drive_global`).
+law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
+Where the law leaves much more than the noise, a simple drive is a start, too (`sysid.fit.drive_global`).
 """
 
 from __future__ import annotations

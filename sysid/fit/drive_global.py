@@ -36,7 +36,6 @@ def simple_drive(
     effects: EffectSet,
     largest_pole: float,
     cost: Callable[[Model], float],
-    seed: int = 0,
 ) -> Model:
     """Return the model with a first-order law and `effects` whose cost is least over all of their ranges.
 
@@ -56,7 +55,6 @@ def simple_drive(
         return effects.model(lagging, place[1:])
 
     count = 1 + effects.parameter_count
-    rng = np.random.default_rng(seed)
     found = differential_evolution(
         lambda place: cost(model(place)),
         [(0.0, 1.0)] * count,
@@ -64,6 +62,6 @@ def simple_drive(
         maxiter=_GENERATIONS,
         tol=_TOLERANCE,
         polish=False,
-        rng=rng,
+        rng=np.random.default_rng(0),
     )
     return model(found.x)

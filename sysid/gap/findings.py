@@ -58,6 +58,7 @@ def find(
     """Search for the sets of `considered` effects that logs show beside a model and beside what was there.
 
     The `base` of the problem of the search is the model, with the effects that were there already.
+    `progress` is called as by `sysid.gap.workflow.analyse`.
     """
     found = _searched(dataset, model, options, considered, progress)
     there: dict[str, Mapping[str, Bounds]] = {}

@@ -13,17 +13,17 @@ from sysid.gap.search.decision import Decision
 from sysid.gap.search.thresholds import THRESHOLDS
 
 
-def improved_model(model: Model, decision: Decision, effects: Sequence[FoundEffect]) -> Model:
+def improved_model(model: Model, base: Model, decision: Decision, effects: Sequence[FoundEffect]) -> Model:
     """Return the model with the chosen set, if any, the intervals of its parameters and their covariance.
 
     The covariance has the widths of the intervals, which allow for more than noise, and the correlations of
-    the fit. `effects` are those of the chosen set.
+    the fit. `base` is the model with what was there already, and `effects` are all that were added.
     """
     if decision.chosen is None:
         return model
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
-    improved: Model = candidate.model(model, fitted.place)
+    improved: Model = candidate.model(base, fitted.place)
     stated = {found.name: found.intervals for found in effects}
     # A cause that takes another form leaves nothing of the form it had.
     known = {

@@ -31,9 +31,9 @@ from sysid.logs import Dataset
 Analyse = Callable[[Dataset, Model, GapOptions], GapReport]
 """A study as `sysid.gap.workflow` makes it."""
 _LEAST_REMOVED: Final = 0.5
-"""Share of the squared error above noise that moving the changes must remove: friction near rest delays small
-changes, too, and moving them removes a part of that. Set on drawn drives (bench seeds below 340): in nine logs
-of a jittering link 62 % or more, in the one quiet log where a jitter had else been named 19 %."""
+"""Share of the squared error above noise that moving the changes must remove: friction near rest delays
+small changes, too, and moving them removes a part of that. Set on drawn drives (bench seeds below 340), where
+the one quiet log in which a jitter had else been named lost 19 %."""
 _NAMES: Final = {"jitter": JITTER, "loss": LOSS}
 
 

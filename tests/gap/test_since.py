@@ -61,6 +61,20 @@ def test_what_is_new_is_named_beside_what_was_there(bench_logs: MakeLogs, rubbin
     assert {found["since"] for found in gap_json(report)["effects"]} == {"new"}
 
 
+def test_what_was_there_already_does_not_hide_what_is_new(bench_logs: MakeLogs, base: Model) -> None:
+    slow = base.with_effect("acceleration_limit", limit_rpm_s=400.0)
+    before = bench_logs(slow, seed=1)
+    after = bench_logs(slow.with_effect("command_deadband", threshold_rpm=20.0), seed=2)
+    # The model of the fit lacks the limit.
+    report = analyse(after, base, replace(QUIET, fitted_on=before))
+    since = {found.cause: found.since for found in report.effects}
+    assert since == {"command_deadband": "new", "acceleration_limit": "already when fitted"}
+    assert any("the logs of the fit show this, too" in note for note in report.notes)
+    limit = report.model.effects["acceleration_limit"]["limit_rpm_s"]
+    assert limit == pytest.approx(400.0, rel=0.05)
+    assert analyse(bench_logs(slow, seed=3), base, replace(QUIET, fitted_on=before)).verdict == "no_gap"
+
+
 def test_the_error_of_the_fit_is_taken_off_in_other_logs(
     bench_logs: MakeLogs, base: Model, rubbing: Model
 ) -> None:

@@ -23,6 +23,7 @@ from sysid.compare.prediction import POSE, Study, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
+from sysid.gap.findings import Findings
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay, Since
 from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.decision import Decision
@@ -166,6 +167,28 @@ def found_effects(
             since.get(name, "unknown"),
         )
         for name, parameters in intervals.items()
+    )
+
+
+def found_before(problem: ResidualProblem, found: Findings) -> tuple[FoundEffect, ...]:
+    """Return the effects that were there already, as the logs of the fit size them.
+
+    Those that the chosen set has at a new size are left out.
+    """
+    chosen = found.decision.chosen
+    new = {cause_of(name) for name in chosen.names} if chosen else set()
+    model = problem.base
+    return tuple(
+        FoundEffect(
+            name,
+            parameters := {key: Interval(*ends) for key, ends in bounds.items()},
+            1.0,  # Every resample is searched beside it.
+            _droop(name, parameters, model, problem.study.scale.top_rpm),
+            stiffness_is_known(model),
+            since="already when fitted",
+        )
+        for name, bounds in found.there.items()
+        if cause_of(name) not in new
     )
 
 

@@ -30,7 +30,7 @@ from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import formula_error, in_first_forms, is_description, tied, with_causes
+from sysid.gap.search.ties import formula_error, in_first_forms, is_description, tied, with_causes, with_fewer
 
 _CLEARLY: Final = 4.0
 """Ratio of a gain to the needed one above which a better fit of the smaller set would change nothing."""
@@ -98,6 +98,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     as_good = tied(search, floor, chosen, harmless, inflation)
     if causal := with_causes(search, floor, as_good, judged, inflation):
         chosen, as_good = causal[0], causal
+    as_good = with_fewer(search, floor, as_good, judged, inflation)
     rival = free_term(problem, base.residual, inflation) if problem.bench else None
     return replace(
         facts,

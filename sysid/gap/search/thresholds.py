@@ -34,6 +34,9 @@ class Thresholds:
     """The same where one set reaches the noise and another one does not: its formula is then no excuse. Also
     the relative difference (rms) of two sets' predictions below which the one with more parameters says
     nothing new. Assumed."""
+    crude_formula: float = 0.35
+    """The same below which a set of fewer effects stays a candidate beside a larger one: it covers all of
+    those drawn drives."""
     adequate_residual: float = 0.5
     """Largest unexplained rms of an adequate single effect, relative to the rms that it explains; 1 / sqrt(k)
     of it for a set of k effects, which can adapt to more. Calibrated on drawn drives: with 0.2 two more of 15

@@ -58,9 +58,10 @@ def gap(
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
     from sysid.gap.search.data import require_valid
+    from sysid.gap.spending import studies_near
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
-    from sysid.logs.of_fit import logs_of_fit
+    from sysid.logs.of_fit import logs_of_fit, seen_from
     from sysid.logs.quantities import require_our_units
     from sysid.progress import stage_bar
 
@@ -74,6 +75,7 @@ def gap(
         plant=plant,
         seconds=seconds,
         adopt=adopt,
+        earlier=studies_near(out),
     )
     dataset = read_dataset(logs)
     require_our_units(dataset)
@@ -86,10 +88,12 @@ def gap(
         base = read_model(model)
         known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)
         options = replace(options, fitted_on=known, notes=(why,) if why else ())
-    with stage_bar(6 if base else 12) as progress:
+    with stage_bar(7 if base else 13) as progress:
         if base is None:
             base, options = law_of(dataset, options, progress)
         report = analyse(dataset, base, options, progress)
+        if model is not None:
+            report = replace(report, model=seen_from(report.model, model.parent, out))
         progress("report")
         written = write_study(report, out)
     print(gap_table(report))

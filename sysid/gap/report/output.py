@@ -16,6 +16,7 @@ from mecanum_env.report import report_available
 from mecanum_env.units import FloatArray
 from sysid.gap.report.page import write_gap_report
 from sysid.gap.result import CustomProposal, Difference, Experiment, FoundEffect, GapReport
+from sysid.gap.spending import STUDIES
 from sysid.gap.wording import (
     NEXT_FILE,
     Concentration,
@@ -126,6 +127,8 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "gap": {**vars(report.gap), "closed": closure(report.gap)},
             "held_out": report.held_out,
             "p_value": report.p_value,
+            "false_alarm": report.false_alarm,
+            STUDIES: report.studies,
             "channels": report.channels,
             "where": report.where,
             "untestable": report.untestable,

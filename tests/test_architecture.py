@@ -66,6 +66,7 @@ ROOMS = {
         "plugin",
         "mjcf",
         "simulator",
+        "batch",
         "rendering",
         "tankendo",
     ),

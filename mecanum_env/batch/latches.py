@@ -13,6 +13,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.batch.arrays import Arrays, OnArrays
 from mecanum_env.law.drive import EPS
 from mecanum_env.law.link import SPREAD, is_lost, own_delay
 from mecanum_env.units import FloatArray
@@ -23,14 +24,12 @@ LINK: Final = ("delay_s", "jitter_s", "loss", "link_seed")
 """Parameters of a link."""
 
 
-class Latches:
-    """The latched commands of n robots, latest first, each `period_s` [s] after the one before.
+class Latches(OnArrays):
+    """The latched commands of n robots, latest first, each `period_s` [s] after the one before."""
 
-    `xp` is the array module, and `array` makes its arrays of numpy's.
-    """
-
-    def __init__(self, n: int, period_s: float, xp: Any, array: Callable[[Any], Any]) -> None:
-        self.period_s, self._xp, self._array = period_s, xp, array
+    def __init__(self, n: int, period_s: float, arrays: Arrays) -> None:
+        super().__init__(arrays)
+        self.period_s, array = period_s, arrays.array
         self._kept = [array(np.zeros((4, n)))]
         self._arrivals = [array(np.zeros((4, n)))]
         self._sent = self._kept[0]
@@ -42,6 +41,9 @@ class Latches:
 
     def restart(self, rows: npt.NDArray[np.intp], link: Mapping[str, FloatArray]) -> None:
         """Forget the commands of some `rows` (m,), whose `link` has what `LINK` lists, shape (m,) each."""
+        if all(np.array_equal(self._numbers[name][rows], link[name]) for name in LINK):
+            self._clear(rows)
+            return
         for name in LINK:
             self._numbers[name][rows] = link[name]
         delay, jitter = self._numbers["delay_s"], self._numbers["jitter_s"]
@@ -55,13 +57,12 @@ class Latches:
         while len(self._kept) < math.ceil(longest / self.period_s + EPS) + 2 and self._is_late:
             self._kept.append(self._kept[-1])
             self._arrivals.append(self._arrivals[-1])
-        mask = np.zeros(self.count.size, bool)
-        mask[rows] = True
-        cleared = self._array(mask)
-        self._kept, self._arrivals = (
-            [self._xp.where(cleared, 0.0, one) for one in ring] for ring in (self._kept, self._arrivals)
-        )
-        self._sent = self._xp.where(cleared, 0.0, self._sent)
+        self._clear(rows)
+
+    def _clear(self, rows: npt.NDArray[np.intp]) -> None:
+        at = self._array(rows)
+        for one in (*self._kept, *self._arrivals, self._sent):
+            one[:, at] = 0.0
         self.count[rows] = 0.0
 
     def latch(self, due: Due, sent: Any, taken: Callable[[Any, Any], Any]) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.batch.arrays import Arrays, OnArrays
 from mecanum_env.batch.latches import LINK, Latches
 from mecanum_env.batch.numbers import PlanarRobot
 from mecanum_env.batch.set_points import due_at
@@ -16,15 +17,13 @@ from mecanum_env.kinematics import body_to_wheels
 from mecanum_env.units import FloatArray
 
 
-class BatchLimits:
-    """Wheel commands sent to n robots -> those of their drives; all have the limits that `common` has.
+class BatchLimits(OnArrays):
+    """Wheel commands sent to n robots -> those of their drives; all have the limits that `common` has."""
 
-    `xp` is the array module, and `array` makes its arrays of numpy's.
-    """
-
-    def __init__(self, common: PlanarRobot, n: int, xp: Any, array: Any) -> None:
-        self._xp, self._array, self._clocks = xp, array, common.clocks
-        self._latches = Latches(n, common.clocks.command_period_s, xp, array)
+    def __init__(self, common: PlanarRobot, n: int, arrays: Arrays) -> None:
+        super().__init__(arrays)
+        array, self._clocks = arrays.array, common.clocks
+        self._latches = Latches(n, common.clocks.command_period_s, arrays)
         self._ticks = np.zeros(n)
         self._values = {name: {one: np.zeros(n) for one in values} for name, values in common.limits.items()}
         self._mixing = array(body_to_wheels(np.eye(3)).T)  # (4, 3)
@@ -47,10 +46,9 @@ class BatchLimits:
             for effect, values in self._values.items()
         }
         self._ticks[rows] = 0.0
-        mask = np.zeros(self._ticks.size, bool)
-        mask[rows] = True
-        cleared = self._array(mask)
-        self._body, self._wheels = (self._xp.where(cleared, 0.0, one) for one in (self._body, self._wheels))
+        at = self._array(rows)
+        self._body, self._wheels = self._body + 0.0, self._wheels + 0.0  # they may be other robots' results
+        self._body[:, at] = self._wheels[:, at] = 0.0
 
     def step(self, wheels: Any, steps: FloatArray) -> Any:
         """Return the drives' commands [rpm], (4, n), in the physics step after `steps` others, shape (n,).

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -64,7 +65,7 @@ class PlanarRobot:
     limits: dict[str, dict[str, float]]
     """Parameters of the effects that limit the body's command, by effect."""
 
-    @property
+    @cached_property
     def has_random_link(self) -> bool:
         """Whether the delay of its commands jitters or commands are lost."""
         jitter, loss = (self.drives[CHAIN.index(name)] for name in ("jitter_s", "loss"))
@@ -129,8 +130,8 @@ def _require_forms(model: Model) -> None:
         lacks_spec = effect.change_spec is not None and effect.change_planar is None
         if lacks_spec or (effect.limit_body is not None and effect.limit_bodies is None):
             raise EffectRefusedError(
-                f"effects.{effect.name}: has no form for batches of arrays (change_planar or limit_bodies in its "
-                "definition); simulate it in MuJoCo, or remove it from the model file"
+                f"effects.{effect.name}: has no form for batches of arrays (change_planar or limit_bodies in "
+                "its definition); simulate it in MuJoCo, or remove it from the model file"
             )
 
 

@@ -14,11 +14,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields
-from types import ModuleType
 from typing import Any
 
 import numpy as np
 
+from mecanum_env.batch.arrays import Arrays, OnArrays
 from mecanum_env.batch.latches import LINK, Latches
 from mecanum_env.batch.limits import BatchLimits
 from mecanum_env.batch.numbers import PlanarRobot
@@ -33,10 +33,12 @@ from mecanum_env.model import Model
 from mecanum_env.simulator import SimulationDivergedError
 from mecanum_env.units import FloatArray
 
+_STATE = [field.name for field in fields(DriveState) if field.init]
+_LINK = [CHAIN.index(name) for name in LINK]
 _LARGEST = 1e10  # speeds beyond this have diverged, as for MuJoCo
 
 
-class PlanarBatch:
+class PlanarBatch(OnArrays):
     """n robots that are stepped together, each with a law and effects of its own.
 
     All have the `common` robot's until `restart` replaces one. `device` is None for numpy, or one of torch's,
@@ -44,21 +46,18 @@ class PlanarBatch:
     """
 
     def __init__(self, common: PlanarRobot, n: int, device: str | None = None) -> None:
+        arrays = Arrays(device)
+        super().__init__(arrays)
         self.n, self._common, self.clocks = n, common, common.clocks
-        self._xp: Any = np if device is None else _torch()
         if device is not None and any(any(program) for program in common.programs.values()):
             raise InputError("custom effects are computed by numpy only; leave out the device")
-        self._store = Store(common, n, self._xp, device)
-        array = self._store.array
+        self._store = Store(common, n, arrays)
+        array = arrays.array
         self._of = [common] * n
-        self._links = np.repeat(common.drives[[CHAIN.index(name) for name in LINK], 0][:, None], n, axis=1)
-        latches = Latches(n, self.clocks.drive_period_s, self._xp, array)
-        self._set_points = SetPoints(
-            latches, self.clocks.sample_period_s, self.clocks.timestep_s, self._xp, array
-        )
-        self._limits = BatchLimits(common, n, self._xp, array) if common.limits else None
-        zeros = {f.name: array(np.zeros((4, n))) for f in fields(DriveState) if f.init}
-        self._drives = DriveState(**zeros)
+        latches = Latches(n, self.clocks.drive_period_s, arrays)
+        self._set_points = SetPoints(latches, self.clocks.sample_period_s, self.clocks.timestep_s, arrays)
+        self._limits = BatchLimits(common, n, arrays) if common.limits else None
+        self._drives = DriveState(**{name: array(np.zeros((4, n))) for name in _STATE})
         self._steps = np.zeros(n)
         self._pose, self._velocity = array(np.zeros((3, n))), array(np.zeros((3, n)))
         self._mixing = array(body_to_wheels(np.eye(3)).T)  # (4, 3)
@@ -81,7 +80,7 @@ class PlanarBatch:
     ) -> None:
         """Put the robots of some `rows` (m,) at rest at `poses`, shape (3, m): x [m], y [m], yaw [rad].
 
-        From now on they are `robots`, one for each row, or the common robot when None. Others are not touched.
+        From now on they are `robots`, one for each, or the common robot when None. Others are not touched.
 
         Raises:
             InputError: a robot that does not go with the common one.
@@ -98,19 +97,18 @@ class PlanarBatch:
             self._store.put(rows[changed], [new[i] for i in changed])
             for i in changed:
                 self._of[int(rows[i])] = new[i]
-        links = np.stack([robot.drives[[CHAIN.index(name) for name in LINK], 0] for robot in new], axis=-1)
+        links = np.stack([robot.drives[_LINK, 0] for robot in new], axis=-1)
         self._set_points.latches.restart(rows, dict(zip(LINK, links, strict=True)))
         self._set_points.restart(rows)
         if changed or not self._steps.any():
             self._set_points.take(self._store.p)
         if self._limits is not None:
             self._limits.restart(rows, new)
-        at = rows if self._xp is np else self._store.array(rows)
-        for field in fields(DriveState):
-            if field.init:
-                getattr(self._drives, field.name)[:, at] = 0.0
+        at = self._array(rows)
+        for name in _STATE:
+            getattr(self._drives, name)[:, at] = 0.0
         self._steps[rows] = 0.0
-        self._pose[:, at], self._velocity[:, at] = self._store.array(poses), 0.0
+        self._pose[:, at], self._velocity[:, at] = self._array(poses), 0.0
 
     def step(self, commands: FloatArray) -> None:
         """Simulate one command period with rounded commands V [rpm], theta [deg], VC [rpm], shape (n, 3).
@@ -118,13 +116,13 @@ class PlanarBatch:
         Raises:
             SimulationDivergedError: a state is no longer finite or plausible.
         """
-        sent = self._store.array(command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2]).T.copy())
+        sent = self._array(command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2]).T.copy())
         for _ in range(self.clocks.substeps):
             self._substep(sent)
             self._steps = self._steps + 1.0
         sane = abs(self._velocity) <= _LARGEST
         if not bool(sane.all()):
-            row = int(np.argmin(np.asarray(sane.all(0) if self._xp is np else sane.all(0).cpu())))
+            row = int(np.argmin(self._arrays.numpy(sane.all(0))))
             raise SimulationDivergedError(
                 f"robot {row} diverged; use a shorter timestep or a less stiff servo"
             )
@@ -139,7 +137,7 @@ class PlanarBatch:
         speed = self._mixing @ xp.stack([gear[0] * forward, gear[1] * left, gear[2] * turn])
         commands = sent if self._limits is None else self._limits.step(sent, self._steps)
         self._set_points.begin(s, p, commands, self._steps, speed)
-        s.substeps = self._store.array(self._steps + 1.0) if parts.friction or parts.custom else 0
+        s.substeps = self._array(self._steps + 1.0) if parts.friction or parts.custom else 0
         acted = torques(s, p, speed, h, 0.0, parts)
         pushes = self._mixing.T @ acted.reported
         rate2 = turn * turn
@@ -189,27 +187,12 @@ class PlanarBatch:
         They are in the field's frame; yaw is unwrapped.
         """
         both = self._xp.concatenate([self._pose, self._velocity])
-        return np.asarray(both if self._xp is np else both.cpu(), float)
+        return np.asarray(self._arrays.numpy(both), float)
 
     def qpos(self, row: int) -> FloatArray:
         """Return MuJoCo's generalised positions of the robot in a row, for drawing."""
-        return np.asarray(self._pose[:, row] if self._xp is np else self._pose[:, row].cpu(), float)
+        return np.array(self._arrays.numpy(self._pose[:, row]), float)
 
     def model_of(self, row: int) -> Model:
         """Return the model of the robot in a row."""
         return self._of[row].model
-
-
-def _torch() -> ModuleType:
-    """Return torch.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    try:
-        import torch
-    except ImportError as error:
-        raise InputError(
-            'device: needs torch, `pip install "torch"`; without a device numpy computes'
-        ) from error
-    return torch  # type: ignore[no-any-return]

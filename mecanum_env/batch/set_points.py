@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.batch.arrays import Arrays, OnArrays
 from mecanum_env.batch.latches import Due, Latches
 from mecanum_env.law.chain import DriveState
 from mecanum_env.law.coefficients import law_step
@@ -31,15 +32,15 @@ def due_at(now_s: FloatArray, count: FloatArray, period_s: float) -> tuple[bool,
     return bool(due.any()), due
 
 
-class SetPoints:
+class SetPoints(OnArrays):
     """Brings the set-points of n robots' drives from one physics step to the next.
 
     `period_s` is that of the drives' latches, `tick_s` that of the law, `timestep_s` the physics step [s].
     """
 
-    def __init__(self, latches: Latches, tick_s: float, timestep_s: float, xp: Any, array: Any) -> None:
+    def __init__(self, latches: Latches, tick_s: float, timestep_s: float, arrays: Arrays) -> None:
+        super().__init__(arrays)
         self.latches, self._tick_s, self._timestep_s = latches, tick_s, timestep_s
-        self._xp, self._array = xp, array
         self._ticks = np.zeros(latches.count.size)
         self._ramps: RampLimits | None = None
         self._bounds: tuple[Any, ...] | None = None

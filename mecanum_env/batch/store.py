@@ -8,6 +8,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.batch.arrays import Arrays, OnArrays
 from mecanum_env.batch.numbers import BODY, PlanarRobot
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
@@ -19,23 +20,18 @@ _EACH_STEP: Final = (*COEFFICIENTS, "servo_n_m_s_rad", "inertia_kg_m2", "torque_
 """Parameters of each physics step: plain numbers while all robots agree, which saves memory traffic."""
 
 
-class Store:
-    """Parameters of n robots, at first those of `common`; `xp` is the array module on a `device`."""
+class Store(OnArrays):
+    """Parameters of n robots, at first those of `common`."""
 
-    def __init__(self, common: PlanarRobot, n: int, xp: Any, device: str | None) -> None:
-        self._xp, self._device, self.programs = xp, device, common.programs
+    def __init__(self, common: PlanarRobot, n: int, arrays: Arrays) -> None:
+        super().__init__(arrays)
+        self.programs = common.programs
         self._first = (common.drives[:, 0].copy(), common.body.copy())
         self._agree = np.all(common.drives == common.drives[:, :1], axis=1), np.ones(len(BODY), bool)
-        self._drives = self.array(np.repeat(common.drives[:, :, None], n, axis=2))
-        self._bodies = self.array(np.repeat(common.body[:, None], n, axis=1))
+        self._drives = self._array(np.repeat(common.drives[:, :, None], n, axis=2))
+        self._bodies = self._array(np.repeat(common.body[:, None], n, axis=1))
         self.parts = self._parts_of(common.drives[:, :, None])
         self._look()
-
-    def array(self, values: Any) -> Any:
-        """Return numpy's `values` as an array of the module, of double precision or bool."""
-        if self._xp is np:
-            return values
-        return self._xp.asarray(np.ascontiguousarray(values), device=self._device)
 
     def put(self, rows: npt.NDArray[np.intp], robots: list[PlanarRobot]) -> None:
         """Give the `rows` these robots, one each.
@@ -47,8 +43,8 @@ class Store:
             raise InputError("robots of one batch must have the same custom effects")
         drives = np.stack([robot.drives for robot in robots], axis=-1)
         bodies = np.stack([robot.body for robot in robots], axis=-1)
-        at = rows if self._xp is np else self.array(rows)
-        self._drives[:, :, at], self._bodies[:, at] = self.array(drives), self.array(bodies)
+        at = self._array(rows)
+        self._drives[:, :, at], self._bodies[:, at] = self._array(drives), self._array(bodies)
         agree, body_agrees = self._agree
         agree &= np.all(drives == self._first[0][:, None, None], axis=(1, 2))
         body_agrees &= np.all(bodies == self._first[1][:, None], axis=1)

@@ -7,6 +7,7 @@ differ in the last bit.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Final
@@ -60,11 +61,20 @@ class Parts:
             rotor=acts("rotor_kg_m2"),
         )
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # Modules are not copied or pickled.
+        values = [getattr(self, field.name) for field in fields(self)]
+        return _restored, (self.xp.__name__, *values[1:])
+
     def __or__(self, other: Parts) -> Parts:
         """Return the parts that these or the others have."""
         flags = [field.name for field in fields(self) if field.type == "bool"]
         either = {name: getattr(self, name) or getattr(other, name) for name in flags}
         return Parts(self.xp, self.sines, self.exponentials, **either)
+
+
+def _restored(module: str, *values: Any) -> Parts:
+    return Parts(sys.modules[module], *values)
 
 
 REFERENCE: Final = Parts()

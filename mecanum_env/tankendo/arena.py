@@ -5,13 +5,14 @@ The single environment is an arena with one row, so one and many run the same co
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.batch import PlanarBatch, PlanarRobot
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
@@ -24,6 +25,7 @@ from mecanum_env.tankendo.plant import Compiled, RobotBatch
 from mecanum_env.tankendo.scene import BoolArray, Scenes, wrapped
 from mecanum_env.units import FloatArray
 
+Robot = Compiled | PlanarRobot
 TaskName = Literal["dodge", "track", "duel"]
 _JUDGES: Final[Mapping[TaskName, type[Judge]]] = {"dodge": Dodge, "track": Track, "duel": Duel}
 
@@ -62,13 +64,18 @@ class Step:
 
 
 class Arena:
-    """n episodes side by side, whose physics is stepped by a number of threads.
+    """n episodes side by side.
+
+    MuJoCo steps the physics of robots that were compiled for it, by a number of `threads`; robots that are
+    numbers are stepped as arrays on a `device` of torch, or by numpy.
 
     Raises:
         InputError: a time limit shorter than one step.
     """
 
-    def __init__(self, setting: TaskSetting, compiled: Compiled, n: int, threads: int = 1) -> None:
+    def __init__(
+        self, setting: TaskSetting, compiled: Robot, n: int, threads: int = 1, device: str | None = None
+    ) -> None:
         self.setting, self.n = setting, n
         self.step_s = compiled.model.wheel.command_period_s
         self._quantum_rpm = compiled.model.wheel.command_quantum_rpm
@@ -80,8 +87,12 @@ class Arena:
                 f"{self.step_s:g} s"
             )
         self._common = compiled
-        self.robots = RobotBatch(compiled, n, threads)
-        self.chance = Chance(n, self._steps, NOISY, setting.opponent, setting.rules)
+        self.robots: RobotBatch | PlanarBatch = (
+            PlanarBatch(compiled, n, device)
+            if isinstance(compiled, PlanarRobot)
+            else RobotBatch(compiled, n, threads)
+        )
+        self.chance = Chance(n, NOISY, setting.opponent, setting.rules)
         oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)
         self.scenes = Scenes(n, self.step_s, oldest)
         self.fighter = Fighter(n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s)
@@ -93,26 +104,37 @@ class Arena:
         self.commands = np.zeros((n, 3))
         """The last commands: V [rpm], theta [deg], VC [rpm]."""
         self._shares = np.zeros((3, n))  # the same as shares of the full command
-        self._all = np.arange(n)
         self.begun = np.zeros(n, bool)
         """Whether an episode has ever begun in each row."""
         self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
         """Whether the last step brought a hit, a success, or the end of the episode."""
 
     def restart(
-        self, row: int, rng: np.random.Generator, compiled: Compiled | None = None, start: Start = DRAWN
+        self,
+        rows: Sequence[int],
+        rngs: Sequence[np.random.Generator],
+        robots: Sequence[Robot] | None = None,
+        start: Start = DRAWN,
     ) -> None:
-        """Begin a new episode in one row, with its own robot or, if `compiled` is None, the common one.
+        """Begin new episodes in some rows, each with its robot of `robots`; None: with the common one.
 
-        The environment's generator `rng` is the only source of randomness. The seed of a link that jitters or
+        The generators `rngs` of their environments are the only source of randomness. The seed of a link that
+        jitters or
         loses commands comes last, so that opponent and noise are those of a robot with a perfect link.
         """
-        self.chance.draw(row, rng, start)
+        given = [self._common] * len(rows) if robots is None else list(robots)
+        for i, (row, rng) in enumerate(zip(rows, rngs, strict=True)):
+            self.chance.draw(row, rng, start)
+            if given[i].has_random_link:
+                given[i] = given[i].with_link_seed(int(rng.integers(MOST_SEEDS)))
+        at = np.array(rows, np.intp)
+        self.robots.restart_rows(at, self.chance.start_pose[:, at], given)  # type: ignore[arg-type]
+        for row in rows:
+            self._restart(row)
+
+    def _restart(self, row: int) -> None:
+        """Begin the episode in one row that has been drawn."""
         x, y, yaw = self.chance.start_pose[:, row]
-        robot = self._common if compiled is None else compiled
-        if robot.has_random_link:
-            robot = robot.with_link_seed(int(rng.integers(MOST_SEEDS)))
-        self.robots.restart(row, (x, y, yaw), robot)
         opponent_x = x + self.chance.start_distance[row]
         self.scenes.restart(row, [x, y, yaw, 0, 0, 0, opponent_x, y, np.pi, 0, 0])
         self.fighter.restart(row)
@@ -148,7 +170,7 @@ class Arena:
         truncated = ~outcome.terminated & (self.step_count >= self._steps)
         self.hit, self.succeeded = outcome.hit.copy(), outcome.success.copy()
         self.ended = outcome.terminated | truncated
-        info = {f"reward_{name}": verdict.terms[name] for name in TERMS}
+        info = {f"reward_{name}": term for name, term in zip(TERMS, verdict.terms, strict=True)}
         info |= {"is_success": outcome.success, "hit": outcome.hit} | self.state_info()
         return Step(self.observe(), verdict.reward, outcome.terminated, truncated, info)
 
@@ -158,8 +180,7 @@ class Arena:
 
     def observe(self) -> npt.NDArray[np.float32]:
         """Return what the sensors show now, shape (n, k)."""
-        # A row that waits for its reset may be past its time limit.
-        noise = self.chance.noise[np.minimum(self.step_count, self._steps), :, self._all].T
+        noise = self.chance.noise.at(self.step_count)
         sword, extra = self.fighter.sword, self.judge.observe()
         return self.senses.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
 

@@ -11,7 +11,9 @@ from typing import Final
 
 import numpy as np
 
+from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.tankendo.constants import Opponent, Rules
+from mecanum_env.tankendo.noise import Noise
 from mecanum_env.units import FloatArray
 
 EXCHANGES: Final = 16
@@ -41,10 +43,10 @@ DRAWN: Final = Start()
 class Chance:
     """The draws of n episodes; the last axis of each array is the episode.
 
-    The longest episode has `steps` steps; `channels` numbers of an observation are noisy.
+    In each step `channels` numbers of an observation are noisy.
     """
 
-    def __init__(self, n: int, steps: int, channels: int, opponent: Opponent, rules: Rules) -> None:
+    def __init__(self, n: int, channels: int, opponent: Opponent, rules: Rules) -> None:
         self._opponent, self._rules = opponent, rules
         self.start_pose = np.zeros((3, n))
         """Pose of the robot: x [m], y [m], yaw [rad]."""
@@ -68,7 +70,7 @@ class Chance:
         """When the sword starts to rise, as a share of the step in which the opponent decides to strike."""
         self.aim_noise = np.zeros((2, EXCHANGES, n))
         """Error of the aim along x and y [m]."""
-        self.noise = np.zeros((steps + 1, channels, n))
+        self.noise = Noise(n, channels)
         """Standard normal noise of each observation."""
 
     def draw(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
@@ -77,6 +79,7 @@ class Chance:
         What `start` fixes is drawn nevertheless, so that the generator ends in the same state.
         """
         uniform, normal = rng.random(_UNIFORM), rng.standard_normal(2 * EXCHANGES)
+        self.noise.restart(row, int(rng.integers(MOST_SEEDS)))
         rules, opponent = self._rules, self._opponent
         spread = (rules.start_offset_m, rules.start_offset_m, rules.start_yaw_rad)
         self.start_distance[row] = _between(rules.start_m, uniform[3])
@@ -95,7 +98,6 @@ class Chance:
         self.warning[:, row] = _between(opponent.warning_s, exchange[4])
         self.wait[:, row] = exchange[5]
         self.aim_noise[:, :, row] = opponent.aim_noise_m * normal.reshape(2, EXCHANGES)
-        self.noise[:, :, row] = rng.standard_normal(self.noise.shape[:2])
         if start.pose is not None:
             self.start_pose[:, row] = start.pose
         if start.technique is not None:

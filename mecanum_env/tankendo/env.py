@@ -188,7 +188,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """
         start = self._episodes.start_of(options)
         super().reset(seed=seed)
-        self._episodes.restart(0, self.np_random, start)
+        self._episodes.restart([0], [self.np_random], start)
         # Another robot may have been drawn; pictures need its model.
         if self._episodes.sampler is not None:
             self.close()

@@ -19,6 +19,7 @@ from mecanum_env.units import FloatArray
 
 TERMS: Final = ("distance", "facing", "effort", "waiting", "hit", "success", "out")
 """Names of the reward terms, in the order in which they are summed."""
+_SIGNS: Final = {name: 1.0 if name == "success" else -1.0 for name in TERMS}
 _HOME_PER_S = 0.3  # in tracking, the opponent drifts back to the field's centre at this rate [1/s]
 
 
@@ -42,13 +43,15 @@ class Verdict:
     """The outcome of a step and its reward."""
 
     outcome: Outcome
-    terms: dict[str, FloatArray]
-    """Reward terms by name, shape (n,) each."""
+    terms: FloatArray
+    """Reward terms in the order of `TERMS`, shape (7, n)."""
 
     @property
     def reward(self) -> FloatArray:
         """The sum of the terms, shape (n,)."""
-        return np.asarray(sum((self.terms[name] for name in TERMS), start=np.zeros(self.outcome.hit.shape)))
+        # One after the other, whatever the number of episodes, so that one is rounded as many are.
+        total: FloatArray = sum(self.terms[1:], start=self.terms[0])
+        return total
 
 
 class Judge(ABC):
@@ -62,6 +65,7 @@ class Judge(ABC):
     ) -> None:
         self.n, self.rules, self.weights = n, rules, weights
         self.fighter, self.scenes, self.chance = fighter, scenes, chance
+        self._weights = np.array([_SIGNS[name] * getattr(weights, name) for name in TERMS])[:, None]
 
     @abstractmethod
     def restart(self, row: int) -> None:
@@ -89,21 +93,21 @@ class Judge(ABC):
 
     def judge(self, end_s: FloatArray, effort: FloatArray) -> Verdict:
         """Judge the step until `end_s` (n,), given the length of the command's change, `effort` (n,)."""
-        rules, weights, scene = self.rules, self.weights, self.scenes.now
+        rules, scene = self.rules, self.scenes.now
         distance, bearing = self.scenes.separation()
         half = rules.field_m / 2
         out = (np.abs(scene[0]) > half) | (np.abs(scene[1]) > half) | (distance < rules.clash_m)
         outcome = self._outcome(end_s, out)
-        # Subtracted from 0.0, so that a term that is not due is not -0.0.
-        terms = {
-            "distance": -weights.distance * np.minimum(np.abs(distance - rules.maai_m) / rules.band_m, 3.0),
-            "facing": -weights.facing * np.minimum(np.abs(bearing) / rules.facing_rad, 3.0),
-            "effort": 0.0 - weights.effort * effort,
-            "waiting": 0.0 - weights.waiting * outcome.waiting,
-            "hit": 0.0 - weights.hit * outcome.hit,
-            "success": 0.0 + weights.success * outcome.scored,
-            "out": 0.0 - weights.out * out,
-        }
+        # All terms at once: a single environment calls this in each step.
+        terms = np.empty((len(TERMS), self.n))
+        terms[0] = np.abs(distance - rules.maai_m) / rules.band_m
+        terms[1] = np.abs(bearing) / rules.facing_rad
+        np.minimum(terms[:2], 3.0, out=terms[:2])
+        terms[2], terms[3], terms[4] = effort, outcome.waiting, outcome.hit
+        terms[5], terms[6] = outcome.scored, out
+        terms *= self._weights
+        # Added to 0.0, so that a term that is not due is not -0.0.
+        terms += 0.0
         return Verdict(outcome, terms)
 
     @abstractmethod

@@ -16,7 +16,7 @@ from mecanum_env.law.parameters import CHAIN, PROGRAMS
 from mecanum_env.mjcf.geometry import no_slip_rows, wheels_on_body
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
-from mecanum_env.plugin.layout import chain_parameters, rotor_inertia
+from mecanum_env.plugin.layout import chain_parameters
 from mecanum_env.simulator.body_limits import limits_body, wheel_side
 from mecanum_env.units import FloatArray
 
@@ -117,7 +117,7 @@ def planar_robot(model: Model, timestep_s: float | None = None) -> PlanarRobot:
         ),
         drives,
         {name: tuple(program.tolist()) for name, program in zip(PROGRAMS, programs, strict=True)},
-        _body_numbers(after, timestep),
+        _body_numbers(after, timestep, float(drives[CHAIN.index("rotor_kg_m2"), 0])),
         link,
         {effect.name: values for effect, values in active_effects(model) if effect.limit_bodies is not None},
     )
@@ -147,16 +147,15 @@ def _drive_rows(model: Model) -> FloatArray:
     return np.array(rows if differ else rows * len(WHEELS)).T
 
 
-def _body_numbers(model: Model, timestep_s: float) -> FloatArray:
-    """Return what `BODY` lists."""
+def _body_numbers(model: Model, timestep_s: float, rotor_kg_m2: float) -> FloatArray:
+    """Return what `BODY` lists, given the inertia of each drive's rotor."""
     robot = model.robot
     body = PlanarBody(robot.mass_kg, robot.yaw_inertia_kg_m2)
     for effect, values in active_effects(model):
         if effect.change_planar is not None:
             body = effect.change_planar(body, values)
     rows = no_slip_rows(robot)
-    rotor = rotor_inertia(robot, drive_parameters(model))
-    armature, armature_turn = wheels_on_body(robot, wheel_inertia(robot) + rotor)
+    armature, armature_turn = wheels_on_body(robot, wheel_inertia(robot) + rotor_kg_m2)
     damping, damping_turn = wheels_on_body(robot, body.wheel_damping_n_m_s_rad)
     weight = body.mass_kg + body.middle_mass_kg
     x, y = body.mass_kg * body.com_x_m, body.mass_kg * body.com_y_m

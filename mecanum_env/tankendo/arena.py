@@ -119,31 +119,29 @@ class Arena:
         """Begin new episodes in some rows, each with its robot of `robots`; None: with the common one.
 
         The generators `rngs` of their environments are the only source of randomness. The seed of a link that
-        jitters or
-        loses commands comes last, so that opponent and noise are those of a robot with a perfect link.
+        jitters or loses commands comes last, so that opponent and noise are those of a robot with a perfect
+        link.
         """
+        at = np.array(rows, np.intp)
+        self.chance.draw(at, rngs, start)
         given = [self._common] * len(rows) if robots is None else list(robots)
-        for i, (row, rng) in enumerate(zip(rows, rngs, strict=True)):
-            self.chance.draw(row, rng, start)
+        for i, rng in enumerate(rngs):
             if given[i].has_random_link:
                 given[i] = given[i].with_link_seed(int(rng.integers(MOST_SEEDS)))
-        at = np.array(rows, np.intp)
-        self.robots.restart_rows(at, self.chance.start_pose[:, at], given)  # type: ignore[arg-type]
-        for row in rows:
-            self._restart(row)
-
-    def _restart(self, row: int) -> None:
-        """Begin the episode in one row that has been drawn."""
-        x, y, yaw = self.chance.start_pose[:, row]
-        opponent_x = x + self.chance.start_distance[row]
-        self.scenes.restart(row, [x, y, yaw, 0, 0, 0, opponent_x, y, np.pi, 0, 0])
-        self.fighter.restart(row)
-        self.judge.restart(row)
-        self.senses.restart(row, self.robots.model_of(row))
-        self.begun[row] = True
-        self.step_count[row] = 0
-        self._shares[:, row] = self.commands[row] = 0.0
-        self.hit[row] = self.succeeded[row] = self.ended[row] = False
+        poses = self.chance.start_pose[:, at]
+        self.robots.restart_rows(at, poses, given)  # type: ignore[arg-type]
+        scenes = np.zeros((11, len(rows)))
+        scenes[:3], scenes[6:8], scenes[8] = poses, poses[:2], np.pi
+        scenes[6] += self.chance.start_distance[at]
+        self.scenes.restart(at, scenes)
+        self.fighter.restart(at)
+        self.judge.restart(at)
+        for row, robot in zip(rows, given, strict=True):
+            self.senses.restart(row, robot.model)
+        self.begun[at] = True
+        self.step_count[at] = 0
+        self._shares[:, at], self.commands[at] = 0.0, 0.0
+        self.hit[at] = self.succeeded[at] = self.ended[at] = False
 
     def step(self, actions: npt.NDArray[np.floating]) -> Step:
         """Send one command to each robot by its action, shape (n, 3), and simulate one command period."""

@@ -6,6 +6,7 @@ that is deterministic, so an episode does not depend on the environments that ru
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,6 +15,7 @@ import numpy as np
 from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.tankendo.constants import Opponent, Rules
 from mecanum_env.tankendo.noise import Noise
+from mecanum_env.tankendo.scene import RowArray
 from mecanum_env.units import FloatArray
 
 EXCHANGES: Final = 16
@@ -73,35 +75,40 @@ class Chance:
         self.noise = Noise(n, channels)
         """Standard normal noise of each observation."""
 
-    def draw(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
-        """Draw a new episode in a row with the generator `rng` of that environment.
+    def draw(self, rows: RowArray, rngs: Sequence[np.random.Generator], start: Start = DRAWN) -> None:
+        """Draw new episodes in some rows (m,) with the generators `rngs` of their environments.
 
-        What `start` fixes is drawn nevertheless, so that the generator ends in the same state.
+        What `start` fixes is drawn nevertheless, so that the generators end in the same state.
         """
-        uniform, normal = rng.random(_UNIFORM), rng.standard_normal(2 * EXCHANGES)
-        self.noise.restart(row, int(rng.integers(MOST_SEEDS)))
-        rules, opponent = self._rules, self._opponent
-        spread = (rules.start_offset_m, rules.start_offset_m, rules.start_yaw_rad)
-        self.start_distance[row] = _between(rules.start_m, uniform[3])
+        uniform, normal = np.empty((len(rows), _UNIFORM)), np.empty((len(rows), 2 * EXCHANGES))
+        for i, (row, rng) in enumerate(zip(rows.tolist(), rngs, strict=True)):
+            rng.random(out=uniform[i])
+            rng.standard_normal(out=normal[i])
+            self.noise.restart(row, int(rng.integers(MOST_SEEDS)))
+        # From here on everything is for all rows at once, the last axis.
+        shares, rules, opponent = uniform.T, self._rules, self._opponent
+        spread = np.array([rules.start_offset_m, rules.start_offset_m, rules.start_yaw_rad])
+        distance = _between(rules.start_m, shares[3])
+        pose = (2.0 * shares[:3] - 1.0) * spread[:, None]
         # The robot starts on its side of the centre.
-        self.start_pose[:, row] = (2.0 * uniform[:3] - 1.0) * spread
-        self.start_pose[0, row] -= self.start_distance[row] / 2
-        self.drift[row] = opponent.drift_m_s * (2.0 * uniform[4] - 1.0)
-        wave = uniform[_START : _START + 2 * WAVES * _PER_WAVE].reshape(2, WAVES, _PER_WAVE)
-        self.waves[:, :, 0, row] = 0.5 + 1.5 * wave[:, :, 0]
-        self.waves[:, :, 1, row] = 2.0 * np.pi * wave[:, :, 1]
-        exchange = uniform[-EXCHANGES * _PER_EXCHANGE :].reshape(_PER_EXCHANGE, EXCHANGES)
-        self.patience[:, row] = _between(opponent.patience_s, exchange[0])
-        self.feints[:, row] = exchange[1] < opponent.feint_probability
-        self.feint_s[:, row] = _between(opponent.feint_s, exchange[2])
-        self.technique[:, row] = (exchange[3] * len(opponent.techniques)).astype(np.intp)
-        self.warning[:, row] = _between(opponent.warning_s, exchange[4])
-        self.wait[:, row] = exchange[5]
-        self.aim_noise[:, :, row] = opponent.aim_noise_m * normal.reshape(2, EXCHANGES)
+        pose[0] -= distance / 2
+        self.start_distance[rows], self.start_pose[:, rows] = distance, pose
+        self.drift[rows] = opponent.drift_m_s * (2.0 * shares[4] - 1.0)
+        wave = shares[_START : _START + 2 * WAVES * _PER_WAVE].reshape(2, WAVES, _PER_WAVE, -1)
+        self.waves[:, :, 0, rows] = 0.5 + 1.5 * wave[:, :, 0]
+        self.waves[:, :, 1, rows] = 2.0 * np.pi * wave[:, :, 1]
+        exchange = shares[-EXCHANGES * _PER_EXCHANGE :].reshape(_PER_EXCHANGE, EXCHANGES, -1)
+        self.patience[:, rows] = _between(opponent.patience_s, exchange[0])
+        self.feints[:, rows] = exchange[1] < opponent.feint_probability
+        self.feint_s[:, rows] = _between(opponent.feint_s, exchange[2])
+        self.technique[:, rows] = (exchange[3] * len(opponent.techniques)).astype(np.intp)
+        self.warning[:, rows] = _between(opponent.warning_s, exchange[4])
+        self.wait[:, rows] = exchange[5]
+        self.aim_noise[:, :, rows] = opponent.aim_noise_m * normal.T.reshape(2, EXCHANGES, -1)
         if start.pose is not None:
-            self.start_pose[:, row] = start.pose
+            self.start_pose[:, rows] = np.array(start.pose)[:, None]
         if start.technique is not None:
-            self.technique[:, row] = start.technique
+            self.technique[:, rows] = start.technique
 
 
 def _between(ends: tuple[float, float], share: FloatArray) -> FloatArray:

@@ -68,8 +68,8 @@ class Judge(ABC):
         self._weights = np.array([_SIGNS[name] * getattr(weights, name) for name in TERMS])[:, None]
 
     @abstractmethod
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
+    def restart(self, rows: RowArray) -> None:
+        """Begin an episode in some rows, shape (m,)."""
 
     @abstractmethod
     def may_strike(self, time_s: FloatArray) -> BoolArray:
@@ -129,9 +129,9 @@ class Dodge(Judge):
         self.check_s = np.full(self.n, np.inf)
         """When a robot that was not hit must be back [s]; infinite before the strike has ended."""
 
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
-        self.check_s[row] = np.inf
+    def restart(self, rows: RowArray) -> None:
+        """Begin an episode in some rows, shape (m,)."""
+        self.check_s[rows] = np.inf
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the strike has not come yet, shape (n,), whatever the times (n,)."""
@@ -160,9 +160,9 @@ class Track(Judge):
         super().__init__(*args)
         self._counted, self._kept = np.zeros(self.n), np.zeros(self.n)
 
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
-        self._counted[row] = self._kept[row] = 0.0
+    def restart(self, rows: RowArray) -> None:
+        """Begin an episode in some rows, shape (m,)."""
+        self._counted[rows] = self._kept[rows] = 0.0
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return False everywhere, shape (n,), whatever the times (n,)."""
@@ -203,10 +203,10 @@ class Duel(Judge):
         """When the strike of the robot that is under way ends [s]; infinite while there is none."""
         self._pause_until_s = np.zeros(self.n)
 
-    def restart(self, row: int) -> None:
-        """Begin a duel in one row."""
-        self.points[:, row] = 0
-        self.own_hit_s[row], self._pause_until_s[row] = np.inf, 0.0
+    def restart(self, rows: RowArray) -> None:
+        """Begin a duel in some rows, shape (m,)."""
+        self.points[:, rows] = 0
+        self.own_hit_s[rows], self._pause_until_s[rows] = np.inf, 0.0
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the pause after a point is over at times (n,), shape (n,)."""

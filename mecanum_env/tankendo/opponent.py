@@ -41,11 +41,11 @@ class Fighter:
             for field in fields(Technique)
         }
 
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
-        self.sword.clear(row)
-        self.exchange[row], self.open_s[row] = 0, 0.0
-        self.feinted[row] = self.pending[row] = self.aimed[row] = False
+    def restart(self, rows: RowArray) -> None:
+        """Begin an episode in some rows, shape (m,)."""
+        self.sword.clear(rows)
+        self.exchange[rows], self.open_s[rows] = 0, 0.0
+        self.feinted[rows] = self.pending[rows] = self.aimed[rows] = False
 
     def drawn(self, draws: FloatArray) -> FloatArray:
         """Return the draws, shape (exchanges, n), of the exchange that each episode is in, shape (n,)."""

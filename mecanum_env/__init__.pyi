@@ -10,7 +10,7 @@ from .rendering.backend import use_backend
 from .rendering.video import render_frames, write_video
 from .rendering.view import View
 from .simulator import BodyCommands, RobotSession, Trajectory, WheelCommands, drive, replay_bench, scripted
-from .tankendo import Opponent, Rules, command_to_action
+from .tankendo import Opponent, Opponents, Rules, command_to_action
 from .tankendo.env import TankendoEnv
 from .tankendo.vector import TankendoVectorEnv
 
@@ -24,6 +24,7 @@ __all__ = [
     "MecanumError",
     "Model",
     "Opponent",
+    "Opponents",
     "Parameter",
     "Robot",
     "RobotSession",

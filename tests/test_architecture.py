@@ -67,6 +67,7 @@ ROOMS = {
         "mjcf",
         "simulator",
         "rendering",
+        "senses",
         "tankendo",
     ),
     "sysid": ("logs", "compare", "fit", "gap", "studies"),

@@ -14,14 +14,17 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.law.link import MOST_SEEDS
+from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.judge import TERMS, Dodge, Duel, Judge, Track
-from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Senses
+from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Instruments
 from mecanum_env.tankendo.opponent import Fighter
+from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
 from mecanum_env.tankendo.scene import BoolArray, Scenes, wrapped
+from mecanum_env.tankendo.sensing import Sensing, longest_delay_s
 from mecanum_env.units import FloatArray
 
 TaskName = Literal["dodge", "track", "duel"]
@@ -38,6 +41,10 @@ class TaskSetting:
     sensors: Sensors
     weights: RewardWeights
     action_mode: ActionMode
+    opponents: Opponents | None = None
+    """The distribution from which the opponent of each episode is drawn; None: always `opponent`."""
+    senses: Senses | VariedSenses | None = None
+    """Cameras and odometry with an estimator behind them; None: `sensors` as they are."""
 
     def __post_init__(self) -> None:
         require_one_of("task", self.task, _JUDGES)
@@ -81,13 +88,21 @@ class Arena:
             )
         self._common = compiled
         self.robots = RobotBatch(compiled, n, threads)
-        self.chance = Chance(n, self._steps, NOISY, setting.opponent, setting.rules)
-        oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)
+        drawn_from = setting.opponent if setting.opponents is None else setting.opponents
+        self.chance = Chance(n, self._steps, NOISY, drawn_from, setting.rules)
+        oldest = max(setting.sensors.delay_s, drawn_from.sight_delay_s + self.step_s)
+        if setting.senses is not None:
+            oldest = max(oldest, longest_delay_s(setting.senses) + self.step_s)
         self.scenes = Scenes(n, self.step_s, oldest)
         self.fighter = Fighter(n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s)
         judge = _JUDGES[setting.task]
         self.judge = judge(n, setting.rules, setting.weights, self.fighter, self.scenes, self.chance)
-        self.senses = Senses(setting.sensors, self.step_s, self.judge.extra_observations)
+        self.instruments = Instruments(setting.sensors, self.step_s, self.judge.extra_observations)
+        age_s = setting.sensors.delay_s
+        self.sensing: Sensing | None = None
+        if setting.senses is not None:
+            self.sensing = Sensing(setting.senses, n, self._steps, self.step_s, age_s)
+        """The robots' senses; None where the sensors' picture is observed."""
         self.step_count = np.zeros(n, np.intp)
         """Steps since each episode began, shape (n,)."""
         self.commands = np.zeros((n, 3))
@@ -107,7 +122,9 @@ class Arena:
         The environment's generator `rng` is the only source of randomness. The seed of a link that jitters or
         loses commands comes last, so that opponent and noise are those of a robot with a perfect link.
         """
-        self.chance.draw(row, rng, start)
+        opponent = self.chance.draw(row, rng, start)
+        if self.sensing is not None:
+            self.sensing.restart(row, rng)
         x, y, yaw = self.chance.start_pose[:, row]
         robot = self._common if compiled is None else compiled
         if robot.has_random_link:
@@ -115,9 +132,9 @@ class Arena:
         self.robots.restart(row, (x, y, yaw), robot)
         opponent_x = x + self.chance.start_distance[row]
         self.scenes.restart(row, [x, y, yaw, 0, 0, 0, opponent_x, y, np.pi, 0, 0])
-        self.fighter.restart(row)
+        self.fighter.restart(row, opponent)
         self.judge.restart(row)
-        self.senses.restart(row, self.robots.model_of(row))
+        self.instruments.restart(row, self.robots.model_of(row))
         self.begun[row] = True
         self.step_count[row] = 0
         self._shares[:, row] = self.commands[row] = 0.0
@@ -161,7 +178,12 @@ class Arena:
         # A row that waits for its reset may be past its time limit.
         noise = self.chance.noise[np.minimum(self.step_count, self._steps), :, self._all].T
         sword, extra = self.fighter.sword, self.judge.observe()
-        return self.senses.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
+        if self.sensing is None:
+            return self.instruments.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
+        truth = self.instruments.observe(
+            self.scenes, self.time_s(), sword, self._shares, np.zeros_like(noise), extra
+        )
+        return self.sensing.observe(truth, self.scenes, self.time_s(), sword)
 
     def state_info(self) -> dict[str, npt.NDArray[Any]]:
         """Return what `info` says of the present state: arrays (n,) by name."""

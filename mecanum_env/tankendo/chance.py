@@ -12,6 +12,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.tankendo.constants import Opponent, Rules
+from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.units import FloatArray
 
 EXCHANGES: Final = 16
@@ -44,7 +45,9 @@ class Chance:
     The longest episode has `steps` steps; `channels` numbers of an observation are noisy.
     """
 
-    def __init__(self, n: int, steps: int, channels: int, opponent: Opponent, rules: Rules) -> None:
+    def __init__(
+        self, n: int, steps: int, channels: int, opponent: Opponent | Opponents, rules: Rules
+    ) -> None:
         self._opponent, self._rules = opponent, rules
         self.start_pose = np.zeros((3, n))
         """Pose of the robot: x [m], y [m], yaw [rad]."""
@@ -71,13 +74,17 @@ class Chance:
         self.noise = np.zeros((steps + 1, channels, n))
         """Standard normal noise of each observation."""
 
-    def draw(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
-        """Draw a new episode in a row with the generator `rng` of that environment.
+    def draw(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> Opponent:
+        """Draw a new episode in a row with the generator `rng` of that environment; return its opponent.
 
-        What `start` fixes is drawn nevertheless, so that the generator ends in the same state.
+        What `start` fixes is drawn nevertheless, so that the generator ends in the same state. The opponent
+        is drawn last, so that the start and the noise of a seed are the same against any opponent.
         """
         uniform, normal = rng.random(_UNIFORM), rng.standard_normal(2 * EXCHANGES)
+        self.noise[:, :, row] = rng.standard_normal(self.noise.shape[:2])
         rules, opponent = self._rules, self._opponent
+        if isinstance(opponent, Opponents):
+            opponent = opponent.draw(rng)
         spread = (rules.start_offset_m, rules.start_offset_m, rules.start_yaw_rad)
         self.start_distance[row] = _between(rules.start_m, uniform[3])
         # The robot starts on its side of the centre.
@@ -95,11 +102,11 @@ class Chance:
         self.warning[:, row] = _between(opponent.warning_s, exchange[4])
         self.wait[:, row] = exchange[5]
         self.aim_noise[:, :, row] = opponent.aim_noise_m * normal.reshape(2, EXCHANGES)
-        self.noise[:, :, row] = rng.standard_normal(self.noise.shape[:2])
         if start.pose is not None:
             self.start_pose[:, row] = start.pose
         if start.technique is not None:
             self.technique[:, row] = start.technique
+        return opponent
 
 
 def _between(ends: tuple[float, float], share: FloatArray) -> FloatArray:

@@ -79,7 +79,7 @@ class Oracle:
         if fighter.aimed[row]:
             end = np.repeat(sword.end[:, row, None], n, axis=1)
         else:
-            ago_s = now_s - (sword.cut_s[row] - fighter.constants.sight_delay_s)
+            ago_s = now_s - (sword.cut_s[row] - float(fighter.sight_delay_s[row]))
             seen_tick = round(-ago_s / _TICK_S)
             if seen_tick >= 0:
                 seen = path[min(seen_tick, ticks)]

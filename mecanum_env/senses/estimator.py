@@ -36,7 +36,7 @@ _NEVER_S: Final = -1.0
 
 @dataclass(frozen=True)
 class Estimate:
-    """What n robots know at one time; places and velocities are along the robot's axes unless said otherwise."""
+    """What n robots know at one time; vectors are along the robot's axes unless said otherwise."""
 
     opponent_m: FloatArray
     """The opponent's centre ahead and to the left, shape (2, n) [m]."""

@@ -6,7 +6,7 @@ The single environment is an arena with one row, so one and many run the same co
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -125,10 +125,29 @@ class Arena:
         opponent = self.chance.draw(row, rng, start)
         if self.sensing is not None:
             self.sensing.restart(row, rng)
-        x, y, yaw = self.chance.start_pose[:, row]
         robot = self._common if compiled is None else compiled
         if robot.has_random_link:
             robot = robot.with_link_seed(int(rng.integers(MOST_SEEDS)))
+        self._begin(row, robot, opponent)
+
+    def copies(self, row: int, n: int) -> Arena:
+        """Return an arena with n copies of the episode in a row as it was at its start, for rehearsals.
+
+        Robot, opponent and all that is random are the same; the copies have no senses, observe no noise, and
+        their actions are commands.
+        """
+        opponent = self.fighter.opponents[row]
+        setting = replace(self.setting, opponent=opponent, opponents=None, senses=None, action_mode="command")
+        robot = self.robots.compiled_of(row)
+        other = Arena(setting, robot, n)
+        other.chance.take(self.chance, row)
+        for copy in range(n):
+            other._begin(copy, robot, opponent)
+        return other
+
+    def _begin(self, row: int, robot: Compiled, opponent: Opponent) -> None:
+        """Begin the episode that has been drawn in a row."""
+        x, y, yaw = self.chance.start_pose[:, row]
         self.robots.restart(row, (x, y, yaw), robot)
         opponent_x = x + self.chance.start_distance[row]
         self.scenes.restart(row, [x, y, yaw, 0, 0, 0, opponent_x, y, np.pi, 0, 0])

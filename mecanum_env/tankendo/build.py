@@ -185,7 +185,7 @@ def build(
         opponent = Opponents(opponent_for(difficulty), opponent)
     opponents: Opponents | None = None
     if isinstance(opponent, Opponents):
-        opponent, opponents = opponent.base, opponent
+        opponents, opponent = opponent, opponent.base
     given = (("opponent", opponent, Opponent), ("rules", rules, Rules), ("sensors", sensors, Sensors))
     for name, value, kind in given:
         if value is not None and not isinstance(value, kind):

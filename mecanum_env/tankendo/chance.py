@@ -23,6 +23,10 @@ WAVES: Final = 3
 # Counts of the uniform draws: for the start, for each wave (frequency, phase), for each exchange.
 _START, _PER_WAVE, _PER_EXCHANGE = 6, 2, 6
 _UNIFORM = _START + 2 * WAVES * _PER_WAVE + EXCHANGES * _PER_EXCHANGE
+_EPISODE = (
+    *("start_pose", "start_distance", "drift", "waves", "patience", "feints", "feint_s", "technique"),
+    *("warning", "wait", "aim_noise"),
+)
 
 
 @dataclass(frozen=True)
@@ -107,6 +111,11 @@ class Chance:
         if start.technique is not None:
             self.technique[:, row] = start.technique
         return opponent
+
+    def take(self, other: Chance, row: int) -> None:
+        """Give all rows the episode that another one has in a row, without the noise of its observations."""
+        for name in _EPISODE:
+            getattr(self, name)[...] = getattr(other, name)[..., row, None]
 
 
 def _between(ends: tuple[float, float], share: FloatArray) -> FloatArray:

@@ -221,7 +221,11 @@ class Fighter:
         return np.array([origin[0] + share * dx, origin[1] + share * dy])
 
     def hits(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> BoolArray:
-        """Return whether the strikes in some rows (m,) hit, shape (m,).
+        """Return whether the strikes in some rows (m,) hit, shape (m,); arguments as those of `margin`."""
+        return np.asarray(self.margin(rows, robot, end) <= 0.0)
+
+    def margin(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> FloatArray:
+        """Return by how much the strikes in some rows (m,) miss, shape (m,) [m]; a hit is at most 0.
 
         `robot` are the scenes when the strikes end, shape (6 or more, m), `end` is where the tips end, shape
         (2, m) [m].
@@ -230,7 +234,7 @@ class Fighter:
         table = {name: values[technique, rows] for name, values in self._table.items()}
         offset = table["target_m"]
         x, y = robot[0] + offset * np.cos(robot[2]) - end[0], robot[1] + offset * np.sin(robot[2]) - end[1]
-        return strike_hits(
+        return strike_margin(
             np.array([x, y]),
             end - self.sword.origin[:, rows],
             width_m=table["width_m"] + extra_m,
@@ -239,10 +243,10 @@ class Fighter:
         )
 
 
-def strike_hits(
+def strike_margin(
     target: FloatArray, along: FloatArray, *, width_m: FloatArray, depth_m: FloatArray, blade_m: FloatArray
-) -> BoolArray:
-    """Return whether strikes hit their targets, shape (m,).
+) -> FloatArray:
+    """Return by how much strikes miss their targets, shape (m,) [m]; at most 0 for a hit.
 
     Args:
         target: position of the target relative to where the tip ends, shape (2, m) [m].
@@ -254,4 +258,5 @@ def strike_hits(
     length = np.sqrt(along[0] * along[0] + along[1] * along[1])
     behind = (target[0] * along[0] + target[1] * along[1]) / length
     across = (target[1] * along[0] - target[0] * along[1]) / length
-    return np.asarray((np.abs(across) <= width_m / 2) & (behind <= depth_m) & (behind >= -blade_m))
+    beside = np.maximum(np.abs(across) - width_m / 2, behind - depth_m)
+    return np.asarray(np.maximum(beside, -blade_m - behind), float)

@@ -90,7 +90,7 @@ def close_the_loop(
 
     from mecanum_env.files import write_json
     from mecanum_env.model import read_model
-    from training.certify.certificate import share_text
+    from training.certify.checks import share_text
     from training.controllers.policy import bundled
 
     began = time.perf_counter()

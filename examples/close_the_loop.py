@@ -209,7 +209,11 @@ def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Cert
     from training.certify.run import CertifyOptions, certify_controller, episodes_of
 
     options = CertifyOptions(
-        episodes=scale.episodes, plants=("nominal",), physics=scale.fights, workers=Workers(jobs=scale.jobs)
+        episodes=scale.episodes,
+        plants=("nominal",),
+        physics=scale.fights,
+        workers=Workers(jobs=scale.jobs),
+        bound=False,
     )
     with bar(episodes_of(options, model)) as progress:
         certificate = certify_controller(controller, model, options, progress)

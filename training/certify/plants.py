@@ -29,7 +29,7 @@ RobotGroup = Literal["nominal", "effects", "posterior", "robot-level", "latency"
 Group = RobotGroup | Literal["opponents", "senses", "held-out"]
 GROUPS: Final[tuple[RobotGroup, ...]] = get_args(RobotGroup)
 """Groups of robots, in the order in which they are listed; `variations` has those of opponents and senses."""
-HELD_OUT: Final = "held-out"
+HELD_OUT: Final[Literal["held-out"]] = "held-out"
 """Group of what no training has seen, which the verdict judges apart and every certificate plays."""
 
 EXTRA_LATENCY_S: Final = 0.1

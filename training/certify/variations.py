@@ -22,7 +22,7 @@ from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import Opponent, Opponents
 from mecanum_env.tankendo.constants import LEAD_FORMS
-from training.certify.plants import RobotVariant, robot_variants
+from training.certify.plants import HELD_OUT, RobotVariant, robot_variants
 
 _QUICK_WARNING_S: Final = (0.34, 0.40)
 _SLOW_WARNING_S: Final = (0.75, 0.90)
@@ -58,12 +58,11 @@ def opponent_variants(model: Model, physics: RobotPlant, base: Opponent) -> list
 
 def sense_variants(model: Model, physics: RobotPlant) -> list[RobotVariant]:
     """Return the variants of the senses, of a model's robot on the given physics."""
-    usual, worse = "frames of a camera, some of them lost, and an estimator", "worse senses, drawn anew"
+    usual = "frames of a camera, some of them lost, and an estimator"
+    worse = "worse senses, drawn for each episode"
     return [
         RobotVariant("senses-usual", "senses", usual, model, physics, senses=Senses()),
-        RobotVariant(
-            "senses-varied", "senses", f"{worse} for each episode", model, physics, senses=VariedSenses()
-        ),
+        RobotVariant("senses-varied", "senses", worse, model, physics, senses=VariedSenses()),
     ]
 
 
@@ -75,15 +74,18 @@ def held_out_variants(model: Model, physics: RobotPlant, base: Opponent) -> list
     )
     quick = replace(base, warning_s=_QUICK_WARNING_S, sight_delay_s=0.16, patience_s=(0.1, 0.4))
     slow = replace(base, warning_s=_SLOW_WARNING_S, sight_delay_s=0.28, feint_probability=0.6)
+    robots = {
+        "late-and-slow": ("commands act 0.07 s later, speeds are 0.9", tired),
+        "sluggish": ("accelerations up to 500 rpm/s, reverse 0.92", heavy),
+    }
+    opponents = {
+        "quick": ("0.34 to 0.40 s of warning, little patience", quick),
+        "deliberate": ("0.75 to 0.90 s of warning, many feints", slow),
+    }
     return [
-        RobotVariant(
-            "late-and-slow", "held-out", "commands act 0.07 s later, speeds are 0.9", tired, physics
-        ),
-        RobotVariant("sluggish", "held-out", "acceleration up to 500 rpm/s, reverse 0.92", heavy, physics),
-        RobotVariant(
-            "quick", "held-out", "0.34 to 0.40 s of warning, little patience", model, physics, opponent=quick
-        ),
-        RobotVariant(
-            "deliberate", "held-out", "0.75 to 0.90 s of warning, many feints", model, physics, opponent=slow
+        *(RobotVariant(name, HELD_OUT, about, robot, physics) for name, (about, robot) in robots.items()),
+        *(
+            RobotVariant(name, HELD_OUT, about, model, physics, opponent=opponent)
+            for name, (about, opponent) in opponents.items()
         ),
     ]

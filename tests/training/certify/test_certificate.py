@@ -79,8 +79,10 @@ def test_the_worst_plant_is_the_one_with_the_least_success(small):
 def test_robots_drawn_from_the_posterior(paper):
     known = {"effects": {"speed_gain": {"gain": {"low": 0.8, "high": 1.0}}}}
     model = replace(paper.with_effect("speed_gain", gain=0.9), uncertainty=known)
-    found = certify_controller("still", model, CertifyOptions(2, ("posterior",), workers=Workers(jobs=1)))
-    assert [one.name for one in found.plants] == ["nominal", "posterior"]
+    found = certify_controller(
+        "still", model, CertifyOptions(2, ("posterior",), workers=Workers(jobs=1), bound=False)
+    )
+    assert [one.name for one in found.plants][:2] == ["nominal", "posterior"]
     assert not any("holds no uncertainty" in note for note in found.notes)
 
 

@@ -125,6 +125,7 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
         worst_text=share_text(c.worst.success),
         checks=[(*_check_row(check), check.passed) for check in c.all_checks],
         head=HEAD,
+        held_out=", ".join(plant.name for plant in c.held_out),
         plants=[_plant_row(plant) for plant in c.plants],
         summaries=[(plant.name, plant.summary) for plant in c.plants],
         failures=list(c.nominal.failures.items()),

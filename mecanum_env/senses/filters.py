@@ -40,7 +40,7 @@ class MotionFilter:
         self._agile_until_s = np.full(n, -np.inf)
 
     def restart(self, row: int, position: FloatArray, spread: float, speed: float) -> None:
-        """Begin anew in a row at time 0, with the standard deviations `spread` and `speed` around rest."""
+        """Begin anew in a row at rest at a position (size,); `spread` and `speed` are standard deviations."""
         self.time_s[row], self._agile_until_s[row] = 0.0, -np.inf
         self.position[:, row], self.velocity[:, row] = position, 0.0
         self._xx[:, row], self._xv[:, row], self._vv[:, row] = spread**2, 0.0, speed**2

@@ -221,7 +221,10 @@ class Fighter:
         return np.array([origin[0] + share * dx, origin[1] + share * dy])
 
     def hits(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> BoolArray:
-        """Return whether the strikes in some rows (m,) hit, shape (m,); arguments as those of `margin`."""
+        """Return whether the strikes in some rows (m,) hit, shape (m,).
+
+        `robot` and `end` are those of `margin`.
+        """
         return np.asarray(self.margin(rows, robot, end) <= 0.0)
 
     def margin(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> FloatArray:

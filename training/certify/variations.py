@@ -67,7 +67,7 @@ def sense_variants(model: Model, physics: RobotPlant) -> list[RobotVariant]:
 
 
 def held_out_variants(model: Model, physics: RobotPlant, base: Opponent) -> list[RobotVariant]:
-    """Return robots and opponents that no training saw, around a model and the opponent `base`."""
+    """Return what no training saw around a model and the opponent `base`, on the given physics."""
     tired = delayed(model, 0.07).with_effect("speed_gain", gain=0.9)
     heavy = model.with_effect("acceleration_limit", limit_rpm_s=500.0).with_effect(
         "direction_asymmetry", reverse_ratio=0.92

@@ -68,6 +68,7 @@ ROOMS = {
         "simulator",
         "batch",
         "rendering",
+        "senses",
         "tankendo",
     ),
     "sysid": ("logs", "compare", "fit", "gap", "studies"),

@@ -193,6 +193,10 @@ class PlanarBatch(OnArrays):
         """Return MuJoCo's generalised positions of the robot in a row, for drawing."""
         return np.array(self._arrays.numpy(self._pose[:, row]), float)
 
+    def compiled_of(self, row: int) -> PlanarRobot:
+        """Return the robot in a row, ready to simulate."""
+        return self._of[row]
+
     def model_of(self, row: int) -> Model:
         """Return the model of the robot in a row."""
         return self._of[row].model

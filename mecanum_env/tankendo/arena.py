@@ -6,7 +6,7 @@ The single environment is an arena with one row, so one and many run the same co
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -15,14 +15,17 @@ import numpy.typing as npt
 from mecanum_env.batch import PlanarBatch, PlanarRobot
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.law.link import MOST_SEEDS
+from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.judge import TERMS, Dodge, Duel, Judge, Track
-from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Senses
+from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Instruments
 from mecanum_env.tankendo.opponent import Fighter
+from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
-from mecanum_env.tankendo.scene import BoolArray, Scenes, wrapped
+from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, wrapped
+from mecanum_env.tankendo.sensing import Sensing, longest_delay_s
 from mecanum_env.units import FloatArray
 
 Robot = Compiled | PlanarRobot
@@ -40,6 +43,10 @@ class TaskSetting:
     sensors: Sensors
     weights: RewardWeights
     action_mode: ActionMode
+    opponents: Opponents | None = None
+    """The distribution from which the opponent of each episode is drawn; None: always `opponent`."""
+    senses: Senses | VariedSenses | None = None
+    """Cameras and odometry with an estimator behind them; None: `sensors` as they are."""
 
     def __post_init__(self) -> None:
         require_one_of("task", self.task, _JUDGES)
@@ -92,13 +99,21 @@ class Arena:
             if isinstance(compiled, PlanarRobot)
             else RobotBatch(compiled, n, threads)
         )
-        self.chance = Chance(n, NOISY, setting.opponent, setting.rules)
-        oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)
+        drawn_from = setting.opponent if setting.opponents is None else setting.opponents
+        self.chance = Chance(n, NOISY, drawn_from, setting.rules)
+        oldest = max(setting.sensors.delay_s, drawn_from.sight_delay_s + self.step_s)
+        if setting.senses is not None:
+            oldest = max(oldest, longest_delay_s(setting.senses) + self.step_s)
         self.scenes = Scenes(n, self.step_s, oldest)
         self.fighter = Fighter(n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s)
         judge = _JUDGES[setting.task]
         self.judge = judge(n, setting.rules, setting.weights, self.fighter, self.scenes, self.chance)
-        self.senses = Senses(setting.sensors, self.step_s, self.judge.extra_observations)
+        self.instruments = Instruments(setting.sensors, self.step_s, self.judge.extra_observations)
+        age_s = setting.sensors.delay_s
+        self.sensing: Sensing | None = None
+        if setting.senses is not None:
+            self.sensing = Sensing(setting.senses, n, self._steps, self.step_s, age_s)
+        """The robots' senses; None where the sensors' picture is observed."""
         self.step_count = np.zeros(n, np.intp)
         """Steps since each episode began, shape (n,)."""
         self.commands = np.zeros((n, 3))
@@ -123,21 +138,43 @@ class Arena:
         link.
         """
         at = np.array(rows, np.intp)
-        self.chance.draw(at, rngs, start)
+        opponents = self.chance.draw(at, rngs, start)
+        if self.sensing is not None:
+            for row, rng in zip(rows, rngs, strict=True):
+                self.sensing.restart(row, rng)
         given = [self._common] * len(rows) if robots is None else list(robots)
         for i, rng in enumerate(rngs):
             if given[i].has_random_link:
                 given[i] = given[i].with_link_seed(int(rng.integers(MOST_SEEDS)))
+        self._begin(at, given, opponents)
+
+    def copies(self, row: int, n: int) -> Arena:
+        """Return an arena with n copies of the episode in a row as it was at its start, for rehearsals.
+
+        Robot, opponent and all that is random are the same; the copies have no senses, observe no noise, and
+        their actions are commands.
+        """
+        opponent = self.fighter.opponents[row]
+        setting = replace(self.setting, opponent=opponent, opponents=None, senses=None, action_mode="command")
+        robot = self.robots.compiled_of(row)
+        other = Arena(setting, robot, n)
+        other.chance.take(self.chance, row)
+        other._begin(np.arange(n), [robot] * n, [opponent] * n)
+        return other
+
+    def _begin(self, at: RowArray, given: Sequence[Robot], opponents: Sequence[Opponent]) -> None:
+        """Begin the episodes that have been drawn in some rows, with a robot and an opponent each."""
         poses = self.chance.start_pose[:, at]
         self.robots.restart_rows(at, poses, given)  # type: ignore[arg-type]
-        scenes = np.zeros((11, len(rows)))
+        scenes = np.zeros((11, len(at)))
         scenes[:3], scenes[6:8], scenes[8] = poses, poses[:2], np.pi
         scenes[6] += self.chance.start_distance[at]
         self.scenes.restart(at, scenes)
-        self.fighter.restart(at)
+        for row, opponent in zip(at.tolist(), opponents, strict=True):
+            self.fighter.restart(row, opponent)
         self.judge.restart(at)
-        for row, robot in zip(rows, given, strict=True):
-            self.senses.restart(row, robot.model)
+        for row, robot in zip(at.tolist(), given, strict=True):
+            self.instruments.restart(row, robot.model)
         self.begun[at] = True
         self.step_count[at] = 0
         self._shares[:, at], self.commands[at] = 0.0, 0.0
@@ -180,7 +217,12 @@ class Arena:
         """Return what the sensors show now, shape (n, k)."""
         noise = self.chance.noise.at(self.step_count)
         sword, extra = self.fighter.sword, self.judge.observe()
-        return self.senses.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
+        if self.sensing is None:
+            return self.instruments.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
+        truth = self.instruments.observe(
+            self.scenes, self.time_s(), sword, self._shares, np.zeros_like(noise), extra
+        )
+        return self.sensing.observe(truth, self.scenes, self.time_s(), sword)
 
     def state_info(self) -> dict[str, npt.NDArray[Any]]:
         """Return what `info` says of the present state: arrays (n,) by name."""

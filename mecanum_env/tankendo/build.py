@@ -16,6 +16,7 @@ import numpy as np
 from mecanum_env.batch import planar_robot
 from mecanum_env.errors import InputError, did_you_mean, require_one_of
 from mecanum_env.model import Model, paper_model, read_model
+from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode
 from mecanum_env.tankendo.arena import Arena, Robot, Step, TaskName, TaskSetting
@@ -28,6 +29,7 @@ from mecanum_env.tankendo.constants import (
     opponent_for,
     require_number,
 )
+from mecanum_env.tankendo.opponents import OpponentLike, Opponents
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
 from mecanum_env.tankendo.scene import BoolArray
@@ -148,10 +150,11 @@ class Arguments(TypedDict, total=False):
     difficulty: str
     action_mode: ActionMode
     observation_delay: float | None
-    opponent: Opponent | None
+    opponent: OpponentLike | None
     randomize: Randomize
     reward_weights: Mapping[str, float] | RewardWeights | None
     rules: Rules | None
+    senses: Senses | VariedSenses | None
     sensors: Sensors | None
     timestep_s: float | None
 
@@ -166,10 +169,11 @@ def build(
     difficulty: str = "normal",
     action_mode: ActionMode = "cartesian",
     observation_delay: float | None = None,
-    opponent: Opponent | None = None,
+    opponent: OpponentLike | None = None,
     randomize: Randomize = "none",
     reward_weights: Mapping[str, float] | RewardWeights | None = None,
     rules: Rules | None = None,
+    senses: Senses | VariedSenses | None = None,
     sensors: Sensors | None = None,
     timestep_s: float | None = None,
     engine: Engine = "mujoco",
@@ -179,15 +183,22 @@ def build(
 
     The `engine` and its `device` are documented in `TankendoVectorEnv`.
     `task`, `model`, `plant`, `difficulty`, `action_mode`, `observation_delay`, `opponent`, `randomize`,
-    `reward_weights`, `rules`, `sensors` and `timestep_s` are documented in `TankendoEnv`.
+    `reward_weights`, `rules`, `senses`, `sensors` and `timestep_s` are documented in `TankendoEnv`.
 
     Raises:
         InputError: an argument that cannot be used; the message says what could.
     """
+    if isinstance(opponent, Mapping):
+        opponent = Opponents(opponent_for(difficulty), opponent)
+    opponents: Opponents | None = None
+    if isinstance(opponent, Opponents):
+        opponents, opponent = opponent, opponent.base
     given = (("opponent", opponent, Opponent), ("rules", rules, Rules), ("sensors", sensors, Sensors))
     for name, value, kind in given:
         if value is not None and not isinstance(value, kind):
             raise InputError(f"{name} = {value!r}, must be a mecanum_env.tankendo.{kind.__name__}")
+    if not isinstance(senses, Senses | VariedSenses | None):
+        raise InputError(f"senses = {senses!r}, must be a mecanum_env.senses.Senses or VariedSenses")
     if timestep_s is not None:
         require_number("timestep_s", timestep_s, 0.0, strict=True)
     sensors = Sensors() if sensors is None else sensors
@@ -205,6 +216,8 @@ def build(
         sensors=replace(sensors, delay_s=float(delay_s)),
         weights=reward_weights,
         action_mode=action_mode,
+        opponents=opponents,
+        senses=senses,
     )
     if not isinstance(model, Model | str | os.PathLike | None):
         raise InputError(f"model = {model!r}, must be a model file's path or a mecanum_env.model.Model")

@@ -172,7 +172,7 @@ class Track(Judge):
         """Return the sum of sine waves that the opponent walks at times (n,), shape (2, n) [m/s]."""
         frequency, phase = self.chance.waves[:, :, 0], self.chance.waves[:, :, 1]
         wave = np.sin(frequency * time_s + phase)
-        size = self.fighter.constants.wander_m_s * np.sqrt(2.0 / WAVES)
+        size = self.fighter.wander_m_s * np.sqrt(2.0 / WAVES)
         total = sum((wave[:, i] for i in range(1, WAVES)), start=wave[:, 0])
         return np.asarray(size * total - _HOME_PER_S * self.scenes.now[6:8])
 

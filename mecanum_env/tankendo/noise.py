@@ -19,23 +19,24 @@ _STEPS: Final = 16
 
 
 class Noise:
-    """Standard normal numbers of n episodes, `channels` of them in each step."""
+    """Standard normal numbers of n episodes, `channels` of them in each step; 0 until one has begun."""
 
     def __init__(self, n: int, channels: int) -> None:
         self._seeds = np.zeros(n, np.uint64)
         self._made = np.zeros((n, _STEPS, channels), np.float32)
         self._block = np.full(n, -1)  # which steps are made
         self._all = np.arange(n)
+        self._silent = True  # until an episode has begun
 
     def restart(self, row: int, seed: int) -> None:
         """Begin an episode in a row, whose noise follows from a seed from 0 to 2^53."""
-        self._seeds[row], self._block[row] = seed, -1
+        self._seeds[row], self._block[row], self._silent = seed, -1, False
 
     def at(self, step: npt.NDArray[np.intp]) -> FloatArray:
         """Return the noise at steps (n,) of the episodes, shape (channels, n)."""
         block = step // _STEPS
         late = block != self._block
-        if late.any():
+        if late.any() and not self._silent:
             rows = np.flatnonzero(late)
             shape = (len(rows), *self._made.shape[1:])
             self._made[rows] = _normal(self._seeds[rows], block[rows], shape[1] * shape[2]).reshape(shape)

@@ -87,7 +87,7 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
     return np.array([*seen, *own])
 
 
-class Senses:
+class Instruments:
     """The sensors of n robots, read every `step_s` [s]; the task appends `extra` numbers."""
 
     def __init__(self, sensors: Sensors, step_s: float, extra: int) -> None:

@@ -203,3 +203,7 @@ class RobotBatch:
     def model_of(self, row: int) -> Model:
         """Return the model of the robot in a row."""
         return self._of[row].model
+
+    def compiled_of(self, row: int) -> Compiled:
+        """Return the robot in a row, ready to simulate."""
+        return self._of[row]

@@ -142,7 +142,7 @@ class Opponent:
     of that velocity only the change since the sword rose in full, and of the velocity with which the robot
     waited the share `habit`. A robot that waits in motion can go on or reverse, and the opponent commits to
     neither."""
-    habit: float = 0.6
+    habit: float = 0.7
     """Share of the robot's waiting motion that an adaptive opponent expects to go on until the hit."""
     aim_noise_m: float = 0.02
     """Standard deviation of its aim along each axis [m]."""

@@ -56,7 +56,7 @@ PARAMETERS: Final = (
     OpponentParameter("sight_delay_s", "delay with which it sees the robot", "s", (0.15, 0.30), "reaction"),
     OpponentParameter("lead_form", "what of the robot's motion it extrapolates", "", LEAD_FORMS, "assumed"),
     OpponentParameter("lead", "share of that motion it adds to its aim", "1", (0.7, 1.1), "interception"),
-    OpponentParameter("habit", "share of the waiting motion it expects to go on", "1", (0.2, 0.8), "assumed"),
+    OpponentParameter("habit", "share of the waiting motion it expects to go on", "1", (0.4, 0.9), "assumed"),
     OpponentParameter(
         "extra_reach_m", "added to the reach of every technique", "m", (-0.08, 0.08), "assumed"
     ),

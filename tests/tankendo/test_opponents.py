@@ -1,12 +1,14 @@
 """Distributions of opponents: drawn at reset, seeded, refused where they make no sense, kept in files."""
 
 import json
+import pickle
 
 import gymnasium
 import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.senses import VariedSenses
 from mecanum_env.tankendo import Opponent, Opponents, opponent_from_dict, opponent_to_dict
 from mecanum_env.tankendo.constants import LEAD_FORMS
 from mecanum_env.tankendo.opponents import PARAMETERS
@@ -77,6 +79,11 @@ def test_opponents_go_through_json(opponent):
 def test_ranges_that_make_no_sense_are_refused(ranges, message):
     with pytest.raises(InputError, match=message):
         gymnasium.make("MecanumTankendo-v0", opponent=ranges)
+
+
+def test_distributions_can_be_sent_to_other_processes():
+    for one in (Opponents(), VariedSenses()):
+        assert pickle.loads(pickle.dumps(one)) == one
 
 
 def test_an_unknown_name_in_a_file_is_refused():

@@ -1,3 +1,4 @@
+from .batch import PlanarBatch, planar_robot
 from .effects.catalogue import CATALOGUE, register
 from .effects.definition import Effect, Parameter
 from .errors import InputError, MecanumError
@@ -25,6 +26,7 @@ __all__ = [
     "Model",
     "Opponent",
     "Parameter",
+    "PlanarBatch",
     "Robot",
     "RobotSession",
     "Rules",
@@ -41,6 +43,7 @@ __all__ = [
     "drive",
     "law_step_metrics",
     "paper_model",
+    "planar_robot",
     "read_model",
     "register",
     "render_frames",

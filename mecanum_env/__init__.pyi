@@ -1,3 +1,4 @@
+from .batch import PlanarBatch, planar_robot
 from .effects.catalogue import CATALOGUE, register
 from .effects.definition import Effect, Parameter
 from .errors import InputError, MecanumError
@@ -31,6 +32,7 @@ __all__ = [
     "Opponents",
     "OwnReading",
     "Parameter",
+    "PlanarBatch",
     "Robot",
     "RobotSession",
     "Rules",
@@ -50,6 +52,7 @@ __all__ = [
     "estimated_observation",
     "law_step_metrics",
     "paper_model",
+    "planar_robot",
     "read_model",
     "register",
     "render_frames",

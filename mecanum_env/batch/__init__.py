@@ -4,7 +4,6 @@ The drives are those of `mecanum_env.law`, the Python reference of the plugin; t
 `mecanum_env.mjcf.planar_spec`. `PlanarBatch` steps them; each robot has a law and effects of its own.
 """
 
-from mecanum_env.batch.numbers import PlanarRobot, planar_robot
-from mecanum_env.batch.plant import PlanarBatch
+import lazy_loader
 
-__all__ = ["PlanarBatch", "PlanarRobot", "planar_robot"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

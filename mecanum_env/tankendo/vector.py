@@ -72,7 +72,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         self._episodes = build(num_envs, threads, engine=engine, device=device, **arguments)
         self.metadata = {
             "autoreset_mode": self._autoreset_mode,
-            "render_modes": ["rgb_array"],
+            "render_modes": ["rgb_array"] if engine == "arrays" else [],
             "render_fps": 10,
         }
         self.render_mode = render_mode

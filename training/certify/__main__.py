@@ -27,6 +27,7 @@ def main(
     difficulty: str = "normal",
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     thresholds: Thresholds = Thresholds(),  # noqa: B008  (frozen; its values are the help's defaults)
+    bound: bool = True,
 ) -> int:
     """Play a controller on many plants; write its metrics and whether they meet the thresholds.
 
@@ -35,18 +36,19 @@ def main(
     Example: python -m training.certify retreat --model gap/model.json --plants nominal robot-level latency
 
     Args:
-        controller: Name of a controller (random, still, p, smith, lqr, retreat, sidestep, mpc, oracle,
+        controller: Name of a controller (random, still, p, smith, lqr, retreat, sidestep, creep, mpc, oracle,
             policy; followed by +compensated: with the model's effects compensated), or path of a trained
             policy.
         model: Model file of the robot; by default the packaged one.
         episodes: Number of episodes per plant, with the seeds 0, 1, ...
-        plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if), or
-            all.
+        plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if,
+            opponents, senses, held-out), or all. The nominal plant and those held out are always played.
         out: Folder to write.
         physics: planar, which is fast, or rollers: every roller on the floor, on all plants.
         difficulty: Difficulty of the opponent: easy, normal or hard.
         workers: Where the episodes are played.
         thresholds: What a controller must reach; compared with the worse end of the metric's interval.
+        bound: Also play the oracle, of whose success the table then gives the share.
 
     Returns:
         The exit code.
@@ -70,6 +72,7 @@ def main(
         difficulty=difficulty,
         workers=workers,
         thresholds=thresholds,
+        bound=bound,
     )
     require_usable(options)
     result, page = out / "certificate.json", out / "certificate.html"

@@ -11,7 +11,15 @@ from mecanum_env.cli import run
 from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError, install_command
 from mecanum_env.tankendo.actions import ActionMode
-from training.train.settings import Algorithm, Ppo, Sac, TrainingRobots, TrainingSettings
+from training.train.settings import (
+    Algorithm,
+    Ppo,
+    Sac,
+    TrainingOpponents,
+    TrainingRobots,
+    TrainingSenses,
+    TrainingSettings,
+)
 
 
 def main(
@@ -25,6 +33,8 @@ def main(
     model: Path | None = None,
     difficulty: str = TrainingSettings.difficulty,
     randomize: TrainingRobots = TrainingSettings.randomize,
+    opponents: TrainingOpponents = TrainingSettings.opponents,
+    senses: TrainingSenses = TrainingSettings.senses,
     start: Path | None = None,
     envs: int = TrainingSettings.envs,
     action_mode: ActionMode = TrainingSettings.action_mode,
@@ -49,6 +59,10 @@ def main(
         model: Model file of the robot; by default the packaged one.
         difficulty: Difficulty of the opponent: easy, normal or hard.
         randomize: Robots to train on: none (the model), posterior (drawn from its uncertainty), or levels.
+        opponents: Opponents to train against: level (that of the difficulty), or varied (drawn for each
+            episode).
+        senses: What the robot senses: off (plain sensors), usual (frames that get lost, and an estimator), or
+            varied (worse ones, drawn for each episode).
         start: Folder of another run whose weights are the initial ones.
         envs: Number of environments side by side.
         action_mode: Meaning of an action: cartesian, polar or command.
@@ -69,6 +83,8 @@ def main(
         plant=plant,
         model=None if model is None else str(model),
         difficulty=difficulty,
+        opponents=opponents,
+        senses=senses,
         randomize=randomize,
         start=None if start is None else str(start),
         envs=envs,

@@ -12,6 +12,8 @@ pytest.importorskip("stable_baselines3")
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
+from mecanum_env.senses import VariedSenses
+from mecanum_env.tankendo import Opponents
 from training.controllers.policy import load_policy
 from training.train.__main__ import main
 from training.train.agent import make_agent, network_of
@@ -194,6 +196,13 @@ def test_levels_are_robots_side_by_side():
     env.step(np.ones((9, 3), np.float32))
     one = [native.arena.robots.model_of(0) for native in natives]
     assert one == list(models.values())
+
+
+def test_opponents_and_senses_can_be_varied_in_training():
+    env = bare_env(replace(SMALL["ppo"], opponents="varied", senses="varied"))
+    setting = env.venv.envs[0].arena.setting
+    assert (type(setting.opponents), type(setting.senses)) == (Opponents, VariedSenses)
+    assert env.reset().shape == bare_env(SMALL["ppo"]).reset().shape
 
 
 def test_training_never_meets_an_episode_of_an_evaluation():

@@ -50,7 +50,7 @@ def onto_a_robot(
 
     from mecanum_env.files import write_json
     from mecanum_env.model import paper_model, read_model, write_model
-    from training.certify.certificate import share_text
+    from training.certify.checks import share_text
     from training.controllers.policy import bundled
     from training.export import export_policy
 

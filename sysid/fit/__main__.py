@@ -53,7 +53,6 @@ def fit(
         effects: Whether bench logs may show friction or limits beside the law; off: the law alone.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable, write_json
     from mecanum_env.model import Robot, read_robot, write_model
     from sysid.fit.estimators import METHODS
@@ -91,10 +90,10 @@ def fit(
         write_model(model, out / "model.json")
         write_json(out / "fit.json", fit_json(found))
         write_fit_plots(found, out)
-        page = write_fit_report(found, model, out / "report.html")
+        write_fit_report(found, model, out / "report.html")
     print(fit_table(found))
     print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")
-    print(f" and {out / 'report.html'}" if page else f"; for report.html: {install_command('report')}")
+    print(f" and {out / 'report.html'}")
 
 
 if __name__ == "__main__":

@@ -51,7 +51,6 @@ def gap(
         adopt: If no named effect explains the gap, add the proposed custom effect to the model.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable
     from mecanum_env.model import read_model
     from sysid.gap.alone import law_of, require_fittable
@@ -93,8 +92,7 @@ def gap(
         progress("report")
         written = write_study(report, out)
     print(gap_table(report))
-    page = "" if out / "report.html" in written else f"; for report.html: {install_command('report')}"
-    print(f"\nwrote {', '.join(map(str, written))}{page}")
+    print(f"\nwrote {', '.join(map(str, written))}")
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.errors import InputError, install_command
+from mecanum_env.errors import InputError
 from mecanum_env.parallel import Workers
 from training.certify.thresholds import Thresholds
 
@@ -83,12 +83,8 @@ def main(
 
         certificate = certify_controller(controller, robot, options, progress)
     write_certificate(certificate, result)
-    written = [result]
-    hint = f"; for certificate.html: {install_command('report')}"
-    if write_certificate_page(certificate, page):
-        written.append(page)
-        hint = ""
-    print(f"{certificate_table(certificate)}\n\nwrote {', '.join(map(str, written))}{hint}")
+    write_certificate_page(certificate, page)
+    print(f"{certificate_table(certificate)}\n\nwrote {result}, {page}")
     return 0 if certificate.passed else 1
 
 

@@ -10,6 +10,7 @@ from typing import Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 
 def gap(
@@ -27,7 +28,7 @@ def gap(
     plant: Literal["rollers", "planar"] = "rollers",
     seconds: float | None = None,
     adopt: bool = False,
-) -> None:
+) -> Done:
     """Compare a model with logs, name the effects that it lacks, add them, and show the gap before and after.
 
     Writes gap.json, model.json with the effects added, report.html and, where it helps, next_experiment.csv.
@@ -93,6 +94,7 @@ def gap(
         written = write_study(report, out)
     print(gap_table(report))
     print(f"\nwrote {', '.join(map(str, written))}")
+    return Done(wrote=written)
 
 
 if __name__ == "__main__":

@@ -9,15 +9,15 @@ from typing import Annotated, Any, Final
 
 import tyro
 
-from mecanum_env.cli import run as run_command
 from mecanum_env.errors import InputError
+from mecanum_env.programs import Done, run_one_of
 from sysid.logs.bags import Clock, Unit
 from sysid.logs.findings import KINDS
 from sysid.logs.plan.sequences import Form, Size
 from sysid.logs.runs import SPLITS, UNITS, Dataset, Run
 
 
-def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> None:
+def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> Done:
     """Read logs, and print their runs, their splits and whatever is odd in them.
 
     Example: python -m sysid.logs check examples/logs
@@ -28,7 +28,9 @@ def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> No
     """
     from sysid.logs.reader import read_dataset
 
-    print(describe(read_dataset(logs), all_findings=all_findings))
+    dataset = read_dataset(logs)
+    print(describe(dataset, all_findings=all_findings))
+    return Done(found=dataset_json(dataset))
 
 
 def import_bags(
@@ -131,7 +133,7 @@ def plan(
     print(f"wrote {out}; read {out / PROTOCOL}")
 
 
-def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> None:
+def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> Done:
     """Draw commands and wheel speeds of every command sequence, repeats over each other.
 
     Example: python -m sysid.logs plot examples/logs --out logs.png
@@ -146,6 +148,7 @@ def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> N
     dataset = read_dataset(logs)
     shown, groups = plot_logs(dataset, out), len(dataset.groups())
     print(f"wrote {out}" + (f" with the first {shown} of {groups} sequences" if shown < groups else ""))
+    return Done(wrote=[out])
 
 
 def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path | None = None) -> None:
@@ -214,6 +217,30 @@ def describe(dataset: Dataset, *, all_findings: bool = False) -> str:
     return "\n".join(lines)
 
 
+def dataset_json(dataset: Dataset) -> dict[str, Any]:
+    """Return the runs of a dataset, what was noticed and the noise floor of its channels in JSON's types."""
+    from mecanum_env.files import plain_json
+    from sysid.logs.noise import noise_from_repeats
+
+    noise = noise_from_repeats(dataset.runs) or {}
+    runs = [
+        {
+            **{name: getattr(run, name) for name in ("file", "group", "split", "duration_s")},
+            **{"rows": run.time_s.size, "median_interval_s": run.median_interval_s},
+            **{"commands": len(run.command_rows()), "measured": list(run.channels)},
+        }
+        for run in dataset.runs
+    ]
+    found: dict[str, Any] = plain_json(
+        {
+            **{"name": dataset.name, "level": dataset.level, "runs": runs},
+            "findings": [finding.to_json() for finding in dataset.findings],
+            "noise_floor": {name: {"std": item.std, "unit": UNITS[name]} for name, item in noise.items()},
+        }
+    )
+    return found
+
+
 def _channels(runs: Sequence[Run]) -> list[str]:
     """Return one line per set of measured channels."""
     sets: dict[tuple[str, ...], list[str]] = {}
@@ -267,13 +294,7 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
 
 def main(args: list[str]) -> int:
     """Run the command of `COMMANDS` that `args` names; return the exit code."""
-    if args and args[0] in COMMANDS:
-        return run_command(COMMANDS[args[0]], args[1:], prog=f"python -m sysid.logs {args[0]}")
-    help_wanted = args[:1] in (["-h"], ["--help"])
-    lines = "\n".join(f"  {name:8}{(c.__doc__ or '').splitlines()[0]}" for name, c in COMMANDS.items())
-    usage = f"usage: python -m sysid.logs {{{','.join(COMMANDS)}}} ...\n\n{lines}"
-    print(usage, file=sys.stdout if help_wanted else sys.stderr)
-    return 0 if help_wanted else 2
+    return run_one_of(COMMANDS, args, "python -m sysid.logs")
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import Annotated
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 from sysid.online.projection import OnlineOptions
 
 
@@ -21,7 +22,7 @@ def main(
     memory_samples: float = OnlineOptions.memory_samples,
     noise_rpm: float = OnlineOptions.noise_rpm,
     quantum_rpm: float = OnlineOptions.quantum_rpm,
-) -> None:
+) -> Done:
     """Replay a log through the online estimator and plot what it knew over time.
 
     Writes OUT/online.json and an OUT/online_WHEEL.png for each wheel, and prints a short table.
@@ -73,6 +74,7 @@ def main(
         save_plot(out / f"online_{history.wheel}.png", f"{dataset.name}: {history.wheel}", history, values)
     write_json(out / "online.json", online_json(dataset, path, options, wheels, metrics))
     print(f"wrote {out / 'online.json'} and {len(wheels)} plot(s) online_*.png beside it")
+    return Done(wrote=[out / "online.json"])
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.parallel import Workers
+from mecanum_env.programs import Done
 from training.certify.thresholds import Thresholds
 
 _ALL: Final = "all"
@@ -27,7 +28,7 @@ def main(
     difficulty: str = "normal",
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     thresholds: Thresholds = Thresholds(),  # noqa: B008  (frozen; its values are the help's defaults)
-) -> int:
+) -> Done:
     """Play a controller on many plants; write its metrics and whether they meet the thresholds.
 
     Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input.
@@ -85,7 +86,7 @@ def main(
     write_certificate(certificate, result)
     write_certificate_page(certificate, page)
     print(f"{certificate_table(certificate)}\n\nwrote {result}, {page}")
-    return 0 if certificate.passed else 1
+    return Done(0 if certificate.passed else 1, wrote=[result, page])
 
 
 if __name__ == "__main__":

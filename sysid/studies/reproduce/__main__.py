@@ -10,6 +10,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.parallel import Workers
+from mecanum_env.programs import Done
 
 _RESULT: Final = "reproduce.json"
 _PAGE: Final = "report.html"
@@ -21,7 +22,7 @@ def main(
     seed: int = 0,
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     markdown: Path | None = None,
-) -> None:
+) -> Done:
     """Run every method of the paper on a target system and write reproduce.json, report.html and pictures.
 
     Example: python -m sysid.studies.reproduce --out out/reproduce
@@ -63,6 +64,7 @@ def main(
     print(verdict(found))
     print(f"\nwrote {out / _RESULT}, pictures", end="")
     print(f" and {out / _PAGE}")
+    return Done(wrote=[out / _RESULT, out / _PAGE])
 
 
 if __name__ == "__main__":

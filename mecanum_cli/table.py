@@ -19,6 +19,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "logs": "sysid.logs.__main__:COMMANDS",
     "fit": "sysid.fit.__main__:fit",
     "gap": "sysid.gap.__main__:gap",
+    "simulate": "sysid.simulate:simulate",
     "online": "sysid.online.__main__:main",
     "mjcf": "mecanum_env.mjcf.__main__:main",
     "render": "mecanum_env.render:render",

@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-EXTRAS = "bag,parquet,zoo"
+EXTRAS = "bag,parquet,mcap,zoo"
 TOOLS = ("pytest", "pytest-xdist", "hypothesis")
 OF_MUJOCO = ("tests/plugin", "tests/rendering", "tests/mjcf/test_write.py")
 """Tests of what differs between releases of MuJoCo."""

@@ -96,7 +96,7 @@ def chosen(where: str, theirs: Sequence[str], rules: Mapping[str, Rule]) -> dict
 
 
 def stamps_of(where: str, values: Numbers, unit: str | None) -> Stamps:
-    """Return stamps in nanoseconds from the numbers of a column of time; integers stay exact.
+    """Return stamps in nanoseconds from the values of a column of time; integers stay exact.
 
     `unit` is that of the numbers, seconds by default. Messages name the file, `where`.
 

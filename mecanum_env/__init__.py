@@ -13,7 +13,7 @@ from mecanum_env.registration import register_when_gymnasium_is_there
 from mecanum_env.version import __version__ as __version__
 
 if sys.platform == "win32":
-    raise BackendError("mecanum-tankendo does not run on Windows: use Linux, macOS or WSL 2")
+    raise BackendError("mecanum-tankendo does not run on Windows; use Linux, macOS or WSL 2")
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 

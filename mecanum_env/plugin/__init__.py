@@ -62,10 +62,12 @@ def build_command() -> str:
     # Imported here, since it costs every `import mujoco` 10 ms.
     from mecanum_env.checkout import checkout
 
-    from_sources = "--force-reinstall --no-deps --no-binary :all: mecanum-tankendo"
-    what = ". in the checkout" if checkout() else from_sources
-    needs = "`pip install scikit-build-core`, `apt-get install gcc libc6-dev`"
-    return f"`pip install --no-build-isolation {what}` (first {needs})"
+    if checkout():
+        how = "`pip install --no-build-isolation .` in the checkout"
+    else:
+        sources = "--force-reinstall --no-deps --no-binary mecanum-tankendo"
+        how = f"`pip install --no-build-isolation {sources} mecanum-tankendo`"
+    return f"{how} (first `pip install scikit-build-core`, `apt-get install gcc libc6-dev`)"
 
 
 def require_current(library: Path) -> None:

@@ -2,12 +2,17 @@
 
 Its wheel is logged on the bench, with the bench's own motor driver. Then the robot is built, and two effects
 appear that nobody wrote down (`_HIDDEN`). The host logs its commands, the encoders and the pose and velocity
-from motion capture. Other files get CSV files and the outcomes of fights, nothing else.
+from motion capture. Other files get CSV files, the outcomes of fights, and for `examples/onto_a_robot.py` its
+packets, nothing else.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final
@@ -15,7 +20,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.model import Model, paper_model
+from mecanum_env.model import Model, paper_model, write_model
 from mecanum_env.simulator import BodyCommands, RobotPlant, compile_plant, drive, replay_bench
 from mecanum_env.units import FloatArray
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run, Split
@@ -102,6 +107,25 @@ def write_robot_logs(folder: Path, plant: RobotPlant) -> None:
         command = BodyCommand(*sequence[_row_of(time_s, len(sequence))].T)
         runs += _repeats(number, time_s, command, driven.channels_at(time_s), rng)
     write_dataset(Dataset("the robot, on the floor", tuple(runs), ()), folder)
+
+
+@contextmanager
+def served() -> Iterator[str]:
+    """Serve the hidden robot over UDP from a process of its own, in step with its controller; yield its name.
+
+    Its link is 10 ms late each way, 2 ms more or less, and loses every fiftieth packet.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        model = Path(folder) / "model.json"
+        write_model(_HIDDEN, model)
+        command = [sys.executable, "-m", "training.run.simulated_robot", "--model", str(model), "--port", "0"]
+        command += ["--first-seed", str(FIRST_SEED), "--in-step"]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as robot:
+            try:
+                assert robot.stdout is not None
+                yield robot.stdout.readline().strip()
+            finally:
+                robot.terminate()
 
 
 def reveal() -> dict[str, dict[str, float]]:

@@ -20,7 +20,7 @@ _SECONDS: Final = 120
 _PACKAGES: Final = ("mujoco", "mujoco-core", "numpy", "scipy", "gymnasium", "matplotlib", "plotly", "tyro")
 """Distributions whose versions matter in a report of a fault; those that are absent are not shown."""
 _EXTRAS: Final = {
-    **{"train": "stable_baselines3", "bag": "rosbags", "parquet": "pyarrow", "mcap": "mcap"},
+    **{"train": "stable_baselines3", "bag": "rosbags", "parquet": "pyarrow", "mcap": "mcap", "onnx": "onnx"},
     **{"ray": "ray", "zoo": "numba", "gapbench": "cma"},
 }
 """Extra -> a module that it installs."""

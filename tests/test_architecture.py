@@ -73,7 +73,7 @@ ROOMS = {
     ),
     "sysid": ("logs", "compare", "fit", "gap", "studies"),
     "sysid.gap": ("search", "design", "report", "workflow"),
-    "training": ("controllers", "evaluate", "certify", "compare"),
+    "training": ("controllers", "evaluate", "certify", "compare", "export", "drivers", "run"),
 }
 """The rooms of each package, from the ground floor up: a room imports only rooms before it."""
 

@@ -23,7 +23,7 @@ PACKAGES = ("mecanum_env", "sysid", "training")
 HEAVY = ("scipy.signal", "matplotlib", "mujoco", "torch", "plotly")
 PROGRAMS = sorted(
     [
-        *("mecanum_env.render", "sysid.studies.zoo.calibrate"),
+        *("mecanum_env.render", "sysid.studies.zoo.calibrate", "training.run.simulated_robot"),
         *(
             ".".join(path.parent.relative_to(ROOT).parts)
             for package in PACKAGES

@@ -151,8 +151,11 @@ class Policy:
 
     def __init__(self, network: Network, about: Mapping[str, Any], rules: Rules | None = None) -> None:
         self.network, self.about = network, about
-        self._maai_m = (Rules() if rules is None else rules).maai_m
-        self._quantum_rpm = float(about.get("command_quantum_rpm", 1.0))
+        self.maai_m = (Rules() if rules is None else rules).maai_m
+        """Striking distance that its features count from [m]."""
+        # A robot takes whole numbers, whatever quantum the model was trained with.
+        self.quantum_rpm = max(float(about.get("command_quantum_rpm", 1.0)), 1.0)
+        """V and VC are multiples of this [rpm]."""
         self.reset()
 
     def reset(self) -> None:
@@ -172,10 +175,9 @@ class Policy:
                 f"observation of shape {seen.shape}, must be ({size},): this policy was trained for "
                 f"{self.about.get('env', 'another task')}"
             )
-        self._memory = stack_features(self._memory, features(seen, self._maai_m), self.network.stack)
+        self._memory = stack_features(self._memory, features(seen, self.maai_m), self.network.stack)
         action = self.network.actions(self._memory)
-        # A robot takes whole numbers, whatever quantum the model was trained with.
-        v, theta, vc = action_to_command(action, self.network.action_mode, max(self._quantum_rpm, 1.0))
+        v, theta, vc = action_to_command(action, self.network.action_mode, self.quantum_rpm)
         return round(float(v)), round(float(theta)), round(float(vc))
 
 

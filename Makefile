@@ -20,7 +20,7 @@ export OMP_NUM_THREADS := 1
 .PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick gapbench behaviour system clean FORCE
 
 demo: $(VENV)/installed
-	$(BIN)/python examples/demo.py --out out
+	$(BIN)/mecanum demo --out out
 
 # A file stays with one worker, so that what its tests share is computed once.
 test: $(VENV)/train
@@ -76,7 +76,7 @@ $(BIN)/python:
 
 # The editable install knows the modules that there were, so a new or renamed one asks for another.
 $(VENV)/modules: FORCE | $(BIN)/python
-	@find mecanum_env sysid training -name '*.py' | sort > $@.now
+	@find mecanum_env sysid training mecanum_cli -name '*.py' | sort > $@.now
 	@cmp -s $@.now $@ && rm $@.now || mv $@.now $@
 
 FORCE:

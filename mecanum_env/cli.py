@@ -10,6 +10,7 @@ from typing import Any
 import tyro
 
 from mecanum_env.errors import InputError, MecanumError
+from mecanum_env.samples import with_samples
 
 
 def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: str | None = None) -> int:
@@ -17,7 +18,7 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
 
     Args:
         command: its signature gives the options, its docstring the help.
-        args: the arguments; those of the running program when None.
+        args: the arguments; those of the running program when None. ``@examples/logs`` is a packaged folder.
         prog: name of the program in the help; that of the running one when None.
 
     Returns:
@@ -26,7 +27,8 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
         interrupted. For wrong arguments tyro prints what is known and raises ``SystemExit(2)``.
     """
     try:
-        _require_no_empty(sys.argv[1:] if args is None else args)
+        args = with_samples(sys.argv[1:] if args is None else args)
+        _require_no_empty(args)
         result = tyro.cli(command, args=args, prog=prog)
     except MecanumError as error:
         # Notes say in which of many tasks it was.

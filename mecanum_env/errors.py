@@ -61,5 +61,8 @@ def require_at_least(least: int, **values: int) -> None:
 
 
 def install_command(extra: str) -> str:
-    """Return the command that installs an `extra` of this package, which is on no package index."""
-    return f'`pip install -c constraints.txt ".[{extra}]"` in the checkout'
+    """Return the command that installs an `extra` of this package: of the checkout, or what was installed."""
+    from mecanum_env.checkout import checkout
+
+    in_checkout = f'`pip install -c constraints.txt ".[{extra}]"` in the checkout'
+    return in_checkout if checkout() else f'`pip install "mecanum-tankendo[{extra}]"`'

@@ -115,8 +115,8 @@ def asset_path(name: str = "") -> Path:
         BackendError: this installation has no such file.
     """
     package = Path(__file__).parent
-    # An installed wheel has the assets inside the package, a checkout beside it.
-    for root in (package / "assets", package.parent / "assets"):
+    # An installed wheel has the assets inside the package, a checkout beside it (`examples` beside those).
+    for root in (package / "assets", package.parent / "assets", package.parent):
         if (root / name).exists():
             return root / name
-    raise BackendError(f"packaged file {name!r} not found; reinstall with `pip install .`")
+    raise BackendError(f"packaged file {name!r} not found; install the package again")

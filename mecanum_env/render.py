@@ -10,6 +10,7 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model, read_model
+from mecanum_env.programs import Done
 from mecanum_env.rendering.backend import use_backend
 from mecanum_env.rendering.view import Quality, View
 
@@ -32,7 +33,7 @@ def render(
     quality: Quality = "light",
     duration: float | None = None,
     caption: bool = True,
-) -> None:
+) -> Done:
     """Drive a model through commands and write a video, a still picture, or both.
 
     Example: python -m mecanum_env.render fit/model.json --commands tour --out rollout.mp4
@@ -84,6 +85,7 @@ def render(
         frames = video.render_frames(trajectory, view, tqdm(rows, desc="drawing", unit="frame", disable=None))
         count = video.write_video(out, frames, fps)
         print(f"{out}: {count} frames, {length:.1f} s, {width} x {height}, drawn with {backend}")
+    return Done(wrote=[path for path in (out, still) if path is not None])
 
 
 def _commands(name: str) -> tuple[Commands, float]:

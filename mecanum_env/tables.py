@@ -1,4 +1,4 @@
-"""Strict reading of a table of numbers: CSV, gzipped CSV or Parquet.
+"""Strict reading of a table of numbers: CSV (with ',', ';' or tabs), gzipped CSV or Parquet.
 
 NumPy parses a correct file in C. Only if that fails are the cells read one by one, to name the line, the
 value and what would be right.
@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, install_command
+from mecanum_env.separators import with_plain_separators
 from mecanum_env.units import FloatArray
 
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
@@ -83,7 +84,7 @@ def read_table(path: Path) -> Table:
 
 
 def _read_csv(path: Path) -> Table:
-    text = _read_text(path)
+    text = with_plain_separators(path, read_text(path))
     header, _, body = text.partition("\n")
     names = _header(path, header)
     if not body.strip():
@@ -104,7 +105,7 @@ def _read_csv(path: Path) -> Table:
     return Table(path, names, values, lines)
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
     """Return the text without byte order mark and with bare newlines."""
     try:
         data = path.read_bytes()
@@ -128,13 +129,6 @@ def _read_text(path: Path) -> str:
 def _header(path: Path, line: str) -> tuple[str, ...]:
     names = tuple(name.strip() for name in next(csv.reader([line]), []))
     where = f"{path}, line 1"
-    if len(names) == 1:
-        for separator, said in ((";", "';'"), ("\t", "tabs")):
-            if separator in names[0]:
-                raise InputError(
-                    f"{where}: cells are separated by {said}, must be by ','; "
-                    "write ',' between cells and '.' as the decimal point"
-                )
     if names and all(_number(name) is not None for name in names):
         raise InputError(f"{where}: {line[:60]!r} is a row of numbers; the first line must name the columns")
     for index, name in enumerate(names):

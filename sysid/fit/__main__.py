@@ -10,6 +10,7 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 _STAGES: Final = 6
 _FILES: Final = ("model.json", "fit.json", "fit.png", "report.html")
@@ -31,13 +32,13 @@ def fit(
     quantum: float | None = None,
     saturation: float | None = None,
     effects: Literal["auto", "off"] = "auto",
-) -> None:
+) -> Done:
     """Fit the wheel law A-F to a folder of logs and write model.json, fit.json, report.html and plots.
 
     Example: python -m sysid.fit examples/logs --out fit
 
     Args:
-        logs: Folder of bench or robot logs, or one file.
+        logs: Folder of bench or robot logs, or one file; @examples/logs is in the package.
         robot: JSON file of measured robot parameters (wheel_radius_m, mass_kg ...), which are not fitted.
         out: Folder to write.
         method: Methods to run, or "all"; the model is from the first.
@@ -53,7 +54,6 @@ def fit(
         effects: Whether bench logs may show friction or limits beside the law; off: the law alone.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable, write_json
     from mecanum_env.model import Robot, read_robot, write_model
     from sysid.fit.estimators import METHODS
@@ -91,10 +91,11 @@ def fit(
         write_model(model, out / "model.json")
         write_json(out / "fit.json", fit_json(found))
         write_fit_plots(found, out)
-        page = write_fit_report(found, model, out / "report.html")
+        write_fit_report(found, model, out / "report.html")
     print(fit_table(found))
     print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")
-    print(f" and {out / 'report.html'}" if page else f"; for report.html: {install_command('report')}")
+    print(f" and {out / 'report.html'}")
+    return Done(wrote=[out / name for name in _FILES])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 
 def gap(
@@ -27,7 +28,7 @@ def gap(
     plant: Literal["rollers", "planar"] = "rollers",
     seconds: float | None = None,
     adopt: bool = False,
-) -> None:
+) -> Done:
     """Compare a model with logs, name the effects that it lacks, add them, and show the gap before and after.
 
     Writes gap.json, model.json with the effects added, report.html and, where it helps, next_experiment.csv.
@@ -51,7 +52,6 @@ def gap(
         adopt: If no named effect explains the gap, add the proposed custom effect to the model.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.errors import install_command
     from mecanum_env.files import require_writable
     from mecanum_env.model import read_model
     from sysid.gap.alone import law_of, require_fittable
@@ -97,8 +97,8 @@ def gap(
         progress("report")
         written = write_study(report, out)
     print(gap_table(report))
-    page = "" if out / "report.html" in written else f"; for report.html: {install_command('report')}"
-    print(f"\nwrote {', '.join(map(str, written))}{page}")
+    print(f"\nwrote {', '.join(map(str, written))}")
+    return Done(wrote=written)
 
 
 if __name__ == "__main__":

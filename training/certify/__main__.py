@@ -9,8 +9,9 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.errors import InputError, install_command
+from mecanum_env.errors import InputError
 from mecanum_env.parallel import Workers
+from mecanum_env.programs import Done
 from training.certify.thresholds import Thresholds
 
 _ALL: Final = "all"
@@ -28,7 +29,7 @@ def main(
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     thresholds: Thresholds = Thresholds(),  # noqa: B008  (frozen; its values are the help's defaults)
     bound: bool = True,
-) -> int:
+) -> Done:
     """Play a controller on many plants; write its metrics and whether they meet the thresholds.
 
     Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input.
@@ -86,13 +87,9 @@ def main(
 
         certificate = certify_controller(controller, robot, options, progress)
     write_certificate(certificate, result)
-    written = [result]
-    hint = f"; for certificate.html: {install_command('report')}"
-    if write_certificate_page(certificate, page):
-        written.append(page)
-        hint = ""
-    print(f"{certificate_table(certificate)}\n\nwrote {', '.join(map(str, written))}{hint}")
-    return 0 if certificate.passed else 1
+    write_certificate_page(certificate, page)
+    print(f"{certificate_table(certificate)}\n\nwrote {result}, {page}")
+    return Done(0 if certificate.passed else 1, wrote=[result, page])
 
 
 if __name__ == "__main__":

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.report import figure, report_available, write_page
+from mecanum_env.report import figure, write_page
 from training.certify.certificate import Certificate
 from training.certify.checks import Check, milliseconds, share_text, warning_text
 from training.certify.results import VariantResult
@@ -98,10 +98,8 @@ def _mean_text(found: Mean | None, unit: str) -> str:
     return "-" if found is None else f"{found.value:.2f}{' ' * bool(unit)}{unit}"
 
 
-def write_certificate_page(certificate: Certificate, path: Path) -> bool:
-    """Write a certificate as an HTML page; without the `report` extra write nothing and return False."""
-    if not report_available():
-        return False
+def write_certificate_page(certificate: Certificate, path: Path) -> None:
+    """Write a certificate as an HTML page."""
     c = certificate
     timing = (
         f"{c.timing.commands} commands were timed. Half of them took up to {milliseconds(c.timing.p50_s)} of "
@@ -134,7 +132,6 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
         notes=c.notes,
         provenance=list(c.provenance.items()),
     )
-    return True
 
 
 def warning_figure(certificate: Certificate) -> dict[str, Any]:

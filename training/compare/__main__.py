@@ -12,6 +12,7 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.parallel import Workers
+from mecanum_env.programs import Done
 
 
 def main(
@@ -23,7 +24,7 @@ def main(
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
-) -> None:
+) -> Done:
     """Play controllers on the same episodes; print success, warning needed, tracking error, time per command.
 
     Example: python -m training.compare retreat mpc runs/mine --markdown docs/results/compare.md
@@ -73,6 +74,7 @@ def main(
         write_text(markdown, comparison_markdown(found, given))
         written.append(markdown)
     print(f"\nwrote {', '.join(map(str, written))}")
+    return Done(wrote=written)
 
 
 if __name__ == "__main__":

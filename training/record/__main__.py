@@ -11,6 +11,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.programs import Done
 from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.rendering.backend import use_backend
 
@@ -35,7 +36,7 @@ def main(
     fps: float = 30.0,
     still: Path | None = None,
     still_time: float | None = None,
-) -> None:
+) -> Done:
     """Film one episode: the fight, the score, and the commanded against the actual speed.
 
     Pictures are drawn without a screen, by OSMesa if it is installed. The episode is the one that the same
@@ -119,6 +120,7 @@ def main(
     if still is not None:
         video.write_still(still, kept[0])
         print(f"{still}: {width} x {height}")
+    return Done(wrote=[path for path in (out, still) if path is not None])
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from pathlib import Path
 from mecanum_env.cli import run
 from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError, install_command
+from mecanum_env.programs import Done
 from mecanum_env.tankendo.actions import ActionMode
 from training.train.settings import (
     Algorithm,
@@ -43,7 +44,7 @@ def main(
     reward_weights: dict[str, float] | None = None,
     ppo: Ppo = Ppo(),  # noqa: B008
     sac: Sac = Sac(),  # noqa: B008
-) -> None:
+) -> Done:
     """Train a policy with Stable-Baselines3 and write it with everything needed to train it again.
 
     Example: python -m training.train --out out/ppo --steps 2000000
@@ -111,6 +112,7 @@ def main(
         minutes = f"{point.wall_s / 60:7.1f}  {point.processor_s / 60:7.1f}"
         print(f"{point.steps:8d}  {point.success:7.3f}  {minutes}")
     print(f"\nwrote {folder / 'policy.npz'}; watch with: tensorboard --logdir {folder}")
+    return Done(wrote=[folder / "policy.npz"])
 
 
 if __name__ == "__main__":

@@ -94,17 +94,6 @@ def test_all_files_are_written_or_none(
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 
-def test_without_the_report_extra_all_but_the_page_is_written(
-    asked: list[GapOptions], model_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-):  # fmt: skip
-    monkeypatch.setattr(output, "report_available", lambda: False)
-    assert study(model_file, tmp_path / "out") == 0
-    assert not (tmp_path / "out" / "report.html").exists()
-    assert '`pip install -c constraints.txt ".[report]"` in the checkout' in capsys.readouterr().out
-    assert len(asked) == 1
-
-
 @pytest.mark.parametrize(
     ("extra", "message"),
     [

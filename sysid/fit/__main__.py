@@ -54,8 +54,9 @@ def fit(
     """
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.errors import install_command
-    from mecanum_env.files import require_writable, write_json
+    from mecanum_env.files import write_json
     from mecanum_env.model import Robot, read_robot, write_model
+    from mecanum_env.outputs import output_folder
     from sysid.fit.estimators import METHODS
     from sysid.fit.pipeline import FitOptions, fit_dataset
     from sysid.fit.plots import write_fit_plots
@@ -83,15 +84,15 @@ def fit(
     )
     dataset = read_dataset(logs)
     require_our_units(dataset)
-    require_writable(*(out / name for name in _FILES))
-    with stage_bar(_STAGES + len(options.methods) - 1 + 4 * per_wheel) as progress:
+    stages = _STAGES + len(options.methods) - 1 + 4 * per_wheel
+    with output_folder(out, "sysid.fit", _FILES, seed=seed) as staged, stage_bar(stages) as progress:
         found = fit_dataset(dataset, options, progress)
         progress("report")
         model = with_logs(fitted_model(found), logs, out)
-        write_model(model, out / "model.json")
-        write_json(out / "fit.json", fit_json(found))
-        write_fit_plots(found, out)
-        page = write_fit_report(found, model, out / "report.html")
+        write_model(model, staged / "model.json")
+        write_json(staged / "fit.json", fit_json(found))
+        write_fit_plots(found, staged)
+        page = write_fit_report(found, model, staged / "report.html")
     print(fit_table(found))
     print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")
     print(f" and {out / 'report.html'}" if page else f"; for report.html: {install_command('report')}")

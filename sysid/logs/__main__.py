@@ -56,6 +56,7 @@ def import_bags(
     """
     from mecanum_env.files import write_text
     from mecanum_env.model import Robot, read_robot
+    from mecanum_env.outputs import finish_interrupted, output_folder
     from sysid.logs.bags import import_bag
     from sysid.logs.reader import read_dataset
     from sysid.logs.settings import FILE_NAME
@@ -64,6 +65,7 @@ def import_bags(
     if not bags:
         raise InputError("no bag given; give .bag files or ROS 2 bag folders")
     names = [bag.stem if bag.is_file() else bag.resolve().name for bag in bags]
+    finish_interrupted(out)
     for index, name in enumerate(names):
         if name in names[:index]:
             raise InputError(f"two bags have the name {name}; rename one")
@@ -74,14 +76,16 @@ def import_bags(
         import_bag(bag, geometry, topic_map=map, unit=unit, clock=clock, progress=sys.stderr.isatty())
         for bag in bags
     ]
+    with output_folder(out, "sysid.logs import") as staged:
+        for name, part in zip(names, imported, strict=True):
+            write_columns(part.columns, staged / f"{name}.csv")
+        if not (out / FILE_NAME).exists():
+            write_text(staged / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
     for name, part in zip(names, imported, strict=True):
-        write_columns(part.columns, out / f"{name}.csv")
         topics = ", ".join(f"{role} = {topic}" for role, topic in part.choice.topics.items())
         print(f"{name}: {topics}; stamped by {part.clock}")
     if robot is None and any("command" in part.choice.topics for part in imported):
         print("commands computed with the packaged robot's dimensions; give --robot FILE if yours differ")
-    if not (out / FILE_NAME).exists():
-        write_text(out / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
     print(describe(read_dataset(out)))
 
 
@@ -161,6 +165,7 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     """
     from mecanum_env.kinematics import mecanum_wheels
     from mecanum_env.model import read_robot
+    from mecanum_env.outputs import finish_interrupted, output_folder
     from sysid.logs.bodies import (
         DIRECTIONS,
         body_runs,
@@ -174,6 +179,8 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     if not logs:
         raise InputError("no logs given; give a folder with all wheels, or one for each wheel")
     wheels = mecanum_wheels(read_robot(robot))
+    if out is not None:
+        finish_interrupted(out)
     if out is not None and out.exists() and any(out.iterdir()):
         raise InputError(f"{out}: is not empty; choose another --out")
     datasets = read_wheel_logs(logs, wheels)
@@ -185,8 +192,9 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     for index, name in enumerate(DIRECTIONS):
         made = direction_dataset(runs, index, wheels, f"the body's motion: {name}")
         named |= {} if made is None else {f"body_{name}": made}
-    for name, dataset in named.items():
-        write_dataset(dataset, out / name)
+    with output_folder(out, "sysid.logs body") as staged:
+        for name, dataset in named.items():
+            write_dataset(dataset, staged / name)
     print(f"wrote bench logs to {out}: {', '.join(named)}; study each with python -m sysid.fit and sysid.gap")
     print("not supported: one study of all wheels and the body at once, which knows four Mecanum wheels only")
 

@@ -14,6 +14,7 @@ from mecanum_env.parallel import Workers
 from training.certify.thresholds import Thresholds
 
 _ALL: Final = "all"
+_FILES: Final = ("certificate.json", "certificate.html")
 
 
 def main(
@@ -30,7 +31,8 @@ def main(
 ) -> int:
     """Play a controller on many plants; write its metrics and whether they meet the thresholds.
 
-    Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input.
+    Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input; 3:
+    the machine failed.
 
     Example: python -m training.certify retreat --model gap/model.json --plants nominal robot-level latency
 
@@ -54,8 +56,8 @@ def main(
     # Imported here, so that --help does not wait for the library.
     from tqdm import tqdm
 
-    from mecanum_env.files import require_writable
     from mecanum_env.model import paper_model, read_model
+    from mecanum_env.outputs import output_folder
     from training.certify.certificate import write_certificate
     from training.certify.plants import GROUPS
     from training.certify.report import certificate_table, write_certificate_page
@@ -72,23 +74,20 @@ def main(
         thresholds=thresholds,
     )
     require_usable(options)
-    result, page = out / "certificate.json", out / "certificate.html"
-    require_writable(result, page)
     robot = paper_model() if model is None else read_model(model)
-    with tqdm(total=episodes_of(options, robot), unit="episode", disable=None) as bar:
+    files = output_folder(out, "training.certify", _FILES)
+    with files as staged, tqdm(total=episodes_of(options, robot), unit="episode", disable=None) as bar:
 
         def progress(name: str, count: int) -> None:
             bar.set_description(name)
             bar.update(count)
 
         certificate = certify_controller(controller, robot, options, progress)
-    write_certificate(certificate, result)
-    written = [result]
-    hint = f"; for certificate.html: {install_command('report')}"
-    if write_certificate_page(certificate, page):
-        written.append(page)
-        hint = ""
-    print(f"{certificate_table(certificate)}\n\nwrote {', '.join(map(str, written))}{hint}")
+        write_certificate(certificate, staged / _FILES[0])
+        page = write_certificate_page(certificate, staged / _FILES[1])
+    written = ", ".join(str(out / name) for name in _FILES[: 1 + page])
+    hint = "" if page else f"; for {_FILES[1]}: {install_command('report')}"
+    print(f"{certificate_table(certificate)}\n\nwrote {written}{hint}")
     return 0 if certificate.passed else 1
 
 

@@ -13,6 +13,7 @@ from typing import Any, Final, Literal
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
+from mecanum_env.outputs import require_whole
 from training.certify.plants import Group
 from training.certify.thresholds import Thresholds
 from training.certify.warning import WarningCurve
@@ -213,6 +214,7 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
         InputError: there is no such file, or it is not JSON or not a certificate.
     """
     path = Path(path)
+    require_whole(path)
     try:
         value = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

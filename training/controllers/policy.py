@@ -28,6 +28,7 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import atomic_path
+from mecanum_env.outputs import require_whole
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.constants import GUARD_TIP_M
@@ -202,6 +203,7 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
     """
     if path.is_dir():
         path = path / "policy.npz"
+    require_whole(path)
     try:
         # Opened here, because NumPy does not close a file that it cannot read.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import errno
 import inspect
+import io
 import os
 import sys
 import tempfile
@@ -45,6 +46,9 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
         ``SystemExit(2)``.
     """
     given = sys.argv[1:] if args is None else args
+    # File names may hold bytes that are no text.
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        sys.stdout.reconfigure(errors="backslashreplace")
     try:
         _require_no_empty(given)
         result = tyro.cli(command, args=args, prog=prog)

@@ -137,9 +137,12 @@ def begin_error(target: str | os.PathLike[str], error: OSError) -> MecanumError:
 
 
 def write_text(target: str | os.PathLike[str], text: str) -> None:
-    """Write text to the target in UTF-8, whole or not at all."""
+    """Write text to the target in UTF-8, whole or not at all.
+
+    Bytes of a file name that are no text are written as escapes.
+    """
     with atomic_path(target) as path:
-        path.write_text(text, encoding="utf-8")
+        path.write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def write_json(target: str | os.PathLike[str], value: Any) -> None:

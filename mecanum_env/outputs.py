@@ -126,6 +126,8 @@ def finish_interrupted(folder: Path, *, locked: bool = False) -> None:
         else:
             with _lock(folder, wait=True):
                 _move_in(folder)
+    except InputError:
+        raise
     except ValueError:  # a zero byte in the path: whoever opens it will say so
         return
     except OSError as error:

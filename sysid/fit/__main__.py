@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Final, Literal
@@ -57,6 +56,7 @@ def fit(
     from mecanum_env.files import write_json
     from mecanum_env.model import Robot, read_robot, write_model
     from mecanum_env.outputs import output_folder
+    from mecanum_env.reading import read_json
     from sysid.fit.estimators import METHODS
     from sysid.fit.pipeline import FitOptions, fit_dataset
     from sysid.fit.plots import write_fit_plots
@@ -80,7 +80,7 @@ def fit(
         saturation_rpm=saturation,
         effects=effects,
         robot=read_robot(robot) if robot else Robot(),
-        robot_given=tuple(json.loads(robot.read_text(encoding="utf-8"))) if robot else (),
+        robot_given=tuple(read_json(robot)) if robot else (),
     )
     dataset = read_dataset(logs)
     require_our_units(dataset)

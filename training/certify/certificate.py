@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import types
 import typing
@@ -14,6 +13,7 @@ from typing import Any, Final, Literal
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
 from mecanum_env.outputs import require_whole
+from mecanum_env.reading import read_json
 from training.certify.plants import Group
 from training.certify.thresholds import Thresholds
 from training.certify.warning import WarningCurve
@@ -215,14 +215,7 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
     """
     path = Path(path)
     require_whole(path)
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); make one with `python -m training.certify`"
-        ) from error
-    except ValueError as error:
-        raise InputError(f"{path}: not valid JSON ({error})") from error
+    value = read_json(path, "make one with `python -m training.certify`")
     found = value.get("format") if isinstance(value, dict) else None
     if found != FORMAT:
         raise InputError(f'{path}: "format" is {found!r}, must be "{FORMAT}"')

@@ -24,7 +24,7 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
@@ -43,7 +43,12 @@ _PACKAGES: Final = ("mujoco", "numpy", "scipy", "gymnasium")
 
 @contextmanager
 def output_folder(
-    target: str | os.PathLike[str], command: str, files: Sequence[str] = (), *, seed: int | None = None
+    target: str | os.PathLike[str],
+    command: str,
+    files: Sequence[str] = (),
+    *,
+    seed: int | None = None,
+    locked: bool = False,
 ) -> Iterator[Path]:
     """Yield an empty folder; what the block writes there becomes the target's at its end, in one step.
 
@@ -55,6 +60,7 @@ def output_folder(
         files: names of all files that the command may write; those that it does not write this time are
             removed. A pattern such as "online_*.png" covers only files of an earlier run of the command.
         seed: of the run, for the manifest.
+        locked: whether the caller holds the folder's lock already.
 
     Raises:
         InputError: the target cannot be written, another program writes there, or a folder of the user has
@@ -64,7 +70,7 @@ def output_folder(
     folder = Path(target)
     made = _make(folder)
     try:
-        with _lock(folder):
+        with nullcontext() if locked else lock_folder(folder):
             finish_interrupted(folder, locked=True)
             _refuse_obstacles(folder, files)
             for stale in folder.glob(f"{STAGED}*"):
@@ -87,6 +93,28 @@ def output_folder(
             # Those that hold results stay.
             with suppress(OSError):
                 one.rmdir()
+
+
+@contextmanager
+def lock_folder(folder: Path, *, wait: bool = False) -> Iterator[None]:
+    """Hold the lock of a folder that exists; the system releases it when the process ends, however it ends.
+
+    Raises:
+        InputError: somebody else holds it, and this is not to `wait` for them.
+    """
+    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError as error:
+            raise InputError(
+                f"{folder}: another command is writing there; wait until it is done, or choose another folder"
+            ) from error
+        except OSError:
+            pass  # a file system without locks
+        yield
+    finally:
+        os.close(handle)
 
 
 def require_whole(path: str | os.PathLike[str]) -> None:
@@ -124,7 +152,7 @@ def finish_interrupted(folder: Path, *, locked: bool = False) -> None:
         if locked:
             _move_in(folder)
         else:
-            with _lock(folder, wait=True):
+            with lock_folder(folder, wait=True):
                 _move_in(folder)
     except InputError:
         raise
@@ -158,24 +186,6 @@ def _make(folder: Path) -> list[Path]:
     except (OSError, ValueError) as error:
         raise begin_error(folder, as_os_error(error)) from error
     return made
-
-
-@contextmanager
-def _lock(folder: Path, *, wait: bool = False) -> Iterator[None]:
-    """Hold the lock of a folder; the system releases it when the process ends, however it ends."""
-    handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
-    try:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError as error:
-            raise InputError(
-                f"{folder}: another command is writing there; wait until it is done, or choose another folder"
-            ) from error
-        except OSError:
-            pass  # a file system without locks
-        yield
-    finally:
-        os.close(handle)
 
 
 def _refuse_obstacles(folder: Path, names: Sequence[str]) -> None:

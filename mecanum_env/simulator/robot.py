@@ -82,8 +82,8 @@ def drive(
     if size > _MOST_BYTES:
         longest = duration_s * _MOST_BYTES / size
         raise InputError(
-            f"duration_s = {duration_s:g}: the states of every physics step would take {size / 2**30:.3g} GiB, "
-            f"must be at most {longest:.0f} s; drive in parts"
+            f"duration_s = {duration_s:g}: the states of every physics step would take {size / 2**30:.3g} "
+            f"GiB, must be at most {longest:.0f} s; drive in parts"
         )
     time_s = np.arange(math.ceil(duration_s / step - 1e-9) + 1) * step
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)

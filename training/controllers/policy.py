@@ -228,7 +228,10 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
     except _UNREADABLE as error:
         raise InputError(f"{path}: no policy file, or a torn one; {_HINT}") from error
     try:
-        about = parse_json(str(arrays["about"]), "about")
+        try:
+            about = parse_json(str(arrays["about"]), "about")
+        except InputError as error:
+            raise KeyError("about") from error
         if about["format"] != FORMAT:
             raise InputError(f'format = {about["format"]!r}, must be "{FORMAT}"; export it again')
         policy = Policy(_network(arrays, about), about, rules)

@@ -8,6 +8,7 @@ replay.npz      SAC's replay buffer, as far as it is filled
 from __future__ import annotations
 
 import pickle
+import warnings
 import zipfile
 import zlib
 from pathlib import Path
@@ -55,8 +56,11 @@ def read_weights(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -
         InputError: they cannot be read, or are those of another algorithm, network, stack or task.
     """
     try:
-        agent.set_parameters(str(folder / AGENT), exact_match=True, device="cpu")
-        _, _, variables = load_from_zip_file(folder / AGENT, load_data=False, device="cpu")
+        with warnings.catch_warnings():
+            # What PyTorch warns of in a foreign file, it refuses next.
+            warnings.simplefilter("ignore")
+            agent.set_parameters(str(folder / AGENT), exact_match=True, device="cpu")
+            _, _, variables = load_from_zip_file(folder / AGENT, load_data=False, device="cpu")
         for name, tensor in (variables or {}).items():
             known = agent._get_torch_save_params()[1]
             own = recursive_getattr(agent, name) if name in known else None

@@ -162,7 +162,11 @@ def _read_text(path: Path) -> str:
         if path.name.lower().endswith(".gz"):
             with gzip.open(io.BytesIO(data)) as packed:
                 # A file of a megabyte can hold a thousand times as much.
-                data = packed.read(_MOST_BYTES + 1)
+                parts, size = [], 0
+                while size <= _MOST_BYTES and (part := packed.read(1 << 20)):
+                    parts.append(part)
+                    size += len(part)
+                data = b"".join(parts)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise InputError(f"{path}: not a whole gzip file ({error}); compress it again with gzip") from error
     if len(data) > _MOST_BYTES:

@@ -18,7 +18,7 @@ TIMED = {"fit": ("fit.json", "report.html")}
     ("name", "arguments"),
     [
         ("fit", ["sysid.fit", LOGS, "--starts", "1", "--effects", "off"]),
-        ("plan", ["sysid.logs", "plan", "--minutes", "3"]),
+        ("plan", ["sysid.logs", "plan", "--minutes", "12"]),
         ("mjcf", ["mecanum_env.mjcf"]),
     ],
 )

@@ -8,6 +8,9 @@
 # make zoo        drives and robots drawn at random, with hidden effects: the whole table, docs/results/zoo.md
 # make zoo-quick  the same with sixty cases
 # make gapbench   the benchmark's folder, the answers of all methods and the leaderboard, docs/results/gapbench.md
+# make fuzz       a night of mangled files for every reader
+# make soak       10,000 episodes and an hour of random driving on rollers with every effect
+# make asan       the plugin and its tests under the address and undefined-behaviour sanitizers
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
 VENV := .venv
@@ -17,7 +20,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick gapbench behaviour system clean FORCE
+.PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick gapbench behaviour fuzz soak asan system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/mecanum demo --out out
@@ -63,6 +66,16 @@ gapbench: $(VENV)/installed
 # Six minutes; `python benchmarks/behaviour.py compare BEFORE AFTER` prints every difference.
 behaviour: $(VENV)/train
 	$(BIN)/python benchmarks/behaviour.py record out/behaviour
+
+fuzz: $(VENV)/installed
+	MECANUM_FUZZ=50 $(BIN)/python -m pytest -q tests/test_fuzz.py
+
+# Half an hour.
+soak: $(VENV)/installed
+	$(BIN)/python tests/soak.py --resets 10000 --minutes 60
+
+asan: $(VENV)/installed
+	$(BIN)/python tests/sanitized.py
 
 # System packages: the offline renderer, and a compiler for the plugin.
 system:

@@ -52,8 +52,8 @@ def gap(
         adopt: If no named effect explains the gap, add the proposed custom effect to the model.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.files import require_writable
     from mecanum_env.model import read_model
+    from mecanum_env.outputs import output_folder
     from sysid.gap.alone import law_of, require_fittable
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
@@ -80,7 +80,6 @@ def gap(
     dataset = read_dataset(logs)
     require_our_units(dataset)
     require_valid(options, dataset.level)
-    require_writable(*(out / name for name in FILES))
     base = None
     if model is None:
         require_fittable(dataset, fitted_on)
@@ -88,14 +87,15 @@ def gap(
         base = read_model(model)
         known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)
         options = replace(options, fitted_on=known, notes=(why,) if why else ())
-    with stage_bar(7 if base else 13) as progress:
+    files = output_folder(out, "sysid.gap", FILES, seed=seed)
+    with files as staged, stage_bar(7 if base else 13) as progress:
         if base is None:
             base, options = law_of(dataset, options, progress)
         report = analyse(dataset, base, options, progress)
         if model is not None:
             report = replace(report, model=seen_from(report.model, model.parent, out))
         progress("report")
-        written = write_study(report, out)
+        written = [out / path.name for path in write_study(report, staged)]
     print(gap_table(report))
     print(f"\nwrote {', '.join(map(str, written))}")
     return Done(wrote=written)

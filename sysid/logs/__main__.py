@@ -59,6 +59,7 @@ def import_logs(
         clock: Stamp samples of a bag by message header or by time of receipt.
     """
     from mecanum_env.files import write_text
+    from mecanum_env.outputs import finish_interrupted, output_folder
     from sysid.logs.describe import dataset_json, describe
     from sysid.logs.formats.sources import import_source, read_dimensions
     from sysid.logs.reader import read_dataset
@@ -74,16 +75,19 @@ def import_logs(
         for run in import_source(source, geometry, map, unit=unit, clock=clock, progress=interactive)
     ]
     names = [run.name for run in runs]
+    finish_interrupted(out)
     for index, name in enumerate(names):
         if name in names[:index]:
             raise InputError(f"two runs have the name {name}; rename one, or import them into two folders")
         if (out / f"{name}.csv").exists():
             raise InputError(f"{out / f'{name}.csv'}: exists already; choose another --out")
+    with output_folder(out, "sysid.logs import") as staged:
+        for run in runs:
+            write_columns(run.columns, staged / f"{run.name}.csv")
+        if not (out / FILE_NAME).exists():
+            write_text(staged / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
     for run in runs:
-        write_columns(run.columns, out / f"{run.name}.csv")
         print(f"{run.name}: {run.said}")
-    if not (out / FILE_NAME).exists():
-        write_text(out / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
     dataset = read_dataset(out)
     print(describe(dataset))
     return Done(wrote=[out / f"{name}.csv" for name in names], found=dataset_json(dataset))
@@ -208,6 +212,7 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     """
     from mecanum_env.kinematics import mecanum_wheels
     from mecanum_env.model import read_robot
+    from mecanum_env.outputs import finish_interrupted, output_folder
     from sysid.logs.bodies import (
         DIRECTIONS,
         body_runs,
@@ -221,6 +226,8 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     if not logs:
         raise InputError("no logs given; give a folder with all wheels, or one for each wheel")
     wheels = mecanum_wheels(read_robot(robot))
+    if out is not None:
+        finish_interrupted(out)
     if out is not None and out.exists() and any(out.iterdir()):
         raise InputError(f"{out}: is not empty; choose another --out")
     datasets = read_wheel_logs(logs, wheels)
@@ -232,8 +239,9 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     for index, name in enumerate(DIRECTIONS):
         made = direction_dataset(runs, index, wheels, f"the body's motion: {name}")
         named |= {} if made is None else {f"body_{name}": made}
-    for name, dataset in named.items():
-        write_dataset(dataset, out / name)
+    with output_folder(out, "sysid.logs body") as staged:
+        for name, dataset in named.items():
+            write_dataset(dataset, staged / name)
     print(f"wrote bench logs to {out}: {', '.join(named)}; study each with python -m sysid.fit and sysid.gap")
     print("not supported: one study of all wheels and the body at once, which knows four Mecanum wheels only")
 

@@ -41,22 +41,23 @@ def main(
     # Imported here, so that --help does not wait for the library.
     from tqdm import tqdm
 
-    from mecanum_env.files import require_writable, write_json
+    from mecanum_env.files import write_json
     from mecanum_env.model import read_model
+    from mecanum_env.outputs import output_folder
     from sysid.logs import read_dataset
     from sysid.online.replay import replay, replay_path
     from sysid.online.report import misfit_note, online_json, report_metrics, save_plot, table
 
     options = OnlineOptions(memory_samples=memory, noise_rpm=noise, quantum_rpm=quantum)
     dataset = read_dataset(log)
-    require_writable(out / "online.json")
     law = ceiling_rpm = None
     if model is not None:
         wheel = read_model(model).wheel
         law, ceiling_rpm = wheel.law, wheel.saturation_rpm
         sample_period = sample_period or law.sample_period_s
     path = replay_path(dataset, sample_period, ceiling_rpm)
-    with tqdm(unit=" samples", desc="replay", leave=False, disable=None) as bar:
+    bar = tqdm(unit=" samples", desc="replay", leave=False, disable=None)
+    with output_folder(out, "sysid.online", ("online.json", "online_*.png")) as staged, bar:
 
         def counted(ticks: Iterable[int]) -> Iterable[int]:
             for tick in ticks:
@@ -64,15 +65,17 @@ def main(
                 bar.update()
 
         wheels = replay(dataset, options, law, path, counted)
-    metrics = [report_metrics(wheel) for wheel in wheels]
+        metrics = [report_metrics(wheel) for wheel in wheels]
+        for history, values in zip(wheels, metrics, strict=True):
+            name = f"online_{history.wheel}.png"
+            save_plot(staged / name, f"{dataset.name}: {history.wheel}", history, values)
+        write_json(staged / "online.json", online_json(dataset, path, options, wheels, metrics))
     for note in path.notes:
         print(f"note: {note}")
     for history, values in zip(wheels, metrics, strict=True):
         print(table(history, values))
         if misfit := misfit_note(history, options):
             print(f"note: {misfit}")
-        save_plot(out / f"online_{history.wheel}.png", f"{dataset.name}: {history.wheel}", history, values)
-    write_json(out / "online.json", online_json(dataset, path, options, wheels, metrics))
     print(f"wrote {out / 'online.json'} and {len(wheels)} plot(s) online_*.png beside it")
     return Done(wrote=[out / "online.json"])
 

@@ -364,6 +364,6 @@ def test_import_from_the_command_line(
     arguments += ["--map", "imu=none", "--map", "battery=none"]
     assert main(arguments) == 0
     assert "command = /cmd_vel" in capsys.readouterr().out
-    assert sorted(p.name for p in out.iterdir()) == ["dataset.toml", "drive.csv"]
+    assert sorted(p.name for p in out.iterdir()) == ["dataset.toml", "drive.csv", "mecanum-output.json"]
     assert main(arguments) == 2
     assert "drive.csv: exists already; choose another --out" in capsys.readouterr().err

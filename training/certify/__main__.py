@@ -15,6 +15,7 @@ from mecanum_env.programs import Done
 from training.certify.thresholds import Thresholds
 
 _ALL: Final = "all"
+_FILES: Final = ("certificate.json", "certificate.html")
 
 
 def main(
@@ -32,7 +33,8 @@ def main(
 ) -> Done:
     """Play a controller on many plants; write its metrics and whether they meet the thresholds.
 
-    Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input.
+    Writes certificate.json and certificate.html. Exit code 0: passed; 1: not passed; 2: bad input; 3:
+    the machine failed.
 
     Example: python -m training.certify retreat --model gap/model.json --plants nominal robot-level latency
 
@@ -57,8 +59,8 @@ def main(
     # Imported here, so that --help does not wait for the library.
     from tqdm import tqdm
 
-    from mecanum_env.files import require_writable
     from mecanum_env.model import paper_model, read_model
+    from mecanum_env.outputs import output_folder
     from training.certify.certificate import write_certificate
     from training.certify.plants import GROUPS
     from training.certify.report import certificate_table, write_certificate_page
@@ -76,20 +78,20 @@ def main(
         bound=bound,
     )
     require_usable(options)
-    result, page = out / "certificate.json", out / "certificate.html"
-    require_writable(result, page)
     robot = paper_model() if model is None else read_model(model)
-    with tqdm(total=episodes_of(options, robot), unit="episode", disable=None) as bar:
+    files = output_folder(out, "training.certify", _FILES)
+    with files as staged, tqdm(total=episodes_of(options, robot), unit="episode", disable=None) as bar:
 
         def progress(name: str, count: int) -> None:
             bar.set_description(name)
             bar.update(count)
 
         certificate = certify_controller(controller, robot, options, progress)
-    write_certificate(certificate, result)
-    write_certificate_page(certificate, page)
-    print(f"{certificate_table(certificate)}\n\nwrote {result}, {page}")
-    return Done(0 if certificate.passed else 1, wrote=[result, page])
+        write_certificate(certificate, staged / _FILES[0])
+        write_certificate_page(certificate, staged / _FILES[1])
+    written = [out / name for name in _FILES]
+    print(f"{certificate_table(certificate)}\n\nwrote {', '.join(map(str, written))}")
+    return Done(0 if certificate.passed else 1, wrote=written)
 
 
 if __name__ == "__main__":

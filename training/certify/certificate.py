@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import types
 import typing
@@ -13,6 +12,8 @@ from typing import Any, Final
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
+from mecanum_env.outputs import require_whole
+from mecanum_env.reading import read_json
 from training.certify.checks import Check
 from training.certify.plants import HELD_OUT
 from training.certify.results import Timing, TrackingResult, VariantResult, worst_of
@@ -87,14 +88,8 @@ def read_certificate(path: str | os.PathLike[str]) -> Certificate:
         InputError: there is no such file, or it is not JSON or not a certificate.
     """
     path = Path(path)
-    try:
-        value = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); make one with `python -m training.certify`"
-        ) from error
-    except ValueError as error:
-        raise InputError(f"{path}: not valid JSON ({error})") from error
+    require_whole(path)
+    value = read_json(path, "make one with `python -m training.certify`")
     found = value.get("format") if isinstance(value, dict) else None
     if found != FORMAT:
         raise InputError(f'{path}: "format" is {found!r}, must be "{FORMAT}"')

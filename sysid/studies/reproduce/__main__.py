@@ -37,6 +37,7 @@ def main(
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.errors import require_at_least
     from mecanum_env.files import require_writable, write_json, write_text
+    from mecanum_env.outputs import output_folder
     from sysid.progress import stage_bar
     from sysid.studies.reproduce.charts import write_reproduction_plots
     from sysid.studies.reproduce.contenders import QUICK, ExperimentEffort
@@ -52,12 +53,13 @@ def main(
     require_at_least(0, seed=seed)
     workers.require_usable()
     require_writable(out / _RESULT, out / _PAGE, *pages)
-    with stage_bar(len(STAGES) + 1) as progress:
+    files = output_folder(out, "sysid.studies.reproduce", (_RESULT, _PAGE, "*.png"), seed=seed)
+    with files as staged, stage_bar(len(STAGES) + 1) as progress:
         found = reproduce(seed, QUICK if quick else ExperimentEffort(), progress, workers)
         progress("page and pictures")
-        write_json(out / _RESULT, reproduction_json(found))
-        write_reproduction_plots(found, out)
-        write_reproduction_page(found, out / _PAGE)
+        write_json(staged / _RESULT, reproduction_json(found))
+        write_reproduction_plots(found, staged)
+        write_reproduction_page(found, staged / _PAGE)
         if markdown is not None:
             write_reproduction_plots(found, markdown.parent / markdown.stem)
             write_text(markdown, reproduction_markdown(found, markdown.stem))

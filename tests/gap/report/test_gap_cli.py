@@ -51,7 +51,7 @@ def test_every_file_is_written_and_ten_lines_are_printed(
     out = tmp_path / "out"
     assert study(model_file, out, "--seed", "3", "--only", "backlash", "stiction", "--adopt") == 0
     assert {path.name for path in out.iterdir()} == {
-        "gap.json", "model.json", "report.html", "next_experiment.csv",
+        "gap.json", "model.json", "report.html", "next_experiment.csv", "mecanum-output.json",
     }  # fmt: skip
     assert asked[0] == GapOptions(seed=3, only=("backlash", "stiction"), adopt=True)
     said = capsys.readouterr()

@@ -50,7 +50,8 @@ def main(episodes: int = 200, first_seed: int = 100_000) -> None:
         for name, opponent in OPPONENTS.items():
             setup = replace(Setup(robot, known=model), opponent=opponent)
             rows.append((name, *(success(script, setup, seeds) for script in SCRIPTS)))
-        print(f"{plant}, {episodes} episodes, seeds from {first_seed}", *columns(rows), "", sep="\n", flush=True)
+        title = f"{plant}, {episodes} episodes, seeds from {first_seed}"
+        print(title, *columns(rows), "", sep="\n", flush=True)
 
 
 if __name__ == "__main__":

@@ -67,6 +67,7 @@ ROOMS = {
         "mjcf",
         "simulator",
         "rendering",
+        "view",
         "tankendo",
     ),
     "sysid": ("logs", "compare", "fit", "gap", "studies"),

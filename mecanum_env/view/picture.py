@@ -24,7 +24,7 @@ HEIGHT_PX: Final = 400
 _JPEG_QUALITY: Final = 80
 AROUND: Final = "around"
 """The camera that the page turns around the robot; the others are the model's."""
-GHOST_RGBA: Final = (1.0, 0.62, 0.11, 0.45)
+GHOST_RGBA: Final = (1.0, 0.62, 0.11, 0.35)
 """Colour of the second robot, that of commanded and logged values in the plots."""
 
 

@@ -23,6 +23,18 @@ from mecanum_env.units import FloatArray
 
 POSE: Final = ("x_m", "y_m", "yaw_rad")
 _TWIST: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
+_NAMES: Final = {"fl": "front left", "fr": "front right", "rl": "rear left", "rr": "rear right"}
+SHOWN: Final[Mapping[str, tuple[str, str]]] = {
+    "speed_rpm": ("wheel", "rpm"),
+    **{f"speed_{wheel}_rpm": (_NAMES[wheel], "rpm") for wheel in WHEELS},
+    "vx_m_s": ("ahead", "m/s"),
+    "vy_m_s": ("left", "m/s"),
+    "yaw_rate_rad_s": ("turn", "rad/s"),
+    "x_m": ("x", "m"),
+    "y_m": ("y", "m"),
+    "yaw_rad": ("heading", "rad"),
+}
+"""Channel -> what it is called and its unit, as people read them."""
 _BENCH: Final = ("command_rpm", "speed_rpm")
 _ROUNDING: Final = 1e-6  # rounding error of stamps, in command periods
 
@@ -192,11 +204,3 @@ def _filled(time_s: FloatArray, values: FloatArray) -> FloatArray:
 def _summed(time_s: FloatArray, rate: FloatArray) -> FloatArray:
     """Return the integral of a rate (n,) from the first time on, by the trapezoidal rule, shape (n,)."""
     return np.concatenate([[0.0], np.cumsum(0.5 * (rate[1:] + rate[:-1]) * np.diff(time_s))])
-
-
-def unit_of(channel: str) -> str:
-    """Return the unit of a channel as it is written, such as "m/s" for "vx_m_s"."""
-    units = {**dict.fromkeys(("speed_rpm", *(f"speed_{wheel}_rpm" for wheel in WHEELS)), "rpm")}
-    return {**units, "vx_m_s": "m/s", "vy_m_s": "m/s", "yaw_rate_rad_s": "rad/s", "yaw_rad": "rad"}.get(
-        channel, "m"
-    )

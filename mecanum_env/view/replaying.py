@@ -16,7 +16,7 @@ from mecanum_env.units import FloatArray
 from mecanum_env.view.choices import choices_for, first_on, with_effects
 from mecanum_env.view.messages import camera_of, camera_row, effect_rows, number, switched
 from mecanum_env.view.picture import Camera, Picture, placed
-from mecanum_env.view.replay import Drive, Log, Replay, replay, unit_of
+from mecanum_env.view.replay import SHOWN, Drive, Log, Replay, replay
 from mecanum_env.view.server import Message, Server
 
 _POINTS: Final = 1500  # of a curve at most
@@ -86,7 +86,8 @@ class Replaying:
             "channels": [
                 {
                     "name": name,
-                    "unit": unit_of(name),
+                    "label": SHOWN[name][0],
+                    "unit": SHOWN[name][1],
                     "measured": _or_gaps(self._log.channels[name][::every]),
                     "simulated": _or_gaps(values[::every]),
                     "rms": rms[name],

@@ -51,6 +51,7 @@ function hello(message) {
     byId("camera").value = camera.name;
   }
   effects(message);
+  byId(replay ? "left_column" : "right_column").append(byId("effects_box"));
   if (replay) { load(message); return; }
   limit = message.fastest_rpm;
   clear();
@@ -117,15 +118,15 @@ function load(message) {
   byId("ghosts").hidden = message.cameras.length === 0;
   byId("when").max = message.time_s.at(-1);
   byId("plots").replaceChildren();
-  plots = message.channels.map(({ name, unit, rms, measured, simulated }) => {
+  plots = message.channels.map(({ label, unit, rms, measured, simulated }) => {
     const difference = measured.map((value, i) => (value === null || simulated[i] === null ? null : value - simulated[i]));
-    const plot = new Plot(byId("plots"), name.replaceAll("_", " "), [
+    const plot = new Plot(byId("plots"), `${label} [${unit}]`, [
       { colour: "--commanded", values: measured },
       { colour: "--actual", values: simulated },
       { colour: "--difference", values: difference, own: true },
     ]);
     plot.canvas.style.height = "150px";
-    plot.value.textContent = `rms of the difference ${Number(rms.toPrecision(3))} ${unit}`;
+    plot.value.textContent = `rms ${Number(rms.toPrecision(3))}`;
     const all = [...measured, ...simulated].filter((value) => value !== null);
     plot.limit = nice(Math.max(1e-6, ...all.map(Math.abs)));
     plot.lowest = Math.min(...all) < -0.05 * plot.limit ? -plot.limit : 0;

@@ -30,13 +30,13 @@ export class Plot {
     pen.clearRect(0, 0, width, height);
     const own = this.curves.filter((curve) => curve.own);
     const bottom = height - MARGIN.bottom;
-    const split = own.length ? MARGIN.top + 0.62 * (bottom - MARGIN.top) : bottom;
+    const split = own.length ? MARGIN.top + 0.58 * (bottom - MARGIN.top) : bottom;
     const box = { left: MARGIN.left, right: width - MARGIN.right, top: MARGIN.top, bottom: split };
     const shared = this.curves.filter((curve) => !curve.own);
     axes(pen, box, lowest, limit);
     for (const curve of shared) line(pen, box, time, curve, start, end, lowest, limit);
     if (own.length) {
-      const strip = { ...box, top: split + 9, bottom };
+      const strip = { ...box, top: split + 16, bottom };
       const most = nice(Math.max(1e-6, ...own.flatMap((curve) => curve.values.map((v) => Math.abs(v ?? 0)))));
       axes(pen, strip, -most, most);
       for (const curve of own) line(pen, strip, time, curve, start, end, -most, most);

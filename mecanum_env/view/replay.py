@@ -18,7 +18,7 @@ from mecanum_env.simulator import BodyCommands, Commands, RobotPlant, WheelComma
 from mecanum_env.simulator.commands import read_commands
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import CHANNELS
-from mecanum_env.tables import read_table
+from mecanum_env.tables import Table, read_table
 from mecanum_env.units import FloatArray
 
 POSE: Final = ("x_m", "y_m", "yaw_rad")
@@ -80,6 +80,7 @@ def read_log(path: Path) -> Log:
     if not path.is_file():
         raise InputError(f"{path}: no such file; --log takes one log, such as examples/logs/step_080_1.csv")
     table = read_table(path)
+    _check_stamps(table)
     bench = "command_rpm" in table.names
     known = _BENCH[1:] if bench else CHANNELS
     found = {name: table.column(name) for name in known if name in table.names}
@@ -92,6 +93,16 @@ def read_log(path: Path) -> Log:
         return Log(path.name, time - time[0], measured, None, command, voltage)
     commands = read_commands(path)
     return Log(path.name, commands.time_s, measured, commands, None, voltage)
+
+
+def _check_stamps(table: Table) -> None:
+    if "time_s" not in table.names:
+        raise InputError(f"{table.header}: no column time_s; the file has {', '.join(table.names)}")
+    time = table.column("time_s")
+    wrong = np.flatnonzero(~(np.diff(time, prepend=-np.inf) > 0.0))
+    if wrong.size:
+        row = int(wrong[0])
+        raise InputError(f"{table.where(row)}: time_s = {time[row]:g}, must be larger than the stamp before")
 
 
 @dataclass(frozen=True, eq=False)

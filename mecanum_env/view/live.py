@@ -25,7 +25,8 @@ from mecanum_env.view.server import Message, Server
 
 SLICE_S: Final = 1.0 / 15.0
 """Time between two pictures, if the machine can draw so many [s]."""
-_LONGEST_SLICE_S: Final = 0.25  # what is simulated at most before pages are heard again
+_LONGEST_SLICE_S: Final = 0.5  # what is simulated at most before pages are heard again; more is left out
+_SAMPLES_HZ: Final = 45.0  # of the curves
 _COMMAND_HOLDS_S: Final = 0.5  # a page that says nothing for so long does not drive any more
 _IDLE_S: Final = 0.05
 _FASTEST_RPM: Final = 200.0  # commanded at most where a model knows no ceiling
@@ -78,7 +79,7 @@ class Driving:
     def _go_on(self, seconds: float, server: Server) -> None:
         command = self._command if time.monotonic() - self._commanded_s < _COMMAND_HOLDS_S else STILL
         try:
-            motion = self._robot.advance(command, seconds)
+            motion = self._robot.advance(command, seconds, max(1, round(seconds * _SAMPLES_HZ)))
         except SimulationDivergedError as error:
             self._robot.reset()
             server.publish({"type": "note", "text": f"{error}. The robot is back at the start."})

@@ -28,6 +28,7 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.errors import MecanumError
 from mecanum_env.files import write_json, write_text
+from mecanum_env.law import WheelLaw
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model, read_robot
 from sysid.compare.subset import select_runs, small_command_runs
@@ -184,7 +185,7 @@ def fitted(data: Dataset, robot: Path, starts: int) -> tuple[Model, str]:
     part = small_command_runs(data, period)
     if part is not data:
         fit = fit_dataset(part, options)
-        if settles(fit):
+        if settles(fit, fitted_model(fit).wheel.law):
             said = f"{part_text(part)}, in which commands stay below half of the fastest"
             return fitted_model(fit), f"Fitted to {said}."
     runs = select_runs(data.split("fit") + data.split("validation"), FIT_S, period)
@@ -192,13 +193,13 @@ def fitted(data: Dataset, robot: Path, starts: int) -> tuple[Model, str]:
     return fitted_model(fit_dataset(part, options)), f"Fitted to {part_text(part)} that cover all speeds."
 
 
-def settles(fit: Fit) -> bool:
-    """Return whether the time constant of the law's slowest mode is below the longest hold of a command."""
-    slowest = float(np.max(np.abs(fit.law.poles)))
+def settles(fit: Fit, law: WheelLaw) -> bool:
+    """Return whether the slowest mode of a law, as the model has it, settles while a command is held."""
+    slowest = float(np.max(np.abs(law.poles)))
     held = max(
         float(np.max(np.diff([*run.command_changes()[0], run.duration_s]))) for run in fit.dataset.runs
     )
-    return slowest < 1.0 and -fit.law.sample_period_s / math.log(max(slowest, 1e-300)) < held
+    return slowest < 1.0 and -law.sample_period_s / math.log(max(slowest, 1e-300)) < held
 
 
 def part_text(part: Dataset) -> str:

@@ -1,21 +1,15 @@
 """Self-contained HTML pages: a template and interactive figures, without network access.
 
-Needs the `report` extra (jinja2, plotly). The plotting script is part of the page, which has about 5 MB.
+The plotting script is part of the page, which has about 5 MB.
 """
 
 from __future__ import annotations
 
-import importlib.util
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from mecanum_env.files import write_text
-
-
-def report_available() -> bool:
-    """Return whether the libraries of the `report` extra are installed."""
-    return all(importlib.util.find_spec(name) is not None for name in ("jinja2", "plotly"))
 
 
 def figure(

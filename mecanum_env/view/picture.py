@@ -58,11 +58,11 @@ class Picture:
         return AROUND, *(self._model.camera(i).name for i in range(self._model.ncam))
 
     def fits(self, qpos: FloatArray) -> bool:
-        """Return whether positions (nq,) are of this model."""
+        """Return whether positions `qpos`, shape (nq,), are of this model."""
         return bool(qpos.size == self._model.nq)
 
     def jpeg(self, qpos: FloatArray, camera: Camera, ghost: FloatArray | None = None) -> bytes:
-        """Return a picture of the robot at positions (nq,), and of a `ghost` at others, as a JPEG file."""
+        """Return a picture of the robot at positions `qpos` (nq,), and a `ghost` at others, as a JPEG file."""
         _place(self._model, self._robot, qpos)
         self._renderer.update_scene(self._robot, self._seen_from(camera))
         if ghost is not None:
@@ -96,7 +96,7 @@ class Picture:
 
 
 def placed(mj_model: mujoco.MjModel, qpos: FloatArray, pose: FloatArray) -> FloatArray:
-    """Return positions (nq,) with the robot's base moved to a pose x, y [m], yaw [rad], shape (3,)."""
+    """Return positions `qpos` (nq,) with the base moved to a pose x, y [m], yaw [rad], shape (3,)."""
     moved, (x, y, yaw) = qpos.copy(), pose
     if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
         moved[:2] = x, y

@@ -64,9 +64,10 @@ def _over_one_phase(mean: FloatArray, waves: FloatArray, _repeats: int) -> tuple
     along, gram = waves.T @ mean, waves.T @ waves
     squares = mean @ mean + 2.0 * along @ _CIRCLE + np.sum(_CIRCLE * (gram @ _CIRCLE), axis=0)
     least = int(np.argmin(squares))
-    lowest = float(squares[least])
-    deviance = lowest - 2.0 * math.log(float(np.mean(np.exp(-0.5 * (squares - lowest)))))
-    return mean + waves @ _CIRCLE[:, least], deviance
+    own = mean + waves @ _CIRCLE[:, least]
+    # The least square is computed again: as a difference of large ones it may come out below zero.
+    over_others = math.log(float(np.mean(np.exp(-0.5 * (squares - squares[least])))))
+    return own, float(own @ own) - 2.0 * over_others
 
 
 def _over_mean_phases(mean: FloatArray, waves: FloatArray, repeats: int) -> tuple[FloatArray, float]:

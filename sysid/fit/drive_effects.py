@@ -2,13 +2,15 @@
 
 The law alone is the model as long as it is enough. An effect is added, and law and effects are fitted again
 together, only if three things hold: the cost falls by more than `EVIDENCE` beyond the price of its parameters
-(BIC), the validation runs are predicted better by `WORTH`, and no smaller set does as well. The noise is that
-of repeats; where the model leaves more than the noise, the residual's variance is used instead.
+(BIC), the validation runs are predicted better by `WORTH`, and no smaller set does as well
+(`sysid.fit.drive_reached`). The noise is that of repeats; where the model leaves more than the noise, the
+residual's variance is used instead.
 
 A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
 therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
 pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
 law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
+Where the law leaves much more than the noise, a simple drive is a start, too (`sysid.fit.drive_global`).
 """
 
 from __future__ import annotations
@@ -26,28 +28,23 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, cause_of
-from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import Coordinate, EffectSet, coordinate, effect_set
 from sysid.compare.descent import compass_search, descend_steeply
 from sysid.compare.fitted import Fitted, RefittedLaw, marginal_function
 from sysid.compare.joint import LawWithEffects, joint_covariance
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import Observations, observe
+from sysid.compare.observations import observe
 from sysid.compare.prediction import Study
 from sysid.compare.problem import SMOOTH_STEP, ResidualProblem
-from sysid.compare.simulator import Simulator
 from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.fit.drive_candidates import TRIED, drive_candidates, first_order_laws, starts
+from sysid.fit.drive_global import SIMPLE_DRIVE, simple_drive
+from sysid.fit.drive_reached import HeldOut, Reached
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
-EVIDENCE: Final = 10.0
-"""Difference of BIC that an effect must gain: "very strong" on the scale of Kass and Raftery (1995)."""
-WORTH: Final = 0.02
-"""Least relative decrease of the error on the validation runs for which an effect is added. Assumed; the same
-as for a delay or a ceiling (`drive_choice`)."""
 _MOST: Final = 6
 """Largest number of effects. Assumed."""
 _FITTED: Final = 3
@@ -59,12 +56,14 @@ _PATIENCE: Final = 2
 _SHORTEST_WASHOUT_S: Final = 0.004
 _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
+_FAR: Final = 2.0
+"""Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too.
+Assumed."""
 _SECONDS: Final = 40.0
 _TICKS: Final = 8000
 """Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
 _LARGEST_GAIN: Final = 5.0
 """Largest gain of a drive beside its effects, and inverse of the smallest. Assumed."""
-_NORMAL_90: Final = 1.645
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,7 +120,7 @@ def find_drive_effects(
     runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
     observations = observe(replace(dataset, runs=runs))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
-    held_out = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
+    held_out = HeldOut.of(dataset)
     is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
     laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
     known = drive_candidates(dataset.columns)
@@ -134,11 +133,40 @@ def find_drive_effects(
         began = [min(began, key=lambda start: start.fitted.cost)]
         searches = [search for search in searches if search.base is began[0].base]
     first = began[0]
-    beam, best, stale = began, first, 0
+    if first.inflation > _FAR:
+        tell("a simple drive, from anywhere")
+        searches.append(_Search(searches[0].simple_drive(alone), whitener, held_out, largest_pole, known))
+        simple = searches[-1].begin()
+        began += [] if simple is None else [simple]
+    reached = _searched(searches, began, tell)
+    worthy = next((one for one in reached if one is not first and one.better_than(first)), None)
+    if worthy is None and is_enough:
+        return None
+    best = worthy or first
+    before_rpm = held_out.errors(alone)[1]
+    names, covariance = joint_covariance(best.fitted, best.base, best.inflation)
+    of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
+    stated = {
+        "wheel": {"names": list(COEFFICIENTS), "covariance": of_law.tolist()},
+        "effects": best.intervals(),
+        "joint": {"names": names, "covariance": covariance.tolist()},
+    }
+    model = replace(best.model, uncertainty={**best.model.uncertainty, **stated})
+    return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
+
+
+def _searched(searches: Sequence[_Search], began: Sequence[Reached], tell: Progress) -> list[Reached]:
+    """Return the sets of effects that were the best ones while they grew from starts, the last one first.
+
+    Each start belongs to one of the searches.
+    """
+    beam, best, stale = list(began), began[0], 0
+    bests = [best]
     for size in range(_MOST):
         tell(f"effect {size + 1}")
         before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
         stale = 0 if size == 0 or best is not before else stale + 1
+        bests += [best] if best is not before else []
         if stale == _PATIENCE:
             break
         grown = [
@@ -152,68 +180,8 @@ def find_drive_effects(
         if not beam:
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
-    best = next(search for search in searches if search.base is best.base).pruned(best)
-    worthy = best is not first and best.better_than(first)
-    if not worthy and is_enough:
-        return None
-    best = best if worthy else first
-    before_rpm = _rms(held_out, alone)
-    names, covariance = joint_covariance(best.fitted, best.base, best.inflation)
-    of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
-    stated = {
-        "wheel": {"names": list(COEFFICIENTS), "covariance": of_law.tolist()},
-        "effects": best.intervals(),
-        "joint": {"names": names, "covariance": covariance.tolist()},
-    }
-    model = replace(best.model, uncertainty={**best.model.uncertainty, **stated})
-    return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
-
-
-@dataclass(frozen=True, eq=False)
-class _Reached:
-    """Law and effects after a round."""
-
-    base: Model
-    fitted: Fitted[LawWithEffects]
-    parameter_count: int
-    """All parameters that were fitted to these logs, the gain of the starting law included."""
-    held_out_rpm: float
-
-    @property
-    def model(self) -> Model:
-        return self.fitted.candidate.model(self.base, self.fitted.place)
-
-    @property
-    def inflation(self) -> float:
-        return max(1.0, self.fitted.cost / self.fitted.residual.size)
-
-    def price(self, inflation: float) -> float:
-        """Return the BIC for residuals of a variance of `inflation`, and what each effect must add."""
-        samples = self.fitted.residual.size
-        effects = len(self.fitted.candidate.effects.names)
-        return self.fitted.cost / inflation + self.parameter_count * math.log(samples) + EVIDENCE * effects
-
-    def better_than(self, other: _Reached) -> bool:
-        """Return whether this is worth its parameters: by BIC, and on the validation runs."""
-        samples = self.fitted.residual.size
-        gain = (other.fitted.cost - self.fitted.cost) / self.inflation
-        price = (self.parameter_count - other.parameter_count) * math.log(samples)
-        more = max(1, len(self.model.effects) - len(other.model.effects))
-        agrees = self.held_out_rpm < (1.0 - WORTH) ** more * other.held_out_rpm
-        return gain - price > EVIDENCE and agrees
-
-    def intervals(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Return effect -> parameter -> value and 90 % interval, as a model file states them."""
-        effects, count = self.fitted.candidate.effects, self.fitted.candidate.law.parameter_count
-        spread = np.sqrt(np.diag(self.fitted.covariance(self.inflation)))[count:] * _NORMAL_90
-        place = self.fitted.place[count:]
-        found: dict[str, dict[str, dict[str, float]]] = {}
-        for effect, intervals in effects.intervals(place, place - spread, place + spread).items():
-            for parameter, ends in intervals.items():
-                if all(map(math.isfinite, ends)):
-                    values = dict(zip(("value", "low", "high"), ends, strict=True))
-                    found.setdefault(effect, {})[parameter] = values
-        return found
+    pruned = next(search for search in searches if search.base is best.base).pruned(best)
+    return list(dict.fromkeys([pruned, best, *reversed(bests)]))
 
 
 class _Search:
@@ -223,7 +191,7 @@ class _Search:
         self,
         law: Model,
         whitener: Whitener,
-        held_out: Observations,
+        held_out: HeldOut,
         largest_pole: float,
         known: Mapping[str, Effect],
     ) -> None:
@@ -234,20 +202,30 @@ class _Search:
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
 
-    def begin(self) -> _Reached | None:
+    def begin(self) -> Reached | None:
         """Return the law fitted again by these residuals, with the effects that it came with."""
         names = [name for name in self.base.effects if name in self.known]
         law = RefittedLaw(self.base, largest_pole=self.largest_pole)
         candidate = LawWithEffects(law, self._set(names))
         return self._reached(candidate, candidate.start())
 
-    def grown(self, reached: _Reached) -> list[_Reached]:
+    def simple_drive(self, alone: Model) -> Model:
+        """Return the simple drive that explains these logs best; the rest is as in the law `alone`."""
+
+        def cost(model: Model) -> float:
+            residual = self.problem.residual(model)
+            return math.inf if residual is None else float(residual @ residual)
+
+        names = [name for name in SIMPLE_DRIVE if name in self.known]
+        return simple_drive(alone, self._set(names), self.largest_pole, cost)
+
+    def grown(self, reached: Reached) -> list[Reached]:
         """Return the sets with one effect more that promise most, fitted."""
         promising = sorted(self._promising(reached), key=lambda item: item[0])[:_FITTED]
         fitted = (self._reached(candidate, place) for _, candidate, place in promising)
         return [one for one in fitted if one is not None]
 
-    def pruned(self, reached: _Reached) -> _Reached:
+    def pruned(self, reached: Reached) -> Reached:
         """Return the set without effects that are not worth their price, the least useful first."""
         names = reached.fitted.candidate.effects.names
         inflation = reached.inflation
@@ -259,7 +237,7 @@ class _Search:
                 smaller.append(found)
         return self.pruned(min(smaller, key=lambda one: one.price(inflation))) if smaller else reached
 
-    def _reached(self, candidate: LawWithEffects, place: FloatArray) -> _Reached | None:
+    def _reached(self, candidate: LawWithEffects, place: FloatArray) -> Reached | None:
         function = marginal_function(self.problem, candidate)
         reached = descend_steeply(function, place, step=SMOOTH_STEP)
         if reached is None:
@@ -270,11 +248,11 @@ class _Search:
         found = Fitted(candidate, reached.place, reached.residual, reached.jacobian)
         model = candidate.model(self.base, found.place)
         try:
-            held_out_rpm = _rms(self.held_out, model)
+            held_out = self.held_out.errors(model)
         except MecanumError:
             # Held-out commands may drive a model astray that the fit runs do not.
             return None
-        return _Reached(self.base, found, candidate.parameter_count, held_out_rpm)
+        return Reached(self.base, found, candidate.parameter_count, *held_out)
 
     def _set(self, names: Sequence[str]) -> EffectSet:
         """Return effects with free parameters whose bounds are as wide as these logs allow."""
@@ -300,7 +278,7 @@ class _Search:
             return replace(one, high=max(one.high, self._top_rpm / _SHORTEST_RISE_S))
         return one
 
-    def _promising(self, reached: _Reached) -> Iterator[tuple[float, LawWithEffects, FloatArray]]:
+    def _promising(self, reached: Reached) -> Iterator[tuple[float, LawWithEffects, FloatArray]]:
         """Yield for each further effect the cost that linear least squares expects, and where to start."""
         fitted, scale = reached.fitted, self.problem.study.scale
         orthogonal = np.linalg.qr(fitted.jacobian)[0]
@@ -333,15 +311,15 @@ class _Search:
                 yield best[0], candidate, best[1]
 
 
-def _best_ones(grown: Sequence[_Reached], inflation: float) -> list[_Reached]:
+def _best_ones(grown: Sequence[Reached], inflation: float) -> list[Reached]:
     """Return the best of some sets, each set of effects once."""
-    found: dict[tuple[str, ...], _Reached] = {}
+    found: dict[tuple[str, ...], Reached] = {}
     for one in sorted(grown, key=lambda one: one.price(inflation)):
         found.setdefault(tuple(sorted(one.fitted.candidate.effects.names)), one)
     return list(found.values())[:_BEAM]
 
 
-def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
+def _without(reached: Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
     """Return a set without one of its effects, and where it was fitted."""
     old = reached.fitted.candidate
     kept = [i for i, one in enumerate(old.effects.coordinates) if one.effect != name]
@@ -349,10 +327,3 @@ def _without(reached: _Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
     count = old.law.parameter_count
     place = np.concatenate([reached.fitted.place[:count], reached.fitted.place[count:][kept]])
     return LawWithEffects(old.law, effects), place
-
-
-def _rms(observations: Observations, model: Model) -> float:
-    """Return the rms error of a model in rpm, over the means of repeats."""
-    predicted = Simulator(observations).predictions(model)
-    parts = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
-    return rms(np.concatenate(parts))

@@ -11,7 +11,7 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
-from sysid.compare.phases import likely_frequencies
+from sysid.compare.phases import likely_frequencies, with_unknown_phases
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.gap.search.responses import responses
@@ -91,3 +91,17 @@ def test_the_residual_says_which_frequency_to_try() -> None:
     predictions = problem.simulators.full.predictions(MODEL)
     blocks, rows = problem.observations.blocks, problem.whitener.slices
     assert likely_frequencies(problem.base_residual, predictions, blocks, rows, 1) == (18,)
+
+
+def test_a_phase_that_cancels_a_huge_residual_costs_nothing_below_zero() -> None:
+    logs = turned_logs("torque_ripple", torque_n_m=0.3, per_turn=6.0)
+    problem = problem_of(logs)
+    model = MODEL.with_effect("torque_ripple", torque_n_m=0.3, per_turn=6.0, phase_deg=0.0)
+    shape = np.cos(0.1 * np.arange(problem.size) + 0.3) * 1e9
+
+    def residual_of(turned: Model) -> np.ndarray:
+        return shape * (1.0 + np.cos(np.radians(turned.effects["torque_ripple"]["phase_deg"] + 10.0)))
+
+    blocks, rows = problem.observations.blocks, problem.whitener.slices
+    found = with_unknown_phases(residual_of, model, blocks, rows)
+    assert np.all(np.isfinite(found))

@@ -122,3 +122,13 @@ def test_a_gain_is_not_imitated_by_a_pole_that_no_hold_shows(paper_module):
     held_s = np.arange(600) * SAMPLE_S
     speeds = [replay_bench(model, held_s, np.full(600, 100.0))[-1] for model in (true, found)]
     assert speeds[1] == pytest.approx(speeds[0], abs=2.0)
+
+
+def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):
+    true = paper_module.with_effect("command_latency", delay_s=0.12)
+    true = true.with_effect("acceleration_limit", limit_rpm_s=350.0)
+    fit = fit_dataset(logs(true), FitOptions(starts=2))
+    model = fitted_model(fit)
+    assert model.effects["command_latency"]["delay_s"] == pytest.approx(0.12, abs=0.02)
+    assert model.effects["acceleration_limit"]["limit_rpm_s"] == pytest.approx(350.0, rel=0.05)
+    assert fit.drive_effects.after_rpm < 0.2 * fit.drive_effects.before_rpm

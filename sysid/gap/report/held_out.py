@@ -23,10 +23,12 @@ from sysid.compare.prediction import POSE, Study, predict
 from sysid.compare.problem import ResidualProblem
 from sysid.compare.samples import Samples, samples_of
 from sysid.compare.simulator import Simulator
+from sysid.gap.findings import Findings
 from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay, Since
 from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats
 from sysid.logs.runs import UNITS
@@ -147,7 +149,8 @@ def found_effects(
         return ()
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
-    low, high = interval_ends(problem, fitted, decision.facts.inflation)
+    correlation = THRESHOLDS.interval_correlation
+    low, high = interval_ends(problem, fitted, decision.facts.inflation, correlation)
     found = candidate.intervals(fitted.place, low, high)
     intervals = {name: {p: Interval(*ends) for p, ends in bounds.items()} for name, bounds in found.items()}
     for name, parameter, number in candidate.fixed:
@@ -164,6 +167,28 @@ def found_effects(
             since.get(name, "unknown"),
         )
         for name, parameters in intervals.items()
+    )
+
+
+def found_before(problem: ResidualProblem, found: Findings) -> tuple[FoundEffect, ...]:
+    """Return the effects that were there already, as the logs of the fit size them.
+
+    Those that the chosen set has at a new size are left out.
+    """
+    chosen = found.decision.chosen
+    new = {cause_of(name) for name in chosen.names} if chosen else set()
+    model = problem.base
+    return tuple(
+        FoundEffect(
+            name,
+            parameters := {key: Interval(*ends) for key, ends in bounds.items()},
+            1.0,  # Every resample is searched beside it.
+            _droop(name, parameters, model, problem.study.scale.top_rpm),
+            stiffness_is_known(model),
+            since="already when fitted",
+        )
+        for name, bounds in found.there.items()
+        if cause_of(name) not in new
     )
 
 

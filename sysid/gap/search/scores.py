@@ -139,20 +139,22 @@ def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> b
 
 
 def interval_ends(
-    problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float
+    problem: ResidualProblem,
+    fitted: Fitted[EffectSet],
+    inflation: float,
+    correlation: float = THRESHOLDS.systematic_correlation,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1.
+    """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1 and beyond.
 
     An interval is the wider of two: that of the linearised fit, which includes noise, the model's own error,
-    the `inflation` and the unexplained residual (`systematic_correlation`); and that of the groups, from how
+    the `inflation`, the unexplained residual and the error that the formulas may have, both with this
+    `correlation` with the response to a parameter; and that of the groups, from how
     much each of them would move the estimate (Liang and Zeger, Biometrika 73:13, 1986), which assumes nothing
     about the errors. Where the cost has no slope (a threshold between two commands) it reaches as far as the
     cost does not rise.
     """
     tail = 0.5 * (1.0 + THRESHOLDS.interval_level)
-    explained = float(np.sum((problem.marginal(problem.base_residual) - fitted.residual) ** 2))
-    left = max(0.0, fitted.cost - problem.size) + THRESHOLDS.formula_error**2 * explained
-    variance = np.diag(fitted.covariance(inflation + THRESHOLDS.systematic_correlation**2 * left))
+    variance = np.diag(fitted.covariance(_variance(problem, fitted, inflation, correlation)))
     half = norm.ppf(tail) * np.sqrt(variance)
     masks = group_masks(problem)
     if len(masks) >= THRESHOLDS.fewest_groups:
@@ -174,13 +176,60 @@ def interval_ends(
 
 
 def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float) -> tuple[str, ...]:
-    """Return the effects of a set of which no parameter is surely away from neutral.
+    """Return the effects of a set that may as well be none.
 
-    `inflation` is the residual variance of the best fit relative to the expected one.
+    No parameter of such an effect is surely away from neutral. Of several parameters each may be vague where
+    the effect as a whole is not, such as a share that is reached after an unknown time; the whole is sure if
+    the runs agree that it is there, at whatever size. `inflation` is the residual variance of the best fit
+    relative to the expected one.
     """
     low, high = interval_ends(problem, fitted, inflation)
     neutral = fitted.candidate.start()
     clear = (neutral < low) | (neutral > high)
     owners = fitted.candidate.owners
     sure = {effect for effect, is_clear in zip(owners, clear, strict=True) if is_clear}
-    return tuple(name for name in fitted.names if name not in sure)
+    vague = [name for name in fitted.names if name not in sure]
+    return tuple(
+        name
+        for name in vague
+        if owners.count(name) < 2 or not _surely_there(problem, fitted, name, inflation)
+    )
+
+
+def _surely_there(problem: ResidualProblem, fitted: Fitted[EffectSet], name: str, inflation: float) -> bool:
+    """Return whether the share of an effect, 1 as fitted and 0 without it, is surely above 0.
+
+    Its interval is found as in `interval_ends`, with the other effects free.
+    """
+    candidate = fitted.candidate
+    others = np.array([owner != name for owner in candidate.owners], bool)
+    without = candidate.only([other for other in fitted.names if other != name])
+    residual = problem.residual(without.model(problem.base, fitted.place[others]))
+    if residual is None:
+        return False
+    response = problem.marginal(residual) - fitted.residual
+    basis = np.linalg.qr(fitted.jacobian[:, others])[0]
+    response = response - basis @ (basis.T @ response)
+    square = float(response @ response)
+    if square == 0.0:
+        return False
+    tail = 0.5 * (1.0 + THRESHOLDS.interval_level)
+    half = norm.ppf(tail) * math.sqrt(_variance(problem, fitted, inflation) / square)
+    masks = group_masks(problem)
+    if len(masks) >= THRESHOLDS.fewest_groups:
+        moves = np.array([response[mask] @ fitted.residual[mask] for mask in masks]) / square
+        spread = math.sqrt(float(np.sum(moves**2)) * len(masks) / (len(masks) - 1))
+        half = max(half, t.ppf(tail, len(masks) - 1) * spread)
+    return bool(half < 1.0)
+
+
+def _variance(
+    problem: ResidualProblem,
+    fitted: Fitted[Any],
+    inflation: float,
+    correlation: float = THRESHOLDS.systematic_correlation,
+) -> float:
+    """Return the variance of the residual that the intervals of a fit allow for, relative to the noise."""
+    explained = float(np.sum((problem.marginal(problem.base_residual) - fitted.residual) ** 2))
+    left = max(0.0, fitted.cost - problem.size) + THRESHOLDS.formula_error**2 * explained
+    return inflation + correlation**2 * left

@@ -1,45 +1,112 @@
 """Whether an effect is new since the model was fitted: a comparison with the logs of the fit.
 
-An effect that the fit left out is in the logs of the fit, too: these then fit better with it than without it,
-whatever the law. If they fit worse with it, it came later.
+Two explanations of an effect that was found in new logs compete: it came later, or it was there already and
+the fit left it out. In the first case the logs of the fit are explained by the law without it; in the second
+by a law beside it, fitted again, and this law must hold in the new logs, too. The smaller sum of the costs of
+both sets of logs decides. Where the sums are alike, as for a limit that the logs of the fit never reach, the
+logs do not tell.
+
+Effects that were there already are put into the model, with the law fitted again beside them, and the study
+is repeated: what is left is new.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.stats import norm
+
 from mecanum_env.model import Model
-from sysid.compare.coordinates import EffectSet
+from sysid.compare.adopted import as_fitted
+from sysid.compare.coordinates import Bounds, EffectSet
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
+from sysid.compare.joint import LawWithEffects
 from sysid.compare.learned import Learned
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Since
 from sysid.gap.search.thresholds import THRESHOLDS
 
+_LAW_STEPS: Final = 8
+_JOINT_STEPS: Final = 20
 
-def since_of(learned: Learned, chosen: Fitted[EffectSet]) -> dict[str, Since]:
-    """Return for each effect of a fitted set whether the logs of the model's fit show it, too.
 
-    `learned` is what these logs taught about the model that the set was fitted to.
+def since_of(problem: ResidualProblem, learned: Learned, chosen: Fitted[EffectSet]) -> dict[str, Since]:
+    """Return for each effect of a set, fitted to a `problem`, whether the logs of the model's fit show it.
+
+    `learned` is what these logs taught about the model.
     """
-    model = learned.model
-    whole = chosen.candidate.model(model, chosen.place)
-    without = _cost(learned, model)
-    found: dict[str, Since] = {}
+    whole = chosen.candidate.model(learned.model, chosen.place)
+    model = as_fitted(learned.model)
+    without = _law_beside(learned, model)
+    found: dict[str, Since] = dict.fromkeys(chosen.names, "unknown")
     for name in chosen.names:
         # Beside the effects of the model, this one alone; it takes the place of another form of its cause.
-        own = EffectSet((name,), ()).model(model, ())
-        there = _cost(learned, own.with_effect(name, **whole.effects[name]))
-        needed = THRESHOLDS.tie_sigmas**2
-        if without is None or there is None or abs(there - without) <= needed:
-            found[name] = "unknown"
-        else:
-            found[name] = "already when fitted" if there < without else "new"
+        own = EffectSet((name,), ()).model(model, ()).with_effect(name, **whole.effects[name])
+        beside = _law_beside(learned, own)
+        if without is None or beside is None:
+            continue
+        residual = problem.residual(beside.candidate.model(whole, beside.place))
+        if residual is None:
+            continue
+        there = float(np.sum(problem.marginal(residual) ** 2))
+        rise = beside.cost + there - without.cost - chosen.cost
+        if abs(rise) > THRESHOLDS.tie_sigmas**2:
+            found[name] = "new" if rise > 0.0 else "already when fitted"
     return found
 
 
-def _cost(learned: Learned, model: Model) -> float | None:
-    """Return the cost of a model in the logs of the fit, with its law fitted again; None without a fit."""
-    study = learned.simulators.full.study
-    problem = ResidualProblem(model, learned.whitener, study, learned.simulators, learned.before())
+@dataclass(frozen=True, eq=False)
+class Completion:
+    """A model with effects that the logs of its fit show, which it lacked."""
+
+    model: Model
+    effects: dict[str, dict[str, Bounds]]
+    """Effect -> parameter -> value and the ends of its 90 % interval, from the logs of the fit."""
+
+
+def completed(learned: Learned, chosen: Fitted[EffectSet], names: Sequence[str]) -> Completion | None:
+    """Return the model with the effects `names` of a set, fitted with the law to the logs of the model's fit.
+
+    Returns None where that does not explain these logs better than the law alone, fitted again.
+    """
+    model = learned.model
+    mine = [index for index, owner in enumerate(chosen.candidate.owners) if owner in names]
+    effects = EffectSet(
+        tuple(name for name in chosen.names if name in names),
+        tuple(chosen.candidate.coordinates[index] for index in mine),
+        tuple(one for one in chosen.candidate.fixed if one[0] in names),
+    )
+    candidate = LawWithEffects(RefittedLaw(model), effects)
+    start = np.concatenate([candidate.law.start(), chosen.place[mine]])
+    then = as_fitted(model)
+    found = fit(_problem(learned, then), candidate, start, most=_JOINT_STEPS)
+    without = _law_beside(learned, then)
+    if found is None or without is None or found.cost > without.cost - THRESHOLDS.tie_sigmas**2:
+        return None
+    count = candidate.law.parameter_count
+    tail = 0.5 * (1.0 + THRESHOLDS.interval_level)
+    half = norm.ppf(tail) * np.sqrt(np.diag(found.covariance())[count:])
+    place = found.place[count:]
+    intervals = effects.intervals(place, place - half, place + half)
+    for name, parameter, number in effects.fixed:
+        intervals[name].setdefault(parameter, (number, number, number))
+    return Completion(candidate.model(model, found.place), intervals)
+
+
+def _law_beside(learned: Learned, model: Model) -> Fitted[RefittedLaw] | None:
+    """Return the law fitted again to the logs of the fit, beside the effects of a model; None without a fit.
+
+    The cost of a model that cannot be simulated there is not known.
+    """
     rival = RefittedLaw(model)
-    found = fit(problem, rival, rival.start(), most=8)
-    return None if found is None else found.cost
+    found = fit(_problem(learned, model), rival, rival.start(), most=_LAW_STEPS)
+    return found if found is not None and math.isfinite(found.cost) else None
+
+
+def _problem(learned: Learned, model: Model) -> ResidualProblem:
+    study = learned.simulators.full.study
+    return ResidualProblem(model, learned.whitener, study, learned.simulators, learned.before())

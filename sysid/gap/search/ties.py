@@ -72,6 +72,36 @@ def with_causes(
     return tied(search, floor, chosen, rivals, inflation)
 
 
+def with_fewer(
+    search: Search, floor: Floor, as_good: Sequence[ScoredSet], judged: Sequence[ScoredSet], inflation: float
+) -> tuple[ScoredSet, ...]:
+    """Return the sets `as_good` and, behind them, sets of fewer effects that may only have crude formulas.
+
+    A second effect is often what the formula of the first one lacks. Sets of one size less count, by turns
+    down to single effects, that leave at most the square of `crude_formula` of what the chosen set explains,
+    unless the chosen set reaches the noise, which imperfect formulas do not. `judged` are all sets, and
+    `inflation` is as in `tied`.
+    """
+    if not as_good or len(as_good[0].names) == 1:
+        return tuple(as_good)
+    problem, chosen = search.problem, as_good[0]
+    explained = search.base.cost - chosen.fitted.cost
+    found = list(as_good)
+    for size in range(len(chosen.names) - 1, 0, -1):
+        near = [
+            one
+            for one in judged
+            if len(one.names) == size
+            and one.fitted.cost <= chosen.fitted.cost + THRESHOLDS.crude_formula**2 * explained
+            and formula_error(problem, floor, chosen.fitted, one.fitted) == THRESHOLDS.formula_error
+            and not is_description(one)
+            and not rises(problem, search.base, one.fitted)
+            and not doubtful(problem, one.fitted, inflation)
+        ]
+        found += sorted(near, key=lambda one: (one.score, one.names))
+    return tuple(found)
+
+
 def is_description(one: ScoredSet) -> bool:
     """Return whether a set has an effect that stands for whatever has no simpler name."""
     return any(CATALOGUE[name].search_from is not None for name in one.names if name in CATALOGUE)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.effects.definition import Effect, PlantKind, Values
 from mecanum_env.model import Model, cause_of
 
@@ -62,7 +63,9 @@ def choices_for(model: Model, plant: PlantKind, *, measured: bool) -> tuple[Choi
         if name in model.effects:
             found.append(Choice(name, dict(model.effects[name]), True, why_not))
         elif name in _COMMON and cause_of(name) not in causes and effect.realistic and not why_not:
-            found.append(Choice(name, dict(effect.realistic(model)), False))
+            values = dict(effect.realistic(model))
+            if plant != "bench" or _seen_on_one_wheel(effect, values, model):
+                found.append(Choice(name, values, False))
     return tuple(found)
 
 
@@ -84,3 +87,11 @@ def _why_not(effect: Effect, plant: PlantKind, *, measured: bool) -> str:
     if not measured and not effect.changes_motion:
         return "it changes what is measured, not the motion; a replay of a log shows it"
     return ""
+
+
+def _seen_on_one_wheel(effect: Effect, values: Values, model: Model) -> bool:
+    """Return whether an effect of these sizes changes the wheel on the bench, which is none of the four."""
+    if effect.change_drive is None:
+        return True
+    drive = drive_parameters(model)
+    return effect.change_drive(drive, values, None) != drive

@@ -62,7 +62,7 @@ class Picture:
         return bool(qpos.size == self._model.nq)
 
     def jpeg(self, qpos: FloatArray, camera: Camera, ghost: FloatArray | None = None) -> bytes:
-        """Return a picture of the robot at positions `qpos` (nq,), and a `ghost` at others, as a JPEG file."""
+        """Return a JPEG file of the robot at positions `qpos` (nq,), and of a `ghost` at others."""
         _place(self._model, self._robot, qpos)
         self._renderer.update_scene(self._robot, self._seen_from(camera))
         if ghost is not None:

@@ -17,9 +17,6 @@ import pytest
 from mecanum_env.errors import BackendError
 from mecanum_env.rendering.backend import choose_backend
 
-pytest.importorskip("websockets", minversion="13", reason='the view needs ".[view]"')
-from websockets.sync.client import connect
-
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 
 
@@ -110,6 +107,8 @@ class Page:
 @pytest.fixture(scope="module")
 def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Page]:
     """Return a tab of a headless browser; skip without one. CI installs one: there it must run."""
+    from websockets.sync.client import connect
+
     browser = next(filter(None, map(shutil.which, NAMES)), None)
     if browser is None and not os.environ.get("CI"):
         pytest.skip("no chromium here to open the page with")

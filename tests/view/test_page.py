@@ -4,6 +4,8 @@ from pathlib import Path
 
 import pytest
 
+pytest.importorskip("websockets", minversion="13", reason='the view needs ".[view]"')
+
 LOGS = Path(__file__).parents[2] / "examples" / "logs"
 LOG = str(LOGS / "random_hold_a_1.csv")
 OVERLAPS = """(() => {

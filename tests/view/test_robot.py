@@ -98,6 +98,12 @@ def test_a_sensors_effect_says_why_driving_does_not_show_it(paper):
     assert first_on([choice]) == frozenset()
 
 
+def test_differences_between_wheels_are_not_offered_for_one_wheel(paper):
+    names = [choice.name for choice in choices_for(paper, "bench", measured=True)]
+    assert "wheel_gain_mismatch" not in names
+    assert "backlash" in names
+
+
 def test_what_is_offered_is_in_the_order_of_the_chain(paper):
     names = [choice.name for choice in choices_for(paper, "rollers", measured=False)]
     assert names == [name for name in CATALOGUE if name in names]

@@ -1,6 +1,7 @@
 """Who gets in, and how the program starts and ends."""
 
 import json
+import re
 import socket
 import subprocess
 import sys
@@ -8,6 +9,8 @@ import urllib.error
 import urllib.request
 
 import pytest
+
+pytest.importorskip("websockets", minversion="13", reason='the view needs ".[view]"')
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
@@ -123,3 +126,13 @@ def test_ctrl_c_ends_it_without_a_traceback(start_view):
     with connect(view.url.replace("http", "ws") + "live", origin=view.url.rsplit("/", 2)[0]) as page:
         page.recv(timeout=20)
         assert view.interrupt() == (0, "")
+
+
+def test_without_its_library_the_view_says_what_to_install():
+    program = (
+        "import sys; sys.modules['websockets'] = None; sys.argv = ['view', '--no-browser']; "
+        "from mecanum_env.cli import run; from mecanum_env.view.__main__ import view; sys.exit(run(view))"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=120)
+    assert done.returncode > 1
+    assert re.fullmatch(r"error: the view needs websockets 13 or newer: `pip install .*\n", done.stderr)

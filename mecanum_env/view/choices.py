@@ -94,4 +94,4 @@ def _seen_on_one_wheel(effect: Effect, values: Values, model: Model) -> bool:
     if effect.change_drive is None:
         return True
     drive = drive_parameters(model)
-    return effect.change_drive(drive, values, None) != drive
+    return effect.change_drive(drive, effect.complete(values, model), None) != drive

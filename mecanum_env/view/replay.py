@@ -78,7 +78,8 @@ def read_log(path: Path) -> Log:
         InputError: it cannot be read, has no commands, or nothing measured; the message names what is wrong.
     """
     if not path.is_file():
-        raise InputError(f"{path}: no such file; --log takes one log, such as examples/logs/step_080_1.csv")
+        what = "is a folder" if path.is_dir() else "no such file"
+        raise InputError(f"{path}: {what}; --log takes one log, such as @examples/logs/step_080_1.csv")
     table = read_table(path)
     _check_stamps(table)
     bench = "command_rpm" in table.names

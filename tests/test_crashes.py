@@ -62,6 +62,11 @@ class Found:
     text: str = ""
 
 
+@dataclass
+class Report:
+    model: None = None
+
+
 LOGS = {"sysid.logs.read_dataset": nothing, "sysid.logs.quantities.require_our_units": nothing}
 COMMANDS = {
     "fit": ("sysid.fit.__main__", "fit", ["logs"], LOGS | {
@@ -79,7 +84,8 @@ COMMANDS = {
         "sysid.logs.quantities.require_our_units": nothing,
         "sysid.gap.search.data.require_valid": nothing,
         "sysid.logs.of_fit.logs_of_fit": lambda *_: (None, ""),
-        "sysid.gap.workflow.analyse": nothing,
+        "sysid.gap.workflow.analyse": lambda *_: Report(),
+        "sysid.logs.of_fit.seen_from": nothing,
         "sysid.gap.report.output.write_study": study,
         "sysid.gap.report.output.gap_table": words,
     }),
@@ -113,11 +119,12 @@ COMMANDS = {
         "sysid.logs.plan.protocol._settings": words,
         "sysid.logs.plan.protocol.protocol": words,
     }),
-    "import": ("sysid.logs.__main__", "import_bags", ["drive.bag", "other.bag"], {
-        "sysid.logs.bags.import_bag": lambda *_, **__: SimpleNamespace(
-            columns={"time_s": np.arange(3.0)}, choice=SimpleNamespace(topics={}), clock="header"),
+    "import": ("sysid.logs.__main__", "import_logs", ["drive.bag", "other.bag"], {
+        "sysid.logs.formats.sources.import_source": lambda source, *_, **__: [
+            SimpleNamespace(name=source.stem, columns={"time_s": np.arange(3.0)}, said="words")],
         "sysid.logs.reader.read_dataset": nothing,
-        "sysid.logs.__main__.describe": words,
+        "sysid.logs.describe.describe": words,
+        "sysid.logs.describe.dataset_json": nothing,
     }),
     "paper_gap": ("sysid.studies.paper_gap.__main__", "main", [], {
         "sysid.studies.paper_gap.study.paper_gap": nothing,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from mecanum_env.markdown import markdown_table
-from mecanum_env.report import figure, report_available, write_page
+from mecanum_env.report import figure, write_page
 
 HOSTILE = (
     "<script>alert(1)</script>",
@@ -44,9 +44,6 @@ def require_harmless(hostile: Path, plain: Path) -> None:
     one, other = markup_of(hostile), markup_of(plain)
     assert one.elements == other.elements
     assert one.handlers == other.handlers
-
-
-pytestmark = pytest.mark.skipif(not report_available(), reason="pages need jinja2 and plotly")
 
 
 @pytest.mark.parametrize("name", HOSTILE)

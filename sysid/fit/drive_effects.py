@@ -139,6 +139,9 @@ def find_drive_effects(
         simple = searches[-1].begin()
         began += [] if simple is None else [simple]
     reached = _searched(searches, began, tell)
+    if first.inflation <= _FAR:
+        # Beside a law that leaves little, a set that is not the best one either is no finding.
+        reached = reached[:1]
     worthy = next((one for one in reached if one is not first and one.better_than(first)), None)
     if worthy is None and is_enough:
         return None

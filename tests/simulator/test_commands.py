@@ -85,7 +85,7 @@ def test_a_log_can_be_driven_again(tmp_path):
     ("text", "said"),
     [
         (BODY + "0,80,zero,0\n", "line 2: command_theta_deg = 'zero', must be a number"),
-        (BODY + "0,80,0,0\n1,80,0,0\n1,0,0,0\n", "line 4: time_s = 1 after 1"),
+        (BODY + "0,80,0,0\n1,80,0,0\n1,0,0,0\n", "line 4: time_s = 1.0 after 1.0"),
         (BODY + "0,80,0,0\n,80,0,0\n", "line 3: time_s is missing"),
         (BODY + "0,80,0,inf\n", "line 2: command_vc_rpm = inf"),
         (

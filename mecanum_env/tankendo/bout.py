@@ -194,6 +194,5 @@ def duel_arena(
         require_number("timestep_s", timestep_s, 0.0, strict=True)
     if "task" in task:
         raise InputError(f"task = {task['task']!r}: a bout of two robots has no other task")
-    return DuelArena(
-        setting_of(**task, task="duel"), compile_pair(model_of(model), plant, timestep_s), bouts, threads
-    )
+    task["task"] = "duel"
+    return DuelArena(setting_of(**task), compile_pair(model_of(model), plant, timestep_s), bouts, threads)

@@ -85,7 +85,7 @@ class MecanumTankendoDuel(ParallelEnv):  # type: ignore[misc]
         **task: Unpack[TaskArguments],
     ) -> None:
         if render_mode is not None:
-            require_one_of("render_mode", render_mode, self.metadata["render_modes"])
+            require_one_of("render_mode", render_mode, ["rgb_array"])
         self.render_mode = render_mode
         self.arena = duel_arena(1, model=model, plant=plant, timestep_s=timestep_s, **task)
         self.plant: RobotPlant = plant

@@ -8,7 +8,7 @@ second one's is turned by half a turn. In its own frame each player starts on th
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Final
+from typing import Final, TypeVar
 
 import mujoco
 import numpy as np
@@ -21,6 +21,7 @@ from mecanum_env.simulator.body_limits import BodyLimits
 from mecanum_env.tankendo.plant import DEFAULT_TIMESTEP_S, Compiled, RobotBatch, compiled_model
 from mecanum_env.units import FloatArray
 
+_Value = TypeVar("_Value", bound=np.generic)
 SECOND: Final = "second_"
 """Before the names of the second robot's bodies, joints, actuators and sensors."""
 
@@ -50,7 +51,7 @@ def turned(motion: FloatArray) -> FloatArray:
     return np.stack([-x, -y, yaw + np.pi, -vx, -vy, rate])
 
 
-def others(values: npt.NDArray[np.generic]) -> npt.NDArray[np.generic]:
+def others(values: npt.NDArray[_Value]) -> npt.NDArray[_Value]:
     """Return the values of all players, shape (..., 2n), each in the place of the player's opponent."""
     return np.roll(values, values.shape[-1] // 2, axis=-1)
 

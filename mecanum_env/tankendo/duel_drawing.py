@@ -27,6 +27,10 @@ _HELD: Final = ("bamboo", "leather")
 def duel_model(arena: DuelArena, plant: RobotPlant) -> mujoco.MjModel:
     """Compile both robots of an arena on its plant, with all that is seen; the second one is blue."""
     model = compile_pair(arena.robots.model_of(0), plant, visuals=True).mj_model
+    # One light follows the first robot; with a second one the mat would be too bright.
+    for light in range(model.nlight):
+        follows = model.body(int(model.light_bodyid[light])).name.startswith(SECOND)
+        model.light_active[light] = not follows
     for geom in range(model.ngeom):
         material = int(model.geom_matid[geom])
         name = model.material(material).name if material >= 0 else ""

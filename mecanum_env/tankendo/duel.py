@@ -177,7 +177,8 @@ class MecanumTankendoDuel(ParallelEnv):  # type: ignore[misc]
             return None
         if self._painter is None:
             self._painter = DuelPainter(self.arena, self.plant)
-        return self._painter.frame()
+        frame: Frame = self._painter.frame()
+        return frame
 
     def close(self) -> None:
         """Close the renderer."""

@@ -91,8 +91,8 @@ def play_match(
 ) -> Result:
     """Let A, made by `first`, and B, made by `second`, fight a number of bouts.
 
-    Bouts 2 k and 2 k + 1 have the seed `first_seed` + k and exchanged sides: both controllers meet the same
-    start, the same openings' chance and the same noise. `arena` are arguments of `duel_arena`.
+    Bouts 2 k and 2 k + 1 have the seed `first_seed` + k, the second one with exchanged players: both meet the
+    same starts, the same chance of the swords and the same noise. `arena` are arguments of `duel_arena`.
 
     Raises:
         InputError: no bout at all, or arguments that the arena refuses.
@@ -103,18 +103,14 @@ def play_match(
     for start in range(0, bouts, _SIDE_BY_SIDE):
         numbers = range(start, min(start + _SIDE_BY_SIDE, bouts))
         world = duel_arena(len(numbers), action_mode="command", **arena)
-        a_first = [number % 2 == 0 for number in numbers]
         for place, number in enumerate(numbers):
             rng = np.random.default_rng(first_seed + number // 2)
             world.begin([place], [rng], swapped=number % 2 == 1)
-        sides = [(first, second) if is_first else (second, first) for is_first in a_first]
-        players = [pair[side](number) for side in (0, 1) for pair, number in zip(sides, numbers, strict=True)]
+        players = [make(number) for make in (first, second) for number in numbers]
         for ended in play_bouts(world, players):
             for bout in ended:
-                winner = world.results()[bout]
-                won[2 if winner == "draw" else int((winner == "first") != a_first[bout])] += 1
-                own, other = world.judge.points[:, bout]  # type: ignore[attr-defined]
-                points += (own, other) if a_first[bout] else (other, own)
+                won[("first", "second", "draw").index(world.results()[bout] or "draw")] += 1
+                points += world.judge.points[:, bout]  # type: ignore[attr-defined]
                 steps += int(world.step_count[bout])
     return Result(
         bouts, int(won[0]), int(won[1]), int(points[0]), int(points[1]), steps * world.step_s / bouts

@@ -73,7 +73,7 @@ class Bout(ForPoints):
         """Return where the player has driven into the other, shape (n,)."""
         scene = self.scenes.now
         closing = scene[3] * (scene[6] - scene[0]) + scene[4] * (scene[7] - scene[1])
-        return super()._clashed() & (closing >= others(closing) - _EQUAL)
+        return np.asarray(super()._clashed() & (closing >= others(closing) - _EQUAL))
 
     def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
         rules = self.rules

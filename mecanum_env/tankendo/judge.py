@@ -261,7 +261,7 @@ class Duel(ForPoints):
 
     def own_strikes(self) -> BoolArray:
         """Return where the robot's own sword strikes, shape (n,)."""
-        return np.isfinite(self.own_hit_s)
+        return np.asarray(np.isfinite(self.own_hit_s))
 
     def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
         rules, sword = self.rules, self.fighter.sword

@@ -27,7 +27,7 @@ def main(
 ) -> Done:
     """Let two controllers fight bouts, best of three; print who won what share.
 
-    Each seed is fought twice, with exchanged sides.
+    Each seed is fought twice, the second time with the players exchanged.
 
     Example: python -m training.duel retreat sidestep --episodes 100 --video bout.mp4
 

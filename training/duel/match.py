@@ -31,8 +31,7 @@ class Player:
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
-        is_policy = isinstance(controller, Policy)
-        self._size = controller.network.observation_size if is_policy else SIZE
+        self._size = controller.network.observation_size if isinstance(controller, Policy) else SIZE
 
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (23,)."""

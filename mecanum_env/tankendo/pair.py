@@ -46,7 +46,7 @@ def compile_pair(
 
 
 def turned(motion: FloatArray) -> FloatArray:
-    """Return poses and velocities, shape (6, m), of one player's frame in that of the other player."""
+    """Return the `motion` of players, poses and velocities (6, m), in the frames of their opponents."""
     x, y, yaw, vx, vy, rate = motion
     return np.stack([-x, -y, yaw + np.pi, -vx, -vy, rate])
 

@@ -28,6 +28,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "train": "training.train.__main__:main",
     "certify": "training.certify.__main__:main",
     "compare": "training.compare.__main__:main",
+    "duel": "training.duel.__main__:main",
     "record": "training.record.__main__:main",
     "export": "training.export.__main__:export",
     "run": "training.run.__main__:drive",

@@ -1,6 +1,6 @@
 from .bench import compile_bench, replay_bench
 from .commands import SCRIPTS, BodyCommands, Commands, WheelCommands, read_commands, scripted
-from .robot import RobotPlant, RobotSession, compile_plant, drive
+from .robot import RobotPlant, RobotSession, compile_plant, drive, plant_spec
 from .trajectory import SimulationDivergedError, Trajectory, step_through
 
 __all__ = [
@@ -15,6 +15,7 @@ __all__ = [
     "compile_bench",
     "compile_plant",
     "drive",
+    "plant_spec",
     "read_commands",
     "replay_bench",
     "scripted",

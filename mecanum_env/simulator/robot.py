@@ -40,10 +40,21 @@ def compile_plant(
     Raises:
         InputError: an effect that the plant cannot simulate, or an impossible inertia.
     """
+    return plant_spec(model, plant, timestep_s, visuals=visuals).compile()
+
+
+def plant_spec(
+    model: Model, plant: RobotPlant = "rollers", timestep_s: float | None = None, *, visuals: bool = True
+) -> mujoco.MjSpec:
+    """Return what `compile_plant` compiles for a model, plant and the same `visuals`, as a spec.
+
+    Raises:
+        InputError: an effect that the plant cannot simulate, or an impossible inertia.
+    """
     check_effects(model, plant)
     spec = robot_spec if plant == "rollers" else planar_spec
     after_limits = wheel_side(model) if limits_body(model) else model
-    return spec(after_limits, timestep_s, wheel_quantum=False, visuals=visuals).compile()
+    return spec(after_limits, timestep_s, wheel_quantum=False, visuals=visuals)
 
 
 def drive(

@@ -16,6 +16,10 @@
     build         arguments of `gymnasium.make` and `reset` -> episodes
     env, vector   Gymnasium's interfaces to one episode and to many
     drawing       pictures of an episode
+    pair          the physics of two robots in one model
+    bout          two commanded robots against each other: swords, rules, any number of bouts
+    duel          PettingZoo's interface to one bout
+    duel_drawing  pictures of a bout
 
 Arrays have the episode on their last axis, except where Gymnasium or MuJoCo want it first.
 """

@@ -80,6 +80,9 @@ class Arena:
         InputError: a time limit shorter than one step.
     """
 
+    _fighter: type[Fighter] = Fighter
+    _judges: Mapping[TaskName, type[Judge]] = _JUDGES
+
     def __init__(
         self, setting: TaskSetting, compiled: Robot, n: int, threads: int = 1, device: str | None = None
     ) -> None:
@@ -94,19 +97,17 @@ class Arena:
                 f"{self.step_s:g} s"
             )
         self._common = compiled
-        self.robots: RobotBatch | PlanarBatch = (
-            PlanarBatch(compiled, n, device)
-            if isinstance(compiled, PlanarRobot)
-            else RobotBatch(compiled, n, threads)
-        )
+        self.robots = self._open_robots(compiled, threads, device)
         drawn_from = setting.opponent if setting.opponents is None else setting.opponents
         self.chance = Chance(n, NOISY, drawn_from, setting.rules)
         oldest = max(setting.sensors.delay_s, drawn_from.sight_delay_s + self.step_s)
         if setting.senses is not None:
             oldest = max(oldest, longest_delay_s(setting.senses) + self.step_s)
         self.scenes = Scenes(n, self.step_s, oldest)
-        self.fighter = Fighter(n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s)
-        judge = _JUDGES[setting.task]
+        self.fighter = self._fighter(
+            n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s
+        )
+        judge = self._judges[setting.task]
         self.judge = judge(n, setting.rules, setting.weights, self.fighter, self.scenes, self.chance)
         self.instruments = Instruments(setting.sensors, self.step_s, self.judge.extra_observations)
         age_s = setting.sensors.delay_s
@@ -123,6 +124,12 @@ class Arena:
         """Whether an episode has ever begun in each row."""
         self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
         """Whether the last step brought a hit, a success, or the end of the episode."""
+
+    def _open_robots(self, compiled: Robot, threads: int, device: str | None) -> RobotBatch | PlanarBatch:
+        """Return the physics of all rows."""
+        if isinstance(compiled, PlanarRobot):
+            return PlanarBatch(compiled, self.n, device)
+        return RobotBatch(compiled, self.n, threads)
 
     def restart(
         self,
@@ -166,10 +173,7 @@ class Arena:
         """Begin the episodes that have been drawn in some rows, with a robot and an opponent each."""
         poses = self.chance.start_pose[:, at]
         self.robots.restart_rows(at, poses, given)  # type: ignore[arg-type]
-        scenes = np.zeros((11, len(at)))
-        scenes[:3], scenes[6:8], scenes[8] = poses, poses[:2], np.pi
-        scenes[6] += self.chance.start_distance[at]
-        self.scenes.restart(at, scenes)
+        self.scenes.restart(at, self._first_scenes(at))
         for row, opponent in zip(at.tolist(), opponents, strict=True):
             self.fighter.restart(row, opponent)
         self.judge.restart(at)
@@ -180,15 +184,30 @@ class Arena:
         self._shares[:, at], self.commands[at] = 0.0, 0.0
         self.hit[at] = self.succeeded[at] = self.ended[at] = False
 
+    def _first_scenes(self, at: RowArray) -> FloatArray:
+        """Return the scenes at the start of the episodes in some rows (m,), shape (11, m)."""
+        scenes, poses = np.zeros((11, len(at))), self.chance.start_pose[:, at]
+        scenes[:3], scenes[6:8], scenes[8] = poses, poses[:2], np.pi
+        scenes[6] += self.chance.start_distance[at]
+        return scenes
+
+    def _opponents(self, start_s: FloatArray) -> FloatArray:
+        """Return the opponents one step after `start_s` (n,), shape (5, n): here they follow their script.
+
+        The robots have moved by then; the newest scene is still that of the start.
+        """
+        judge = self.judge
+        return self.fighter.walk(start_s, judge.stands(), judge.walk_velocity(start_s))
+
     def step(self, actions: npt.NDArray[np.floating]) -> Step:
         """Send one command to each robot by its action, shape (n, 3), and simulate one command period."""
         start_s = self.time_s()
         fighter, judge = self.fighter, self.judge
         commands = action_to_command(actions, self.setting.action_mode, self._quantum_rpm)
         fighter.decide(start_s, judge.may_strike(start_s))
-        opponent = fighter.walk(start_s, judge.stands(), judge.walk_velocity(start_s))
         self.robots.step(commands)
         motion = self.robots.motion()
+        opponent = self._opponents(start_s)
         before = self.scenes.now[2].copy()
         newest = self.scenes.push()
         newest[:6], newest[6:] = motion, opponent

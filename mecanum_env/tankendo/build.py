@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from numbers import Real
-from typing import Any, Literal, TypedDict, get_args
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import gymnasium
 import numpy as np
@@ -141,21 +141,26 @@ class Episodes:
         return gymnasium.spaces.Box(-limits, limits, dtype=np.float32)
 
 
-class Arguments(TypedDict, total=False):
-    """Arguments of `TankendoEnv`, for type checkers; `build` has their defaults."""
+class TaskArguments(TypedDict, total=False):
+    """Arguments of `setting_of`, for type checkers."""
 
     task: TaskName
-    model: ModelLike | None
-    plant: RobotPlant
     difficulty: str
     action_mode: ActionMode
     observation_delay: float | None
     opponent: OpponentLike | None
-    randomize: Randomize
     reward_weights: Mapping[str, float] | RewardWeights | None
     rules: Rules | None
     senses: Senses | VariedSenses | None
     sensors: Sensors | None
+
+
+class Arguments(TaskArguments, total=False):
+    """Arguments of `TankendoEnv`, for type checkers; `build` has their defaults."""
+
+    model: ModelLike | None
+    plant: RobotPlant
+    randomize: Randomize
     timestep_s: float | None
 
 
@@ -163,27 +168,61 @@ def build(
     n: int,
     threads: int = 1,
     *,
-    task: TaskName = "dodge",
     model: ModelLike | None = None,
     plant: RobotPlant = "planar",
+    randomize: Randomize = "none",
+    timestep_s: float | None = None,
+    engine: Engine = "mujoco",
+    device: str | None = None,
+    **task: Unpack[TaskArguments],
+) -> Episodes:
+    """Build n episodes side by side, whose physics is stepped by a number of threads.
+
+    The `engine` and its `device` are documented in `TankendoVectorEnv`; `model`, `plant`, `randomize`,
+    `timestep_s` and the arguments of the `task` (`setting_of`) in `TankendoEnv`.
+
+    Raises:
+        InputError: an argument that cannot be used; the message says what could.
+    """
+    setting = setting_of(**task)
+    if timestep_s is not None:
+        require_number("timestep_s", timestep_s, 0.0, strict=True)
+    robot = model_of(model)
+    sampler = sampler_for(randomize, robot)
+    compiler = _compiler(engine, plant, timestep_s, device)
+    compiled = compiler(robot) if sampler is None else _typical(sampler, compiler)
+    return Episodes(Arena(setting, compiled, n, threads, device), sampler, plant, compiler)
+
+
+def model_of(model: ModelLike | None) -> Model:
+    """Return a model that was given as it is or as a file's path; None: the packaged one.
+
+    Raises:
+        InputError: it is neither, or there is no such file, or it holds no model.
+    """
+    if not isinstance(model, Model | str | os.PathLike | None):
+        raise InputError(f"model = {model!r}, must be a model file's path or a mecanum_env.model.Model")
+    if isinstance(model, Model):
+        return model
+    return paper_model() if model is None else read_model(model)
+
+
+def setting_of(
+    *,
+    task: TaskName = "dodge",
     difficulty: str = "normal",
     action_mode: ActionMode = "cartesian",
     observation_delay: float | None = None,
     opponent: OpponentLike | None = None,
-    randomize: Randomize = "none",
     reward_weights: Mapping[str, float] | RewardWeights | None = None,
     rules: Rules | None = None,
     senses: Senses | VariedSenses | None = None,
     sensors: Sensors | None = None,
-    timestep_s: float | None = None,
-    engine: Engine = "mujoco",
-    device: str | None = None,
-) -> Episodes:
-    """Build n episodes side by side, whose physics is stepped by a number of threads.
+) -> TaskSetting:
+    """Return what is the same in every episode, by the arguments that `TankendoEnv` documents.
 
-    The `engine` and its `device` are documented in `TankendoVectorEnv`.
-    `task`, `model`, `plant`, `difficulty`, `action_mode`, `observation_delay`, `opponent`, `randomize`,
-    `reward_weights`, `rules`, `senses`, `sensors` and `timestep_s` are documented in `TankendoEnv`.
+    They are `task`, `difficulty`, `action_mode`, `observation_delay`, `opponent`, `reward_weights`, `rules`,
+    `senses` and `sensors`.
 
     Raises:
         InputError: an argument that cannot be used; the message says what could.
@@ -199,8 +238,6 @@ def build(
             raise InputError(f"{name} = {value!r}, must be a mecanum_env.tankendo.{kind.__name__}")
     if not isinstance(senses, Senses | VariedSenses | None):
         raise InputError(f"senses = {senses!r}, must be a mecanum_env.senses.Senses or VariedSenses")
-    if timestep_s is not None:
-        require_number("timestep_s", timestep_s, 0.0, strict=True)
     sensors = Sensors() if sensors is None else sensors
     delay_s: Any = sensors.delay_s if observation_delay is None else observation_delay
     if not (isinstance(delay_s, Real) and 0.0 <= float(delay_s) <= 1.0):
@@ -209,7 +246,7 @@ def build(
         if not isinstance(reward_weights, Mapping | None):
             raise InputError(f'reward_weights = {reward_weights!r}, must be terms by name, {{"hit": 2.0}}')
         reward_weights = RewardWeights().replaced(reward_weights or {})
-    setting = TaskSetting(
+    return TaskSetting(
         task=task,
         opponent=opponent_for(difficulty) if opponent is None else opponent,
         rules=Rules() if rules is None else rules,
@@ -219,14 +256,6 @@ def build(
         opponents=opponents,
         senses=senses,
     )
-    if not isinstance(model, Model | str | os.PathLike | None):
-        raise InputError(f"model = {model!r}, must be a model file's path or a mecanum_env.model.Model")
-    if not isinstance(model, Model):
-        model = paper_model() if model is None else read_model(model)
-    sampler = sampler_for(randomize, model)
-    compiler = _compiler(engine, plant, timestep_s, device)
-    compiled = compiler(model) if sampler is None else _typical(sampler, compiler)
-    return Episodes(Arena(setting, compiled, n, threads, device), sampler, plant, compiler)
 
 
 def _compiler(

@@ -26,17 +26,17 @@ Colour = tuple[float, float, float, float]
 _INDIGO: Colour = (0.13, 0.17, 0.36, 1.0)
 _DARK: Colour = (0.09, 0.10, 0.14, 1.0)
 _ARMOUR: Colour = (0.42, 0.10, 0.12, 1.0)
-_METAL: Colour = (0.72, 0.74, 0.77, 1.0)
-_BAMBOO: Colour = (0.86, 0.72, 0.42, 1.0)
-_LEATHER: Colour = (0.93, 0.91, 0.85, 1.0)
-_STRIKING: Colour = (1.0, 0.35, 0.10, 1.0)
-_LANE: Colour = (1.0, 0.35, 0.10, 0.6)
-_HIT: Colour = (0.95, 0.10, 0.08, 0.75)
+METAL: Colour = (0.72, 0.74, 0.77, 1.0)
+BAMBOO: Colour = (0.86, 0.72, 0.42, 1.0)
+LEATHER: Colour = (0.93, 0.91, 0.85, 1.0)
+STRIKING: Colour = (1.0, 0.35, 0.10, 1.0)
+LANE: Colour = (1.0, 0.35, 0.10, 0.6)
+HIT: Colour = (0.95, 0.10, 0.08, 0.75)
 _OPEN: Colour = (0.15, 0.65, 0.30, 0.9)
 _CLOSED: Colour = (0.45, 0.47, 0.52, 0.7)
 _RING_DOTS = 60  # dots of the ring at maai around the opponent
 _GRIP_HEIGHT_M, _GRIP_AHEAD_M = 0.46, 0.08
-_SHOWN_S = 0.25  # a strike is shown for this long after its end
+SHOWN_S = 0.25  # a strike is shown for this long after its end
 _KINDS = {"ellipsoid": mujoco.mjtGeom.mjGEOM_ELLIPSOID, "rod": mujoco.mjtGeom.mjGEOM_CAPSULE}
 
 
@@ -66,18 +66,18 @@ def opponent_shapes(arena: Arena, row: int = 0, ago_s: float = 0.0) -> list[Shap
     scenes, sword, rules = arena.scenes.ago(ago_s), arena.fighter.sword, arena.setting.rules
     scene, now = scenes[:, row], float(arena.time_s()[row]) - ago_s
     tip = sword.tip_and_velocity(arena.time_s() - ago_s, scenes)[0][:, row]
-    striking = bool(not sword.is_feint[row] and sword.cut_s[row] <= now < sword.land_s[row] + _SHOWN_S)
-    shapes = _body(scene[6:9], tip, _STRIKING if striking else _BAMBOO)
+    striking = bool(not sword.is_feint[row] and sword.cut_s[row] <= now < sword.land_s[row] + SHOWN_S)
+    shapes = _body(scene[6:9], tip, STRIKING if striking else BAMBOO)
     ring = _OPEN if rules.at_maai(*separation(scene)) else _CLOSED
     for angle in 2.0 * np.pi * np.arange(_RING_DOTS) / _RING_DOTS:
         dot = scene[6:8] + rules.maai_m * np.array([np.cos(angle), np.sin(angle)])
         shapes.append(Shape("ellipsoid", ring, np.append(dot, 0.004), (0.022, 0.022, 0.003)))
     if striking:
         start, end = (np.append(point[:, row], 0.006) for point in (sword.origin, sword.end))
-        shapes.append(_rod(_LANE, 0.012, start, end))
+        shapes.append(_rod(LANE, 0.012, start, end))
     if arena.hit[row] and now >= sword.land_s[row]:
         target = np.append(scene[:2], sword.end_height_m[row])
-        shapes.append(Shape("ellipsoid", _HIT, target, (0.09, 0.09, 0.09)))
+        shapes.append(Shape("ellipsoid", HIT, target, (0.09, 0.09, 0.09)))
     return shapes
 
 
@@ -108,14 +108,14 @@ def _body(pose: FloatArray, tip: FloatArray, steel: Colour) -> list[Shape]:
         (_INDIGO, at(0.0, 0.0, 0.49), (0.09, 0.16, 0.10)),
         (_ARMOUR, at(0.03, 0.0, 0.42), (0.10, 0.12, 0.11)),
         (_INDIGO, at(0.0, 0.0, 0.67), (0.085, 0.08, 0.095)),
-        (_METAL, at(0.055, 0.0, 0.665), (0.045, 0.055, 0.065)),
+        (METAL, at(0.055, 0.0, 0.665), (0.045, 0.055, 0.065)),
     )
     shapes = [
         *(Shape("ellipsoid", colour, middle, size, heading_rad=heading) for colour, middle, size in blobs),
-        _rod(_LEATHER, 0.015, blade(0.0), blade(0.27)),
-        _rod(_LEATHER, 0.034, blade(0.27), blade(0.29)),
+        _rod(LEATHER, 0.015, blade(0.0), blade(0.27)),
+        _rod(LEATHER, 0.034, blade(0.27), blade(0.29)),
         _rod(steel, 0.013, blade(0.29), blade(0.92)),
-        _rod(_LEATHER, 0.014, blade(0.92), blade(1.0)),
+        _rod(LEATHER, 0.014, blade(0.92), blade(1.0)),
     ]
     for side, share in ((-1.0, 0.22), (1.0, 0.06)):
         shoulder, hand = at(0.0, 0.16 * side, 0.53), blade(share)
@@ -166,7 +166,7 @@ class Painter:
     def __init__(self, arena: Arena, plant: RobotPlant, width: int = 640, height: int = 480) -> None:
         use_backend()
         self._arena = arena
-        self._model = _drawn_model(arena, plant)
+        self._model = self._compile(plant)
         self._model.vis.global_.offwidth, self._model.vis.global_.offheight = width, height
         lighten(self._model)
         self._data = mujoco.MjData(self._model)
@@ -184,10 +184,22 @@ class Painter:
         _place(self._model, self._data, self._arena.robots.qpos(0) if qpos is None else qpos)
         _aim(self._camera, self._arena.scenes.ago(ago_s)[:, 0])
         self._renderer.update_scene(self._data, self._camera)
-        _add_shapes(self._renderer.scene, opponent_shapes(self._arena, ago_s=ago_s))
+        _add_shapes(self._renderer.scene, self._shapes(ago_s))
         frame: Frame = self._renderer.render()
-        draw_caption(frame, score_lines(self._arena), _WIDEST)
+        self._caption(frame)
         return frame
+
+    def _compile(self, plant: RobotPlant) -> mujoco.MjModel:
+        """Return the model with all that is seen."""
+        return _drawn_model(self._arena, plant)
+
+    def _shapes(self, ago_s: float) -> list[Shape]:
+        """Return what is drawn beside the model, as it was `ago_s` before now [s]."""
+        return opponent_shapes(self._arena, ago_s=ago_s)
+
+    def _caption(self, frame: Frame) -> None:
+        """Write the score into a picture."""
+        draw_caption(frame, score_lines(self._arena), _WIDEST)
 
     def close(self) -> None:
         """Free the graphics context."""

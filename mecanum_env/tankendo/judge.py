@@ -93,10 +93,9 @@ class Judge(ABC):
 
     def judge(self, end_s: FloatArray, effort: FloatArray) -> Verdict:
         """Judge the step until `end_s` (n,), given the length of the command's change, `effort` (n,)."""
-        rules, scene = self.rules, self.scenes.now
+        rules = self.rules
         distance, bearing = self.scenes.separation()
-        half = rules.field_m / 2
-        out = (np.abs(scene[0]) > half) | (np.abs(scene[1]) > half) | (distance < rules.clash_m)
+        out = self._left_field() | self._clashed()
         outcome = self._outcome(end_s, out)
         # All terms at once: a single environment calls this in each step.
         terms = np.empty((len(TERMS), self.n))
@@ -109,6 +108,15 @@ class Judge(ABC):
         # Added to 0.0, so that a term that is not due is not -0.0.
         terms += 0.0
         return Verdict(outcome, terms)
+
+    def _left_field(self) -> BoolArray:
+        """Return where the robot has left the field, shape (n,)."""
+        scene, half = self.scenes.now, self.rules.field_m / 2
+        return np.asarray((np.abs(scene[0]) > half) | (np.abs(scene[1]) > half))
+
+    def _clashed(self) -> BoolArray:
+        """Return where the robot has clashed with the opponent, shape (n,)."""
+        return np.asarray(self.scenes.separation()[0] < self.rules.clash_m)
 
     @abstractmethod
     def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
@@ -190,8 +198,8 @@ class Track(Judge):
         return Outcome(never, never, success, out, success)
 
 
-class Duel(Judge):
-    """Evade strikes and step in while the opponent recovers; within reach the robot strikes by itself."""
+class ForPoints(Judge):
+    """What all fights for points share: the score, the pause after a point, and the observation of both."""
 
     extra_observations = 3
 
@@ -199,37 +207,67 @@ class Duel(Judge):
         super().__init__(*args)
         self.points = np.zeros((2, self.n), np.intp)
         """Points of the robot and of the opponent."""
-        self.own_hit_s = np.full(self.n, np.inf)
-        """When the strike of the robot that is under way ends [s]; infinite while there is none."""
         self._pause_until_s = np.zeros(self.n)
 
     def restart(self, rows: RowArray) -> None:
-        """Begin a duel in some rows, shape (m,)."""
+        """Begin a fight in some rows, shape (m,)."""
         self.points[:, rows] = 0
-        self.own_hit_s[rows], self._pause_until_s[rows] = np.inf, 0.0
+        self._pause_until_s[rows] = 0.0
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the pause after a point is over at times (n,), shape (n,)."""
         return time_s >= self._pause_until_s
 
+    @abstractmethod
+    def own_strikes(self) -> BoolArray:
+        """Return where the robot's own sword strikes, shape (n,)."""
+
     def observe(self) -> FloatArray:
         """Return the points of robot and opponent, and whether the robot's sword strikes, shape (3, n)."""
-        return np.concatenate([self.points.astype(float), np.isfinite(self.own_hit_s)[None].astype(float)])
+        return np.concatenate([self.points.astype(float), self.own_strikes()[None].astype(float)])
 
     def report(self) -> dict[str, Any]:
         """Return the points of both, shape (n,) each."""
         return {"points": self.points[0].copy(), "points_against": self.points[1].copy()}
 
-    def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
-        rules, sword = self.rules, self.fighter.sword
+    def _hits(self, end_s: FloatArray) -> BoolArray:
+        """Return where a strike of the opponent ended in the step until `end_s` (n,) and counts, (n,)."""
         hit = np.zeros(self.n, bool)
         rows, hits = self.fighter.land(end_s)
         hit[rows] = hits & (end_s[rows] >= self._pause_until_s[rows])
         self.fighter.exchange[rows] += 1
-        scored = self._own_strike_hits(end_s) & ~hit
+        return hit
+
+    def _count(self, end_s: FloatArray, scored: BoolArray, hit: BoolArray) -> BoolArray:
+        """Count points for and against at `end_s`; return where one was given and a pause begins, (n,)."""
         self.points += np.array([scored, hit])
-        paused = scored | hit
-        self._pause_until_s = np.where(paused, end_s + rules.duel_pause_s, self._pause_until_s)
+        paused = np.asarray(scored | hit)
+        self._pause_until_s = np.where(paused, end_s + self.rules.duel_pause_s, self._pause_until_s)
+        return paused
+
+
+class Duel(ForPoints):
+    """Evade strikes and step in while the opponent recovers; within reach the robot strikes by itself."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__(*args)
+        self.own_hit_s = np.full(self.n, np.inf)
+        """When the strike of the robot that is under way ends [s]; infinite while there is none."""
+
+    def restart(self, rows: RowArray) -> None:
+        """Begin a duel in some rows, shape (m,)."""
+        super().restart(rows)
+        self.own_hit_s[rows] = np.inf
+
+    def own_strikes(self) -> BoolArray:
+        """Return where the robot's own sword strikes, shape (n,)."""
+        return np.asarray(np.isfinite(self.own_hit_s))
+
+    def _outcome(self, end_s: FloatArray, out: BoolArray) -> Outcome:
+        rules, sword = self.rules, self.fighter.sword
+        hit = self._hits(end_s)
+        scored = self._own_strike_hits(end_s) & ~hit
+        paused = self._count(end_s, scored, hit)
         self.own_hit_s = np.where(paused, np.inf, self.own_hit_s)
         # The robot's strike begins while the opponent still recovers from one that missed.
         distance, bearing = self.scenes.separation()

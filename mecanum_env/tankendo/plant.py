@@ -24,7 +24,7 @@ from mecanum_env.simulator.body_limits import BodyLimits, limits_body
 from mecanum_env.simulator.robot import at_rest
 from mecanum_env.units import FloatArray
 
-_DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
+DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
 """Upper bound of the physics step [s]. For the planar plant it is the time step of the paper's wheel law."""
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _BATCH_FIELDS: Final = ("_batch", "_qpos", "_qvel", "_ctrl")
@@ -63,14 +63,18 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
     """Compile a robot without what is only seen, and without sensors, which are read off the state.
 
     `plant` is "rollers" or "planar", `timestep_s` the upper bound of the physics step [s], by default that in
-    `_DEFAULT_TIMESTEP_S`.
+    `DEFAULT_TIMESTEP_S`.
 
     Raises:
         InputError: no such plant, or a model that it cannot simulate.
     """
-    require_one_of("plant", plant, _DEFAULT_TIMESTEP_S)
-    at_most = _DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
-    mj_model = compile_plant(model, plant, at_most, visuals=False)
+    require_one_of("plant", plant, DEFAULT_TIMESTEP_S)
+    at_most = DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
+    return compiled_model(model, compile_plant(model, plant, at_most, visuals=False), plant)
+
+
+def compiled_model(model: Model, mj_model: mujoco.MjModel, plant: RobotPlant) -> Compiled:
+    """Return a compiled model with its state at rest on its plant; its sensors are switched off."""
     mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
     rest = np.zeros(mujoco.mj_stateSize(mj_model, _STATE))
     # The planar plant has nothing that settles, and all its numbers are 0 at rest: drawn robots start sooner.
@@ -136,19 +140,24 @@ class RobotBatch:
         if any(new is not old for new, old in zip(of, self._of, strict=True)):
             self._take(of, rows)
         self._batch.reset(rows.tolist(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        for row, (x, y, yaw), new in zip(rows.tolist(), poses.T, robots, strict=True):
+        for row, pose, new in zip(rows.tolist(), poses.T, robots, strict=True):
             self._batch.state[row] = new.rest
-            qpos = self._qpos[row]
-            if self._is_free:
-                qpos[:2] = x, y
-                turned, about_z = np.empty(4), np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-                mujoco.mju_mulQuat(turned, about_z, qpos[3:7].copy())
-                qpos[3:7] = turned
-            else:
-                qpos[:3] = x, y, yaw
-            self._limits[row] = (
-                BodyLimits(new.model, self._timestep_s, new.link_seed) if new.limits_body else None
-            )
+            self._place(self._qpos[row], pose)
+            self._limits[row] = self._limits_of(new)
+
+    def _place(self, qpos: FloatArray, pose: FloatArray) -> None:
+        """Write a pose x, y, yaw, shape (3,), into the positions of one robot that is at rest."""
+        x, y, yaw = pose
+        if self._is_free:
+            qpos[:2] = x, y
+            turned, about_z = np.empty(4), np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+            mujoco.mju_mulQuat(turned, about_z, qpos[3:7].copy())
+            qpos[3:7] = turned
+        else:
+            qpos[:3] = x, y, yaw
+
+    def _limits_of(self, new: Compiled) -> BodyLimits | None:
+        return BodyLimits(new.model, self._timestep_s, new.link_seed) if new.limits_body else None
 
     def _take(self, of: list[Compiled], rows: npt.NDArray[np.intp]) -> None:
         """Give all rows the models `of`, those of `rows` being new."""
@@ -174,9 +183,9 @@ class RobotBatch:
             for row, limits in enumerate(self._limits):
                 if limits is not None:
                     control[row] = [limits.step(wheels[row]) for _ in range(self._substeps)]
-            self._batch.rollout(self._substeps, control, record=())
+            self._batch.rollout(self._substeps, self._controls(control), record=())
         else:
-            self._ctrl[:] = wheels
+            self._ctrl[:] = self._controls(wheels)
             self._batch.step(nstep=self._substeps)
         if self._batch.warning.any():
             row = int(np.argmax(self._batch.warning.any(axis=(1, 2))))
@@ -184,12 +193,19 @@ class RobotBatch:
                 f"robot {row} diverged; use a shorter timestep or a less stiff servo"
             )
 
+    def _controls(self, wheels: FloatArray) -> FloatArray:
+        """Return wheel commands of the robots, shape (robots, ..., 4), as MuJoCo's controls of the rows."""
+        return wheels
+
     def motion(self) -> FloatArray:
         """Return poses and velocities: x, y [m], yaw [rad], vx, vy [m/s], yaw rate [rad/s], shape (6, n).
 
         They are in the field's frame; yaw is within +-pi on the rollers and unwrapped on the planar plant.
         """
-        position, velocity = self._qpos.T, self._qvel.T
+        return self._motion(self._qpos.T, self._qvel.T)
+
+    def _motion(self, position: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Return what `motion` does of the generalised coordinates of one robot a row, (nq, n), (nv, n)."""
         if not self._is_free:
             return np.concatenate([position[:3], velocity[:3]])
         w, x, y, z = position[3:7]

@@ -20,7 +20,7 @@ Drawn = Callable[[Path], tuple[int, int, list[str]]]
 
 @pytest.fixture(scope="module")
 def pages(every_report: dict[str, GapReport], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    pytest.importorskip("plotly", reason="the report extra is not installed")
+    pytest.importorskip("jinja2", reason="the report extra is not installed")
     folder = tmp_path_factory.mktemp("pages")
     for verdict, report in every_report.items():
         write_gap_report(report, folder / f"{verdict}.html")
@@ -81,8 +81,20 @@ def test_a_browser_without_network_draws_every_plot(pages: dict[str, Path], draw
     assert console == []
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("verdict", ["named", "ambiguous"])
+def test_no_text_lies_over_text(
+    pages: dict[str, Path], crossed_text: Callable[[Path, int], list[str]], verdict: str, width: int
+):
+    assert crossed_text(pages[verdict], width) == []
+
+
+def test_a_page_is_small(pages: dict[str, Path]):
+    assert max(page.stat().st_size for page in pages.values()) < 1_500_000
+
+
 def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path: Path):
-    pytest.importorskip("plotly", reason="the report extra is not installed")
+    pytest.importorskip("jinja2", reason="the report extra is not installed")
     seen = replace(named, held_out="validation", unseen=False)
     write_gap_report(seen, tmp_path / "seen.html")
     text = words(tmp_path / "seen.html")
@@ -92,7 +104,7 @@ def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path:
 
 
 def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: Path):
-    pytest.importorskip("plotly", reason="the report extra is not installed")
+    pytest.importorskip("jinja2", reason="the report extra is not installed")
     unknown = Difference("rpm", 3.0, 1.0, None)
     bare = replace(
         named, gap=unknown, channels={"speed_rpm": unknown}, where=(), overlays=(), evidence=(),

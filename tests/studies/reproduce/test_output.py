@@ -104,7 +104,7 @@ def test_every_picture_is_written(quick, tmp_path):
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
 
 
-@pytest.mark.skipif(not report_available(), reason=f"needs jinja2 and plotly: {install_command('report')}")
+@pytest.mark.skipif(not report_available(), reason=f"needs jinja2: {install_command('report')}")
 def test_the_page_stands_alone_and_shows_everything(quick, tmp_path):
     path = tmp_path / "report.html"
     assert write_reproduction_page(quick, path)
@@ -115,6 +115,14 @@ def test_the_page_stands_alone_and_shows_everything(quick, tmp_path):
     for chapter in chapters(quick):
         assert chapter.title in text
     assert not re.search(r'<(script|link|img)[^>]*(src|href)="https?:', text)
+
+
+@pytest.mark.skipif(not report_available(), reason=f"needs jinja2: {install_command('report')}")
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_text_lies_over_text(quick, tmp_path, crossed_text, width):
+    assert write_reproduction_page(quick, tmp_path / "report.html")
+    assert crossed_text(tmp_path / "report.html", width) == []
+    assert (tmp_path / "report.html").stat().st_size < 1_500_000
 
 
 def test_the_command_line_writes_everything(quick, tmp_path, monkeypatch, capsys):

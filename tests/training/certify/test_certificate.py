@@ -141,7 +141,7 @@ def test_bad_input_is_one_sentence_and_writes_nothing(arguments, message, tmp_pa
 
 @pytest.fixture
 def page(small, tmp_path):
-    pytest.importorskip("plotly", reason="the report extra is not installed")
+    pytest.importorskip("jinja2", reason="the report extra is not installed")
     assert write_certificate_page(small, tmp_path / "certificate.html")
     return tmp_path / "certificate.html"
 
@@ -154,6 +154,11 @@ def test_the_page_says_the_verdict_and_loads_nothing(page, small):
     assert "FAIL: retreat misses" in words
     for plant in small.plants:
         assert plant.summary in words
+
+
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_text_lies_over_text(page, crossed_text, width):
+    assert crossed_text(page, width) == []
 
 
 def test_a_browser_without_network_draws_every_plot(page, draw_page):

@@ -22,7 +22,7 @@ from sysid.fit.pipeline import Fit
 from sysid.logs import Split
 
 HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")
-_TITLE_LETTERS: Final = 50
+_TITLE_LETTERS: Final = 44
 """Letters of the title's size that one of the six plots is wide."""
 _COLOURS: Final = {"measured": "0.55", "simulated": "#c8102e", "command": "#1f4e79"}
 

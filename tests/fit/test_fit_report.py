@@ -77,7 +77,7 @@ def test_no_title_of_the_picture_is_cut_or_crossed(fit: Fit, tmp_path: Path, mon
     figure = drawn[0]
     FigureCanvasAgg(figure).draw()
     titles = [ax.title.get_window_extent() for ax in figure.axes]
-    assert all(0.0 <= title.x0 and title.x1 <= figure.bbox.width for title in titles)
+    assert all(title.x0 >= 0.0 and title.x1 <= figure.bbox.width for title in titles)
     assert [a for i, a in enumerate(titles) for b in titles[:i] if a.overlaps(b)] == []
 
 

@@ -18,7 +18,14 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("studied")
     for arguments in (
         ["sysid.fit", f"{ROOT}/examples/logs", "--out", f"{folder}/fit"],
-        ["sysid.gap", f"{ROOT}/examples/gap_logs", "--model", f"{folder}/fit/model.json", "--out", f"{folder}/gap"],
+        [
+            "sysid.gap",
+            f"{ROOT}/examples/gap_logs",
+            "--model",
+            f"{folder}/fit/model.json",
+            "--out",
+            f"{folder}/gap",
+        ],
     ):
         code, said = call(["python", "-m", *arguments])
         assert code == 0, said

@@ -52,7 +52,9 @@ def test_a_reason_stands_before_a_block_that_is_not_run() -> None:
 
 
 def test_an_option_that_no_program_has_is_noticed() -> None:
-    gone = Block("page.md", 1, "shell", "python -m sysid.fit examples/logs --no-such-option 3 --out fit\n", "")
+    gone = Block(
+        "page.md", 1, "shell", "python -m sysid.fit examples/logs --no-such-option 3 --out fit\n", ""
+    )
     assert [unknown_options(words) for words in commands(gone)] == [["--no-such-option"]]
     word = Block("page.md", 1, "shell", "python -m sysid.logs plan --top-sped 135\n", "")
     assert [unknown_options(words) for words in commands(word)] == [["--top-sped"]]

@@ -1,4 +1,4 @@
-"""A desk as a reader of the documents has it: the files of the checkout, and models where pages expect them."""
+"""A desk as a reader of the documents has it: files of the checkout, and models where pages expect them."""
 
 import shutil
 from pathlib import Path

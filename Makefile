@@ -9,6 +9,9 @@
 # make zoo        drives and robots drawn at random, with hidden effects: the whole table, docs/results/zoo.md
 # make zoo-quick  the same with sixty cases
 # make gapbench   the benchmark's folder, the answers of all methods and the leaderboard, docs/results/gapbench.md
+# make fuzz       a night of mangled files for every reader
+# make soak       10,000 episodes and an hour of random driving on rollers with every effect
+# make asan       the plugin and its tests under the address and undefined-behaviour sanitizers
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
 VENV := .venv
@@ -18,10 +21,10 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel site check bench bench-train zoo zoo-quick gapbench behaviour system clean FORCE
+.PHONY: demo test test-all test-wheel site check bench bench-train zoo zoo-quick gapbench behaviour fuzz soak asan system clean FORCE
 
 demo: $(VENV)/installed
-	$(BIN)/python examples/demo.py --out out
+	$(BIN)/mecanum demo --out out
 
 # A file stays with one worker, so that what its tests share is computed once.
 test: $(VENV)/train
@@ -71,6 +74,16 @@ gapbench: $(VENV)/installed
 behaviour: $(VENV)/train
 	$(BIN)/python benchmarks/behaviour.py record out/behaviour
 
+fuzz: $(VENV)/installed
+	MECANUM_FUZZ=50 $(BIN)/python -m pytest -q tests/test_fuzz.py
+
+# Half an hour.
+soak: $(VENV)/installed
+	$(BIN)/python tests/soak.py --resets 10000 --minutes 60
+
+asan: $(VENV)/installed
+	$(BIN)/python tests/sanitized.py
+
 # System packages: the offline renderer, and a compiler for the plugin.
 system:
 	@if ldconfig -p 2>/dev/null | grep -q libOSMesa && command -v cc >/dev/null; then :; \
@@ -83,7 +96,7 @@ $(BIN)/python:
 
 # The editable install knows the modules that there were, so a new or renamed one asks for another.
 $(VENV)/modules: FORCE | $(BIN)/python
-	@find mecanum_env sysid training -name '*.py' | sort > $@.now
+	@find mecanum_env sysid training mecanum_cli -name '*.py' | sort > $@.now
 	@cmp -s $@.now $@ && rm $@.now || mv $@.now $@
 
 FORCE:

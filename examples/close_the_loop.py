@@ -90,7 +90,7 @@ def close_the_loop(
 
     from mecanum_env.files import write_json
     from mecanum_env.model import read_model
-    from training.certify.certificate import share_text
+    from training.certify.checks import share_text
     from training.controllers.policy import bundled
 
     began = time.perf_counter()
@@ -209,7 +209,11 @@ def certified(controller: str, model: Model, scale: Scale, folder: Path) -> Cert
     from training.certify.run import CertifyOptions, certify_controller, episodes_of
 
     options = CertifyOptions(
-        episodes=scale.episodes, plants=("nominal",), physics=scale.fights, workers=Workers(jobs=scale.jobs)
+        episodes=scale.episodes,
+        plants=("nominal",),
+        physics=scale.fights,
+        workers=Workers(jobs=scale.jobs),
+        bound=False,
     )
     with bar(episodes_of(options, model)) as progress:
         certificate = certify_controller(controller, model, options, progress)

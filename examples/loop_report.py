@@ -82,7 +82,7 @@ def fit_text(fitted: Fit) -> str:
 
 def warning_line(certificate: Certificate) -> str:
     """Return the warning that a certified controller needs, and whether it passed."""
-    from training.certify.certificate import warning_text
+    from training.certify.checks import warning_text
     from training.certify.report import verdict
 
     said = verdict(certificate).replace(certificate.controller, label(certificate.controller))

@@ -50,7 +50,7 @@ def onto_a_robot(
 
     from mecanum_env.files import write_json
     from mecanum_env.model import paper_model, read_model, write_model
-    from training.certify.certificate import share_text
+    from training.certify.checks import share_text
     from training.controllers.policy import bundled
     from training.export import export_policy
 
@@ -87,7 +87,7 @@ def onto_a_robot(
     story = summary(report, results, truth)
     write_json(out / "story.json", story)
     written = write_story_page(out / "story.html", story, gap_lines(report))
-    print(f"All results: {out / 'story.json'}{f', {written}' if written else ''}. ", end="")
+    print(f"All results: {out / 'story.json'}, {written}. ", end="")
     print(f"It took {(time.perf_counter() - began) / 60.0:.1f} min.")
 
 
@@ -169,12 +169,10 @@ def summary(
     }
 
 
-def write_story_page(path: Path, story: Mapping[str, Any], said: str) -> Path | None:
-    """Write the page of a story, with what the study `said`; None: the `report` extra is not installed."""
-    from mecanum_env.report import figure, report_available, write_page
+def write_story_page(path: Path, story: Mapping[str, Any], said: str) -> Path:
+    """Write the page of a story, with what the study `said`, and return its path."""
+    from mecanum_env.report import figure, write_page
 
-    if not report_available():
-        return None
     fights = story["fights"]
     names, shares = list(fights), [one["success"] for one in fights.values()]
     ends = {

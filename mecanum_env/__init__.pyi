@@ -1,3 +1,4 @@
+from .batch import PlanarBatch, planar_robot
 from .effects.catalogue import CATALOGUE, register
 from .effects.definition import Effect, Parameter
 from .errors import InputError, MecanumError
@@ -9,28 +10,37 @@ from .parallel import Workers
 from .rendering.backend import use_backend
 from .rendering.video import render_frames, write_video
 from .rendering.view import View
+from .senses import CameraFrame, Estimator, OwnReading, Senses, VariedSenses
 from .simulator import BodyCommands, RobotSession, Trajectory, WheelCommands, drive, replay_bench, scripted
-from .tankendo import Opponent, Rules, command_to_action
+from .tankendo import Opponent, Opponents, Rules, command_to_action
 from .tankendo.env import TankendoEnv
+from .tankendo.sensing import estimated_observation
 from .tankendo.vector import TankendoVectorEnv
 
 __all__ = [
     "CATALOGUE",
     "BodyCommands",
+    "CameraFrame",
     "CustomEffect",
     "CustomTable",
     "Effect",
+    "Estimator",
     "InputError",
     "MecanumError",
     "Model",
     "Opponent",
+    "Opponents",
+    "OwnReading",
     "Parameter",
+    "PlanarBatch",
     "Robot",
     "RobotSession",
     "Rules",
+    "Senses",
     "TankendoEnv",
     "TankendoVectorEnv",
     "Trajectory",
+    "VariedSenses",
     "View",
     "Wheel",
     "WheelCommands",
@@ -39,8 +49,10 @@ __all__ = [
     "asset_path",
     "command_to_action",
     "drive",
+    "estimated_observation",
     "law_step_metrics",
     "paper_model",
+    "planar_robot",
     "read_model",
     "register",
     "render_frames",

@@ -98,10 +98,11 @@ def require_mecanum(geometry: Geometry, what: str) -> None:
 
 def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: npt.ArrayLike) -> FloatArray:
     """Return wheel speeds [rpm], shape (..., 4), of commands V [rpm], theta [deg], VC [rpm], shapes (...)."""
-    v, theta, vc = np.broadcast_arrays(
-        np.asarray(v_rpm, float), np.deg2rad(np.asarray(theta_deg, float)), np.asarray(vc_rpm, float)
-    )
-    body = np.stack([_COMMAND_GAIN * v * np.cos(theta), _COMMAND_GAIN * v * np.sin(theta), vc], axis=-1)
+    v, theta = _COMMAND_GAIN * np.asarray(v_rpm, float), np.deg2rad(np.asarray(theta_deg, float))
+    forward, left, turn = v * np.cos(theta), v * np.sin(theta), np.asarray(vc_rpm, float)
+    # Filled rather than stacked: a single environment calls this in each step.
+    body = np.empty((*np.broadcast_shapes(forward.shape, turn.shape), 3))
+    body[..., 0], body[..., 1], body[..., 2] = forward, left, turn
     return body_to_wheels(body)
 
 

@@ -10,6 +10,7 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model, read_model
+from mecanum_env.programs import Done
 from mecanum_env.rendering.backend import use_backend
 from mecanum_env.rendering.view import Quality, View
 
@@ -32,7 +33,7 @@ def render(
     quality: Quality = "light",
     duration: float | None = None,
     caption: bool = True,
-) -> None:
+) -> Done:
     """Drive a model through commands and write a video, a still picture, or both.
 
     Example: python -m mecanum_env.render fit/model.json --commands tour --out rollout.mp4
@@ -58,6 +59,7 @@ def render(
     backend = use_backend()
     from tqdm import tqdm
 
+    from mecanum_env.files import atomic_paths, require_writable
     from mecanum_env.rendering import video
     from mecanum_env.simulator import drive
 
@@ -68,22 +70,29 @@ def render(
         video.check_suffix(out, (".mp4",))
     if still is not None:
         video.check_suffix(still, video.STILL_SUFFIXES)
+    targets = [path for path in (still, out) if path is not None]
+    require_writable(*targets)
     chosen = paper_model() if model == "paper" and not Path(model).exists() else read_model(model)
     sent, length = _commands(commands)
     length = length if duration is None else duration
     if still_time is not None and not 0.0 <= still_time <= length:
         raise InputError(f"still_time = {still_time}, must be within the drive, 0 to {length:g} s")
     trajectory = drive(chosen, sent, length, plant=plant)
-    if still is not None:
-        row = video.nearest_rows(trajectory.time_s, length / 2 if still_time is None else still_time)
-        (frame,) = video.render_frames(trajectory, view, [int(row)])
-        video.write_still(still, frame)
-        print(f"{still}: {width} x {height} at {trajectory.time_s[row]:.2f} s, drawn with {backend}")
-    if out is not None:
-        rows = video.frame_rows(trajectory.time_s, fps)
-        frames = video.render_frames(trajectory, view, tqdm(rows, desc="drawing", unit="frame", disable=None))
-        count = video.write_video(out, frames, fps)
-        print(f"{out}: {count} frames, {length:.1f} s, {width} x {height}, drawn with {backend}")
+    said = []
+    with atomic_paths(*targets) as paths:
+        if still is not None:
+            row = video.nearest_rows(trajectory.time_s, length / 2 if still_time is None else still_time)
+            (frame,) = video.render_frames(trajectory, view, [int(row)])
+            video.write_still(paths[0], frame)
+            said = [f"{still}: {width} x {height} at {trajectory.time_s[row]:.2f} s, drawn with {backend}"]
+        if out is not None:
+            rows = video.frame_rows(trajectory.time_s, fps)
+            bar = tqdm(rows, desc="drawing", unit="frame", disable=None)
+            count = video.write_video(paths[-1], video.render_frames(trajectory, view, bar), fps)
+            size = f"{width} x {height}"
+            said += [f"{out}: {count} frames, {length:.1f} s, {size}, drawn with {backend}"]
+    print("\n".join(said))
+    return Done(wrote=[path for path in (out, still) if path is not None])
 
 
 def _commands(name: str) -> tuple[Commands, float]:

@@ -1,4 +1,4 @@
-"""Strict reading of a table of numbers: CSV, gzipped CSV or Parquet.
+"""Strict reading of a table of numbers: CSV (with ',', ';' or tabs), gzipped CSV or Parquet.
 
 NumPy parses a correct file in C. Only if that fails are the cells read one by one, to name the line, the
 value and what would be right.
@@ -12,13 +12,31 @@ import io
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, install_command
+from mecanum_env.reading import read_bytes
+from mecanum_env.separators import with_plain_separators
 from mecanum_env.units import FloatArray
+
+_MOST_BYTES: Final = 1 << 30
+"""Largest text of a table [bytes]; a day at 100 Hz has about half of it."""
+_MOST_CELLS: Final = 1 << 27
+"""Most cells of a Parquet file; a file of a few bytes can hold any number of equal ones."""
+_MOST_COLUMNS: Final = 10_000
+_LONGEST_NAME: Final = 1000
+"""Longest name of a column [characters]."""
+_EXACT: Final = 1 << 53
+"""From here on double precision skips whole numbers."""
+_LONGEST_JUMP_S: Final = 3600.0
+"""Longest time between two rows [s]. A run is simulated from its first stamp to its last, so a single wrong
+stamp could exhaust the memory."""
+_LONGEST_RUN_S: Final = 86400.0
+"""Longest time from the first row to the last [s]: ten million ticks of the law still fit into memory."""
+_SPLIT: Final = "split the run into several files"
 
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
 """Endings of the names of such files."""
@@ -82,8 +100,42 @@ def read_table(path: Path) -> Table:
     return table
 
 
+def check_stamps(table: Table, time_s: FloatArray) -> None:
+    """Refuse stamps of the rows of a table, shape (rows,) [s], with which no run can be simulated.
+
+    Raises:
+        InputError: one is missing, not later than the one before, or far from the others.
+    """
+    missing = np.flatnonzero(np.isnan(time_s))
+    if missing.size:
+        where = table.where(int(missing[0]))
+        raise InputError(f"{where}: time_s is missing; every row needs a stamp in seconds")
+    backwards = np.flatnonzero(np.diff(time_s) <= 0.0)
+    if backwards.size:
+        row = int(backwards[0]) + 1
+        raise InputError(
+            f"{table.where(row)}: time_s = {time_s[row]!s} after {time_s[row - 1]!s}, must be larger than "
+            "the stamp before; cut the file where the clock jumps, and remove rows that appear twice"
+        )
+    far = np.flatnonzero(np.diff(time_s) > _LONGEST_JUMP_S)
+    if far.size:
+        row = int(far[0]) + 1
+        raise InputError(
+            f"{table.where(row)}: time_s jumps from {time_s[row - 1]!s} to {time_s[row]!s} s, by more than "
+            f"{_LONGEST_JUMP_S:g} s; split the run there, or correct the stamp"
+        )
+    late = np.flatnonzero(time_s - time_s[0] > _LONGEST_RUN_S)
+    if late.size:
+        row = int(late[0])
+        raise InputError(
+            f"{table.where(row)}: time_s = {time_s[row]!s} is {time_s[row] - time_s[0]:g} s after the first "
+            f"stamp, must be at most {_LONGEST_RUN_S:g} s; split the run, or correct stamps that are not in "
+            "seconds"
+        )
+
+
 def _read_csv(path: Path) -> Table:
-    text = _read_text(path)
+    text = with_plain_separators(path, read_text(path))
     header, _, body = text.partition("\n")
     names = _header(path, header)
     if not body.strip():
@@ -104,16 +156,22 @@ def _read_csv(path: Path) -> Table:
     return Table(path, names, values, lines)
 
 
-def _read_text(path: Path) -> str:
+def read_text(path: Path) -> str:
     """Return the text without byte order mark and with bare newlines."""
+    data = read_bytes(path, _SPLIT, _MOST_BYTES)
     try:
-        data = path.read_bytes()
         if path.name.lower().endswith(".gz"):
-            data = gzip.decompress(data)
+            with gzip.open(io.BytesIO(data)) as packed:
+                # A file of a megabyte can hold a thousand times as much.
+                parts, size = [], 0
+                while size <= _MOST_BYTES and (part := packed.read(1 << 20)):
+                    parts.append(part)
+                    size += len(part)
+                data = b"".join(parts)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise InputError(f"{path}: not a whole gzip file ({error}); compress it again with gzip") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
+    if len(data) > _MOST_BYTES:
+        raise InputError(f"{path}: more than {_MOST_BYTES} bytes unpacked; {_SPLIT}")
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -126,23 +184,34 @@ def _read_text(path: Path) -> str:
 
 
 def _header(path: Path, line: str) -> tuple[str, ...]:
-    names = tuple(name.strip() for name in next(csv.reader([line]), []))
     where = f"{path}, line 1"
-    if len(names) == 1:
-        for separator, said in ((";", "';'"), ("\t", "tabs")):
-            if separator in names[0]:
-                raise InputError(
-                    f"{where}: cells are separated by {said}, must be by ','; "
-                    "write ',' between cells and '.' as the decimal point"
-                )
+    try:
+        names = tuple(name.strip() for name in next(csv.reader([line]), []))
+    except csv.Error as error:
+        raise InputError(f"{where}: not CSV ({error}); the first line must name the columns") from error
     if names and all(_number(name) is not None for name in names):
         raise InputError(f"{where}: {line[:60]!r} is a row of numbers; the first line must name the columns")
     for index, name in enumerate(names):
         if not name:
             raise InputError(f"{where}: column {index + 1} has no name; name it or remove it")
-        if name in names[:index]:
-            raise InputError(f"{where}: column {name!r} appears twice; remove one")
+    _require_names(where, names)
     return names
+
+
+def _require_names(where: str, names: tuple[str, ...]) -> None:
+    """Refuse names of columns that are too many, too long or there twice."""
+    if len(names) > _MOST_COLUMNS:
+        raise InputError(f"{where}: {len(names)} columns, must be at most {_MOST_COLUMNS}")
+    seen = set()
+    for name in names:
+        if len(name) > _LONGEST_NAME:
+            raise InputError(
+                f"{where}: column {name[:40]!r}... has a name of {len(name)} characters, must be at most "
+                f"{_LONGEST_NAME}; the first line must name the columns"
+            )
+        if name in seen:
+            raise InputError(f"{where}: column {name!r} appears twice; remove one")
+        seen.add(name)
 
 
 def _number(cell: str) -> float | None:
@@ -194,20 +263,45 @@ def _read_parquet(path: Path) -> Table:
             f"{path}: reading Parquet needs pyarrow; convert the log to CSV, or install it with "
             f"{install_command('parquet')}"
         ) from error
+    data = read_bytes(path, _SPLIT, _MOST_BYTES)
     try:
-        table = pq.read_table(path)
-    except pa.ArrowInvalid as error:
-        raise InputError(f"{path}: not a Parquet file ({error})") from error
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error})") from error
+        file = pq.ParquetFile(pa.BufferReader(data))
+        about = file.metadata
+        if about.num_rows * about.num_columns > _MOST_CELLS:
+            raise InputError(
+                f"{path}: {about.num_rows} rows of {about.num_columns} columns, must be at most "
+                f"{_MOST_CELLS} cells; {_SPLIT}"
+            )
+        _require_names(str(path), tuple(file.schema_arrow.names))
+        table = file.read()
+    except InputError:
+        raise
+    except (pa.ArrowException, OSError, ValueError, KeyError, MemoryError, UnicodeError) as error:
+        said = " ".join(str(error).split())[:200]
+        raise InputError(f"{path}: not a Parquet file ({said})") from error
     names = tuple(table.column_names)
     for index, name in enumerate(names):
-        if name in names[:index]:
-            raise InputError(f"{path}: column {name!r} appears twice; remove one")
         kind = table.schema.field(index).type
         if not (pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_null(kind)):
             raise InputError(f"{path}: column {name!r} holds {kind}, must be numbers")
     if table.num_rows == 0:
         raise InputError(f"{path}: has columns but no rows; a run needs at least 2")
-    columns = [column.cast(pa.float64()).to_numpy() for column in table.columns]
-    return Table(path, names, np.column_stack([np.asarray(c, float) for c in columns]), None)
+    columns = [_in_double_precision(path, name, table.column(i)) for i, name in enumerate(names)]
+    return Table(path, names, np.column_stack(columns), None)
+
+
+def _in_double_precision(path: Path, name: str, column: Any) -> FloatArray:
+    """Return an Arrow column of numbers as an array, shape (rows,); NaN where one is missing."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
+
+    if pa.types.is_integer(column.type):
+        ends = pc.min_max(column).as_py()
+        for value in (ends["min"], ends["max"]):
+            if value is not None and abs(value) > _EXACT:
+                row = int(pc.index(column, value).as_py())
+                raise InputError(
+                    f"{path}, row {row + 1}: {name} = {value}, must be at most 2^53 to be exact in double "
+                    "precision; subtract the first stamp, or write seconds as a floating-point number"
+                )
+    return np.asarray(column.cast(pa.float64()).to_numpy(), float)

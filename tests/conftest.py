@@ -21,6 +21,9 @@ from mecanum_env.errors import BackendError
 from mecanum_env.model import Model, paper_model
 from mecanum_env.rendering.backend import use_backend
 
+# Waiting for the disk takes most of the time of tests that write many small files, and proves nothing here.
+os.fsync = lambda handle: None  # noqa: ARG005
+
 # Before any test imports mujoco, which picks its graphics library then. Without one, only drawing is amiss.
 with contextlib.suppress(BackendError):
     use_backend()

@@ -12,12 +12,14 @@ import mecanum_env
 
 # The checkout, or site-packages where the tests run against a built wheel.
 ROOT = Path(mecanum_env.__file__).parent.parent
-PACKAGES = ("mecanum_env", "sysid", "training")
+PACKAGES = ("mecanum_env", "sysid", "training", "mecanum_cli")
 FILES = sorted(path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
 MAY_IMPORT = {
     "mecanum_env": {"mecanum_env"},
     "sysid": {"sysid", "mecanum_env"},
     "training": {"training", "mecanum_env"},
+    # On top of all: it runs every program, each imported only when it is asked for.
+    "mecanum_cli": {"mecanum_cli", "training", "sysid", "mecanum_env"},
 }
 LONGEST_FILE = 400
 OBVIOUS = {"name", "value", "seconds"}
@@ -66,7 +68,9 @@ ROOMS = {
         "plugin",
         "mjcf",
         "simulator",
+        "batch",
         "rendering",
+        "senses",
         "tankendo",
     ),
     "sysid": ("logs", "compare", "fit", "gap", "studies"),

@@ -85,15 +85,6 @@ def test_help_is_the_docstring(capsys):
     assert "whom to greet" in capsys.readouterr().out
 
 
-def test_a_programming_error_is_not_hidden():
-    def broken() -> None:
-        """Break."""
-        raise ZeroDivisionError
-
-    with pytest.raises(ZeroDivisionError):
-        run(broken, [])
-
-
 @pytest.mark.parametrize("error", [InputError, UnstableLawError, BackendError])
 def test_every_error_is_of_the_family(error):
     assert issubclass(error, MecanumError)

@@ -9,7 +9,6 @@ from pathlib import Path
 import pytest
 
 from mecanum_env.model import read_model
-from mecanum_env.report import report_available
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 
@@ -39,7 +38,6 @@ def told():
     return {"fights": fights, "hidden": {"command_latency": {"delay_s": 0.1}}}
 
 
-@pytest.mark.skipif(not report_available(), reason="jinja2 is not installed: extra report")
 def test_the_page_has_the_figures_of_the_story(script, told, tmp_path, crossed_text):
     script.write_story_page(tmp_path / "story.html", told, "named: command_latency")
     assert crossed_text(tmp_path / "story.html", 390) == []

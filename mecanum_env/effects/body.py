@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
 from mecanum_env.effects.definition import Effect, Load, Parameter, PlantKind, Values
+from mecanum_env.effects.planar import PlanarBody
 from mecanum_env.model import Model
 
 if TYPE_CHECKING:
@@ -18,16 +19,29 @@ _FACTOR: Final = (0.1, 10.0)
 
 
 def _payload(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
-    # A solid cube of 1000 kg/m^3, whose yaw inertia is small beside the robot's.
     mass = values["mass_kg"]
-    side = (mass / 1000.0) ** (1 / 3)
     # The base's origin is at axle height.
     cube = spec.body("base").add_body(
         name="payload", pos=[0.0, 0.0, values["height_m"] - model.robot.wheel_radius_m]
     )
     cube.explicitinertial = True
     cube.mass, cube.ipos = mass, [0.0, 0.0, 0.0]
-    cube.inertia = [mass * side**2 / 6] * 3
+    cube.inertia = [_cube_inertia(mass)] * 3
+
+
+def _cube_inertia(mass: float) -> float:
+    """Return the moment [kg m^2] of a solid cube of 1000 kg/m^3, which is small beside the robot's."""
+    side: float = (mass / 1000.0) ** (1 / 3)
+    return mass * side**2 / 6
+
+
+def _planar_payload(body: PlanarBody, values: Values) -> PlanarBody:
+    mass = values["mass_kg"]
+    return replace(
+        body,
+        middle_mass_kg=body.middle_mass_kg + mass,
+        middle_yaw_inertia_kg_m2=body.middle_yaw_inertia_kg_m2 + _cube_inertia(mass),
+    )
 
 
 def _com_offset(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
@@ -65,10 +79,17 @@ def _rollers(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind
 
 def _slope(spec: mujoco.MjSpec, values: Values, model: Model, plant: PlantKind) -> None:
     """Tilt gravity, so that the floor stays level in the world's coordinates."""
+    spec.option.gravity = _tilted(-float(spec.option.gravity[2]), values)
+
+
+def _tilted(g: float, values: Values) -> tuple[float, float, float]:
     slope, heading = math.radians(values["slope_deg"]), math.radians(values["heading_deg"])
-    g = -float(spec.option.gravity[2])
-    along = math.sin(slope)
-    spec.option.gravity = [g * along * math.cos(heading), g * along * math.sin(heading), -g * math.cos(slope)]
+    along = g * math.sin(slope)
+    return along * math.cos(heading), along * math.sin(heading), -g * math.cos(slope)
+
+
+def _planar_slope(body: PlanarBody, values: Values) -> PlanarBody:
+    return replace(body, gravity_m_s2=_tilted(-body.gravity_m_s2[2], values))
 
 
 def _slope_in_turned_axes(values: Values, yaw_rad: float) -> Values:
@@ -127,6 +148,7 @@ EFFECTS: Final = (
         absent_from=("bench",),
         turned=_slope_in_turned_axes,
         change_spec=_slope,
+        change_planar=_planar_slope,
     ),
     Effect(
         name="payload",
@@ -143,6 +165,7 @@ EFFECTS: Final = (
         absent_from=("bench",),
         load=lambda values: Load(mass_kg=values["mass_kg"]),
         change_spec=_payload,
+        change_planar=_planar_payload,
     ),
     Effect(
         name="com_offset",
@@ -159,6 +182,10 @@ EFFECTS: Final = (
         absent_from=("bench",),
         understated_by=("planar",),
         change_spec=_com_offset,
+        # All of the planar plant's mass is its base's.
+        change_planar=lambda body, values: replace(
+            body, com_x_m=body.com_x_m + values["x_m"], com_y_m=body.com_y_m + values["y_m"]
+        ),
     ),
     Effect(
         name="wheel_radius",

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import Final
+from typing import Any, Final
 
 from mecanum_env.effects.definition import PLANTS, BodyCommand, Effect, Parameter, Values, usual_ceiling_rpm
+from mecanum_env.law.arrays import namespace
 from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
 
@@ -60,6 +62,28 @@ def _ramp(asked: float, previous: float, change: float, shares: tuple[float, flo
     """Return the end and the mean of a straight ramp to what is asked, or as far as the `shares` allow."""
     made, lost = shares
     end = previous + made * change if made < 1.0 else asked
+    return end, end - lost * change
+
+
+def _limit_speeds(bodies: Any, previous: Any, values: Mapping[str, Any], seconds: float) -> tuple[Any, Any]:
+    xp, (forward, left, turn) = namespace(bodies), bodies
+    speed, most = xp.sqrt(forward * forward + left * left), values["vc_rpm"]
+    share = xp.where(speed > values["v_rpm"], values["v_rpm"] / xp.where(speed > 0.0, speed, 1.0), 1.0)
+    limited = xp.stack([share * forward, share * left, xp.minimum(xp.maximum(turn, -most), most)])
+    return limited, limited
+
+
+def _limit_accelerations(
+    bodies: Any, previous: Any, values: Mapping[str, Any], seconds: float
+) -> tuple[Any, Any]:
+    xp, change = namespace(bodies), bodies - previous
+    length = xp.sqrt(change[0] * change[0] + change[1] * change[1])
+    lengths = xp.stack([length, length, xp.abs(change[2])])
+    most = seconds * xp.stack([values["v_rpm_s"], values["v_rpm_s"], values["vc_rpm_s"]])
+    moves = lengths > 0.0
+    share = xp.where(moves, xp.clip(most / xp.where(moves, lengths, 1.0), None, 1.0), 1.0)
+    lost = xp.where(moves, 0.5 * share * xp.clip(lengths / most, None, 1.0), 0.0)
+    end = xp.where(share < 1.0, previous + share * change, bodies)
     return end, end - lost * change
 
 
@@ -138,6 +162,7 @@ EFFECTS: Final = (
         absent_from=("bench",),
         undone_by="command",
         limit_body=_limit_speed,
+        limit_bodies=_limit_speeds,
     ),
     Effect(
         name="body_acceleration_limit",
@@ -161,6 +186,7 @@ EFFECTS: Final = (
         realistic=lambda _: {"v_rpm_s": 500.0, "vc_rpm_s": 500.0},
         absent_from=("bench",),
         limit_body=_limit_acceleration,
+        limit_bodies=_limit_accelerations,
     ),
     Effect(
         name="command_deadband",

@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Final, Literal
+from typing import TYPE_CHECKING, Any, Final, Literal
 
+from mecanum_env.effects.planar import PlanarBody
 from mecanum_env.effects.scale import Scale
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
@@ -118,6 +119,10 @@ BodyCommand = tuple[float, float, float]
 LimitBody = Callable[[BodyCommand, BodyCommand, Values, float], tuple[BodyCommand, BodyCommand]]
 """Return the limited body command after some time [s], and its mean over that time, given the requested and
 the previous one."""
+ChangePlanar = Callable[[PlanarBody, Values], PlanarBody]
+"""Return the changed numbers of the planar plant's body: what `change_spec` does there, without MuJoCo."""
+LimitBodies = Callable[[Any, Any, Mapping[str, Any], float], tuple[Any, Any]]
+"""The same as `LimitBody` for many robots: commands (3, n), and arrays (n,) of the parameters by name."""
 ChangeChannels = Callable[[FloatArray, Channels, Values], dict[str, FloatArray]]
 """Return the channels as measured, given their true values and the uniform clock [s], shape (n,), whose 0 is
 the start of the motion."""
@@ -178,6 +183,10 @@ class Effect:
     change_spec: ChangeSpec | None = None
     change_drive: ChangeDrive | None = None
     limit_body: LimitBody | None = None
+    change_planar: ChangePlanar | None = None
+    """Needed beside `change_spec` for `mecanum_env.batch`, which refuses the effect without it."""
+    limit_bodies: LimitBodies | None = None
+    """Needed beside `limit_body`, likewise."""
     change_channels: ChangeChannels | None = None
 
     @property

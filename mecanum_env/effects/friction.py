@@ -22,6 +22,7 @@ from mecanum_env.effects.definition import (
     Values,
     usual_ceiling_rpm,
 )
+from mecanum_env.effects.planar import PlanarBody
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.law.wheel_load import WheelLoad
@@ -97,6 +98,11 @@ def _damped_joints(spec: mujoco.MjSpec, values: Values, model: Model, plant: Pla
         mean = (forward + sideways) / 2
         for name, share in (("base_x", mean), ("base_y", mean), ("base_yaw", yaw)):
             spec.joint(name).damping[0] += float(share)
+
+
+def _damped_body(body: PlanarBody, values: Values) -> PlanarBody:
+    damping = body.wheel_damping_n_m_s_rad + values["damping_n_m_s_rad"]
+    return replace(body, wheel_damping_n_m_s_rad=damping)
 
 
 def _loads(load: Callable[[WheelLoad, Values], WheelLoad]) -> ChangeDrive:
@@ -217,6 +223,7 @@ EFFECTS: Final = (
         load=lambda values: Load(damping_n_m_s_rad=values["damping_n_m_s_rad"]),
         change_drive=_loads(_viscous),
         change_spec=_damped_joints,
+        change_planar=_damped_body,
     ),
     Effect(
         name="viscous_friction/washed_out",
@@ -230,5 +237,6 @@ EFFECTS: Final = (
         change_model=_washed_out,
         change_drive=_loads(_viscous),
         change_spec=_damped_joints,
+        change_planar=_damped_body,
     ),
 )

@@ -52,7 +52,8 @@ class DriveState:
     """Latched commands [rpm], command j at j modulo RING, shape (sets, runs, RING)."""
     arrival: FloatArray
     """When they arrive [s], if the delay jitters."""
-    substeps: int = field(default=0, init=False)
+    substeps: int | FloatArray = field(default=0, init=False)
+    """Substeps so far; a batch may hold drives that started at different times."""
 
     @staticmethod
     def steady(p: Sets, initial_rpm: FloatArray) -> DriveState:

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, UnstableLawError
+from mecanum_env.law.arrays import floats
 from mecanum_env.law.stability import stability_margins
 from mecanum_env.units import FloatArray
 
@@ -30,13 +31,14 @@ def law_step(
 ) -> FloatArray:
     """Return w(k+1) [rpm] from the `coefficients` A-F, the speeds w(k), w(k-1), w(k-2) and the commands r.
 
-    The order of the additions is part of the definition: the C plugin repeats it, and tests hold the two
-    equal bit for bit.
+    The arrays are of either kind of `mecanum_env.law.arrays`. The order of the additions is part of the
+    definition: the C plugin repeats it, and tests hold the two equal bit for bit.
     """
     a, b, c, d, e, f = coefficients
     w0, w1, w2 = speeds
     r0, r1, r2 = commands
-    return np.asarray(a * w0 + b * w1 + c * w2 + d * r0 + e * r1 + f * r2)
+    after: FloatArray = floats(a * w0 + b * w1 + c * w2 + d * r0 + e * r1 + f * r2)
+    return after
 
 
 @dataclass(frozen=True)

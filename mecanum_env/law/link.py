@@ -93,10 +93,14 @@ def is_lost(loss: npt.ArrayLike, seed: npt.ArrayLike, latches: npt.ArrayLike) ->
 def _uniform(seed: npt.ArrayLike, latches: npt.ArrayLike, stream: int) -> FloatArray:
     """Return a random number from 0 to below 1 for each of the latches, independent in each stream."""
     seeds, numbers = (np.atleast_1d(np.asarray(one)).astype(np.uint64) for one in (seed, latches))
-    place = (np.uint64(2) * numbers + np.uint64(stream + 1)) * _STEP
-    mixed = _mixed(_mixed(seeds + _STEP) + place) >> np.uint64(11)
+    mixed = hashed(seeds, np.uint64(2) * numbers + np.uint64(stream)) >> np.uint64(11)
     shape = np.broadcast_shapes(np.shape(seed), np.shape(latches))
     return (mixed.astype(float) * 2.0**-53).reshape(shape)
+
+
+def hashed(seeds: npt.NDArray[np.uint64], numbers: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
+    """Return 64 bits that look random for each of the seeds and numbers, whose shapes, none (), broadcast."""
+    return _mixed(_mixed(seeds + _STEP) + (numbers + np.uint64(1)) * _STEP)
 
 
 def _mixed(bits: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:

@@ -27,6 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError
+from mecanum_env.law.arrays import floats, namespace
 from mecanum_env.law.coefficients import LawState, WheelLaw
 from mecanum_env.units import FloatArray
 
@@ -104,16 +105,19 @@ def bounded(
 ) -> FloatArray:
     """Return w(k+1) [rpm] where laws want the speeds `wanted`, from w(k) = `speed`; all shapes broadcast.
 
-    The bounds are those of `MotorBounds`: `rise` and `brake` [rpm], `supply` [rpm] and `supply_share`.
+    Arrays may be of either kind of `mecanum_env.law.arrays`. The bounds are those of `MotorBounds`: `rise`
+    and `brake` [rpm], `supply` [rpm] and `supply_share`.
     """
-    up, down = np.where(speed < 0.0, brake, rise), np.where(speed > 0.0, brake, rise)
-    low = np.where(np.isinf(down), wanted, speed - down)
-    high = np.where(np.isinf(up), wanted, speed + up)
-    limited = np.isfinite(supply)
-    ceiling = np.where(limited, supply, 0.0)
-    low = np.where(limited, np.maximum(low, speed - supply_share * (ceiling + speed)), low)
-    high = np.where(limited, np.minimum(high, speed + supply_share * (ceiling - speed)), high)
-    return np.where(wanted < low, low, np.where(wanted > high, high, wanted))
+    xp = namespace(speed)
+    up, down = xp.where(speed < 0.0, brake, rise), xp.where(speed > 0.0, brake, rise)
+    low = xp.where(xp.isinf(down), wanted, speed - down)
+    high = xp.where(xp.isinf(up), wanted, speed + up)
+    limited = xp.isfinite(supply)
+    ceiling = xp.where(limited, supply, 0.0)
+    low = xp.where(limited, xp.maximum(low, speed - supply_share * (ceiling + speed)), low)
+    high = xp.where(limited, xp.minimum(high, speed + supply_share * (ceiling - speed)), high)
+    reached: FloatArray = xp.where(wanted < low, low, xp.where(wanted > high, high, wanted))
+    return reached
 
 
 def supplied(supply: FloatArray, per_volt: npt.ArrayLike, lost_v: npt.ArrayLike) -> FloatArray:
@@ -121,8 +125,9 @@ def supplied(supply: FloatArray, per_volt: npt.ArrayLike, lost_v: npt.ArrayLike)
 
     `supply` are those at the start, which may be infinite; `per_volt` are as in `MotorBounds`.
     """
-    left = 1.0 - np.asarray(per_volt, float) * np.asarray(lost_v, float)
-    return np.asarray(supply * np.maximum(_LEAST_SUPPLY, left))
+    left = 1.0 - floats(per_volt) * floats(lost_v)
+    speeds: FloatArray = floats(supply * namespace(left).clip(left, _LEAST_SUPPLY, None))
+    return speeds
 
 
 @lru_cache(maxsize=1024)

@@ -1,7 +1,8 @@
 """Ramps between command and wheel law: how fast what the law follows may change.
 
 Each function moves a ramp for a part of a law tick and returns its contribution to the mean over the tick,
-which is the law's input. All are exact for any part. Ramps are arrays, one entry for each wheel or run.
+which is the law's input. All are exact for any part. Ramps are arrays, one entry for each wheel or run, of
+either kind of `mecanum_env.law.arrays`.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from typing import TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.law.arrays import namespace
 from mecanum_env.units import FloatArray
 
 
@@ -46,49 +48,51 @@ class RampLimits:
     """Largest rate while it falls in size [rpm/s]."""
     jerk_rpm_s2: FloatArray
     """Largest change of the rate [rpm/s2]."""
-    sample_period_s: FloatArray
+    sample_period_s: FloatArray | float
     """Period of the law's ticks [s]."""
 
     @property
     def act(self) -> bool:
         """Whether any ramp is anything but the command itself."""
         bounds = (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)
-        return any(bool(np.any(np.isfinite(bound))) for bound in bounds)
+        return any(bool(namespace(bound).isfinite(bound).any()) for bound in bounds)
 
     def moved(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
         """Return the ramp after a part of a tick towards a command, and its contribution to the mean [rpm].
 
         Parts and commands have the ramp's shape, or one that broadcasts to it.
         """
-        (_, move), *others = self._ways
+        xp, ((_, move), *others) = namespace(self.rise_rpm_s), self._ways
         after, mean = move(ramp, command_rpm, part)
         for mask, move in others:
             other, other_mean = move(ramp, command_rpm, part)
             after = Ramp(
-                np.where(mask, other.value_rpm, after.value_rpm),
-                np.where(mask, other.slope_rpm_s, after.slope_rpm_s),
+                xp.where(mask, other.value_rpm, after.value_rpm),
+                xp.where(mask, other.slope_rpm_s, after.slope_rpm_s),
             )
-            mean = np.where(mask, other_mean, mean)
+            mean = xp.where(mask, other_mean, mean)
         return after, mean
 
     @cached_property
     def _ways(self) -> list[tuple[BoolArray, Move]]:
         """Which ramps move in which way, for all ways that occur."""
-        bends = np.isfinite(self.jerk_rpm_s2)
+        xp = namespace(self.rise_rpm_s)
+        bends = xp.isfinite(self.jerk_rpm_s2)
         differ = ~bends & (self.brake_rpm_s != self.rise_rpm_s)
-        limited = ~bends & ~differ & np.isfinite(self.rise_rpm_s)
+        limited = ~bends & ~differ & xp.isfinite(self.rise_rpm_s)
         masks = (~(bends | differ | limited), limited, differ, bends)
         functions = (RampLimits._jump, RampLimits._one_rate, RampLimits._two_rates, RampLimits._s_curve)
         return [
             (mask, partial(function, self._only(mask)))
             for mask, function in zip(masks, functions, strict=True)
-            if np.any(mask)
+            if bool(mask.any())
         ]
 
     def _only(self, mask: BoolArray) -> RampLimits:
         """Return these limits with harmless numbers where the mask is False."""
         rise, brake, jerk = (
-            np.where(mask, bound, 1.0) for bound in (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)
+            namespace(mask).where(mask, bound, 1.0)
+            for bound in (self.rise_rpm_s, self.brake_rpm_s, self.jerk_rpm_s2)
         )
         return RampLimits(rise, brake, jerk, self.sample_period_s)
 
@@ -96,17 +100,19 @@ class RampLimits:
         return Ramp(command_rpm, ramp.slope_rpm_s), part * command_rpm
 
     def _one_rate(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
+        xp = namespace(ramp.value_rpm)
         limit, before = self.rise_rpm_s * self.sample_period_s, ramp.value_rpm  # change in one tick
-        end = np.minimum(np.maximum(command_rpm, before - limit * part), before + limit * part)
+        end = xp.minimum(xp.maximum(command_rpm, before - limit * part), before + limit * part)
         change = end - before
-        return Ramp(end, ramp.slope_rpm_s), part * end - change * np.abs(change) / (2 * limit)
+        return Ramp(end, ramp.slope_rpm_s), part * end - change * xp.abs(change) / (2 * limit)
 
     def _two_rates(self, ramp: Ramp, command_rpm: FloatArray, part: FloatArray) -> tuple[Ramp, FloatArray]:
         """Move at one rate towards 0 and at another away from it."""
-        value, tau = ramp.value_rpm, self.sample_period_s
-        nearer = np.minimum(np.maximum(command_rpm, np.minimum(value, 0.0)), np.maximum(value, 0.0))
+        xp, value, tau = namespace(ramp.value_rpm), ramp.value_rpm, self.sample_period_s
+        low, high = xp.clip(value, None, 0.0), xp.clip(value, 0.0, None)
+        nearer = xp.minimum(xp.maximum(command_rpm, low), high)
         value, left, area = _leg(value, nearer, self.brake_rpm_s * tau, part)
-        further = np.where(value == nearer, command_rpm, value)
+        further = xp.where(value == nearer, command_rpm, value)
         value, left, added = _leg(value, further, self.rise_rpm_s * tau, left)
         return Ramp(value, ramp.slope_rpm_s), area + added + left * value
 
@@ -115,11 +121,12 @@ class RampLimits:
 
         If the two rates differ, a reversal comes to rest at 0 first.
         """
-        left, area = part * self.sample_period_s, np.zeros(np.shape(ramp.value_rpm))
+        xp = namespace(ramp.value_rpm)
+        left, area = part * self.sample_period_s, xp.zeros_like(ramp.value_rpm)
         for _ in range(2):
             value = ramp.value_rpm
             stops = (self.brake_rpm_s != self.rise_rpm_s) & (value * command_rpm < 0.0)
-            ramp, left, added = self._glide(ramp, np.where(stops, 0.0, command_rpm), left)
+            ramp, left, added = self._glide(ramp, xp.where(stops, 0.0, command_rpm), left)
             area = area + added
         return ramp, (area + left * ramp.value_rpm) / self.sample_period_s
 
@@ -128,38 +135,38 @@ class RampLimits:
 
         The slope rises to a peak at the largest jerk, stays there, and falls to 0.
         """
+        xp = namespace(ramp.value_rpm)
         value, slope, jerk = ramp.value_rpm, ramp.slope_rpm_s, self.jerk_rpm_s2
         # Whether to push up or down: from where it would come to rest if the slope fell to 0 from now on.
-        push = np.where(value + slope * np.abs(slope) / (2 * jerk) < to_rpm, 1.0, -1.0)
-        most = np.where(push * value < 0.0, self.brake_rpm_s, self.rise_rpm_s)
+        push = xp.where(value + slope * xp.abs(slope) / (2 * jerk) < to_rpm, 1.0, -1.0)
+        most = xp.where(push * value < 0.0, self.brake_rpm_s, self.rise_rpm_s)
         way, begin = push * (to_rpm - value), push * slope
-        peak = np.sqrt(np.maximum(jerk * way + begin * begin / 2, 0.0))
-        peak = np.maximum(begin, np.minimum(peak, most))
-        cruise = np.maximum(
-            (way - (2 * peak * peak - begin * begin) / (2 * jerk)) / np.where(peak > 0, peak, 1), 0
-        )
-        area, arrives = np.zeros(np.shape(value)), np.full(np.shape(value), True)
+        peak = xp.sqrt(xp.clip(jerk * way + begin * begin / 2, 0.0, None))
+        peak = xp.maximum(begin, xp.minimum(peak, most))
+        cruise = (way - (2 * peak * peak - begin * begin) / (2 * jerk)) / xp.where(peak > 0, peak, 1.0)
+        cruise = xp.clip(cruise, 0.0, None)
+        area, arrives = xp.zeros_like(value), xp.isfinite(value)
         for change, time in (
             (push * jerk, (peak - begin) / jerk),
-            (0.0 * push, np.where(peak > 0.0, cruise, 0.0)),
+            (0.0 * push, xp.where(peak > 0.0, cruise, 0.0)),
             (-push * jerk, peak / jerk),
         ):
-            spent = np.minimum(left, time)
-            arrives &= spent == time
+            spent = xp.minimum(left, time)
+            arrives = arrives & (spent == time)
             area = area + spent * (value + spent * (slope / 2 + change * spent / 6))
             value = value + (slope * spent + change * spent * spent / 2)
             slope = slope + change * spent
             left = left - spent
-        return Ramp(np.where(arrives, to_rpm, value), np.where(arrives, 0.0, slope)), left, area
+        return Ramp(xp.where(arrives, to_rpm, value), xp.where(arrives, 0.0, slope)), left, area
 
 
 def _leg(
     value: FloatArray, to_rpm: FloatArray, rate: FloatArray, left: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return values moved straight to points at a rate [rpm per tick], the part that is left, the area."""
-    way = to_rpm - value
-    time = np.abs(way) / rate
-    spent = np.minimum(left, time)
-    fastest = np.minimum(rate, 1e300)  # an infinite rate needs no time, and 0 times infinity is no number
-    end = np.where(time <= left, to_rpm, value + np.copysign(fastest * spent, way))
+    xp, way = namespace(value), to_rpm - value
+    time = xp.abs(way) / rate
+    spent = xp.minimum(left, time)
+    fastest = xp.clip(rate, None, 1e300)  # an infinite rate needs no time, and 0 times infinity is no number
+    end = xp.where(time <= left, to_rpm, value + xp.copysign(fastest * spent, way))
     return end, left - spent, spent * (value + end) / 2

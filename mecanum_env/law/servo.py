@@ -9,10 +9,8 @@ tests hold both equal bit for bit.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +19,7 @@ from mecanum_env.law.chain import DriveState
 from mecanum_env.law.custom_load import custom_torque
 from mecanum_env.law.motor_bounds import supplied
 from mecanum_env.law.parameters import Sets
+from mecanum_env.law.parts import REFERENCE, Parts
 from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
@@ -38,50 +37,79 @@ class Torques:
     """What the servo asks for, and the ripple."""
     drive: FloatArray
     """The same, limited."""
-    friction: FloatArray
-    """That of the wheel's bearing."""
-    custom: FloatArray
-    """That of a custom effect which loads the wheel."""
+    friction: FloatArray | None
+    """That of the wheel's bearing; None: no bearing has any."""
+    custom: FloatArray | None
+    """That of a custom effect which loads the wheel; None: there is none."""
 
     @property
     def reported(self) -> FloatArray:
         """Their sum."""
-        return self.drive + self.friction + self.custom
+        total = self.drive
+        for torque in (self.friction, self.custom):
+            total = total if torque is None else total + torque
+        return total
 
 
 def torques(
-    s: DriveState, p: Sets, speed: FloatArray, timestep_s: float, lost_v: FloatArray | float = 0.0
+    s: DriveState,
+    p: Sets,
+    speed: FloatArray,
+    timestep_s: float,
+    lost_v: FloatArray | float = 0.0,
+    parts: Parts = REFERENCE,
 ) -> Torques:
     """Return the torques to report for wheels of a `speed` [rad/s], to an implicit integrator.
 
     Such an integrator subtracts the servo times the coming change of speed from their sum. `s` is the state
     after `mecanum_env.law.chain.begin`; `p` and `lost_v` are as there.
+    Only the `parts` that some drive has are computed.
     """
-    asked = _asked(s, p, speed, timestep_s) + _ripple(s, p, speed)
-    drive = _limited(s, p, speed, timestep_s, asked, lost_v)
-    cold = _coldness(s, p, timestep_s)
+    asked = _asked(s, p, speed, timestep_s, parts)
+    if parts.ripple:
+        asked = asked + _ripple(s, p, speed, parts)
+    drive = _limited(s, p, speed, timestep_s, asked, lost_v, parts)
+    custom = _custom(s, p, speed, timestep_s, drive, lost_v) if parts.custom else None
+    if not parts.friction:
+        return Torques(asked, drive, None, custom)
+    cold = _coldness(s, p, timestep_s, parts)
     # What a warm bearing has lost of its viscous friction, which the engine's joint holds at its cold value.
     back = p["viscous_n_m_s_rad"] * (1 - cold) * speed
-    custom = _custom(s, p, speed, timestep_s, drive, lost_v)
-    friction = back + _friction(s, p, speed, timestep_s, drive + back + custom, cold)
+    others = drive + back if custom is None else drive + back + custom
+    friction = back + _friction(s, p, speed, timestep_s, others, cold, parts)
     return Torques(asked, drive, friction, custom)
 
 
-def end(s: DriveState, p: Sets, acted: Torques, before: FloatArray, speed: FloatArray, h: float) -> None:
+def end(
+    s: DriveState,
+    p: Sets,
+    acted: Torques,
+    before: FloatArray,
+    speed: FloatArray,
+    h: float,
+    parts: Parts = REFERENCE,
+) -> None:
     """Take over into `s` how torques that `acted` moved the wheels in a substep of `h` [s].
 
-    `p` are the parameters; the wheels' speed was `before` [rad/s], and is `speed` after it.
+    `p` are the parameters; the wheels' speed was `before` [rad/s], and is `speed` after it. What none of the
+    `parts` needs is left as it is.
     """
-    half = p["gap_rad"] / 2
     s.change = speed - before
-    s.angle = s.angle + h * speed
-    s.load = s.load + LOAD_SMOOTHING * (_effective_inertia(p, h) * s.change / h - acted.reported - s.load)
-    gap, s.gap = s.gap, np.clip(s.gap + h * (_unloaded(s, p) - speed), -half, half)
-    # The error of the motor, which turns without the wheel inside the gap.
-    error = s.setpoint - speed - (s.gap - gap) / h
+    if parts.ripple or parts.custom:
+        s.angle = s.angle + h * speed
+    if parts.friction:
+        s.load = s.load + LOAD_SMOOTHING * (_effective_inertia(p, h) * s.change / h - acted.reported - s.load)
+    if not (parts.gap or parts.integral):
+        return
+    error = s.setpoint - speed
+    if parts.gap:
+        half = p["gap_rad"] / 2
+        gap, s.gap = s.gap, parts.xp.clip(s.gap + h * (_unloaded(s, p) - speed), -half, half)
+        # The error of the motor, which turns without the wheel inside the gap.
+        error = error - (s.gap - gap) / h
     # The integral does not wind up while the torque is limited.
     limited = ((acted.asked > acted.drive) & (error > 0)) | ((acted.asked < acted.drive) & (error < 0))
-    s.integral = np.where(limited, s.integral, s.integral + h * error)
+    s.integral = parts.xp.where(limited, s.integral, s.integral + h * error)
 
 
 def _unloaded(s: DriveState, p: Sets) -> FloatArray:
@@ -94,46 +122,69 @@ def _effective_inertia(p: Sets, h: float) -> FloatArray:
     return p["inertia_kg_m2"] + h * p["servo_n_m_s_rad"]
 
 
-def _asked(s: DriveState, p: Sets, speed: FloatArray, h: float) -> FloatArray:
+def _asked(s: DriveState, p: Sets, speed: FloatArray, h: float, parts: Parts) -> FloatArray:
     """Return the torque that the servo asks for through the gear."""
-    kv, half = p["servo_n_m_s_rad"], p["gap_rad"] / 2
-    rests, springs = (p["gap_kind"] == GAP_KINDS.index(kind) for kind in ("rest", "spring"))
-    motor = _unloaded(s, p) + p["inertia_kg_m2"] * s.rise / (h * kv)
+    kv, xp = p["servo_n_m_s_rad"], parts.xp
+    motor = _unloaded(s, p) if parts.integral else s.setpoint
+    motor = motor + p["inertia_kg_m2"] * s.rise / (h * kv)
     rate = motor - speed
+    if not parts.gap:
+        return kv * rate
+    half = p["gap_rad"] / 2
+    rests, springs = (p["gap_kind"] == GAP_KINDS.index(kind) for kind in ("rest", "spring"))
     # The motor moves the wheel only by the part of its travel that lies beyond the gap.
-    position = s.gap + h * np.where(rests, motor, rate)
-    beyond = position - np.clip(position, -half, half)
-    geared = np.where(beyond == 0.0, kv * s.change, kv * beyond / h)
-    geared = np.where(rests, kv * (beyond / h - speed), geared)
-    taken_up = np.minimum(np.abs(position) / np.where(half > 0.0, half, 1.0), 1.0) * (kv * rate)
-    geared = np.where(springs, np.where(position * rate > 0.0, taken_up, 0.0), geared)
-    return np.where(half > 0.0, geared, kv * rate)
+    position = s.gap + h * xp.where(rests, motor, rate)
+    beyond = position - xp.clip(position, -half, half)
+    geared = xp.where(beyond == 0.0, kv * s.change, kv * beyond / h)
+    geared = xp.where(rests, kv * (beyond / h - speed), geared)
+    taken_up = xp.clip(xp.abs(position) / xp.where(half > 0.0, half, 1.0), None, 1.0) * (kv * rate)
+    geared = xp.where(springs, xp.where(position * rate > 0.0, taken_up, 0.0), geared)
+    torque: FloatArray = xp.where(half > 0.0, geared, kv * rate)
+    return torque
 
 
-def _ripple(s: DriveState, p: Sets, speed: FloatArray) -> FloatArray:
+def _ripple(s: DriveState, p: Sets, speed: FloatArray, parts: Parts) -> FloatArray:
     """Return the torque that follows the wheels' angle."""
     acts = (p["ripple_n_m"] > 0.0) | (p["ripple_share"] > 0.0)
-    if not np.any(acts):
-        return np.zeros(speed.shape)
+    if not bool(acts.any()):
+        return parts.xp.zeros_like(speed)  # type: ignore[no-any-return]
     size = p["ripple_n_m"] + p["ripple_share"] * p["servo_n_m_s_rad"] * speed
-    swing = _each(math.sin, p["ripple_per_turn"] * s.angle + p["ripple_phase_rad"])
-    return np.where(acts, size * swing, 0.0)
+    swing = parts.sines(p["ripple_per_turn"] * s.angle + p["ripple_phase_rad"])
+    torque: FloatArray = parts.xp.where(acts, size * swing, 0.0)
+    return torque
 
 
 def _limited(
-    s: DriveState, p: Sets, speed: FloatArray, h: float, asked: FloatArray, lost_v: FloatArray | float
+    s: DriveState,
+    p: Sets,
+    speed: FloatArray,
+    h: float,
+    asked: FloatArray,
+    lost_v: FloatArray | float,
+    parts: Parts,
 ) -> FloatArray:
     """Return the torque within its limit, and within what the supply leaves at this speed."""
-    limit, supply = p["torque_limit_n_m"], p["supply_rpm"]
+    limit, supply, xp = p["torque_limit_n_m"], p["supply_rpm"], parts.xp
     # The limit is that of the torque which reaches the wheel, if its speed changes as in the last substep.
-    off = p["servo_n_m_s_rad"] * s.change + p["rotor_kg_m2"] * s.change / h
+    off = p["servo_n_m_s_rad"] * s.change
+    if parts.rotor:
+        off = off + p["rotor_kg_m2"] * s.change / h
+    if not parts.supply:
+        left = asked - off
+        if not parts.integral:
+            within: FloatArray = off + xp.clip(left, -limit, limit)
+            return within
+        # To the bit what is asked where nothing limits it: there the integral goes on.
+        held: FloatArray = xp.where(left > limit, limit + off, xp.where(left < -limit, off - limit, asked))
+        return held
     falls = (supply > 0.0) & (limit < _UNLIMITED)
-    left = supplied(np.where(falls, supply, 1.0), p["supply_per_volt"], lost_v)
+    left = supplied(xp.where(falls, supply, 1.0), p["supply_per_volt"], lost_v)
     ratio = speed / (left * RAD_S_PER_RPM)
-    forwards = np.where(falls, limit * np.clip(1 - ratio, 0, 1), limit)
-    backwards = np.where(falls, limit * np.clip(1 + ratio, 0, 1), limit)
+    forwards = xp.where(falls, limit * xp.clip(1 - ratio, 0, 1), limit)
+    backwards = xp.where(falls, limit * xp.clip(1 + ratio, 0, 1), limit)
     high, low = asked - off > forwards, asked - off < -backwards
-    return np.where(high, forwards + off, np.where(low, -backwards + off, asked))
+    torque: FloatArray = xp.where(high, forwards + off, xp.where(low, -backwards + off, asked))
+    return torque
 
 
 def _custom(
@@ -149,33 +200,41 @@ def _custom(
     return custom_torque(p["load_program"], now, p["servo_n_m_s_rad"], per_torque, speed, drive)
 
 
-def _coldness(s: DriveState, p: Sets, h: float) -> FloatArray:
+def _coldness(s: DriveState, p: Sets, h: float, parts: Parts) -> FloatArray:
     """Return the shares of the bearings' friction that are left, shape (sets, 1)."""
+    xp = parts.xp
     share, time_s = p["friction_warm_share"], p["friction_warm_s"]
     warms = (share > 0.0) & (time_s > 0.0)
-    if not np.any(warms):
-        return np.ones(share.shape)
-    elapsed = -((s.substeps - 1) * h) / np.where(warms, time_s, 1.0)
-    return np.where(warms, 1 - share * (1 - _each(math.exp, elapsed)), 1.0)
+    if not bool(warms.any()):
+        return xp.ones_like(share)  # type: ignore[no-any-return]
+    elapsed = -((s.substeps - 1) * h) / xp.where(warms, time_s, 1.0)
+    left: FloatArray = xp.where(warms, 1 - share * (1 - parts.exponentials(elapsed)), 1.0)
+    return left
 
 
 def _friction(
-    s: DriveState, p: Sets, speed: FloatArray, h: float, torque: FloatArray, cold: FloatArray
+    s: DriveState,
+    p: Sets,
+    speed: FloatArray,
+    h: float,
+    torque: FloatArray,
+    cold: FloatArray,
+    parts: Parts,
 ) -> FloatArray:
     """Return the torque that brings wheels to rest in this substep, within Coulomb friction and stiction."""
     breakaway, coulomb, stribeck = p["breakaway_n_m"] * cold, p["coulomb_n_m"] * cold, p["stribeck_rad_s"]
     falling = (breakaway > 0.0) & (stribeck > 0.0)
-    limit = np.broadcast_to(coulomb, speed.shape)
-    perstep, left = np.maximum(_effective_inertia(p, h), _TINY) / h, speed
+    xp = parts.xp
+    limit = xp.broadcast_to(coulomb, speed.shape)
+    inertia: Any = _effective_inertia(p, h)
+    left = speed
+    # A plain number where all drives agree.
+    perstep = (max(inertia, _TINY) if isinstance(inertia, float) else xp.clip(inertia, _TINY, None)) / h
     stop = torque + s.load + left * perstep
     # Friction that falls with speed is that of the speed after the substep, found by iteration.
-    for _ in range(3 if np.any(falling) else 0):
-        ratio = left / np.where(falling, stribeck, 1.0)
-        limit = np.where(falling, coulomb + breakaway * _each(math.exp, -ratio * ratio), limit)
-        left = (stop - np.clip(stop, -limit, limit)) / perstep
-    return -np.clip(stop, -limit, limit)
-
-
-def _each(function: Callable[[float], float], values: FloatArray) -> FloatArray:
-    """Return a function of the C library for each value: numpy's own differ from it in the last bit."""
-    return np.array([function(x) for x in values.ravel().tolist()], float).reshape(values.shape)
+    for _ in range(3 if bool(falling.any()) else 0):
+        ratio = left / xp.where(falling, stribeck, 1.0)
+        limit = xp.where(falling, coulomb + breakaway * parts.exponentials(-ratio * ratio), limit)
+        left = (stop - xp.clip(stop, -limit, limit)) / perstep
+    hold: FloatArray = -xp.clip(stop, -limit, limit)
+    return hold

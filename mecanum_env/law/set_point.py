@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError
+from mecanum_env.law.arrays import exponentials, floats, namespace
 from mecanum_env.units import FloatArray
 
 MAP_KNOTS: Final = 6
@@ -29,10 +30,9 @@ def warm_up_gain(share: npt.ArrayLike, time_constant_s: npt.ArrayLike, seconds: 
     `share` is what is lost of the gain in the end, below 0 for a gain that rises; `time_constant_s` [s] is
     above 0, and `seconds` are the times t since the start [s].
     """
-    elapsed = -np.asarray(seconds, float) / np.asarray(time_constant_s, float)
-    # The exponential is that of the C library, which the plugin calls: numpy's own differs in the last bit.
-    cooled = np.array([math.exp(x) for x in elapsed.ravel().tolist()], float).reshape(elapsed.shape)
-    return np.asarray(1.0 - np.asarray(share, float) * (1.0 - cooled))
+    cooled = exponentials(floats(-floats(seconds) / floats(time_constant_s)))
+    gain: FloatArray = floats(1.0 - floats(share) * (1.0 - cooled))
+    return gain
 
 
 def saturated(command_rpm: FloatArray, limit_rpm: npt.ArrayLike, softness_rpm: npt.ArrayLike) -> FloatArray:
@@ -40,16 +40,20 @@ def saturated(command_rpm: FloatArray, limit_rpm: npt.ArrayLike, softness_rpm: n
 
     All shapes broadcast. A limit of 0 or infinity is none.
     """
-    limit = np.where(np.asarray(limit_rpm) > 0.0, limit_rpm, np.inf)
-    knee = np.where(np.isfinite(limit), np.minimum(softness_rpm, limit), 0.0)
-    corner = np.where(np.isfinite(limit), limit - knee, 0.0)
-    width = np.where(knee > 0.0, knee, 1.0)
-    beyond = np.abs(command_rpm) - corner
-    on_knee = np.clip(beyond, 0.0, 2.0 * width)  # further out the square may overflow
-    # The parabola leaves the line with slope 1 and reaches the limit with slope 0.
-    bent = np.copysign(corner + beyond - on_knee * on_knee / (4.0 * width), command_rpm)
-    command = np.where((knee > 0.0) & (beyond > 0.0) & (beyond < 2.0 * knee), bent, command_rpm)
-    return np.asarray(np.minimum(np.maximum(command, -limit), limit))
+    xp, softness = namespace(command_rpm), floats(softness_rpm)
+    limit = xp.where(floats(limit_rpm) > 0.0, limit_rpm, math.inf)
+    command = command_rpm
+    if bool((softness > 0.0).any()):
+        knee = xp.where(xp.isfinite(limit), xp.minimum(softness, limit), 0.0)
+        corner = xp.where(xp.isfinite(limit), limit - knee, 0.0)
+        width = xp.where(knee > 0.0, knee, 1.0)
+        beyond = xp.abs(command_rpm) - corner
+        on_knee = xp.minimum(xp.clip(beyond, 0.0, None), 2.0 * width)  # further out the square may overflow
+        # The parabola leaves the line with slope 1 and reaches the limit with slope 0.
+        bent = xp.copysign(corner + beyond - on_knee * on_knee / (4.0 * width), command_rpm)
+        command = xp.where((knee > 0.0) & (beyond > 0.0) & (beyond < 2.0 * knee), bent, command_rpm)
+    within: FloatArray = floats(xp.minimum(xp.maximum(command, -limit), limit))
+    return within
 
 
 def require_map(knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> None:
@@ -98,25 +102,27 @@ def mapped(
     outermost ones. Without a knot below 0 it is mirrored and passes through 0. Knots and values may be arrays
     of a shape that broadcasts, of which only the first `count` are used; by default all of them.
     """
-    used = np.asarray(len(knots_rpm) if count is None else count)
-    if not np.any(used > 0):
+    xp, used = namespace(command_rpm), floats(len(knots_rpm) if count is None else count)
+    if not bool((used > 0).any()):
         return command_rpm
-    x, y = ([np.asarray(one, float) for one in row] for row in (knots_rpm, values_rpm))
+    x, y = ([floats(one) for one in row] for row in (knots_rpm, values_rpm))
     mirrored = x[0] >= 0.0
-    u = np.where(mirrored, np.abs(command_rpm), command_rpm)
+    u = xp.where(mirrored, xp.abs(command_rpm), command_rpm)
     below = [(i < used) & (knot < u) for i, knot in enumerate(x)]
     # The corners to the left and to the right; beyond the outermost ones both are the same.
-    left_x, left_y = np.where(mirrored, 0.0, x[0]), np.where(mirrored, 0.0, y[0])
+    left_x, left_y = xp.where(mirrored, 0.0, x[0]), xp.where(mirrored, 0.0, y[0])
     for is_below, knot, value in zip(below, x, y, strict=True):
-        left_x, left_y = np.where(is_below, knot, left_x), np.where(is_below, value, left_y)
+        left_x, left_y = xp.where(is_below, knot, left_x), xp.where(is_below, value, left_y)
     right_x, right_y = left_x, left_y
     for i in reversed(range(len(x))):
         is_next = (i < used) & ~below[i]
-        right_x, right_y = np.where(is_next, x[i], right_x), np.where(is_next, y[i], right_y)
+        right_x, right_y = xp.where(is_next, x[i], right_x), xp.where(is_next, y[i], right_y)
     width = right_x - left_x
-    inside = left_y + (right_y - left_y) * ((u - left_x) / np.where(width > 0.0, width, 1.0))
-    out = np.where(width > 0.0, inside, left_y + (u - left_x))
-    return np.where(used > 0, np.where(mirrored, np.copysign(out, command_rpm), out), command_rpm)
+    inside = left_y + (right_y - left_y) * ((u - left_x) / xp.where(width > 0.0, width, 1.0))
+    out = xp.where(width > 0.0, inside, left_y + (u - left_x))
+    signed = xp.where(mirrored, xp.copysign(out, command_rpm), out)
+    mapped_rpm: FloatArray = xp.where(used > 0, signed, command_rpm)
+    return mapped_rpm
 
 
 def unmapped(speed_rpm: FloatArray, knots_rpm: Sequence[float], values_rpm: Sequence[float]) -> FloatArray:

@@ -9,9 +9,10 @@ from typing import Annotated
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 
-def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Path = Path("mjcf")) -> None:
+def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Path = Path("mjcf")) -> Done:
     """Write robot.xml, planar.xml and bench.xml of a model file, for any program that opens MJCF.
 
     A plant that cannot express one of the model's effects is left out, with its reason.
@@ -26,10 +27,12 @@ def main(model: Annotated[Path | None, tyro.conf.Positional] = None, /, out: Pat
     from mecanum_env.model import paper_model, read_model
 
     read = paper_model() if model is None else read_model(model)
-    for path in write_models(read, out):
+    written = write_models(read, out)
+    for path in written:
         print(path)
     for name, reason in left_out(read).items():
         print(f"{name} is left out: {reason}", file=sys.stderr)
+    return Done(wrote=written)
 
 
 if __name__ == "__main__":

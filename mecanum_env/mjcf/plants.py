@@ -31,6 +31,7 @@ from mecanum_env.mjcf.physics import (
 from mecanum_env.mjcf.scene import add_appearance, add_bench_view, add_scene, add_views
 from mecanum_env.mjcf.wheel import add_still_wheel, add_wheel, dress_bench, set_inertia
 from mecanum_env.model import Model, Robot
+from mecanum_env.outputs import output_folder
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, rotor_inertia
 
 
@@ -282,6 +283,7 @@ def write_models(model: Model, out: str | os.PathLike[str]) -> list[Path]:
     # All texts before the first file, so that bad input leaves nothing behind.
     omitted = left_out(model)
     texts = {name: mjcf_text(make(model)) for name, make in SPECS.items() if name not in omitted}
-    for name, text in texts.items():
-        write_text(Path(out) / name, text)
+    with output_folder(out, "mecanum_env.mjcf", tuple(SPECS)) as staged:
+        for name, text in texts.items():
+            write_text(staged / name, text)
     return [Path(out) / name for name in texts]

@@ -29,9 +29,11 @@ def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
         return
     add_appearance(spec)
     floor.material = "mat"
-    floor.castshadow = 0
     ground = shapes.add_visual(world, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05), (0, 0, -0.01))
-    ground.castshadow = 0
+    for flat in (floor, ground):
+        # MuJoCo 3 has no such switch for a geom.
+        if hasattr(flat, "castshadow"):
+            flat.castshadow = 0
     edge = half - _LINE_M / 2
     wide, up = _LINE_M / 2, 0.001 / 2  # half the width and height of a line
     edges = ((half, wide, 0, edge), (half, wide, 0, -edge), (wide, half, edge, 0), (wide, half, -edge, 0))

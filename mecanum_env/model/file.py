@@ -5,12 +5,10 @@ docs/model-file.md lists the fields.
 
 from __future__ import annotations
 
-import json
 import math
 import os
 from collections.abc import Mapping
 from dataclasses import fields, replace
-from pathlib import Path
 from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
@@ -22,6 +20,8 @@ from mecanum_env.model.json_checks import mapping, number_list, numbers, uncerta
 from mecanum_env.model.model import ROBOT_NUMBERS, Model, Robot, Wheel
 from mecanum_env.model.static_map import LISTS, MAP, map_lists, map_parameters
 from mecanum_env.model.wheel_list import wheels_from_json, wheels_to_json
+from mecanum_env.outputs import require_whole
+from mecanum_env.reading import read_json
 
 FORMAT: Final = "mecanum-model/1"
 _SECTIONS: Final = ("format", "wheel", "wheels", "robot", "effects", "custom", "uncertainty", "provenance")
@@ -132,7 +132,8 @@ def read_model(path: str | os.PathLike[str]) -> Model:
         InputError: no such file, not JSON, another format, a missing, misspelt or impossible value.
         UnstableLawError: the wheel law is unstable; the message lists the poles.
     """
-    value = _read_json(path, "make a model with `python -m sysid.fit LOGS`")
+    require_whole(path)
+    value = read_json(path, "make a model with `python -m sysid.fit LOGS`")
     try:
         return model_from_dict(value)
     except InputError as error:
@@ -145,7 +146,7 @@ def read_robot(path: str | os.PathLike[str]) -> Robot:
     Raises:
         InputError: no such file, not JSON, an unknown name or an impossible value.
     """
-    value = _read_json(path, "it holds any keys of a model's robot section, such as wheel_radius_m")
+    value = read_json(path, "it holds any keys of a model's robot section, such as wheel_radius_m")
     try:
         return robot_from_dict(value)
     except InputError as error:
@@ -221,22 +222,3 @@ def _split(where: str, value: Any, known: tuple[str, ...]) -> tuple[dict[str, An
 
 def _infinite_as_null(value: float) -> float | None:
     return None if math.isinf(value) else value
-
-
-def _refuse_constant(name: str) -> float:
-    raise InputError(f"{name} is not valid JSON; an absent limit is null")
-
-
-def _read_json(path: str | os.PathLike[str], hint: str) -> Any:
-    try:
-        text = Path(path).read_text(encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); {hint}") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not a text file, must be JSON; {hint}") from error
-    try:
-        return json.loads(text, parse_constant=_refuse_constant)
-    except json.JSONDecodeError as error:
-        raise InputError(f"{path}, line {error.lineno}: not valid JSON ({error.msg})") from error
-    except InputError as error:
-        raise InputError(f"{path}: {error}") from error

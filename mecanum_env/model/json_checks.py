@@ -77,6 +77,8 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
     - `robot.NAME`: standard error of a number of the robot;
     - `effects.EFFECT.PARAMETER`: `low` and `high` of its interval;
     - `joint.covariance`: covariance of what `joint.names` lists, A-F and "EFFECT.PARAMETER", a row for each;
+    - `adopted.covariance`: the same of parameters of effects that studies added, and `adopted.new`, a list of
+      those effects that are newer than the logs of the fit;
     - `model_error.channels.CHANNEL`: `settled`, `transient`, `correlation_s`, or null (see
       `sysid.compare.model_error`).
 
@@ -87,8 +89,9 @@ def uncertainty_from_dict(value: Any) -> Mapping[str, Any]:
     _check_wheel("uncertainty.wheel", mapping("uncertainty.wheel", section.get("wheel", {})))
     _check_robot("uncertainty.robot", mapping("uncertainty.robot", section.get("robot", {})))
     _check_effects("uncertainty.effects", mapping("uncertainty.effects", section.get("effects", {})))
-    if section.get("joint") is not None:
-        _check_joint("uncertainty.joint", mapping("uncertainty.joint", section["joint"]))
+    for key in ("joint", "adopted"):
+        if section.get(key) is not None:
+            _check_joint(f"uncertainty.{key}", mapping(f"uncertainty.{key}", section[key]))
     if section.get("model_error") is not None:
         where = "uncertainty.model_error"
         channels = mapping(f"{where}.channels", mapping(where, section["model_error"]).get("channels"))
@@ -128,6 +131,9 @@ def _check_joint(where: str, joint: Mapping[str, Any]) -> None:
     for i, row in enumerate(rows):
         for j, item in enumerate(row):
             _finite(f"{where}.covariance[{i}][{j}]", item)
+    if not isinstance(new := joint.get("new", []), list):
+        raise InputError(f"{where}.new = {json.dumps(new)}, must be a list of names")
+    _require_known(f"{where}.new", new, EFFECT_PARAMETERS)
 
 
 def _check_robot(where: str, errors: Mapping[str, Any]) -> None:

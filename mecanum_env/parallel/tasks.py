@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Generic, Protocol, TypeVar
 
-from mecanum_env.errors import MecanumError
+from mecanum_env.errors import MachineError, MecanumError
 from mecanum_env.parallel.same_code import require_same_code
 
 MOST_TRIES: Final = 3
@@ -19,7 +19,7 @@ Tell = Callable[[int, T], object]
 """Called in the asking process with the index of a finished task and its result, as results come."""
 
 
-class WorkerLostError(MecanumError, RuntimeError):
+class WorkerLostError(MachineError):
     """A task whose worker process ended each time that it was begun."""
 
 

@@ -1,7 +1,9 @@
 """The wheel drive as a native MuJoCo actuator plugin, "mecanum.wheel".
 
-MuJoCo calls `register` through the entry point `mujoco.plugins` during ``import mujoco`` and is then only
+MuJoCo 4 calls `register` through the entry point `mujoco.plugins` during ``import mujoco`` and is then only
 partly initialised, so this module imports nothing but the standard library and this project's errors.
+MuJoCo 3 knows no such entry points: there `mecanum_env.plugin.layout` calls it, and a program of one's own
+that only reads a written model must.
 """
 
 from __future__ import annotations
@@ -19,7 +21,6 @@ PLUGIN_NAME: Final = "mecanum.wheel"
 
 # Followed by the MuJoCo release that the library was compiled against; see CMakeLists.txt.
 _STEM: Final = "mecanum_wheel-mujoco-"
-_BUILD: Final = "`pip install .` in the checkout (it needs a C compiler: apt-get install gcc libc6-dev)"
 
 
 def library_path(mujoco_version: str, folders: Iterable[str] | None = None) -> Path:
@@ -43,16 +44,30 @@ def library_path(mujoco_version: str, folders: Iterable[str] | None = None) -> P
         if library.name == f"{_STEM}{mujoco_version}.so":
             return library
     if found:
-        releases = dict.fromkeys(library.name.removeprefix(_STEM).removesuffix(".so") for library in found)
-        built = ", ".join(releases)
+        releases = [library.name.removeprefix(_STEM).removesuffix(".so") for library in found]
+        built = ", ".join(dict.fromkeys(releases))
         raise BackendError(
             f"the wheel plugin was compiled for mujoco {built}, but mujoco {mujoco_version} runs; "
-            f"install that release of mujoco, or compile the plugin again: {_BUILD}"
+            f"install a release that it knows: `pip install mujoco=={releases[-1]}`; or compile the plugin "
+            f"for the one that is there: {build_command()}"
         )
     raise BackendError(
         f"the wheel plugin's library {_STEM}{mujoco_version}.so is not in {' or '.join(map(str, searched))}; "
-        f"compile it: {_BUILD}"
+        f"compile it: {build_command()}"
     )
+
+
+def build_command() -> str:
+    """Return the command that compiles the plugin for the installed MuJoCo, and what it needs."""
+    # Imported here, since it costs every `import mujoco` 10 ms.
+    from mecanum_env.checkout import checkout
+
+    if checkout():
+        how = "`pip install --no-build-isolation .` in the checkout"
+    else:
+        sources = "--force-reinstall --no-deps --no-binary mecanum-tankendo"
+        how = f"`pip install --no-build-isolation {sources} mecanum-tankendo`"
+    return f"{how} (first `pip install scikit-build-core`, `apt-get install gcc libc6-dev`)"
 
 
 def require_current(library: Path) -> None:
@@ -69,7 +84,9 @@ def require_current(library: Path) -> None:
         said.restype = ctypes.c_char_p
     sources = "" if said is None else said().decode()
     if said is None or sources not in ("", sources_sha256()):
-        raise BackendError(f"{library} was compiled from other sources; compile the plugin again: {_BUILD}")
+        raise BackendError(
+            f"{library} was compiled from other sources; compile the plugin again: {build_command()}"
+        )
 
 
 def sources_sha256() -> str:
@@ -88,6 +105,18 @@ def installed_folders() -> list[str]:
         for found in distributions(name="mecanum-tankendo")
         if found.version == __version__
     ]
+
+
+def register_if_mujoco_did_not() -> None:
+    """Call `register` under MuJoCo 3, which knows no entry points; `import mujoco` has done so under 4.
+
+    Raises:
+        BackendError: as for `register`.
+    """
+    import mujoco
+
+    if int(mujoco.mj_versionString().split(".")[0]) < 4:
+        register()
 
 
 def register() -> None:

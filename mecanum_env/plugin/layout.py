@@ -43,8 +43,11 @@ from mecanum_env.law.program import PROGRAM_SIZE
 from mecanum_env.law.set_point import map_numbers
 from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.model import Model, Robot
-from mecanum_env.plugin import PLUGIN_NAME
+from mecanum_env.plugin import PLUGIN_NAME, register_if_mujoco_did_not
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+
+# Whoever compiles a model imports this module first.
+register_if_mujoco_did_not()
 
 SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""

@@ -182,7 +182,8 @@ def lighten(model: mujoco.MjModel) -> None:
     quality.shadowsize = min(_LIGHT_SHADOW_PX, quality.shadowsize)
     # Planes have the bounding radius 0 and are not meant.
     small = (model.geom_rbound > 0.0) & (model.geom_rbound < _LIGHT_CASTS_SHADOW_M)
-    model.geom_castshadow[small] = False
+    if hasattr(model, "geom_castshadow"):  # since MuJoCo 4
+        model.geom_castshadow[small] = False
     # Infinite ground below a mat is shaded in every pixel that the mat then covers, so it is hidden.
     planes = model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE
     endless = planes & np.all(model.geom_size[:, :2] == 0.0, axis=1)

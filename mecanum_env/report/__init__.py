@@ -1,14 +1,13 @@
 """Self-contained HTML pages: a template and interactive figures, without network access.
 
-Needs the `report` extra (jinja2). Every page contains the plotting script, compressed: it is the cartesian
-bundle of plotly.js (`PLOTLY`, MIT licence, beside this file), which draws curves, bars and heat maps and adds
-0.7 MB to a page. Browsers since 2023 can unpack it (`DecompressionStream`).
+Every page contains the plotting script, compressed: it is the cartesian bundle of plotly.js (`PLOTLY`, MIT
+licence, beside this file), which draws curves, bars and heat maps and adds 0.7 MB to a page. Browsers since 2023
+can unpack it (`DecompressionStream`).
 """
 
 from __future__ import annotations
 
 import base64
-import importlib.util
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -27,11 +26,6 @@ _CONFIG: Final = {
 }
 _TOOLBAR_PX: Final = 40
 """Width of the column on the right that is left to the zoom buttons."""
-
-
-def report_available() -> bool:
-    """Return whether the library of the `report` extra is installed."""
-    return importlib.util.find_spec("jinja2") is not None
 
 
 def figure(

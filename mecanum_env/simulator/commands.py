@@ -18,7 +18,7 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
 from mecanum_env.simulator.trajectory import CHANNELS
-from mecanum_env.tables import SUFFIXES, Table, has_table_suffix, read_table
+from mecanum_env.tables import SUFFIXES, Table, check_stamps, has_table_suffix, read_table
 from mecanum_env.units import FloatArray
 
 
@@ -168,7 +168,7 @@ def read_commands(path: str | os.PathLike[str]) -> Commands:
             one before, text where a number belongs; the message names file, line and value.
     """
     path = Path(path)
-    if not path.is_file():
+    if not os.path.isfile(path):
         raise InputError(f"{path}: no such file; commands are a file that ends in {', '.join(SUFFIXES)}")
     if not has_table_suffix(path):
         raise InputError(f"{path}: not a table of commands; its name must end in {', '.join(SUFFIXES)}")
@@ -204,16 +204,7 @@ def _command_columns(table: Table) -> tuple[str, ...]:
 def _stamps(table: Table) -> FloatArray:
     """Return the stamps [s] since the first one."""
     time = table.column("time_s")
-    missing = np.flatnonzero(np.isnan(time))
-    if missing.size:
-        raise InputError(f"{table.where(int(missing[0]))}: time_s is missing; every row needs a stamp [s]")
-    backwards = np.flatnonzero(np.diff(time) <= 0.0)
-    if backwards.size:
-        row = int(backwards[0]) + 1
-        raise InputError(
-            f"{table.where(row)}: time_s = {time[row]:g} after {time[row - 1]:g}, must be larger than the "
-            "stamp before"
-        )
+    check_stamps(table, time)
     return np.asarray(time - time[0])
 
 

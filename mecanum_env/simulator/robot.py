@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Sequence
+from typing import Final
 
 import mujoco
 import numpy as np
@@ -20,6 +21,9 @@ from mecanum_env.simulator.commands import Commands
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory, step_through
 from mecanum_env.units import FloatArray
+
+_MOST_BYTES: Final = 2 << 30
+"""Most memory for the states of one drive [bytes]."""
 
 
 def compile_plant(
@@ -74,6 +78,13 @@ def drive(
     compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
     data = at_rest(compiled) if stance is None else _still(compiled, stance)
     step = compiled.opt.timestep
+    size = duration_s / step * (compiled.nq + compiled.nv) * 8.0
+    if size > _MOST_BYTES:
+        longest = duration_s * _MOST_BYTES / size
+        raise InputError(
+            f"duration_s = {duration_s:g}: the states of every physics step would take {size / 2**30:.3g} "
+            f"GiB, must be at most {longest:.0f} s; drive in parts"
+        )
     time_s = np.arange(math.ceil(duration_s / step - 1e-9) + 1) * step
     ctrl = commands.wheels_at(time_s[:-1], model.wheel.command_quantum_rpm)
     if limits_body(model):

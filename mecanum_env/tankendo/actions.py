@@ -35,7 +35,11 @@ def checked_action(action: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
         InputError: another shape, or a value that is not a finite number.
     """
     try:
-        array = np.asarray(action, float)
+        # Text that spells numbers is text, and of complex numbers NumPy would drop a part.
+        given = np.asarray(action)
+        if given.dtype.kind not in "fiub":
+            raise TypeError(f"they are {given.dtype}")
+        array = np.asarray(given, float)
     except (TypeError, ValueError) as error:
         raise InputError(f"action must be numbers, an array of shape {shape}: {error}") from error
     if array.shape != shape:

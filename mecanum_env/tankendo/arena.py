@@ -5,25 +5,30 @@ The single environment is an arena with one row, so one and many run the same co
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.batch import PlanarBatch, PlanarRobot
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.law.link import MOST_SEEDS
+from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.judge import TERMS, Dodge, Duel, Judge, Track
-from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Senses
+from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Instruments
 from mecanum_env.tankendo.opponent import Fighter
+from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
-from mecanum_env.tankendo.scene import BoolArray, Scenes, wrapped
+from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, wrapped
+from mecanum_env.tankendo.sensing import Sensing, longest_delay_s
 from mecanum_env.units import FloatArray
 
+Robot = Compiled | PlanarRobot
 TaskName = Literal["dodge", "track", "duel"]
 _JUDGES: Final[Mapping[TaskName, type[Judge]]] = {"dodge": Dodge, "track": Track, "duel": Duel}
 
@@ -38,6 +43,10 @@ class TaskSetting:
     sensors: Sensors
     weights: RewardWeights
     action_mode: ActionMode
+    opponents: Opponents | None = None
+    """The distribution from which the opponent of each episode is drawn; None: always `opponent`."""
+    senses: Senses | VariedSenses | None = None
+    """Cameras and odometry with an estimator behind them; None: `sensors` as they are."""
 
     def __post_init__(self) -> None:
         require_one_of("task", self.task, _JUDGES)
@@ -62,13 +71,18 @@ class Step:
 
 
 class Arena:
-    """n episodes side by side, whose physics is stepped by a number of threads.
+    """n episodes side by side.
+
+    MuJoCo steps the physics of robots that were compiled for it, by a number of `threads`; robots that are
+    numbers are stepped as arrays on a `device` of torch, or by numpy.
 
     Raises:
         InputError: a time limit shorter than one step.
     """
 
-    def __init__(self, setting: TaskSetting, compiled: Compiled, n: int, threads: int = 1) -> None:
+    def __init__(
+        self, setting: TaskSetting, compiled: Robot, n: int, threads: int = 1, device: str | None = None
+    ) -> None:
         self.setting, self.n = setting, n
         self.step_s = compiled.model.wheel.command_period_s
         self._quantum_rpm = compiled.model.wheel.command_quantum_rpm
@@ -80,48 +94,91 @@ class Arena:
                 f"{self.step_s:g} s"
             )
         self._common = compiled
-        self.robots = RobotBatch(compiled, n, threads)
-        self.chance = Chance(n, self._steps, NOISY, setting.opponent, setting.rules)
-        oldest = max(setting.sensors.delay_s, setting.opponent.sight_delay_s + self.step_s)
+        self.robots: RobotBatch | PlanarBatch = (
+            PlanarBatch(compiled, n, device)
+            if isinstance(compiled, PlanarRobot)
+            else RobotBatch(compiled, n, threads)
+        )
+        drawn_from = setting.opponent if setting.opponents is None else setting.opponents
+        self.chance = Chance(n, NOISY, drawn_from, setting.rules)
+        oldest = max(setting.sensors.delay_s, drawn_from.sight_delay_s + self.step_s)
+        if setting.senses is not None:
+            oldest = max(oldest, longest_delay_s(setting.senses) + self.step_s)
         self.scenes = Scenes(n, self.step_s, oldest)
         self.fighter = Fighter(n, setting.opponent, setting.rules, self.chance, self.scenes, self.step_s)
         judge = _JUDGES[setting.task]
         self.judge = judge(n, setting.rules, setting.weights, self.fighter, self.scenes, self.chance)
-        self.senses = Senses(setting.sensors, self.step_s, self.judge.extra_observations)
+        self.instruments = Instruments(setting.sensors, self.step_s, self.judge.extra_observations)
+        age_s = setting.sensors.delay_s
+        self.sensing: Sensing | None = None
+        if setting.senses is not None:
+            self.sensing = Sensing(setting.senses, n, self._steps, self.step_s, age_s)
+        """The robots' senses; None where the sensors' picture is observed."""
         self.step_count = np.zeros(n, np.intp)
         """Steps since each episode began, shape (n,)."""
         self.commands = np.zeros((n, 3))
         """The last commands: V [rpm], theta [deg], VC [rpm]."""
         self._shares = np.zeros((3, n))  # the same as shares of the full command
-        self._all = np.arange(n)
         self.begun = np.zeros(n, bool)
         """Whether an episode has ever begun in each row."""
         self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
         """Whether the last step brought a hit, a success, or the end of the episode."""
 
     def restart(
-        self, row: int, rng: np.random.Generator, compiled: Compiled | None = None, start: Start = DRAWN
+        self,
+        rows: Sequence[int],
+        rngs: Sequence[np.random.Generator],
+        robots: Sequence[Robot] | None = None,
+        start: Start = DRAWN,
     ) -> None:
-        """Begin a new episode in one row, with its own robot or, if `compiled` is None, the common one.
+        """Begin new episodes in some rows, each with its robot of `robots`; None: with the common one.
 
-        The environment's generator `rng` is the only source of randomness. The seed of a link that jitters or
-        loses commands comes last, so that opponent and noise are those of a robot with a perfect link.
+        The generators `rngs` of their environments are the only source of randomness. The seed of a link that
+        jitters or loses commands comes last, so that opponent and noise are those of a robot with a perfect
+        link.
         """
-        self.chance.draw(row, rng, start)
-        x, y, yaw = self.chance.start_pose[:, row]
-        robot = self._common if compiled is None else compiled
-        if robot.has_random_link:
-            robot = robot.with_link_seed(int(rng.integers(MOST_SEEDS)))
-        self.robots.restart(row, (x, y, yaw), robot)
-        opponent_x = x + self.chance.start_distance[row]
-        self.scenes.restart(row, [x, y, yaw, 0, 0, 0, opponent_x, y, np.pi, 0, 0])
-        self.fighter.restart(row)
-        self.judge.restart(row)
-        self.senses.restart(row, self.robots.model_of(row))
-        self.begun[row] = True
-        self.step_count[row] = 0
-        self._shares[:, row] = self.commands[row] = 0.0
-        self.hit[row] = self.succeeded[row] = self.ended[row] = False
+        at = np.array(rows, np.intp)
+        opponents = self.chance.draw(at, rngs, start)
+        if self.sensing is not None:
+            for row, rng in zip(rows, rngs, strict=True):
+                self.sensing.restart(row, rng)
+        given = [self._common] * len(rows) if robots is None else list(robots)
+        for i, rng in enumerate(rngs):
+            if given[i].has_random_link:
+                given[i] = given[i].with_link_seed(int(rng.integers(MOST_SEEDS)))
+        self._begin(at, given, opponents)
+
+    def copies(self, row: int, n: int) -> Arena:
+        """Return an arena with n copies of the episode in a row as it was at its start, for rehearsals.
+
+        Robot, opponent and all that is random are the same; the copies have no senses, observe no noise, and
+        their actions are commands.
+        """
+        opponent = self.fighter.opponents[row]
+        setting = replace(self.setting, opponent=opponent, opponents=None, senses=None, action_mode="command")
+        robot = self.robots.compiled_of(row)
+        other = Arena(setting, robot, n)
+        other.chance.take(self.chance, row)
+        other._begin(np.arange(n), [robot] * n, [opponent] * n)
+        return other
+
+    def _begin(self, at: RowArray, given: Sequence[Robot], opponents: Sequence[Opponent]) -> None:
+        """Begin the episodes that have been drawn in some rows, with a robot and an opponent each."""
+        poses = self.chance.start_pose[:, at]
+        self.robots.restart_rows(at, poses, given)  # type: ignore[arg-type]
+        scenes = np.zeros((11, len(at)))
+        scenes[:3], scenes[6:8], scenes[8] = poses, poses[:2], np.pi
+        scenes[6] += self.chance.start_distance[at]
+        self.scenes.restart(at, scenes)
+        for row, opponent in zip(at.tolist(), opponents, strict=True):
+            self.fighter.restart(row, opponent)
+        self.judge.restart(at)
+        for row, robot in zip(at.tolist(), given, strict=True):
+            self.instruments.restart(row, robot.model)
+        self.begun[at] = True
+        self.step_count[at] = 0
+        self._shares[:, at], self.commands[at] = 0.0, 0.0
+        self.hit[at] = self.succeeded[at] = self.ended[at] = False
 
     def step(self, actions: npt.NDArray[np.floating]) -> Step:
         """Send one command to each robot by its action, shape (n, 3), and simulate one command period."""
@@ -148,7 +205,7 @@ class Arena:
         truncated = ~outcome.terminated & (self.step_count >= self._steps)
         self.hit, self.succeeded = outcome.hit.copy(), outcome.success.copy()
         self.ended = outcome.terminated | truncated
-        info = {f"reward_{name}": verdict.terms[name] for name in TERMS}
+        info = {f"reward_{name}": term for name, term in zip(TERMS, verdict.terms, strict=True)}
         info |= {"is_success": outcome.success, "hit": outcome.hit} | self.state_info()
         return Step(self.observe(), verdict.reward, outcome.terminated, truncated, info)
 
@@ -158,10 +215,14 @@ class Arena:
 
     def observe(self) -> npt.NDArray[np.float32]:
         """Return what the sensors show now, shape (n, k)."""
-        # A row that waits for its reset may be past its time limit.
-        noise = self.chance.noise[np.minimum(self.step_count, self._steps), :, self._all].T
+        noise = self.chance.noise.at(self.step_count)
         sword, extra = self.fighter.sword, self.judge.observe()
-        return self.senses.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
+        if self.sensing is None:
+            return self.instruments.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
+        truth = self.instruments.observe(
+            self.scenes, self.time_s(), sword, self._shares, np.zeros_like(noise), extra
+        )
+        return self.sensing.observe(truth, self.scenes, self.time_s(), sword)
 
     def state_info(self) -> dict[str, npt.NDArray[Any]]:
         """Return what `info` says of the present state: arrays (n,) by name."""

@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import operator
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from numbers import Real
-from typing import Any, TypedDict
+from typing import Any, Literal, TypedDict, get_args
 
 import gymnasium
 import numpy as np
 
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.batch import planar_robot
+from mecanum_env.errors import InputError, did_you_mean, require_one_of
 from mecanum_env.model import Model, paper_model, read_model
+from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.actions import ActionMode
-from mecanum_env.tankendo.arena import Arena, Step, TaskName, TaskSetting
+from mecanum_env.tankendo.arena import Arena, Robot, Step, TaskName, TaskSetting
 from mecanum_env.tankendo.chance import DRAWN, Start
 from mecanum_env.tankendo.constants import (
     Opponent,
@@ -26,11 +29,13 @@ from mecanum_env.tankendo.constants import (
     opponent_for,
     require_number,
 )
-from mecanum_env.tankendo.plant import Compiled, compile_model
+from mecanum_env.tankendo.opponents import OpponentLike, Opponents
+from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
 from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
 
+Engine = Literal["mujoco", "arrays"]
 ModelLike = Model | str | os.PathLike[str]
 
 
@@ -42,14 +47,15 @@ class Episodes:
     sampler: Sampler | None
     """Draws the robot of each episode; None: every episode has the common model."""
     plant: RobotPlant
-    timestep_s: float | None
+    compiled: Callable[[Model], Robot]
+    """Makes a model ready for the physics that steps it."""
 
-    def restart(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
-        """Begin an episode in one row, with the generator `rng` of that environment."""
-        robot: Compiled | None = None
+    def restart(self, rows: Sequence[int], rngs: Sequence[np.random.Generator], start: Start = DRAWN) -> None:
+        """Begin episodes in some rows, with the generators `rngs` of their environments."""
+        robots: list[Robot] | None = None
         if self.sampler is not None:
-            robot = compile_model(self.sampler.draw(rng), self.plant, self.timestep_s)
-        self.arena.restart(row, rng, robot, start)
+            robots = [self.compiled(self.sampler.draw(rng)) for rng in rngs]
+        self.arena.restart(rows, rngs, robots, start)
 
     def step(self, actions: FloatArray, ignored: BoolArray | None = None) -> Step:
         """Send actions, shape (n, 3), and simulate one command period in all rows.
@@ -144,10 +150,11 @@ class Arguments(TypedDict, total=False):
     difficulty: str
     action_mode: ActionMode
     observation_delay: float | None
-    opponent: Opponent | None
+    opponent: OpponentLike | None
     randomize: Randomize
     reward_weights: Mapping[str, float] | RewardWeights | None
     rules: Rules | None
+    senses: Senses | VariedSenses | None
     sensors: Sensors | None
     timestep_s: float | None
 
@@ -162,25 +169,36 @@ def build(
     difficulty: str = "normal",
     action_mode: ActionMode = "cartesian",
     observation_delay: float | None = None,
-    opponent: Opponent | None = None,
+    opponent: OpponentLike | None = None,
     randomize: Randomize = "none",
     reward_weights: Mapping[str, float] | RewardWeights | None = None,
     rules: Rules | None = None,
+    senses: Senses | VariedSenses | None = None,
     sensors: Sensors | None = None,
     timestep_s: float | None = None,
+    engine: Engine = "mujoco",
+    device: str | None = None,
 ) -> Episodes:
     """Build n episodes side by side, whose physics is stepped by a number of threads.
 
+    The `engine` and its `device` are documented in `TankendoVectorEnv`.
     `task`, `model`, `plant`, `difficulty`, `action_mode`, `observation_delay`, `opponent`, `randomize`,
-    `reward_weights`, `rules`, `sensors` and `timestep_s` are documented in `TankendoEnv`.
+    `reward_weights`, `rules`, `senses`, `sensors` and `timestep_s` are documented in `TankendoEnv`.
 
     Raises:
         InputError: an argument that cannot be used; the message says what could.
     """
+    if isinstance(opponent, Mapping):
+        opponent = Opponents(opponent_for(difficulty), opponent)
+    opponents: Opponents | None = None
+    if isinstance(opponent, Opponents):
+        opponents, opponent = opponent, opponent.base
     given = (("opponent", opponent, Opponent), ("rules", rules, Rules), ("sensors", sensors, Sensors))
     for name, value, kind in given:
         if value is not None and not isinstance(value, kind):
             raise InputError(f"{name} = {value!r}, must be a mecanum_env.tankendo.{kind.__name__}")
+    if not isinstance(senses, Senses | VariedSenses | None):
+        raise InputError(f"senses = {senses!r}, must be a mecanum_env.senses.Senses or VariedSenses")
     if timestep_s is not None:
         require_number("timestep_s", timestep_s, 0.0, strict=True)
     sensors = Sensors() if sensors is None else sensors
@@ -198,19 +216,38 @@ def build(
         sensors=replace(sensors, delay_s=float(delay_s)),
         weights=reward_weights,
         action_mode=action_mode,
+        opponents=opponents,
+        senses=senses,
     )
     if not isinstance(model, Model | str | os.PathLike | None):
         raise InputError(f"model = {model!r}, must be a model file's path or a mecanum_env.model.Model")
     if not isinstance(model, Model):
         model = paper_model() if model is None else read_model(model)
     sampler = sampler_for(randomize, model)
-    compiled = compile_model(model, plant, timestep_s)
-    if sampler is not None:
-        compiled = _typical(sampler, plant, timestep_s)
-    return Episodes(Arena(setting, compiled, n, threads), sampler, plant, timestep_s)
+    compiler = _compiler(engine, plant, timestep_s, device)
+    compiled = compiler(model) if sampler is None else _typical(sampler, compiler)
+    return Episodes(Arena(setting, compiled, n, threads, device), sampler, plant, compiler)
 
 
-def _typical(sampler: Sampler, plant: RobotPlant, timestep_s: float | None) -> Compiled:
+def _compiler(
+    engine: Engine, plant: RobotPlant, timestep_s: float | None, device: str | None
+) -> Callable[[Model], Robot]:
+    """Return the function that makes a model ready for an engine.
+
+    Raises:
+        InputError: no such engine, or what it does not do.
+    """
+    require_one_of("engine", engine, get_args(Engine))
+    if engine == "mujoco":
+        if device is not None:
+            raise InputError(f'device = {device!r}: only engine="arrays" has one')
+        return partial(compile_model, plant=plant, timestep_s=timestep_s)
+    if plant != "planar":
+        raise InputError(f'engine = "arrays" has no rollers; leave out plant = {plant!r}, or the engine')
+    return partial(planar_robot, timestep_s=timestep_s)
+
+
+def _typical(sampler: Sampler, compiler: Callable[[Model], Robot]) -> Robot:
     """Return one drawn robot: with its effects it may have more bodies than the model's own.
 
     Raises:
@@ -218,10 +255,10 @@ def _typical(sampler: Sampler, plant: RobotPlant, timestep_s: float | None) -> C
     """
     try:
         for edge in sampler.edges():
-            compile_model(edge, plant, timestep_s)
+            compiler(edge)
     except InputError as error:
         raise InputError(f"randomize: {error}") from error
-    return compile_model(sampler.draw(np.random.default_rng(0)), plant, timestep_s)
+    return compiler(sampler.draw(np.random.default_rng(0)))
 
 
 def row_info(info: Mapping[str, np.ndarray[Any, Any]], row: int) -> dict[str, Any]:

@@ -6,12 +6,17 @@ that is deterministic, so an episode does not depend on the environments that ru
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
+from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.tankendo.constants import Opponent, Rules
+from mecanum_env.tankendo.noise import Noise
+from mecanum_env.tankendo.opponents import Opponents
+from mecanum_env.tankendo.scene import RowArray
 from mecanum_env.units import FloatArray
 
 EXCHANGES: Final = 16
@@ -22,6 +27,10 @@ WAVES: Final = 3
 # Counts of the uniform draws: for the start, for each wave (frequency, phase), for each exchange.
 _START, _PER_WAVE, _PER_EXCHANGE = 6, 2, 6
 _UNIFORM = _START + 2 * WAVES * _PER_WAVE + EXCHANGES * _PER_EXCHANGE
+_EPISODE = (
+    *("start_pose", "start_distance", "drift", "waves", "patience", "feints", "feint_s", "technique"),
+    *("warning", "wait", "aim_noise"),
+)
 
 
 @dataclass(frozen=True)
@@ -41,10 +50,10 @@ DRAWN: Final = Start()
 class Chance:
     """The draws of n episodes; the last axis of each array is the episode.
 
-    The longest episode has `steps` steps; `channels` numbers of an observation are noisy.
+    In each step `channels` numbers of an observation are noisy.
     """
 
-    def __init__(self, n: int, steps: int, channels: int, opponent: Opponent, rules: Rules) -> None:
+    def __init__(self, n: int, channels: int, opponent: Opponent | Opponents, rules: Rules) -> None:
         self._opponent, self._rules = opponent, rules
         self.start_pose = np.zeros((3, n))
         """Pose of the robot: x [m], y [m], yaw [rad]."""
@@ -68,39 +77,60 @@ class Chance:
         """When the sword starts to rise, as a share of the step in which the opponent decides to strike."""
         self.aim_noise = np.zeros((2, EXCHANGES, n))
         """Error of the aim along x and y [m]."""
-        self.noise = np.zeros((steps + 1, channels, n))
+        self.noise = Noise(n, channels)
         """Standard normal noise of each observation."""
 
-    def draw(self, row: int, rng: np.random.Generator, start: Start = DRAWN) -> None:
-        """Draw a new episode in a row with the generator `rng` of that environment.
+    def draw(
+        self, rows: RowArray, rngs: Sequence[np.random.Generator], start: Start = DRAWN
+    ) -> list[Opponent]:
+        """Draw new episodes in rows (m,) with the generators `rngs` of their environments; return opponents.
 
-        What `start` fixes is drawn nevertheless, so that the generator ends in the same state.
+        What `start` fixes is drawn nevertheless, so that the generators end in the same state. Opponents are
+        drawn last, so that the start and the noise of a seed are the same against any opponent.
         """
-        uniform, normal = rng.random(_UNIFORM), rng.standard_normal(2 * EXCHANGES)
-        rules, opponent = self._rules, self._opponent
-        spread = (rules.start_offset_m, rules.start_offset_m, rules.start_yaw_rad)
-        self.start_distance[row] = _between(rules.start_m, uniform[3])
+        uniform, normal = np.empty((len(rows), _UNIFORM)), np.empty((len(rows), 2 * EXCHANGES))
+        for i, (row, rng) in enumerate(zip(rows.tolist(), rngs, strict=True)):
+            rng.random(out=uniform[i])
+            rng.standard_normal(out=normal[i])
+            self.noise.restart(row, int(rng.integers(MOST_SEEDS)))
+        source = self._opponent
+        opponents = [source.draw(rng) if isinstance(source, Opponents) else source for rng in rngs]
+
+        def of_each(name: str) -> FloatArray:
+            return np.array([getattr(opponent, name) for opponent in opponents]).T
+
+        # From here on everything is for all rows at once, the last axis.
+        shares, rules = uniform.T, self._rules
+        spread = np.array([rules.start_offset_m, rules.start_offset_m, rules.start_yaw_rad])
+        distance = _between(rules.start_m, shares[3])
+        pose = (2.0 * shares[:3] - 1.0) * spread[:, None]
         # The robot starts on its side of the centre.
-        self.start_pose[:, row] = (2.0 * uniform[:3] - 1.0) * spread
-        self.start_pose[0, row] -= self.start_distance[row] / 2
-        self.drift[row] = opponent.drift_m_s * (2.0 * uniform[4] - 1.0)
-        wave = uniform[_START : _START + 2 * WAVES * _PER_WAVE].reshape(2, WAVES, _PER_WAVE)
-        self.waves[:, :, 0, row] = 0.5 + 1.5 * wave[:, :, 0]
-        self.waves[:, :, 1, row] = 2.0 * np.pi * wave[:, :, 1]
-        exchange = uniform[-EXCHANGES * _PER_EXCHANGE :].reshape(_PER_EXCHANGE, EXCHANGES)
-        self.patience[:, row] = _between(opponent.patience_s, exchange[0])
-        self.feints[:, row] = exchange[1] < opponent.feint_probability
-        self.feint_s[:, row] = _between(opponent.feint_s, exchange[2])
-        self.technique[:, row] = (exchange[3] * len(opponent.techniques)).astype(np.intp)
-        self.warning[:, row] = _between(opponent.warning_s, exchange[4])
-        self.wait[:, row] = exchange[5]
-        self.aim_noise[:, :, row] = opponent.aim_noise_m * normal.reshape(2, EXCHANGES)
-        self.noise[:, :, row] = rng.standard_normal(self.noise.shape[:2])
+        pose[0] -= distance / 2
+        self.start_distance[rows], self.start_pose[:, rows] = distance, pose
+        self.drift[rows] = of_each("drift_m_s") * (2.0 * shares[4] - 1.0)
+        wave = shares[_START : _START + 2 * WAVES * _PER_WAVE].reshape(2, WAVES, _PER_WAVE, -1)
+        self.waves[:, :, 0, rows] = 0.5 + 1.5 * wave[:, :, 0]
+        self.waves[:, :, 1, rows] = 2.0 * np.pi * wave[:, :, 1]
+        exchange = shares[-EXCHANGES * _PER_EXCHANGE :].reshape(_PER_EXCHANGE, EXCHANGES, -1)
+        self.patience[:, rows] = _between(of_each("patience_s"), exchange[0])
+        self.feints[:, rows] = exchange[1] < of_each("feint_probability")
+        self.feint_s[:, rows] = _between(of_each("feint_s"), exchange[2])
+        self.technique[:, rows] = (exchange[3] * len(opponents[0].techniques)).astype(np.intp)
+        self.warning[:, rows] = _between(of_each("warning_s"), exchange[4])
+        self.wait[:, rows] = exchange[5]
+        self.aim_noise[:, :, rows] = of_each("aim_noise_m") * normal.T.reshape(2, EXCHANGES, -1)
         if start.pose is not None:
-            self.start_pose[:, row] = start.pose
+            self.start_pose[:, rows] = np.array(start.pose)[:, None]
         if start.technique is not None:
-            self.technique[:, row] = start.technique
+            self.technique[:, rows] = start.technique
+        return opponents
+
+    def take(self, other: Chance, row: int) -> None:
+        """Give all rows the episode that another one has in a row, without the noise of its observations."""
+        for name in _EPISODE:
+            getattr(self, name)[...] = getattr(other, name)[..., row, None]
 
 
-def _between(ends: tuple[float, float], share: FloatArray) -> FloatArray:
-    return ends[0] + (ends[1] - ends[0]) * share
+def _between(ends: tuple[float, float] | FloatArray, share: FloatArray) -> FloatArray:
+    low, high = ends
+    return low + (high - low) * share

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 Difficulty = Literal["easy", "normal", "hard"]
 DIFFICULTIES: Final[tuple[Difficulty, ...]] = get_args(Difficulty)
+LeadForm = Literal["none", "constant_velocity", "adaptive"]
+LEAD_FORMS: Final[tuple[LeadForm, ...]] = get_args(LeadForm)
+"""How an opponent leads its aim; see `Opponent.lead_form`."""
 
 GUARD_TIP_M = 0.85
 """Distance from a player's centre to the tip of its sword on guard [m]: 0.32 to the pommel, 0.53 of sword."""
@@ -123,7 +126,10 @@ TECHNIQUES: Final = (
 
 @dataclass(frozen=True)
 class Opponent:
-    """How the opponent fights; the defaults are the difficulty "normal" and this project's choice."""
+    """How the opponent fights; the defaults are the difficulty "normal" and this project's choice.
+
+    `mecanum_env.tankendo.opponents` has the range of each parameter with its source, and distributions.
+    """
 
     warning_s: tuple[float, float] = (0.44, 0.58)
     """Range of the time from the first visible motion to the hit [s]; published for kendo: 0.44 to 0.58."""
@@ -131,6 +137,13 @@ class Opponent:
     """Delay with which it sees the robot [s]."""
     lead: float = 1.0
     """Share of the robot's motion, as seen and extrapolated to the hit, that it adds to its aim."""
+    lead_form: LeadForm = "adaptive"
+    """What it extrapolates: "none", nothing; "constant_velocity", the velocity that it saw last; "adaptive",
+    of that velocity only the change since the sword rose in full, and of the velocity with which the robot
+    waited the share `habit`. A robot that waits in motion can go on or reverse, and the opponent commits to
+    neither."""
+    habit: float = 0.7
+    """Share of the robot's waiting motion that an adaptive opponent expects to go on until the hit."""
     aim_noise_m: float = 0.02
     """Standard deviation of its aim along each axis [m]."""
     extra_reach_m: float = 0.0
@@ -164,8 +177,11 @@ class Opponent:
 
     def __post_init__(self) -> None:
         _require_numbers(
-            self, signed=("lead", "extra_reach_m", "extra_size_m"), shares=("feint_probability",)
+            self,
+            signed=("lead", "habit", "extra_reach_m", "extra_size_m"),
+            shares=("feint_probability",),
         )
+        require_one_of("Opponent.lead_form", self.lead_form, LEAD_FORMS)
         if not self.techniques or not all(isinstance(one, Technique) for one in self.techniques):
             raise InputError(f"Opponent.techniques = {self.techniques!r}, must be at least one Technique")
 
@@ -264,7 +280,7 @@ class Rules:
 
 @dataclass(frozen=True)
 class Sensors:
-    """Delay and noise (standard deviations) of the robot's sensors.
+    """Delay and noise (standard deviations) of the robot's sensors, where `senses` do not replace them.
 
     The values are this project's choice, for a camera and wheel odometry.
     """

@@ -140,10 +140,11 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     | `difficulty` | `"normal"` | `"easy"`, `"normal"` or `"hard"` |
     | `action_mode` | `"cartesian"` | see Action Space |
     | `observation_delay` | 0.05 | age of the observation [s] |
-    | `opponent` | of the difficulty | a `mecanum_env.tankendo.Opponent` |
+    | `opponent` | of the difficulty | a `mecanum_env.tankendo.Opponent`, or `Opponents`: drawn at reset |
     | `randomize` | `"none"` | `"posterior"`, or ranges: a robot drawn for each episode (`randomize.py`) |
     | `reward_weights` | as above | some or all weights by name, such as `{"hit": 2.0}` |
     | `rules` | as above | a `mecanum_env.tankendo.Rules` |
+    | `senses` | None | a `mecanum_env.senses.Senses`: frames, drop-outs, and an estimator behind them |
     | `sensors` | as above | a `mecanum_env.tankendo.Sensors` |
     | `timestep_s` | 1/120, 1/240 | upper bound of the physics step, planar and rollers [s] |
     | `render_mode` | None | `"rgb_array"`; with a display also `"human"` |
@@ -188,7 +189,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         """
         start = self._episodes.start_of(options)
         super().reset(seed=seed)
-        self._episodes.restart(0, self.np_random, start)
+        self._episodes.restart([0], [self.np_random], start)
         # Another robot may have been drawn; pictures need its model.
         if self._episodes.sampler is not None:
             self.close()

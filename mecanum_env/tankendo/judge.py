@@ -19,6 +19,7 @@ from mecanum_env.units import FloatArray
 
 TERMS: Final = ("distance", "facing", "effort", "waiting", "hit", "success", "out")
 """Names of the reward terms, in the order in which they are summed."""
+_SIGNS: Final = {name: 1.0 if name == "success" else -1.0 for name in TERMS}
 _HOME_PER_S = 0.3  # in tracking, the opponent drifts back to the field's centre at this rate [1/s]
 
 
@@ -42,13 +43,15 @@ class Verdict:
     """The outcome of a step and its reward."""
 
     outcome: Outcome
-    terms: dict[str, FloatArray]
-    """Reward terms by name, shape (n,) each."""
+    terms: FloatArray
+    """Reward terms in the order of `TERMS`, shape (7, n)."""
 
     @property
     def reward(self) -> FloatArray:
         """The sum of the terms, shape (n,)."""
-        return np.asarray(sum((self.terms[name] for name in TERMS), start=np.zeros(self.outcome.hit.shape)))
+        # One after the other, whatever the number of episodes, so that one is rounded as many are.
+        total: FloatArray = sum(self.terms[1:], start=self.terms[0])
+        return total
 
 
 class Judge(ABC):
@@ -62,10 +65,11 @@ class Judge(ABC):
     ) -> None:
         self.n, self.rules, self.weights = n, rules, weights
         self.fighter, self.scenes, self.chance = fighter, scenes, chance
+        self._weights = np.array([_SIGNS[name] * getattr(weights, name) for name in TERMS])[:, None]
 
     @abstractmethod
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
+    def restart(self, rows: RowArray) -> None:
+        """Begin an episode in some rows, shape (m,)."""
 
     @abstractmethod
     def may_strike(self, time_s: FloatArray) -> BoolArray:
@@ -89,21 +93,21 @@ class Judge(ABC):
 
     def judge(self, end_s: FloatArray, effort: FloatArray) -> Verdict:
         """Judge the step until `end_s` (n,), given the length of the command's change, `effort` (n,)."""
-        rules, weights, scene = self.rules, self.weights, self.scenes.now
+        rules, scene = self.rules, self.scenes.now
         distance, bearing = self.scenes.separation()
         half = rules.field_m / 2
         out = (np.abs(scene[0]) > half) | (np.abs(scene[1]) > half) | (distance < rules.clash_m)
         outcome = self._outcome(end_s, out)
-        # Subtracted from 0.0, so that a term that is not due is not -0.0.
-        terms = {
-            "distance": -weights.distance * np.minimum(np.abs(distance - rules.maai_m) / rules.band_m, 3.0),
-            "facing": -weights.facing * np.minimum(np.abs(bearing) / rules.facing_rad, 3.0),
-            "effort": 0.0 - weights.effort * effort,
-            "waiting": 0.0 - weights.waiting * outcome.waiting,
-            "hit": 0.0 - weights.hit * outcome.hit,
-            "success": 0.0 + weights.success * outcome.scored,
-            "out": 0.0 - weights.out * out,
-        }
+        # All terms at once: a single environment calls this in each step.
+        terms = np.empty((len(TERMS), self.n))
+        terms[0] = np.abs(distance - rules.maai_m) / rules.band_m
+        terms[1] = np.abs(bearing) / rules.facing_rad
+        np.minimum(terms[:2], 3.0, out=terms[:2])
+        terms[2], terms[3], terms[4] = effort, outcome.waiting, outcome.hit
+        terms[5], terms[6] = outcome.scored, out
+        terms *= self._weights
+        # Added to 0.0, so that a term that is not due is not -0.0.
+        terms += 0.0
         return Verdict(outcome, terms)
 
     @abstractmethod
@@ -125,9 +129,9 @@ class Dodge(Judge):
         self.check_s = np.full(self.n, np.inf)
         """When a robot that was not hit must be back [s]; infinite before the strike has ended."""
 
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
-        self.check_s[row] = np.inf
+    def restart(self, rows: RowArray) -> None:
+        """Begin an episode in some rows, shape (m,)."""
+        self.check_s[rows] = np.inf
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the strike has not come yet, shape (n,), whatever the times (n,)."""
@@ -156,9 +160,9 @@ class Track(Judge):
         super().__init__(*args)
         self._counted, self._kept = np.zeros(self.n), np.zeros(self.n)
 
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
-        self._counted[row] = self._kept[row] = 0.0
+    def restart(self, rows: RowArray) -> None:
+        """Begin an episode in some rows, shape (m,)."""
+        self._counted[rows] = self._kept[rows] = 0.0
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return False everywhere, shape (n,), whatever the times (n,)."""
@@ -168,7 +172,7 @@ class Track(Judge):
         """Return the sum of sine waves that the opponent walks at times (n,), shape (2, n) [m/s]."""
         frequency, phase = self.chance.waves[:, :, 0], self.chance.waves[:, :, 1]
         wave = np.sin(frequency * time_s + phase)
-        size = self.fighter.constants.wander_m_s * np.sqrt(2.0 / WAVES)
+        size = self.fighter.wander_m_s * np.sqrt(2.0 / WAVES)
         total = sum((wave[:, i] for i in range(1, WAVES)), start=wave[:, 0])
         return np.asarray(size * total - _HOME_PER_S * self.scenes.now[6:8])
 
@@ -199,10 +203,10 @@ class Duel(Judge):
         """When the strike of the robot that is under way ends [s]; infinite while there is none."""
         self._pause_until_s = np.zeros(self.n)
 
-    def restart(self, row: int) -> None:
-        """Begin a duel in one row."""
-        self.points[:, row] = 0
-        self.own_hit_s[row], self._pause_until_s[row] = np.inf, 0.0
+    def restart(self, rows: RowArray) -> None:
+        """Begin a duel in some rows, shape (m,)."""
+        self.points[:, rows] = 0
+        self.own_hit_s[rows], self._pause_until_s[rows] = np.inf, 0.0
 
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the pause after a point is over at times (n,), shape (n,)."""

@@ -30,6 +30,8 @@ LIMITS: Final = np.repeat(
 """Largest absolute value of each number, to which observations are clipped, shape (20,)."""
 EXTRA_LIMIT: Final = 10.0
 """Largest absolute value of the numbers that a task appends."""
+_AHEAD = [0, 2, 4, 7, 10]  # opponent, its velocity, tip, its velocity, own velocity
+_LEFT = [index + 1 for index in _AHEAD]
 _OWN = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
 _WINDOW = 40  # steps that a sensor effect sees: several times its longest delay or time constant
 
@@ -85,7 +87,7 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
     return np.array([*seen, *own])
 
 
-class Senses:
+class Instruments:
     """The sensors of n robots, read every `step_s` [s]; the task appends `extra` numbers."""
 
     def __init__(self, sensors: Sensors, step_s: float, extra: int) -> None:
@@ -94,11 +96,16 @@ class Senses:
         self._limits = np.concatenate([LIMITS, np.full(extra, EXTRA_LIMIT)])[:, None]
         # Rows whose model has sensor effects: the model, and the samples of the past.
         self._affected: dict[int, tuple[Model, list[FloatArray]]] = {}
+        self._known: Model | None = None  # the last model, and whether it has any
+        self._acts = False
 
     def restart(self, row: int, model: Model) -> None:
         """Begin an episode in one row, in which the sensor effects of the robot's model act."""
         self._affected.pop(row, None)
-        if any(effect.change_channels is not None for effect, _ in active_effects(model)):
+        if model is not self._known:
+            acting = (effect.change_channels for effect, _ in active_effects(model))
+            self._known, self._acts = model, any(change is not None for change in acting)
+        if self._acts:
             self._affected[row] = (model, [])
 
     def observe(
@@ -124,15 +131,12 @@ class Senses:
         cos, sin = np.cos(seen[2]), np.sin(seen[2])
         tip, tip_velocity = sword.tip_and_velocity(time_s - self._delay_s, seen)
         shown = np.empty((SIZE + len(extra), len(time_s)))
-        for index, x, y in (
-            (0, seen[6] - seen[0], seen[7] - seen[1]),
-            (2, seen[9], seen[10]),
-            (4, tip[0] - seen[0], tip[1] - seen[1]),
-            (7, tip_velocity[0], tip_velocity[1]),
-            (10, seen[3], seen[4]),
-        ):
-            # From the field's frame into the body's.
-            shown[index], shown[index + 1] = cos * x + sin * y, cos * y - sin * x
+        vectors = np.empty((2, len(_AHEAD), len(time_s)))
+        vectors[:, 0], vectors[:, 1], vectors[:, 2] = seen[6:8] - seen[:2], seen[9:11], tip[:2] - seen[:2]
+        vectors[:, 3], vectors[:, 4] = tip_velocity[:2], seen[3:5]
+        # From the field's frame into the body's.
+        shown[_AHEAD] = cos * vectors[0] + sin * vectors[1]
+        shown[_LEFT] = cos * vectors[1] - sin * vectors[0]
         shown[6], shown[9], shown[12] = tip[2], tip_velocity[2], seen[5]
         shown[13:16], shown[16:18] = shares, seen[:2]
         shown[18], shown[19] = cos, sin

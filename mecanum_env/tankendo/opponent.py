@@ -14,6 +14,11 @@ from mecanum_env.units import FloatArray
 
 _APPROACH_PER_S = 2.5  # walking speed over the error of its distance
 _MIN_LUNGE_M = 0.9  # shortest distance from where it stood to where its tip ends
+_NUMBERS = (
+    *("sight_delay_s", "lead", "habit", "extra_reach_m", "extra_size_m", "lower_s", "step_m", "recovery_s"),
+    *("walk_m_s", "walk_m_s2", "turn_rad_s", "wander_m_s"),
+)
+_TECHNIQUE_NUMBERS = [field for field in fields(Technique) if field.name != "name"]
 
 
 class Fighter:
@@ -22,7 +27,9 @@ class Fighter:
     def __init__(
         self, n: int, opponent: Opponent, rules: Rules, chance: Chance, scenes: Scenes, step_s: float
     ) -> None:
-        self.constants, self._rules = opponent, rules
+        self.opponents = [opponent] * n
+        """The opponent of each episode."""
+        self._rules = rules
         self._chance, self._scenes, self._step_s = chance, scenes, step_s
         self.sword = Sword(n)
         self.exchange = np.zeros(n, np.intp)
@@ -35,17 +42,47 @@ class Fighter:
         """Whether a strike is under way that has neither hit nor missed yet."""
         self.aimed = np.zeros(n, bool)
         """Whether the aim of this strike is fixed."""
+        self.waiting = np.zeros((2, n))
+        """Velocity of the robot when the sword rose last: vx, vy, shape (2, n) [m/s]."""
         self._all = np.arange(n)
-        self._table = {
-            field.name: np.array([getattr(technique, field.name) for technique in opponent.techniques])
-            for field in fields(Technique)
-        }
+        self._numbers = {name: np.zeros(n) for name in _NUMBERS}
+        self._table = {field.name: np.zeros((len(opponent.techniques), n)) for field in _TECHNIQUE_NUMBERS}
+        for row in range(n):
+            self._meet(row, opponent)
 
-    def restart(self, row: int) -> None:
-        """Begin an episode in one row."""
-        self.sword.clear(row)
+    def restart(self, row: int, opponent: Opponent) -> None:
+        """Begin an episode in one row against an opponent with as many techniques as the others."""
+        if opponent is not self.opponents[row]:
+            self._meet(row, opponent)
+        self.sword.clear(np.array([row]))
+        self.waiting[:, row] = 0.0
         self.exchange[row], self.open_s[row] = 0, 0.0
         self.feinted[row] = self.pending[row] = self.aimed[row] = False
+
+    def _meet(self, row: int, opponent: Opponent) -> None:
+        self.opponents[row] = opponent
+        for name, values in self._numbers.items():
+            values[row] = getattr(opponent, name)
+        if opponent.lead_form == "none":
+            self._numbers["lead"][row] = 0.0
+        if opponent.lead_form == "constant_velocity":
+            self._numbers["habit"][row] = 1.0
+        for name, table in self._table.items():
+            table[:, row] = [getattr(technique, name) for technique in opponent.techniques]
+
+    @property
+    def sight_delay_s(self) -> FloatArray:
+        """Delay with which each opponent sees the robot, shape (n,) [s]."""
+        return self._numbers["sight_delay_s"]
+
+    @property
+    def wander_m_s(self) -> FloatArray:
+        """Root mean square speed of each opponent's walk in the tracking task, shape (n,) [m/s]."""
+        return self._numbers["wander_m_s"]
+
+    def _seen(self) -> FloatArray:
+        """Return the scenes as the opponents see them now, shape (11, n)."""
+        return self._scenes.ago_of(self._all, self.sight_delay_s)
 
     def drawn(self, draws: FloatArray) -> FloatArray:
         """Return the draws, shape (exchanges, n), of the exchange that each episode is in, shape (n,)."""
@@ -61,7 +98,7 @@ class Fighter:
 
     def sees_opening(self) -> BoolArray:
         """Return where the robot, as seen late, is at maai, facing and slow, shape (n,)."""
-        now, seen = self._scenes.now, self._scenes.ago(self.constants.sight_delay_s)
+        now, seen = self._scenes.now, self._seen()
         scene = seen.copy()
         scene[6:] = now[6:]
         is_slow: BoolArray = seen[3] * seen[3] + seen[4] * seen[4] <= self._rules.slow_m_s**2
@@ -84,15 +121,17 @@ class Fighter:
         start = time_s[rows] + self._chance.wait[exchange, rows] * self._step_s
         warning = self._chance.warning[exchange, rows]
         cut = start + np.where(
-            feint, self._chance.feint_s[exchange, rows], warning - self._table["swing_s"][technique]
+            feint, self._chance.feint_s[exchange, rows], warning - self._table["swing_s"][technique, rows]
         )
         land = np.where(feint, cut, start + warning)
         sword.raise_s[rows], sword.cut_s[rows], sword.land_s[rows] = start, cut, land
-        sword.free_s[rows] = land + np.where(feint, self.constants.lower_s, self.constants.recovery_s)
+        sword.free_s[rows] = land + np.where(
+            feint, self._numbers["lower_s"][rows], self._numbers["recovery_s"][rows]
+        )
         sword.is_feint[rows] = feint
-        sword.raised_m[rows] = self._table["raised_tip_m"][technique]
-        sword.raised_height_m[rows] = self._table["raised_height_m"][technique]
-        sword.end_height_m[rows] = self._table["target_height_m"][technique]
+        sword.raised_m[rows] = self._table["raised_tip_m"][technique, rows]
+        sword.raised_height_m[rows] = self._table["raised_height_m"][technique, rows]
+        sword.end_height_m[rows] = self._table["target_height_m"][technique, rows]
         sword.origin[:, rows] = self._scenes.now[6:8, rows]
         self.open_s[rows] = 0.0
         self.feinted[rows] = feint
@@ -104,28 +143,29 @@ class Fighter:
         Who `stands`, shape (n,), does not walk; the others keep maai, or aim for the velocities `wanted`,
         shape (2, n) [m/s].
         """
-        constants, step = self.constants, self._step_s
-        seen, now = self._scenes.ago(constants.sight_delay_s), self._scenes.now
+        numbers, step = self._numbers, self._step_s
+        seen, now = self._seen(), self._scenes.now
         dx, dy = seen[0] - now[6], seen[1] - now[7]
         distance = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
         if wanted is None:
             closing = _APPROACH_PER_S * (distance - self._rules.maai_m)
-            speed = np.minimum(np.maximum(closing, -constants.walk_m_s), constants.walk_m_s)
+            speed = np.minimum(np.maximum(closing, -numbers["walk_m_s"]), numbers["walk_m_s"])
             across = self._chance.drift
             wanted = np.array([(speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance])
         fights = ~self.sword.idle(time_s)
         busy = stands | fights
         change = np.where(busy, 0.0, wanted) - now[9:11]
         size = np.sqrt(change[0] * change[0] + change[1] * change[1])
-        velocity = now[9:11] + change * np.minimum(1.0, constants.walk_m_s2 * step / np.maximum(size, 1e-9))
+        most = numbers["walk_m_s2"] * step
+        velocity = now[9:11] + change * np.minimum(1.0, most / np.maximum(size, 1e-9))
         turn = wrapped(np.arctan2(dy, dx) - now[8])
-        largest = constants.turn_rad_s * step
+        largest = numbers["turn_rad_s"] * step
         heading = now[8] + np.where(busy, 0.0, np.minimum(np.maximum(turn, -largest), largest))
         position = now[6:8] + step * velocity
         strikes = fights & ~self.sword.is_feint
         if strikes.any():
             # In a strike, the step of the technique replaces the walk.
-            forward = constants.step_m * self.sword.step_share(time_s + step)
+            forward = numbers["step_m"] * self.sword.step_share(time_s + step)
             stepped = self.sword.origin + forward * np.stack([np.cos(now[8]), np.sin(now[8])])
             position = np.where(strikes, stepped, position)
             velocity = np.where(strikes, (stepped - now[6:8]) / step, velocity)
@@ -133,11 +173,17 @@ class Fighter:
 
     def aim(self, end_s: FloatArray) -> None:
         """Fix the aim of the swords that started forward in the step that ended at `end_s`, shape (n,)."""
+        rose = self.pending & (self.sword.raise_s > end_s - self._step_s) & (self.sword.raise_s <= end_s)
+        if rose.any():
+            rows = np.flatnonzero(rose)
+            then = self._scenes.ago_of(rows, end_s[rows] - self.sword.raise_s[rows])
+            self.waiting[:, rows] = then[3:5]
         starts = self.pending & ~self.aimed & (self.sword.cut_s <= end_s)
         if not starts.any():
             return
         rows, sword = np.flatnonzero(starts), self.sword
-        seen = self._scenes.ago_of(rows, end_s[rows] - sword.cut_s[rows] + self.constants.sight_delay_s)
+        late = self.sight_delay_s[rows]
+        seen = self._scenes.ago_of(rows, end_s[rows] - sword.cut_s[rows] + late)
         sword.end[:, rows] = self.aim_at(rows, seen)
         self.aimed[rows] = True
 
@@ -154,43 +200,56 @@ class Fighter:
     def aim_at(self, rows: RowArray, seen: FloatArray) -> FloatArray:
         """Return where the tips in some rows (m,) will end: x, y [m], shape (2, m).
 
+        The robot's motion is led by `Opponent.lead` in the form `Opponent.lead_form`.
+
         `seen` are the scenes, shape (6 or more, m), one `sight_delay_s` before the swords start forward.
         """
-        constants, sword, table = self.constants, self.sword, self._table
+        sword, table = self.sword, self._table
+        numbers = {name: values[rows] for name, values in self._numbers.items()}
         exchange = self.exchange[rows] % EXCHANGES
         technique = self._chance.technique[exchange, rows]
-        ahead = constants.lead * (sword.land_s[rows] - sword.cut_s[rows] + constants.sight_delay_s)
-        offset, noise = table["target_m"][technique], self._chance.aim_noise[:, exchange, rows]
+        ahead = numbers["lead"] * (sword.land_s[rows] - sword.cut_s[rows] + numbers["sight_delay_s"])
+        # Of the waiting motion only the share `habit` is expected to go on.
+        expected = seen[3:5] - (1.0 - numbers["habit"]) * self.waiting[:, rows]
+        offset, noise = table["target_m"][technique, rows], self._chance.aim_noise[:, exchange, rows]
         origin = sword.origin[:, rows]
-        dx = seen[0] + offset * np.cos(seen[2]) + ahead * seen[3] + noise[0] - origin[0]
-        dy = seen[1] + offset * np.sin(seen[2]) + ahead * seen[4] + noise[1] - origin[1]
+        dx = seen[0] + offset * np.cos(seen[2]) + ahead * expected[0] + noise[0] - origin[0]
+        dy = seen[1] + offset * np.sin(seen[2]) + ahead * expected[1] + noise[1] - origin[1]
         distance = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
-        reach = np.maximum(table["reach_m"][technique] + constants.extra_reach_m, _MIN_LUNGE_M)
+        reach = np.maximum(table["reach_m"][technique, rows] + numbers["extra_reach_m"], _MIN_LUNGE_M)
         share = np.minimum(np.maximum(distance, _MIN_LUNGE_M), reach) / distance
         return np.array([origin[0] + share * dx, origin[1] + share * dy])
 
     def hits(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> BoolArray:
         """Return whether the strikes in some rows (m,) hit, shape (m,).
 
+        `robot` and `end` are those of `margin`.
+        """
+        return np.asarray(self.margin(rows, robot, end) <= 0.0)
+
+    def margin(self, rows: RowArray, robot: FloatArray, end: FloatArray) -> FloatArray:
+        """Return by how much the strikes in some rows (m,) miss, shape (m,) [m]; a hit is at most 0.
+
         `robot` are the scenes when the strikes end, shape (6 or more, m), `end` is where the tips end, shape
         (2, m) [m].
         """
-        table, technique = self._table, self.technique()[rows]
-        offset = table["target_m"][technique]
+        technique, extra_m = self.technique()[rows], self._numbers["extra_size_m"][rows]
+        table = {name: values[technique, rows] for name, values in self._table.items()}
+        offset = table["target_m"]
         x, y = robot[0] + offset * np.cos(robot[2]) - end[0], robot[1] + offset * np.sin(robot[2]) - end[1]
-        return strike_hits(
+        return strike_margin(
             np.array([x, y]),
             end - self.sword.origin[:, rows],
-            width_m=table["width_m"][technique] + self.constants.extra_size_m,
-            depth_m=table["depth_m"][technique] + self.constants.extra_size_m,
-            blade_m=table["blade_m"][technique],
+            width_m=table["width_m"] + extra_m,
+            depth_m=table["depth_m"] + extra_m,
+            blade_m=table["blade_m"],
         )
 
 
-def strike_hits(
+def strike_margin(
     target: FloatArray, along: FloatArray, *, width_m: FloatArray, depth_m: FloatArray, blade_m: FloatArray
-) -> BoolArray:
-    """Return whether strikes hit their targets, shape (m,).
+) -> FloatArray:
+    """Return by how much strikes miss their targets, shape (m,) [m]; at most 0 for a hit.
 
     Args:
         target: position of the target relative to where the tip ends, shape (2, m) [m].
@@ -202,4 +261,5 @@ def strike_hits(
     length = np.sqrt(along[0] * along[0] + along[1] * along[1])
     behind = (target[0] * along[0] + target[1] * along[1]) / length
     across = (target[1] * along[0] - target[0] * along[1]) / length
-    return np.asarray((np.abs(across) <= width_m / 2) & (behind <= depth_m) & (behind >= -blade_m))
+    beside = np.maximum(np.abs(across) - width_m / 2, behind - depth_m)
+    return np.asarray(np.maximum(beside, -blade_m - behind), float)

@@ -5,10 +5,12 @@ from __future__ import annotations
 import copy
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Final
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 from mujoco.batch import Batch
 
 from mecanum_env.effects.apply import drive_parameters
@@ -39,7 +41,12 @@ class Compiled:
     link_seed: int | None = None
     """What the chance of its link, jitter and loss of commands, follows from; None: the model's own."""
 
-    @property
+    @cached_property
+    def limits_body(self) -> bool:
+        """Whether its command is limited as a whole."""
+        return limits_body(self.model)
+
+    @cached_property
     def has_random_link(self) -> bool:
         """Whether the delay of its commands jitters or commands are lost."""
         drive = drive_parameters(self.model)
@@ -65,8 +72,10 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
     at_most = _DEFAULT_TIMESTEP_S[plant] if timestep_s is None else timestep_s
     mj_model = compile_plant(model, plant, at_most, visuals=False)
     mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
-    rest = np.empty(mujoco.mj_stateSize(mj_model, _STATE))
-    mujoco.mj_getState(mj_model, at_rest(mj_model), rest, _STATE)
+    rest = np.zeros(mujoco.mj_stateSize(mj_model, _STATE))
+    # The planar plant has nothing that settles, and all its numbers are 0 at rest: drawn robots start sooner.
+    if plant == "rollers":
+        mujoco.mj_getState(mj_model, at_rest(mj_model), rest, _STATE)
     return Compiled(model, mj_model, rest)
 
 
@@ -112,30 +121,46 @@ class RobotBatch:
         Raises:
             InputError: the model has other bodies or joints than the common one.
         """
-        new = self._common if compiled is None else compiled
-        if new is not self._of[row]:
-            of = [*self._of[:row], new, *self._of[row + 1 :]]
-            try:
-                self._batch.set_models([one.mj_model for one in of])
-            except (ValueError, mujoco.FatalError) as error:
-                raise InputError(
-                    f"robot {row} has other bodies or joints than the common one; give all robots the same "
-                    f"effects, none of them neutral: {error}"
-                ) from error
-            self._of = of
-        self._batch.reset([row], stage=mujoco.mjtStage.mjSTAGE_NONE.value)
-        self._batch.state[row] = new.rest
-        x, y, yaw = pose
-        qpos = self._qpos[row]
-        if self._is_free:
-            qpos[:2] = x, y
-            turned, about_z = np.empty(4), np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
-            mujoco.mju_mulQuat(turned, about_z, qpos[3:7].copy())
-            qpos[3:7] = turned
-        else:
-            qpos[:3] = x, y, yaw
-        limits = BodyLimits(new.model, self._timestep_s, new.link_seed) if limits_body(new.model) else None
-        self._limits[row] = limits
+        robots = [self._common if compiled is None else compiled]
+        self.restart_rows(np.array([row]), np.array(pose, float)[:, None], robots)
+
+    def restart_rows(self, rows: npt.NDArray[np.intp], poses: FloatArray, robots: Sequence[Compiled]) -> None:
+        """Put the robots of some rows (m,) at rest at poses, shape (3, m), each with its model of `robots`.
+
+        Raises:
+            InputError: a model has other bodies or joints than the common one.
+        """
+        of = list(self._of)
+        for row, new in zip(rows.tolist(), robots, strict=True):
+            of[row] = new
+        if any(new is not old for new, old in zip(of, self._of, strict=True)):
+            self._take(of, rows)
+        self._batch.reset(rows.tolist(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        for row, (x, y, yaw), new in zip(rows.tolist(), poses.T, robots, strict=True):
+            self._batch.state[row] = new.rest
+            qpos = self._qpos[row]
+            if self._is_free:
+                qpos[:2] = x, y
+                turned, about_z = np.empty(4), np.array([np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2)])
+                mujoco.mju_mulQuat(turned, about_z, qpos[3:7].copy())
+                qpos[3:7] = turned
+            else:
+                qpos[:3] = x, y, yaw
+            self._limits[row] = (
+                BodyLimits(new.model, self._timestep_s, new.link_seed) if new.limits_body else None
+            )
+
+    def _take(self, of: list[Compiled], rows: npt.NDArray[np.intp]) -> None:
+        """Give all rows the models `of`, those of `rows` being new."""
+        try:
+            self._batch.set_models([one.mj_model for one in of])
+        except (ValueError, mujoco.FatalError) as error:
+            which = f"robot {rows[0]} has" if len(rows) == 1 else f"one of robots {rows.tolist()} has"
+            raise InputError(
+                f"{which} other bodies or joints than the common one; give all robots the same effects, "
+                f"none of them neutral: {error}"
+            ) from error
+        self._of = of
 
     def step(self, commands: FloatArray) -> None:
         """Simulate one command period with rounded commands V [rpm], theta [deg], VC [rpm], shape (n, 3).
@@ -178,3 +203,7 @@ class RobotBatch:
     def model_of(self, row: int) -> Model:
         """Return the model of the robot in a row."""
         return self._of[row].model
+
+    def compiled_of(self, row: int) -> Compiled:
+        """Return the robot in a row, ready to simulate."""
+        return self._of[row]

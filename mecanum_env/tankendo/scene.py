@@ -6,8 +6,6 @@ rate [rad/s]; the opponent's x, y [m], heading [rad, unwrapped], vx and vy [m/s]
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 import numpy.typing as npt
 
@@ -31,9 +29,9 @@ class Scenes:
         """The newest scene, shape (11, n), as a view."""
         return np.asarray(self._past[0])
 
-    def restart(self, row: int, scene: Sequence[float]) -> None:
-        """Begin an episode in a row; the players have always been at rest in the given scene (11 numbers)."""
-        self._past[:, :, row] = scene
+    def restart(self, rows: RowArray, scenes: FloatArray) -> None:
+        """Begin episodes in some rows (m,); the players have always been at rest in `scenes`, (11, m)."""
+        self._past[:, :, rows] = scenes
         self._separation = None
 
     def push(self) -> FloatArray:

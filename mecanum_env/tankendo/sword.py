@@ -13,7 +13,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from mecanum_env.tankendo.constants import GUARD_TIP_M
-from mecanum_env.tankendo.scene import BoolArray
+from mecanum_env.tankendo.scene import BoolArray, RowArray
 from mecanum_env.units import FloatArray
 
 GUARD_HEIGHT_M: Final = 0.58
@@ -98,11 +98,11 @@ class Sword(StrikeTimes):
         self.end = np.zeros((2, n))
         """Where the tip hits: x, y, shape (2, n)."""
 
-    def clear(self, row: int) -> None:
-        """Put the sword of one row on guard, without a past."""
+    def clear(self, rows: RowArray) -> None:
+        """Put the swords of some rows (m,) on guard, without a past."""
         for times in (self.raise_s, self.cut_s, self.land_s, self.free_s):
-            times[row] = _LONG_AGO_S
-        self.is_feint[row] = True
+            times[rows] = _LONG_AGO_S
+        self.is_feint[rows] = True
 
     def idle(self, time_s: FloatArray) -> BoolArray:
         """Return whether each sword is on guard at times (n,), shape (n,)."""

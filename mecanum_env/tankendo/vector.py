@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Mapping, Sequence
-from typing import Any, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import gymnasium
 import numpy as np
@@ -14,9 +14,14 @@ from gymnasium.vector.utils import batch_space
 
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.tankendo.actions import checked_action
-from mecanum_env.tankendo.build import Arguments, build, row_info
+from mecanum_env.tankendo.build import Arguments, Engine, build, row_info
 from mecanum_env.tankendo.chance import DRAWN, Start
 from mecanum_env.tankendo.scene import BoolArray
+
+if TYPE_CHECKING:
+    from mecanum_env.model import Model
+    from mecanum_env.rendering.view import Frame
+    from mecanum_env.tankendo.drawing import Painter
 
 Array = npt.NDArray[Any]
 
@@ -34,8 +39,11 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
       last observation and info of the old one are in `info["final_obs"]` and `info["final_info"]`.
     - "Disabled": by `reset(options={"reset_mask": mask})` alone, the mask an array (num_envs,) of bool.
 
-    `render_mode` must be None, since robots in one batch are not drawn. `threads` is the number of threads
-    that step the physics; 0: as many as there are processors. All other arguments are those of `TankendoEnv`.
+    `engine` is "mujoco", or "arrays" for thousands of robots without slip (`mecanum_env.batch`): the same
+    task on the same motion, but for rounding. `device` lets torch compute that motion, on "cpu" or "cuda";
+    None: numpy does. `threads` is the number of threads of "mujoco"; 0: as many as there are processors.
+    `render_mode` must be None with "mujoco"; with "arrays" it may be "rgb_array": `render` puts the state of
+    the first robot into MuJoCo and draws it. All other arguments are those of `TankendoEnv`.
     """
 
     def __init__(
@@ -45,11 +53,15 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
         threads: int = 1,
+        engine: Engine = "mujoco",
+        device: str | None = None,
         **arguments: Unpack[Arguments],
     ) -> None:
         if num_envs < 1:
             raise InputError(f"num_envs = {num_envs}, must be at least 1")
-        if render_mode is not None:
+        if engine == "arrays" and render_mode is not None:
+            require_one_of("render_mode", render_mode, ["rgb_array"])
+        elif render_mode is not None:
             raise InputError(
                 f"render_mode = {render_mode!r}: robots in one batch are not drawn; use gymnasium.make, or "
                 'make_vec with vectorization_mode="sync"'
@@ -57,8 +69,15 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         if not isinstance(autoreset_mode, AutoresetMode):
             require_one_of("autoreset_mode", autoreset_mode, [mode.value for mode in AutoresetMode])
         self._autoreset_mode = AutoresetMode(autoreset_mode)
-        self._episodes = build(num_envs, threads, **arguments)
-        self.metadata = {"autoreset_mode": self._autoreset_mode}
+        self._episodes = build(num_envs, threads, engine=engine, device=device, **arguments)
+        self.metadata = {
+            "autoreset_mode": self._autoreset_mode,
+            "render_modes": ["rgb_array"] if engine == "arrays" else [],
+            "render_fps": 10,
+        }
+        self.render_mode = render_mode
+        self._painter: Painter | None = None
+        self._drawn: Model | None = None
         self.num_envs = num_envs
         self.arena = self._episodes.arena
         self.single_action_space: gymnasium.Space[Any] = self._episodes.action_space()
@@ -147,14 +166,37 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
             info |= {"_final_obs": resets, "_final_info": resets.copy()}
         return observation, reward, terminated, truncated, info
 
+    def render(self) -> tuple[Frame, ...] | None:
+        """Return a picture of the first environment, shape (480, 640, 3), alone in a tuple."""
+        from mecanum_env.tankendo.drawing import Painter
+
+        if self.render_mode is None:
+            gymnasium.logger.warn('render() needs render_mode="rgb_array" and engine="arrays" in make_vec')
+            return None
+        drawn = self.arena.robots.model_of(0)
+        if self._painter is None or self._drawn is not drawn:
+            self.close_extras()
+            self._painter, self._drawn = Painter(self.arena, self._episodes.plant), drawn
+        return (self._painter.frame(),)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """Close the renderer; Gymnasium's further arguments `kwargs` are not used."""
+        if self._painter is not None:
+            self._painter.close()
+            self._painter = None
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle holds: all but the renderer, which it opens anew when it draws."""
+        return {**vars(self), "_painter": None}
+
     def info_of(self, info: Mapping[str, Any], row: int) -> dict[str, Any]:
         """Return what an info says of one environment, by its row, as the single environment gives it."""
         names = [name for name in info if name[0] != "_" and not name.startswith("final_")]
         return row_info({name: info[name] for name in names if info[f"_{name}"][row]}, row)
 
     def _restart(self, rows: BoolArray, start: Start) -> None:
-        for row in np.flatnonzero(rows).tolist():
-            self._episodes.restart(row, self._rngs[row], start)
+        chosen = np.flatnonzero(rows).tolist()
+        self._episodes.restart(chosen, [self._rngs[row] for row in chosen], start)
 
 
 def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:

@@ -71,6 +71,17 @@ class Coordinate:
             return self.low * math.exp(unit * math.log(self.high / self.low))
         return self.low + unit * (self.high - self.low)
 
+    def beyond(self, unit: float) -> float:
+        """Return the parameter at a place `unit`, also outside of 0 .. 1 if that can be simulated.
+
+        The search ends at its bounds, and what it finds there may be larger.
+        """
+        if 0.0 <= unit <= 1.0 or not math.isfinite(value := self.value(unit)):
+            return self.value(unit)
+        known = CATALOGUE[self.effect].parameters
+        least, most = next(p.valid for p in known if p.name == self.parameter)
+        return value if self.axis else min(max(value, least), most)
+
     def unit(self, value: float) -> float:
         """Return the place of a `value`, clipped to the bounds."""
         inside = min(max(value, self.low), self.high)
@@ -127,7 +138,7 @@ class EffectSet:
         found: dict[str, dict[str, Bounds]] = {name: {} for name in self.names}
         vectors: dict[str, dict[Axis, Bounds]] = {}
         for coordinate, *ends in zip(self.coordinates, place, low, high, strict=True):
-            value, first, last = (coordinate.value(float(np.clip(end, 0.0, 1.0))) for end in ends)
+            value, first, last = (coordinate.beyond(float(end)) for end in ends)
             if coordinate.axis:
                 vectors.setdefault(coordinate.effect, {})[coordinate.axis] = value, first, last
             else:

@@ -22,6 +22,7 @@ from sysid.compare.link_delays import LinkDelays
 from sysid.logs import BenchCommand, Dataset, Run
 
 JITTER: Final = "command_latency/jitter"
+LOSS: Final = "command_loss"
 _FIXED: Final = "command_latency"
 _SPEED: Final = "speed_rpm"
 _RESOLUTION_S: Final = 0.004
@@ -94,8 +95,8 @@ def _held(values: FloatArray) -> FloatArray:
 
 
 def without_delays(model: Model) -> Model:
-    """Return the model without a delay of the command."""
-    effects = {name: values for name, values in model.effects.items() if name not in (_FIXED, JITTER)}
+    """Return the model without a delay of the command, and without losses."""
+    effects = {name: values for name, values in model.effects.items() if name not in (_FIXED, JITTER, LOSS)}
     return replace(model, effects=effects)
 
 

@@ -25,9 +25,10 @@ from mecanum_env.effects.scale import Scale
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.compare.adopted import as_fitted
 from sysid.compare.model_error import FACTORS, ModelError, Residual, estimate_model_error
 from sysid.compare.noise import Noise, measure_noise
-from sysid.compare.nuisance import plausible_models
+from sysid.compare.nuisance import adopted_variants, fitted_variants
 from sysid.compare.observations import Observations, observe
 from sysid.compare.prediction import Study
 from sysid.compare.scale import scale_of
@@ -40,6 +41,9 @@ from sysid.logs import Dataset
 
 _PARAMETER_SIGMAS: Final = 10.0
 """Prior standard deviation of a parameter, in its stated ones: the logs that gave these decide."""
+_FITTED, _ADOPTED = -1, -2
+"""Numbers of the groups of factors that are no shapes: what was fitted to these logs, and what a study of
+others added, which these do not decide."""
 _ROUNDS: Final = 30  # of EM
 _LEAST_SIZE: Final = 1e-9
 _FOLD_S: Final = 4.0
@@ -58,7 +62,7 @@ class Learned:
     """The posterior of a model's own error, given the logs of its fit."""
 
     model: Model
-    """The model that errs."""
+    """The model that errs; in the logs of its fit, without what came later."""
     basis: ShapeBasis
     keys: tuple[Key, ...]
     """Columns of the shape, after those of the parameters."""
@@ -88,7 +92,8 @@ class Learned:
 
     def columns(self, simulators: Simulators) -> list[FloatArray]:
         """Return K for the observations of some simulators: an array (m, q) for each block."""
-        return _columns(self.model, self.basis, self.keys, self.scale, simulators)
+        of_fit = simulators is self.simulators
+        return _columns(self.model, self.basis, self.keys, self.scale, simulators, of_fit=of_fit)
 
 
 def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned:
@@ -101,14 +106,16 @@ def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned
     observations = observe(most_active(dataset))
     noise = measure_noise(dataset, observations)
     simulators = Simulators.of(observations, study or Study())
-    predicted = simulators.full.predictions(model)
-    basis = ShapeBasis.of(model, observations, predicted)
-    keys = tuple(sorted(basis.columns(model, observations, predicted)))
+    then = as_fitted(model)
+    predicted = simulators.full.predictions(then)
+    basis = ShapeBasis.of(then, observations, predicted)
+    keys = tuple(sorted(basis.columns(then, observations, predicted)))
     scale = scale_of(model, [run for situation in observations.situations for run in situation.runs])
-    columns = _columns(model, basis, keys, scale, simulators)
+    columns = _columns(model, basis, keys, scale, simulators, of_fit=True)
     residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
-    parameters = columns[0].shape[1] - len(keys)
-    group_of = np.array([*[-1] * parameters, *_group_numbers(keys)])
+    added = len(adopted_variants(model))
+    fitted = columns[0].shape[1] - len(keys) - added
+    group_of = np.array([*[_FITTED] * fitted, *[_ADOPTED] * added, *_group_numbers(keys)])
     folds = _folds(observations)
     white = Whitener(observations, noise, None)
     found = _Posterior.of(white.whiten(residual), white.whiten(columns), group_of)
@@ -148,7 +155,7 @@ class _Posterior:
     ) -> _Posterior:
         """Return the posterior; the `variance` of what is left is estimated, at least 1, if not given."""
         gram, aim = columns.T @ columns, columns.T @ residual
-        size = np.where(group_of < 0, _PARAMETER_SIGMAS, 1e-3)
+        size = np.where(group_of < 0, np.where(group_of == _ADOPTED, 1.0, _PARAMETER_SIGMAS), 1e-3)
         left = 1.0 if variance is None else variance
         for _ in range(_ROUNDS):
             covariance = np.asarray(np.linalg.inv(gram / left + np.diag(size**-2.0)), float)
@@ -214,21 +221,35 @@ def _left(
 
 
 def _columns(
-    model: Model, basis: ShapeBasis, keys: Sequence[Key], scale: Scale, simulators: Simulators
+    model: Model,
+    basis: ShapeBasis,
+    keys: Sequence[Key],
+    scale: Scale,
+    simulators: Simulators,
+    *,
+    of_fit: bool,
 ) -> list[FloatArray]:
+    """Return K; in logs `of_fit` without what came after them."""
     observations = simulators.full.observations
+    at_the_time = as_fitted if of_fit else _as_it_is
+    model, varied = at_the_time(model), (fitted_variants(model), adopted_variants(model))
     shapes = basis.columns(model, observations, simulators.full.predictions(model))
     unmoved = simulators.smooth(model)
-    moved = [_predictions(simulators, other, unmoved) for other in plausible_models(model)]
+    moved, added = ([_predictions(simulators, at_the_time(m), unmoved) for m in ms] for ms in varied)
     is_robot = simulators.full.observations.situations[0].runs[0].level == "robot"
     suspects = suspect_columns(model, scale, simulators) if is_robot else []
     found = []
     for index, base in enumerate(unmoved):
         parts = [other[index] - base for other in moved]
         parts += [column[index] for column in suspects]
+        parts += [other[index] - base for other in added]
         parts += [shapes[key][index] if key in shapes else np.zeros(base.size) for key in keys]
         found.append(np.stack(parts, axis=1) if parts else np.zeros((base.size, 0)))
     return found
+
+
+def _as_it_is(model: Model) -> Model:
+    return model
 
 
 def _predictions(simulators: Simulators, model: Model, otherwise: list[FloatArray]) -> list[FloatArray]:

@@ -45,7 +45,7 @@ _LEAST_SPREAD: Final = 0.25
 _EVIDENCE: Final = 10.0  # twice the logarithm of a likelihood ratio: "very strong" (Kass and Raftery, 1995)
 _LOST: Final = 8.0  # logarithm of a likelihood ratio from which a change counts as lost
 _FEW_SAMPLES: Final = 5  # a change seen in fewer samples tells nothing
-_GRID: Final = np.arange(0.0, LONGEST_S + 0.5 * _STEP_S, _STEP_S)
+GRID_S: Final = np.arange(0.0, LONGEST_S + 0.5 * _STEP_S, _STEP_S)
 
 
 @dataclass(frozen=True)
@@ -80,6 +80,12 @@ class LinkDelays:
     evidence: float
     """Twice the logarithm of the likelihood with the spread over that without, less the price of a parameter;
     the smaller one of delays as they are and beside what goes with size and direction."""
+    likelihood: FloatArray
+    """Logarithm of the likelihood of each change (rows) at each delay of `GRID_S`."""
+    lost_likelihood: FloatArray
+    """Logarithm of the likelihood of each change never acting."""
+    untrended: FloatArray
+    """As `likelihood`, with the delays' dependence on size and direction of the changes taken off."""
 
     @property
     def jitters(self) -> bool:
@@ -124,13 +130,13 @@ def link_delays(model: Model, runs: Sequence[Run], clock_s: float | None, resolu
     steps = _steps_rpm(fine, changes)
     windows = _windows(runs, changes)
     delays, lost = np.zeros(len(changes)), np.zeros(len(changes), bool)
-    table = _Table(np.zeros((len(changes), _GRID.size)), np.zeros(len(changes)), 1.0)
+    table = _Table(np.zeros((len(changes), GRID_S.size)), np.zeros(len(changes)), 1.0)
     for turn in range(_ROUNDS):
         predicted = _predicted(fine, runs, changes, delays, lost)
         table = _table(fine, windows, predicted, changes, steps, delays, lost)
         if turn == 0:
             # All changes are late by the common delay first: their own would follow what others leave.
-            delays = np.full(len(changes), _GRID[int(np.argmax(table.likelihood.sum(axis=0)))])
+            delays = np.full(len(changes), GRID_S[int(np.argmax(table.likelihood.sum(axis=0)))])
             continue
         mean, spread = _common(table.likelihood)
         delays, _ = _posterior(table.likelihood, mean, spread)
@@ -141,12 +147,15 @@ def link_delays(model: Model, runs: Sequence[Run], clock_s: float | None, resolu
     unsure = _unsure(fine, runs, changes, steps, _weights(table.likelihood, mean, spread), table.noise_rpm)
     acting = [change for change, gone in zip(changes, lost, strict=True) if not gone]
     untrended = _without_trend(seen, acting)
+    whole = table.likelihood.copy()
+    whole[~lost] = untrended
     evidence = min(_evidence(seen), _evidence(untrended))
     if min(spread, _common(untrended)[1]) < _LEAST_SPREAD * float(
         np.median([run.median_interval_s for run in runs])
     ):
         evidence = min(evidence, 0.0)
-    return LinkDelays(changes, delays, errors, lost, unsure, mean, spread, evidence)
+    likelihoods = table.likelihood, table.lost, whole
+    return LinkDelays(changes, delays, errors, lost, unsure, mean, spread, evidence, *likelihoods)
 
 
 @dataclass(frozen=True, eq=False)
@@ -227,10 +236,10 @@ def _table(
         since = window.time_s - change.given_s
         # Without this change; then with it at any delay.
         bare = speed - (0.0 if lost[i] else steps[i]) * response.at(since - delays[i])
-        moved = steps[i] * response.at(since[:, None] - _GRID[None, :])
+        moved = steps[i] * response.at(since[:, None] - GRID_S[None, :])
         rests.append(window.value[:, None] - bare[:, None] - np.column_stack([moved, np.zeros(since.size)]))
     scale, share, noise = _scale(rests)
-    table = np.array([_log_likelihood(rest / scale) * share for rest in rests]).reshape(-1, _GRID.size + 1)
+    table = np.array([_log_likelihood(rest / scale) * share for rest in rests]).reshape(-1, GRID_S.size + 1)
     return _Table(table[:, :-1], table[:, -1], noise)
 
 
@@ -247,7 +256,7 @@ def _unsure(
     for change, step, weight in zip(changes, steps.tolist(), weights, strict=True):
         time = runs[change.run].time_s - change.given_s
         rows = np.flatnonzero((time >= 0.0) & (time < LONGEST_S + _AFTER_S))
-        speed = step / noise_rpm * response.at(time[rows][:, None] - _GRID[None, :])
+        speed = step / noise_rpm * response.at(time[rows][:, None] - GRID_S[None, :])
         mean = speed @ weight
         found[change.run][rows] += np.maximum(speed**2 @ weight - mean**2, 0.0)
     return tuple(found)
@@ -298,9 +307,9 @@ def _scale(rests: Sequence[FloatArray]) -> tuple[float, float, float]:
 def _prior(spread_s: float) -> FloatArray:
     """Return the probability of each delay of the grid (columns) for each common delay (rows)."""
     if spread_s == 0.0:
-        return np.eye(_GRID.size)
+        return np.eye(GRID_S.size)
     # Student's t, so that one change that is very late does not make the spread of all.
-    square = ((_GRID[:, None] - _GRID[None, :]) / max(spread_s, 0.5 * _STEP_S)) ** 2
+    square = ((GRID_S[:, None] - GRID_S[None, :]) / max(spread_s, 0.5 * _STEP_S)) ** 2
     weight = (1.0 + square / _TAIL) ** (-0.5 * (_TAIL + 1.0))
     return np.asarray(weight / weight.sum(axis=1, keepdims=True))
 
@@ -318,7 +327,7 @@ def _common(likelihood: FloatArray) -> tuple[float, float]:
         return 0.0, 0.0
     tried = [(_marginal(likelihood, spread), spread) for spread in _SPREADS_S]
     best, spread = max(tried, key=lambda pair: float(pair[0].max()))
-    return float(_GRID[int(np.argmax(best))]), spread
+    return float(GRID_S[int(np.argmax(best))]), spread
 
 
 def _evidence(likelihood: FloatArray) -> float:
@@ -332,8 +341,8 @@ def _evidence(likelihood: FloatArray) -> float:
 def _posterior(likelihood: FloatArray, mean_s: float, spread_s: float) -> tuple[FloatArray, FloatArray]:
     """Return the mean and the standard deviation of each change's delay [s]."""
     weight = _weights(likelihood, mean_s, spread_s)
-    mean = weight @ _GRID
-    return mean, np.sqrt(np.maximum(weight @ _GRID**2 - mean**2, 0.0))
+    mean = weight @ GRID_S
+    return mean, np.sqrt(np.maximum(weight @ GRID_S**2 - mean**2, 0.0))
 
 
 def _weights(likelihood: FloatArray, mean_s: float, spread_s: float) -> FloatArray:
@@ -368,4 +377,6 @@ def _without_trend(likelihood: FloatArray, changes: Sequence[Change]) -> FloatAr
     slopes = np.linalg.lstsq(kinds * weight[:, None], mean * weight, rcond=None)[0]
     trend = kinds @ slopes
     trend -= np.average(trend, weights=weight**2)
-    return np.array([np.interp(_GRID + off, _GRID, row) for off, row in zip(trend, likelihood, strict=True)])
+    return np.array(
+        [np.interp(GRID_S + off, GRID_S, row) for off, row in zip(trend, likelihood, strict=True)]
+    )

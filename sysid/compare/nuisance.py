@@ -13,7 +13,7 @@ Residuals are marginalised over these factors, r' (I + X X')^-1 r: what they exp
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -24,6 +24,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from sysid.compare.adopted import ADOPTED
 from sysid.compare.model_error import DECAY_S, ModelError
 from sysid.compare.observations import WINDOW_S, Block, Observations, Situation
 from sysid.compare.shape import command_levels, hat, kind_of
@@ -37,19 +38,16 @@ _NEGLIGIBLE: Final = 1e-10  # relative to the largest eigenvalue of a covariance
 
 
 def plausible_models(model: Model) -> list[Model]:
-    """Return models one standard deviation away along each axis of the covariance that the model states."""
-    found: list[Model] = []
-    stated = model.uncertainty.get("joint") or model.uncertainty.get("wheel") or {}
-    covariance, names = stated.get("covariance"), [str(name) for name in stated.get("names", ())]
-    if covariance is not None and names[: len(COEFFICIENTS)] == list(COEFFICIENTS):
-        # The numbers have different units: the axes are those of the correlation.
-        matrix = np.asarray(covariance, float)
-        scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
-        correlation = matrix / np.outer(scale, scale).clip(min=1e-300)
-        values, vectors = np.linalg.eigh(correlation)
-        for value, vector in zip(values, vectors.T, strict=True):
-            if value > _NEGLIGIBLE * values[-1]:
-                found += _moved(model, names, math.sqrt(value) * vector * scale)
+    """Return models one standard deviation away along each axis of the covariances that the model states.
+
+    They are those of the fit, and of the effects that studies have added since.
+    """
+    return [*fitted_variants(model), *adopted_variants(model)]
+
+
+def fitted_variants(model: Model) -> list[Model]:
+    """Return the plausible models as the fit allows them: its law, its effects, its robot."""
+    found = _variants(model, model.uncertainty.get("joint") or model.uncertainty.get("wheel") or {})
     for name, error in (model.uncertainty.get("robot") or {}).items():
         value = getattr(model.robot, name, None)
         if isinstance(value, float) and isinstance(error, int | float) and error > 0.0:
@@ -60,22 +58,49 @@ def plausible_models(model: Model) -> list[Model]:
     return found
 
 
+def adopted_variants(model: Model) -> list[Model]:
+    """Return the plausible models as the studies allow them that added effects (`sysid.compare.adopted`)."""
+    return _variants(model, model.uncertainty.get(ADOPTED) or {})
+
+
+def _variants(model: Model, stated: Mapping[str, Any]) -> list[Model]:
+    """Return models one standard deviation away along the axes of one `stated` covariance, if it is known."""
+    covariance = stated.get("covariance")
+    names = [str(name) for name in stated.get("names", COEFFICIENTS)]
+    if not covariance or len(covariance) != len(names):
+        return []
+    # The numbers have different units: the axes are those of the correlation.
+    matrix = np.asarray(covariance, float)
+    scale = np.sqrt(np.maximum(np.diag(matrix), 0.0))
+    correlation = matrix / np.outer(scale, scale).clip(min=1e-300)
+    values, vectors = np.linalg.eigh(correlation)
+    return [
+        moved
+        for value, vector in zip(values, vectors.T, strict=True)
+        if value > _NEGLIGIBLE * values[-1]
+        for moved in _moved(model, names, math.sqrt(value) * vector * scale)
+    ]
+
+
 def _moved(model: Model, names: Sequence[str], step: FloatArray) -> list[Model]:
-    """Return the model with its numbers moved by `step`, or by -step if the law is unstable, or none.
+    """Return the model with its numbers moved by `step`, or by -step if that cannot be simulated, or none.
 
     The parameters of effects stay within what can be simulated.
     """
     law = model.wheel.law
     for sign in (1.0, -1.0):
-        moved = law.coefficients + sign * step[: len(COEFFICIENTS)]
+        coefficients = dict(zip(COEFFICIENTS, law.coefficients.tolist(), strict=True))
         effects = {name: dict(values) for name, values in model.effects.items()}
         try:
-            for name, change in zip(names[len(COEFFICIENTS) :], step[len(COEFFICIENTS) :], strict=True):
+            for name, change in zip(names, step, strict=True):
+                if name in coefficients:
+                    coefficients[name] += sign * float(change)
+                    continue
                 effect, _, parameter = name.rpartition(".")
                 low, high = _valid(effect, parameter)
                 value = effects[effect][parameter] + sign * float(change)
                 effects[effect][parameter] = min(max(value, low), high)
-            changed = replace(law, **dict(zip(COEFFICIENTS, moved.tolist(), strict=True))).require_stable()
+            changed = replace(law, **coefficients).require_stable()
             return [replace(model, wheel=replace(model.wheel, law=changed), effects=effects)]
         except (MecanumError, KeyError):
             continue

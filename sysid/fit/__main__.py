@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from pathlib import Path
 from typing import Final, Literal
@@ -10,6 +9,7 @@ from typing import Final, Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 _STAGES: Final = 6
 _FILES: Final = ("model.json", "fit.json", "fit.png", "report.html")
@@ -31,13 +31,13 @@ def fit(
     quantum: float | None = None,
     saturation: float | None = None,
     effects: Literal["auto", "off"] = "auto",
-) -> None:
+) -> Done:
     """Fit the wheel law A-F to a folder of logs and write model.json, fit.json, report.html and plots.
 
     Example: python -m sysid.fit examples/logs --out fit
 
     Args:
-        logs: Folder of bench or robot logs, or one file.
+        logs: Folder of bench or robot logs, or one file; @examples/logs is in the package.
         robot: JSON file of measured robot parameters (wheel_radius_m, mass_kg ...), which are not fitted.
         out: Folder to write.
         method: Methods to run, or "all"; the model is from the first.
@@ -53,9 +53,10 @@ def fit(
         effects: Whether bench logs may show friction or limits beside the law; off: the law alone.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.errors import install_command
-    from mecanum_env.files import require_writable, write_json
+    from mecanum_env.files import write_json
     from mecanum_env.model import Robot, read_robot, write_model
+    from mecanum_env.outputs import output_folder
+    from mecanum_env.reading import read_json
     from sysid.fit.estimators import METHODS
     from sysid.fit.pipeline import FitOptions, fit_dataset
     from sysid.fit.plots import write_fit_plots
@@ -79,22 +80,23 @@ def fit(
         saturation_rpm=saturation,
         effects=effects,
         robot=read_robot(robot) if robot else Robot(),
-        robot_given=tuple(json.loads(robot.read_text(encoding="utf-8"))) if robot else (),
+        robot_given=tuple(read_json(robot)) if robot else (),
     )
     dataset = read_dataset(logs)
     require_our_units(dataset)
-    require_writable(*(out / name for name in _FILES))
-    with stage_bar(_STAGES + len(options.methods) - 1 + 4 * per_wheel) as progress:
+    stages = _STAGES + len(options.methods) - 1 + 4 * per_wheel
+    with output_folder(out, "sysid.fit", _FILES, seed=seed) as staged, stage_bar(stages) as progress:
         found = fit_dataset(dataset, options, progress)
         progress("report")
         model = with_logs(fitted_model(found), logs, out)
-        write_model(model, out / "model.json")
-        write_json(out / "fit.json", fit_json(found))
-        write_fit_plots(found, out)
-        page = write_fit_report(found, model, out / "report.html")
+        write_model(model, staged / "model.json")
+        write_json(staged / "fit.json", fit_json(found))
+        write_fit_plots(found, staged)
+        write_fit_report(found, model, staged / "report.html")
     print(fit_table(found))
     print(f"\nwrote {out / 'model.json'}, {out / 'fit.json'}, {out / 'fit.png'}", end="")
-    print(f" and {out / 'report.html'}" if page else f"; for report.html: {install_command('report')}")
+    print(f" and {out / 'report.html'}")
+    return Done(wrote=[out / name for name in _FILES])
 
 
 if __name__ == "__main__":

@@ -12,7 +12,7 @@ import numpy as np
 import mecanum_env
 from mecanum_env.law.metrics import step_response
 from mecanum_env.model import Model
-from mecanum_env.report import figure, report_available, write_page
+from mecanum_env.report import figure, write_page
 from sysid.fit.pipeline import Fit
 from sysid.fit.plots import HELD_OUT_FIRST, BenchReplay, RunView, replay_worst, run_views
 
@@ -100,10 +100,8 @@ def _columns(rows: Sequence[Sequence[str]]) -> list[str]:
     return ["  ".join([row[0].ljust(widths[0]), *right[1:]]) for row, right in zip(rows, cells, strict=True)]
 
 
-def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
-    """Write the page of a fit, whose model is replayed; False if the `report` extra is not installed."""
-    if not report_available():
-        return False
+def write_fit_report(fit: Fit, model: Model, path: Path) -> None:
+    """Write the page of a fit, whose model is replayed."""
     views = run_views(fit, most=6)
     overlays = {f"run{i}": _overlay(view) for i, view in enumerate(views)}
     tests = fit.residual_tests
@@ -143,7 +141,6 @@ def write_fit_report(fit: Fit, model: Model, path: Path) -> bool:
         provenance=f"mecanum-tankendo {mecanum_env.__version__}, seed {fit.options.seed}, "
         f"data sha256 {fit.dataset.sha256[:16]}",
     )
-    return True
 
 
 def _verdict(fit: Fit) -> str:

@@ -10,6 +10,7 @@ from typing import Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 
 def gap(
@@ -27,7 +28,7 @@ def gap(
     plant: Literal["rollers", "planar"] = "rollers",
     seconds: float | None = None,
     adopt: bool = False,
-) -> None:
+) -> Done:
     """Compare a model with logs, name the effects that it lacks, add them, and show the gap before and after.
 
     Writes gap.json, model.json with the effects added, report.html and, where it helps, next_experiment.csv.
@@ -51,16 +52,16 @@ def gap(
         adopt: If no named effect explains the gap, add the proposed custom effect to the model.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.errors import install_command
-    from mecanum_env.files import require_writable
     from mecanum_env.model import read_model
+    from mecanum_env.outputs import output_folder
     from sysid.gap.alone import law_of, require_fittable
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
     from sysid.gap.search.data import require_valid
+    from sysid.gap.spending import studies_near
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset
-    from sysid.logs.of_fit import logs_of_fit
+    from sysid.logs.of_fit import logs_of_fit, seen_from
     from sysid.logs.quantities import require_our_units
     from sysid.progress import stage_bar
 
@@ -74,11 +75,11 @@ def gap(
         plant=plant,
         seconds=seconds,
         adopt=adopt,
+        earlier=studies_near(out),
     )
     dataset = read_dataset(logs)
     require_our_units(dataset)
     require_valid(options, dataset.level)
-    require_writable(*(out / name for name in FILES))
     base = None
     if model is None:
         require_fittable(dataset, fitted_on)
@@ -86,15 +87,18 @@ def gap(
         base = read_model(model)
         known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)
         options = replace(options, fitted_on=known, notes=(why,) if why else ())
-    with stage_bar(6 if base else 12) as progress:
+    files = output_folder(out, "sysid.gap", FILES, seed=seed)
+    with files as staged, stage_bar(7 if base else 13) as progress:
         if base is None:
             base, options = law_of(dataset, options, progress)
         report = analyse(dataset, base, options, progress)
+        if model is not None:
+            report = replace(report, model=seen_from(report.model, model.parent, out))
         progress("report")
-        written = write_study(report, out)
+        written = [out / path.name for path in write_study(report, staged)]
     print(gap_table(report))
-    page = "" if out / "report.html" in written else f"; for report.html: {install_command('report')}"
-    print(f"\nwrote {', '.join(map(str, written))}{page}")
+    print(f"\nwrote {', '.join(map(str, written))}")
+    return Done(wrote=written)
 
 
 if __name__ == "__main__":

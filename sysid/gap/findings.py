@@ -53,14 +53,20 @@ class Findings:
 
 
 def find(
-    dataset: Dataset, model: Model, options: GapOptions, considered: Sequence[str], progress: Progress
+    dataset: Dataset,
+    model: Model,
+    options: GapOptions,
+    considered: Sequence[str],
+    false_alarm: float,
+    progress: Progress,
 ) -> Findings:
     """Search for the sets of `considered` effects that logs show beside a model and beside what was there.
 
     The `base` of the problem of the search is the model, with the effects that were there already.
-    `progress` is called as by `sysid.gap.workflow.analyse`.
+    Noise alone is taken for an effect with a probability `false_alarm`. `progress` is called as by
+    `sysid.gap.workflow.analyse`.
     """
-    found = _searched(dataset, model, options, considered, progress)
+    found = _searched(dataset, model, options, considered, false_alarm, progress)
     there: dict[str, Mapping[str, Bounds]] = {}
     for _ in range(_MOST_COMPLETIONS):
         completion = _completion(found)
@@ -68,7 +74,8 @@ def find(
             break
         there |= completion.effects
         progress(stage := "what is new beside what was there already")
-        found = _searched(dataset, completion.model, options, considered, within(progress, stage))
+        tell = within(progress, stage)
+        found = _searched(dataset, completion.model, options, considered, false_alarm, tell)
     return replace(found, there=there)
 
 
@@ -82,11 +89,17 @@ def _completion(found: Findings) -> Completion | None:
 
 
 def _searched(
-    dataset: Dataset, model: Model, options: GapOptions, considered: Sequence[str], progress: Progress
+    dataset: Dataset,
+    model: Model,
+    options: GapOptions,
+    considered: Sequence[str],
+    false_alarm: float,
+    progress: Progress,
 ) -> Findings:
     study = Study(options.plant, options.jobs, seed=options.seed)
     progress("data check")
     data = study_data(dataset, model, options)
+    data = replace(data, floor=replace(data.floor, false_alarm=false_alarm))
     progress(stage := "what each effect would do")
     search = _start_search(data, model, study, considered, within(progress, stage))
     if not data.floor.trusted:

@@ -24,6 +24,18 @@ Since = Literal["new", "already when fitted", "unknown"]
 
 
 @dataclass(frozen=True)
+class Spent:
+    """What a study spent of the false alarms that all studies of the same logs may raise."""
+
+    data_sha256: str
+    """Checksum of the logs."""
+    study: str
+    """Checksum of logs, model and settings: the same study again spends nothing."""
+    level: float
+    """Probability of a false alarm."""
+
+
+@dataclass(frozen=True)
 class GapOptions:
     """What a user may decide about a study."""
 
@@ -49,6 +61,8 @@ class GapOptions:
     """Whether to design the next experiment."""
     fitted_on: Dataset | None = None
     """The logs that the model was fitted to: what they show, too, is no new effect."""
+    earlier: tuple[Spent, ...] = ()
+    """Earlier studies; those of the same logs lower the probability of a false alarm in this one."""
     notes: tuple[str, ...] = ()
     """What is known of these options, in sentences, for the notes of the report."""
 
@@ -278,6 +292,10 @@ class GapReport:
     """Whether it is known what a right model would leave; if not, a difference may be noise or not."""
     tails: Mapping[str, Tails] = field(default_factory=dict)
     """Channel -> its noise, where that has heavy tails and outliers were weighted down."""
+    false_alarm: float = 0.01
+    """Probability of a false alarm that this study spent, after what earlier ones of these logs left."""
+    studies: tuple[Spent, ...] = ()
+    """All studies of these logs that are known, this one included."""
 
     @property
     def changed(self) -> bool:

@@ -15,8 +15,6 @@ NEXT_FILE: Final = "next_experiment.csv"
 """File with the commands of the next experiment."""
 _WHEEL_LAW: Final = "wheel_law"
 """Name among the sets of effects that stands for the wheel law, fitted again."""
-_SURE: Final = 0.01
-"""p-value below which a difference is significant, however small it is."""
 _CONCENTRATED: Final = 0.1
 """A region stands out if its share of the error exceeds its share of the samples by this."""
 _SPEED_UNITS: Final = ("rpm", "m/s", "rad/s")
@@ -46,7 +44,7 @@ def verdict_sentence(report: GapReport) -> str:
     """Return what a study found, in one sentence."""
     gap = report.gap
     differ = f"model and measurement differ by {with_share(gap.before, gap)}"
-    if report.verdict == "no_gap" and report.p_value <= _SURE:
+    if report.verdict == "no_gap" and report.p_value <= report.false_alarm:
         return (
             f"No gap worth a name: {differ}; what the effects could remove is significant "
             f"(p = {report.p_value:.2g}) but too little to matter."

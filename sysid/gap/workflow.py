@@ -14,10 +14,12 @@ from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
 from mecanum_env.parallel import one_thread
 from sysid.compare.simulator import without_engine_warnings
+from sysid.gap.adoption import improved_model
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
 from sysid.gap.findings import Findings, find
 from sysid.gap.late_links import late_logs
+from sysid.gap.link_found import with_link_fault
 from sysid.gap.report.held_out import (
     compare,
     differences,
@@ -29,10 +31,11 @@ from sysid.gap.report.held_out import (
     predicted,
 )
 from sysid.gap.report.where import regions
-from sysid.gap.result import CustomProposal, FoundEffect, GapOptions, GapReport
+from sysid.gap.result import CustomProposal, GapOptions, GapReport
 from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
 from sysid.gap.search.custom import propose
 from sysid.gap.search.data import is_meant, known_effects, require_movement, require_valid
+from sysid.gap.spending import budget_of, with_studies
 from sysid.logs import Dataset, Run
 from sysid.logs.tails import weighted_down
 from sysid.progress import Progress, silent
@@ -63,24 +66,44 @@ def analyse(
     require_valid(options, dataset.level, dataset.columns)
     require_movement(dataset)
     dataset, tails = weighted_down(dataset)
+    budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
         late = late_logs(dataset, model)
         if late is None:
-            report = _analyse(dataset, model, replace(options, fitted_on=fitted_on), progress)
+            options = replace(options, fitted_on=fitted_on)
+            report = _analyse(dataset, model, options, budget.level, progress)
+            progress("delays of single commands")
+            report = with_link_fault(
+                dataset,
+                model,
+                options,
+                report,
+                lambda logs, base, chosen: _analyse(logs, base, chosen, budget.level, silent),
+            )
         else:
             fitted_on = None if fitted_on is None else late.alike(fitted_on)
             options = replace(options, fitted_on=fitted_on)
-            report = late.described(_analyse(late.dataset, late.model, options, progress))
+            found = _analyse(late.dataset, late.model, options, budget.level, progress)
+            report = late.described(found)
     heavy = tuple(one.note(channel) for channel, one in tails.items())
-    return replace(report, notes=(*heavy, *report.notes), tails=tails)
+    return replace(
+        report,
+        notes=(*heavy, *budget.notes, *report.notes),
+        tails=tails,
+        false_alarm=budget.level,
+        studies=budget.studies,
+        model=with_studies(report.model, budget.studies),
+    )
 
 
-def _analyse(dataset: Dataset, model: Model, options: GapOptions, progress: Progress) -> GapReport:
+def _analyse(
+    dataset: Dataset, model: Model, options: GapOptions, false_alarm: float, progress: Progress
+) -> GapReport:
     known = known_effects(dataset.level, options.plant, dataset.columns)
     only = options.only or known
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
-    found = find(dataset, model, options, considered, progress)
+    found = find(dataset, model, options, considered, false_alarm, progress)
     progress("before and after")
     return _report(dataset, model, options, found, considered)
 
@@ -99,7 +122,7 @@ def _report(
     effects = found_effects(problem, decision, found.since)
     if effects:
         effects = (*effects, *found_before(problem, found))
-    improved = _improved(model, found, effects)
+    improved = improved_model(model, problem.base, decision, effects)
     proposal = None
     if decision.verdict == "unexplained":
         situations = data.observations.situations
@@ -120,7 +143,7 @@ def _report(
     gap, channels = differences(dataset, comparison)
     scatter = roller_scatter(problem, search.base)
     rng = np.random.default_rng(study.seed)
-    threshold = chance_gains(search.base, search.library, rng, scatter).threshold()
+    threshold = chance_gains(search.base, search.library, rng, scatter, data.floor.false_alarm).threshold()
     detectable = smallest_detectable(search.library, threshold)
     unseen = untestable(considered, search.library, detectable, dataset.level, dataset.columns)
     asked = Design(None, "")
@@ -170,14 +193,3 @@ def _there_notes(found: Findings) -> tuple[str, ...]:
         f"{names}: the logs of the fit show this, too, and the model lacks it; the study goes on beside it. "
         "Fit the model again with effects (python -m sysid.fit --effects auto)",
     )
-
-
-def _improved(model: Model, found: Findings, effects: Sequence[FoundEffect]) -> Model:
-    """Return the model with the chosen set, if any, what was there already, and the intervals of both."""
-    chosen = found.decision.chosen
-    if chosen is None:
-        return model
-    improved: Model = chosen.fitted.candidate.model(found.search.problem.base, chosen.fitted.place)
-    stated = {effect.name: effect.intervals for effect in effects}
-    known = model.uncertainty.get("effects") or {}
-    return replace(improved, uncertainty={**model.uncertainty, "effects": {**known, **stated}})

@@ -1,23 +1,22 @@
-"""Plan, check, draw and import logs: `python -m sysid.logs plan`, `... check LOGS` and so on."""
+"""Plan, check, draw, import and export logs: `python -m sysid.logs plan`, `... check LOGS` and so on."""
 
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Any, Final, Literal
 
 import tyro
 
-from mecanum_env.cli import run as run_command
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, require_at_least
+from mecanum_env.programs import Done, run_one_of
 from sysid.logs.bags import Clock, Unit
-from sysid.logs.findings import KINDS
 from sysid.logs.plan.sequences import Form, Size
-from sysid.logs.runs import SPLITS, UNITS, Dataset, Run
 
 
-def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> None:
+def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> Done:
     """Read logs, and print their runs, their splits and whatever is odd in them.
 
     Example: python -m sysid.logs check examples/logs
@@ -26,63 +25,114 @@ def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> No
         logs: A folder of runs, or one run.
         all_findings: Print every finding of every run instead of one per kind.
     """
+    from sysid.logs.describe import dataset_json, describe
     from sysid.logs.reader import read_dataset
 
-    print(describe(read_dataset(logs), all_findings=all_findings))
+    dataset = read_dataset(logs)
+    print(describe(dataset, all_findings=all_findings))
+    return Done(found=dataset_json(dataset))
 
 
-def import_bags(
-    bags: tyro.conf.Positional[tuple[Path, ...]],
+def import_logs(
+    sources: tyro.conf.Positional[tuple[Path, ...]],
     /,
     out: Path,
     map: Annotated[tuple[str, ...], tyro.conf.UseAppendAction] = (),
     robot: Path | None = None,
     unit: Unit | None = None,
     clock: Clock = "auto",
-) -> None:
-    """Import ROS 1 or ROS 2 bags as runs into a new folder of logs.
+) -> Done:
+    """Import bags, MCAP files, LeRobot datasets, or tables with other columns as runs into a new folder.
 
-    Example: python -m sysid.logs import drive_1 drive_2 --out logs --map imu=none --robot robot.json
+    Example: python -m sysid.logs import a.csv --out logs --map time_s=stamp:ns --map speed_rpm=omega:rad_s
 
     Args:
-        bags: .bag files or ROS 2 bag folders.
+        sources: ROS 1 .bag files, ROS 2 bag folders, .mcap files, LeRobot datasets (v3), tables (.csv,
+            .parquet) or folders of tables.
         out: Folder to write; it must not contain runs of these names yet.
-        map: ROLE=TOPIC where message types do not decide (command, wheel_commands, wheel_speeds, odometry,
-            imu, battery; command_rpm and speed_rpm for the bench), ROLE=none, or WHEEL=JOINT (fl, fr, rl,
-            rr; joint for the bench). May be given several times.
-        robot: JSON with the robot's dimensions, for Twist commands; default: the packaged robot's.
+        map: For bags ROLE=TOPIC where message types do not decide (command, wheel_commands, wheel_speeds,
+            odometry, imu, battery; command_rpm and speed_rpm for the bench), ROLE=none, or WHEEL=JOINT (fl,
+            fr, rl, rr; joint for the bench). For all others OURS=THEIRS, OURS=THEIRS:UNIT (rad_s, deg_s, ns
+            ...) or OURS=none. May be given several times.
+        robot: JSON with the robot's dimensions, which a Twist command needs.
         unit: Unit of std_msgs numbers.
-        clock: Stamp samples by message header or by time of receipt.
+        clock: Stamp samples of a bag by message header or by time of receipt.
     """
     from mecanum_env.files import write_text
-    from mecanum_env.model import Robot, read_robot
-    from sysid.logs.bags import import_bag
+    from mecanum_env.outputs import finish_interrupted, output_folder
+    from sysid.logs.describe import dataset_json, describe
+    from sysid.logs.formats.sources import import_source, read_dimensions
     from sysid.logs.reader import read_dataset
     from sysid.logs.settings import FILE_NAME
     from sysid.logs.writer import quoted, write_columns
 
-    if not bags:
-        raise InputError("no bag given; give .bag files or ROS 2 bag folders")
-    names = [bag.stem if bag.is_file() else bag.resolve().name for bag in bags]
+    if not sources:
+        raise InputError("no source given; give bags, .mcap files, LeRobot datasets or tables")
+    geometry, interactive = None if robot is None else read_dimensions(robot), sys.stderr.isatty()
+    runs = [
+        run
+        for source in sources
+        for run in import_source(source, geometry, map, unit=unit, clock=clock, progress=interactive)
+    ]
+    names = [run.name for run in runs]
+    finish_interrupted(out)
     for index, name in enumerate(names):
         if name in names[:index]:
-            raise InputError(f"two bags have the name {name}; rename one")
+            raise InputError(f"two runs have the name {name}; rename one, or import them into two folders")
         if (out / f"{name}.csv").exists():
             raise InputError(f"{out / f'{name}.csv'}: exists already; choose another --out")
-    geometry = Robot() if robot is None else read_robot(robot)
-    imported = [
-        import_bag(bag, geometry, topic_map=map, unit=unit, clock=clock, progress=sys.stderr.isatty())
-        for bag in bags
-    ]
-    for name, part in zip(names, imported, strict=True):
-        write_columns(part.columns, out / f"{name}.csv")
-        topics = ", ".join(f"{role} = {topic}" for role, topic in part.choice.topics.items())
-        print(f"{name}: {topics}; stamped by {part.clock}")
-    if robot is None and any("command" in part.choice.topics for part in imported):
-        print("commands computed with the packaged robot's dimensions; give --robot FILE if yours differ")
-    if not (out / FILE_NAME).exists():
-        write_text(out / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
-    print(describe(read_dataset(out)))
+    with output_folder(out, "sysid.logs import") as staged:
+        for run in runs:
+            write_columns(run.columns, staged / f"{run.name}.csv")
+        if not (out / FILE_NAME).exists():
+            write_text(staged / FILE_NAME, f"[dataset]\nname = {quoted(out.resolve().name)}\n")
+    for run in runs:
+        print(f"{run.name}: {run.said}")
+    dataset = read_dataset(out)
+    print(describe(dataset))
+    return Done(wrote=[out / f"{name}.csv" for name in names], found=dataset_json(dataset))
+
+
+def export(
+    logs: tyro.conf.Positional[Path],
+    /,
+    out: Path,
+    to: Literal["mcap", "parquet", "lerobot"] = "mcap",
+    fps: int = 30,
+) -> Done:
+    """Write logs for other programs: MCAP for Foxglove and PlotJuggler, Parquet, or a LeRobot dataset.
+
+    Example: python -m sysid.logs export examples/logs --to mcap --out out/mcap
+
+    Args:
+        logs: A folder of runs, or one run. Simulated ones come from python -m sysid.simulate.
+        out: Folder to write.
+        to: mcap: one file per run, with JSON messages and their schemas; parquet: one file per run, with all
+            digits; lerobot: one dataset (v3), resampled.
+        fps: Frames per second of a LeRobot dataset.
+    """
+    from mecanum_env.tables import table_stem
+    from sysid.logs.formats.lerobot import INFO, write_lerobot
+    from sysid.logs.formats.mcap_files import write_mcap
+    from sysid.logs.reader import read_dataset
+    from sysid.logs.writer import write_dataset
+
+    require_at_least(1, fps=fps)
+    dataset = read_dataset(logs)
+    names = [f"{table_stem(Path(run.file))}.{to}" for run in dataset.runs]
+    if to == "lerobot":
+        write_lerobot(dataset, out, fps)
+        wrote = [out / INFO]
+    elif to == "parquet":
+        runs = tuple(replace(run, file=name) for run, name in zip(dataset.runs, names, strict=True))
+        write_dataset(replace(dataset, runs=runs), out)
+        wrote = [out / name for name in names]
+    else:
+        for run, name in zip(dataset.runs, names, strict=True):
+            write_mcap(run, out / name)
+        wrote = [out / name for name in names]
+    print(f"wrote {len(names)} runs to {out}")
+    return Done(wrote=wrote)
 
 
 def plan(
@@ -131,7 +181,7 @@ def plan(
     print(f"wrote {out}; read {out / PROTOCOL}")
 
 
-def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> None:
+def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> Done:
     """Draw commands and wheel speeds of every command sequence, repeats over each other.
 
     Example: python -m sysid.logs plot examples/logs --out logs.png
@@ -146,6 +196,7 @@ def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> N
     dataset = read_dataset(logs)
     shown, groups = plot_logs(dataset, out), len(dataset.groups())
     print(f"wrote {out}" + (f" with the first {shown} of {groups} sequences" if shown < groups else ""))
+    return Done(wrote=[out])
 
 
 def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path | None = None) -> None:
@@ -161,6 +212,7 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     """
     from mecanum_env.kinematics import mecanum_wheels
     from mecanum_env.model import read_robot
+    from mecanum_env.outputs import finish_interrupted, output_folder
     from sysid.logs.bodies import (
         DIRECTIONS,
         body_runs,
@@ -174,6 +226,8 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     if not logs:
         raise InputError("no logs given; give a folder with all wheels, or one for each wheel")
     wheels = mecanum_wheels(read_robot(robot))
+    if out is not None:
+        finish_interrupted(out)
     if out is not None and out.exists() and any(out.iterdir()):
         raise InputError(f"{out}: is not empty; choose another --out")
     datasets = read_wheel_logs(logs, wheels)
@@ -185,95 +239,26 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     for index, name in enumerate(DIRECTIONS):
         made = direction_dataset(runs, index, wheels, f"the body's motion: {name}")
         named |= {} if made is None else {f"body_{name}": made}
-    for name, dataset in named.items():
-        write_dataset(dataset, out / name)
+    with output_folder(out, "sysid.logs body") as staged:
+        for name, dataset in named.items():
+            write_dataset(dataset, staged / name)
     print(f"wrote bench logs to {out}: {', '.join(named)}; study each with python -m sysid.fit and sysid.gap")
     print("not supported: one study of all wheels and the body at once, which knows four Mecanum wheels only")
-
-
-def describe(dataset: Dataset, *, all_findings: bool = False) -> str:
-    """Return a table of the runs, then findings (one per kind, or `all_findings`), then the noise floor."""
-    from sysid.logs.noise import noise_from_repeats
-
-    count = {name: len(dataset.split(name)) for name in SPLITS}
-    split = ", ".join(f"{number} {name}" for name, number in count.items() if number)
-    runs = "1 run" if len(dataset.runs) == 1 else f"{len(dataset.runs)} runs"
-    sequences = f"{len(dataset.groups())} command sequences"
-    lines = [f"{dataset.name}: {dataset.level} log, {runs} ({split}), {sequences}"]
-    lines += [*_channels(dataset.runs), "", *_table(dataset.runs), ""]
-    lines += [*_findings(dataset, all_findings), ""]
-    noise = noise_from_repeats(dataset.runs)
-    if noise is None:
-        lines.append("noise floor: unknown, no two runs have the same commands (record repeats to get one)")
-    else:
-        for name, item in noise.items():
-            lines.append(
-                f"noise floor of {name}: {item.std:.3g} {UNITS[name]} +- {100 * item.relative_error:.2g} % "
-                f"(repeats of {item.groups} sequences)"
-            )
-    return "\n".join(lines)
-
-
-def _channels(runs: Sequence[Run]) -> list[str]:
-    """Return one line per set of measured channels."""
-    sets: dict[tuple[str, ...], list[str]] = {}
-    for run in runs:
-        sets.setdefault(tuple(run.channels), []).append(run.file)
-    if len(sets) == 1:
-        return ["measured: " + ", ".join(runs[0].channels)]
-    return [f"measured in {len(f)} runs ({f[0]} ...): {', '.join(names)}" for names, f in sets.items()]
-
-
-def _table(runs: Sequence[Run]) -> list[str]:
-    rows = [("run", "group", "split", "rows", "seconds", "Hz", "commands")]
-    for run in runs:
-        numbers = str(run.time_s.size), f"{run.duration_s:.2f}", f"{1.0 / run.median_interval_s:.4g}"
-        rows.append((run.file, run.group, run.split, *numbers, str(len(run.command_rows()))))
-    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
-    align = (str.ljust, str.ljust, str.ljust, str.rjust, str.rjust, str.rjust, str.rjust)
-    return [
-        "  ".join(place(cell, w) for place, cell, w in zip(align, row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
-
-
-def _findings(dataset: Dataset, every: bool) -> list[str]:
-    if not dataset.findings:
-        return ["nothing odd found"]
-    lines = ["noticed:"]
-    for kind in KINDS:
-        found = [finding for finding in dataset.findings if finding.kind == kind]
-        if not found:
-            continue
-        files = {finding.file for finding in found if finding.file}
-        where = f" [{len(files)} of {len(dataset.runs)} runs]" if files else ""
-        lines.append(f"- {kind}: {KINDS[kind]}{where}")
-        lines += [
-            f"    {f.file + ': ' if f.file else ''}{f.message}" for f in (found if every else found[:1])
-        ]
-        if len(found) > 1 and not every:
-            lines.append(f"    and {len(found) - 1} more (--all-findings)")
-    return lines
 
 
 COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {
     "plan": plan,
     "check": check,
     "plot": plot,
-    "import": import_bags,
+    "import": import_logs,
+    "export": export,
     "body": body,
 }
 
 
 def main(args: list[str]) -> int:
     """Run the command of `COMMANDS` that `args` names; return the exit code."""
-    if args and args[0] in COMMANDS:
-        return run_command(COMMANDS[args[0]], args[1:], prog=f"python -m sysid.logs {args[0]}")
-    help_wanted = args[:1] in (["-h"], ["--help"])
-    lines = "\n".join(f"  {name:8}{(c.__doc__ or '').splitlines()[0]}" for name, c in COMMANDS.items())
-    usage = f"usage: python -m sysid.logs {{{','.join(COMMANDS)}}} ...\n\n{lines}"
-    print(usage, file=sys.stdout if help_wanted else sys.stderr)
-    return 0 if help_wanted else 2
+    return run_one_of(COMMANDS, args, "python -m sysid.logs")
 
 
 if __name__ == "__main__":

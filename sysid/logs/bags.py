@@ -13,22 +13,22 @@ from pathlib import Path
 from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 from tqdm import tqdm
 
 from mecanum_env.errors import InputError, MecanumError, install_command
 from mecanum_env.kinematics import WHEELS, Geometry, twist_to_command
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.bag_topics import TopicChoice, choose_topics, match_joints
-from sysid.logs.runs import BODY_COMMAND, KNOWN, TIME, WHEEL_COMMAND, WHEEL_SPEEDS
+from sysid.logs.column_map import NEEDS_DIMENSIONS
+from sysid.logs.lone_mcap import read_lone_mcap
+from sysid.logs.runs import BODY_COMMAND, WHEEL_COMMAND, WHEEL_SPEEDS
+from sysid.logs.stamps import Columns, Stamps, on_all_stamps
 
 Unit: TypeAlias = Literal["rpm", "rad_s"]
 Clock: TypeAlias = Literal["auto", "header", "receive"]
 _CLOCKS_AGREE_S: Final = 1.0
 """Header stamps and times of receipt that differ by less than this [s] belong to the same clock."""
 
-_Columns: TypeAlias = dict[str, FloatArray]
-_Stamps: TypeAlias = npt.NDArray[np.int64]
 _Messages: TypeAlias = Sequence[tuple[int, Any]]
 """Time of receipt [ns] and message."""
 
@@ -45,7 +45,7 @@ class ImportedBag:
 
 def import_bag(
     bag: Path,
-    geometry: Geometry,
+    geometry: Geometry | None,
     *,
     topic_map: Sequence[str] = (),
     unit: Unit | None = None,
@@ -56,7 +56,7 @@ def import_bag(
 
     Args:
         bag: a .bag file, or the folder of a ROS 2 bag (or the file inside it).
-        geometry: dimensions that turn a Twist command into V, theta, VC.
+        geometry: dimensions that turn a Twist command into V, theta, VC; needed only for one.
         topic_map: items such as ``command=/cmd_vel``, ``imu=none``, ``fl=left_front``; see `bag_topics`.
         unit: unit of std_msgs numbers, which state none.
         clock: stamp samples by the message's header or by the time of receipt; ``auto`` uses the headers
@@ -69,6 +69,8 @@ def import_bag(
     """
     types, messages = _read_messages(bag, topic_map, progress)
     choice = choose_topics(str(bag), types, topic_map)
+    if "command" in choice.topics and geometry is None:
+        raise InputError(f"{bag}, {choice.topics['command']}: {NEEDS_DIMENSIONS}")
     by_header = clock == "header" or (clock == "auto" and _clocks_agree(messages))
     used: Literal["header", "receive"] = "header" if by_header else "receive"
     parts = []
@@ -83,7 +85,7 @@ def import_bag(
         if role == "odometry" and "imu" in choice.topics:
             del columns["yaw_rate_rad_s"]  # the gyroscope measures it; odometry only infers it
         parts.append((_stamps(received, used), columns))
-    return ImportedBag(_merge(parts), choice, used)
+    return ImportedBag(on_all_stamps(parts), choice, used)
 
 
 def _read_messages(
@@ -97,13 +99,18 @@ def _read_messages(
         raise InputError(
             f"{bag}: importing bags needs rosbags; install it with {install_command('bag')}"
         ) from error
-    if bag.is_file() and bag.suffix in (".mcap", ".db3"):
+    alone = bag.is_file() and bag.suffix == ".mcap" and not (bag.parent / "metadata.yaml").exists()
+    if bag.is_file() and bag.suffix in (".mcap", ".db3") and not alone:
         bag = bag.parent
     if not bag.exists():
         raise InputError(f"{bag}: no such bag; give a .bag file or the folder of a ROS 2 bag")
     if bag.is_dir() and not (bag / "metadata.yaml").exists():
         raise InputError(f"{bag}: no metadata.yaml, so no ROS 2 bag; `ros2 bag reindex` writes one")
     try:
+        if alone:
+            return read_lone_mcap(
+                bag, lambda types: set(choose_topics(str(bag), types, topic_map).topics.values())
+            )
         with AnyReader([bag], default_typestore=get_typestore(Stores.LATEST)) as reader:
             types = {connection.topic: connection.msgtype for connection in reader.connections}
             wanted = set(choose_topics(str(bag), types, topic_map).topics.values())
@@ -136,22 +143,9 @@ def _clocks_agree(messages: Mapping[str, _Messages]) -> bool:
     return True
 
 
-def _stamps(received: _Messages, clock: Literal["header", "receive"]) -> _Stamps:
+def _stamps(received: _Messages, clock: Literal["header", "receive"]) -> Stamps:
     stamps = [(_header_stamp(message) if clock == "header" else None) or at for at, message in received]
     return np.array(stamps, np.int64)
-
-
-def _merge(parts: Sequence[tuple[_Stamps, _Columns]]) -> _Columns:
-    """Put all columns on the union of their stamps."""
-    union = np.unique(np.concatenate([stamps for stamps, _ in parts]))
-    merged = {TIME: (union - union[0]) * 1e-9}
-    for stamps, columns in parts:
-        rows = np.searchsorted(union, stamps)
-        for name, values in columns.items():
-            column = np.full(union.size, np.nan)
-            column[rows] = values  # of two messages with one stamp, the later counts
-            merged[name] = column
-    return {name: merged[name] for name in KNOWN if name in merged}
 
 
 @dataclass(frozen=True)
@@ -160,7 +154,7 @@ class _Context:
 
     where: str
     """Bag and topic, for error messages."""
-    geometry: Geometry
+    geometry: Geometry | None
     joints: Mapping[str, str]
     """Joint name by wheel, where the user gave one."""
     unit: Unit | None
@@ -174,19 +168,20 @@ class _Context:
         return 1.0 if self.unit == "rpm" else 1.0 / RAD_S_PER_RPM
 
 
-def _body_command(messages: Sequence[Any], context: _Context) -> _Columns:
+def _body_command(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert Twist or TwistStamped messages [m/s, rad/s] into V, theta, VC."""
     twists = [getattr(message, "twist", message) for message in messages]
     values = np.array([(t.linear.x, t.linear.y, t.angular.z) for t in twists], float)
+    assert context.geometry is not None
     return dict(zip(BODY_COMMAND, twist_to_command(values, context.geometry), strict=True))
 
 
-def _wheel_commands(messages: Sequence[Any], context: _Context) -> _Columns:
+def _wheel_commands(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert messages of four numbers in the order fl, fr, rl, rr into wheel commands."""
     return dict(zip(WHEEL_COMMAND, _arrays(messages, context).T, strict=True))
 
 
-def _wheel_speeds(messages: Sequence[Any], context: _Context) -> _Columns:
+def _wheel_speeds(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert messages of joint velocities [rad/s], or of four numbers, into wheel speeds."""
     if hasattr(messages[0], "data"):
         return dict(zip(WHEEL_SPEEDS, _arrays(messages, context).T, strict=True))
@@ -208,7 +203,7 @@ def _wheel_speeds(messages: Sequence[Any], context: _Context) -> _Columns:
     return dict(zip(WHEEL_SPEEDS, speeds.T / RAD_S_PER_RPM, strict=True))
 
 
-def _odometry(messages: Sequence[Any], context: _Context) -> _Columns:
+def _odometry(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert Odometry messages into the body twist (in the child frame, as ROS defines it) and the pose."""
     twists = [message.twist.twist for message in messages]
     poses = [message.pose.pose for message in messages]
@@ -222,22 +217,22 @@ def _odometry(messages: Sequence[Any], context: _Context) -> _Columns:
     }
 
 
-def _imu(messages: Sequence[Any], context: _Context) -> _Columns:
+def _imu(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert Imu messages into the yaw rate; the sensor's z axis must point up."""
     return {"yaw_rate_rad_s": np.array([m.angular_velocity.z for m in messages], float)}
 
 
-def _battery(messages: Sequence[Any], context: _Context) -> _Columns:
+def _battery(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert BatteryState messages into the supply voltage."""
     return {"battery_v": np.array([m.voltage for m in messages], float)}
 
 
-def _bench_command(messages: Sequence[Any], context: _Context) -> _Columns:
+def _bench_command(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert messages of one number into the commanded wheel speed."""
     return {"command_rpm": np.array([m.data for m in messages], float) * context.rpm_per_number}
 
 
-def _bench_speed(messages: Sequence[Any], context: _Context) -> _Columns:
+def _bench_speed(messages: Sequence[Any], context: _Context) -> Columns:
     """Convert messages of one number, or of a joint's velocity [rad/s], into the measured wheel speed."""
     if hasattr(messages[0], "data"):
         return {"speed_rpm": np.array([m.data for m in messages], float) * context.rpm_per_number}
@@ -249,7 +244,7 @@ def _bench_speed(messages: Sequence[Any], context: _Context) -> _Columns:
     return {"speed_rpm": np.array(speeds) / RAD_S_PER_RPM}
 
 
-_CONVERSIONS: Final[Mapping[str, Callable[[Sequence[Any], _Context], _Columns]]] = {
+_CONVERSIONS: Final[Mapping[str, Callable[[Sequence[Any], _Context], Columns]]] = {
     "command": _body_command,
     "wheel_commands": _wheel_commands,
     "wheel_speeds": _wheel_speeds,

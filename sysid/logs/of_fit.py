@@ -20,6 +20,12 @@ def with_logs(model: Model, logs: Path, folder: Path) -> Model:
     return replace(model, provenance={**model.provenance, _KEY: Path(where).as_posix()})
 
 
+def seen_from(model: Model, old: Path, new: Path) -> Model:
+    """Return a model for a file in a `new` folder, so that it says where its logs lie as in the `old` one."""
+    where = model.provenance.get(_KEY)
+    return with_logs(model, old / where, new) if isinstance(where, str) else model
+
+
 def logs_of_fit(model: Model, folder: Path) -> tuple[Dataset | None, str]:
     """Return the logs that a model was fitted to, and why there are none, as a sentence.
 

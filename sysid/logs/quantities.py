@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.findings import Finding
@@ -157,6 +157,18 @@ def _is_certain(finding: Finding) -> bool:
     # One row a second may be a slow log in seconds or a fast one in milliseconds; 2 s are no log of a drive.
     slow = finding.variant == "milliseconds" and finding.value >= 2.0
     return finding.kind == "units" and (finding.variant == "gain" or slow)
+
+
+def factor_to(ours: str, unit: str) -> float:
+    """Return the factor from numbers in a `unit`, such as "rad_s", to those of the column `ours`.
+
+    Raises:
+        InputError: the column is never in such a unit; the message lists those it may be in.
+    """
+    own = next(one for one in sorted(_FACTORS, key=len, reverse=True) if ours.endswith(f"_{one}"))
+    factors = {own: 1.0, **_FACTORS[own]}
+    require_one_of(f"unit of {ours}", unit, factors)
+    return factors[unit]
 
 
 def _words(column: str) -> frozenset[str]:

@@ -7,12 +7,11 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.tables import Table, has_table_suffix, read_table, table_stem
+from mecanum_env.tables import Table, check_stamps, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
 from sysid.logs.checks import dataset_findings, run_findings
 from sysid.logs.findings import Finding
@@ -37,12 +36,6 @@ from sysid.logs.runs import (
 from sysid.logs.settings import FILE_NAME, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
 
-_LONGEST_JUMP_S: Final = 3600.0
-"""Longest time between two rows [s]. A run is simulated from its first stamp to its last, so a single wrong
-stamp could exhaust the memory."""
-_LONGEST_RUN_S: Final = 86400.0
-"""Longest time from the first row to the last [s]: ten million ticks of the law still fit into memory."""
-
 
 def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     """Read all runs of a folder, or one run, with the `dataset.toml` beside them where there is one.
@@ -57,10 +50,10 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     path = Path(path)
     if path.name == FILE_NAME:
         path = path.parent
-    folder = path if path.is_dir() else path.parent
+    folder = path if os.path.isdir(path) else path.parent
     files = run_files(path)
     settings = read_settings(folder)
-    if path.is_dir():
+    if os.path.isdir(path):
         _check_listed(settings, folder, files)
     tables = [read_table(file) for file in files]
     _check_sources(settings, tables)
@@ -73,7 +66,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
                 "put them in two folders"
             )
     require_speeds(runs)
-    if settings.runs and path.is_dir():
+    if settings.runs and os.path.isdir(path):
         findings += [Finding(run.file, "unlisted", 1.0) for run in runs if run.file not in settings.runs]
     entries = [entry for entry in settings.runs.values() if any(run.file == entry.file for run in runs)]
     names, noticed = group_names(runs, {e.file: e.group for e in entries if e.group is not None})
@@ -83,7 +76,7 @@ def read_dataset(path: str | os.PathLike[str]) -> Dataset:
     runs = [replace(run, split=split) for run, split in zip(runs, splits, strict=True)]
     findings += noticed
     findings += [finding for run in runs for finding in run_findings(run)] + dataset_findings(runs)
-    name = settings.name or (folder.resolve().name if path.is_dir() else table_stem(path))
+    name = settings.name or (folder.resolve().name if os.path.isdir(path) else table_stem(path))
     return Dataset(name, tuple(runs), tuple(findings), _digest(files, settings))
 
 
@@ -93,12 +86,12 @@ def run_files(path: Path) -> list[Path]:
     Raises:
         InputError: there is none, or one run is there twice.
     """
-    if path.is_file():
+    if os.path.isfile(path):
         if not has_table_suffix(path):
             raise InputError(f"{path}: not a log; a run ends in .csv, .csv.gz or .parquet")
         return [path]
-    if not path.is_dir():
-        present = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+    if not os.path.isdir(path):
+        present = [p.name for p in path.parent.iterdir()] if os.path.isdir(path.parent) else []
         hint = did_you_mean(path.name, present)
         raise InputError(f"{path}: no such file or folder{hint}; give a folder of runs in CSV")
     files = _logs_in(path)
@@ -156,7 +149,9 @@ def read_run(table: Table, settings: Settings) -> tuple[Run, list[Finding]]:
     if TIME not in data:
         raise InputError(f"{table.header}: column time_s is missing; the file has {', '.join(table.names)}")
     time = data.pop(TIME)
-    _check_stamps(table, time)
+    check_stamps(table, time)
+    if len(time) < 2:
+        raise InputError(f"{table.where(0)}: the only row; a run needs at least 2")
     _check_columns(table, data)
     command, findings = _hold_commands(table, data, time)
     channels = {name: _frozen(data[name]) for name in UNITS if name in data}
@@ -197,36 +192,6 @@ def _our_columns(table: Table, settings: Settings) -> dict[str, FloatArray]:
             )
         data[ours] = rule.scale * table.column(rule.source) + rule.offset
     return data
-
-
-def _check_stamps(table: Table, time: FloatArray) -> None:
-    missing = np.flatnonzero(np.isnan(time))
-    if missing.size:
-        where = table.where(int(missing[0]))
-        raise InputError(f"{where}: time_s is missing; every row needs a stamp in seconds")
-    if len(time) < 2:
-        raise InputError(f"{table.where(0)}: the only row; a run needs at least 2")
-    backwards = np.flatnonzero(np.diff(time) <= 0.0)
-    if backwards.size:
-        row = int(backwards[0]) + 1
-        raise InputError(
-            f"{table.where(row)}: time_s = {time[row]!s} after {time[row - 1]!s}, must be larger than the "
-            "stamp before; cut the file where the clock jumps, and remove rows that appear twice"
-        )
-    far = np.flatnonzero(np.diff(time) > _LONGEST_JUMP_S)
-    if far.size:
-        row = int(far[0]) + 1
-        raise InputError(
-            f"{table.where(row)}: time_s jumps from {time[row - 1]!s} to {time[row]!s} s, by more than "
-            f"{_LONGEST_JUMP_S:g} s; split the run there, or correct the stamp"
-        )
-    late = np.flatnonzero(time - time[0] > _LONGEST_RUN_S)
-    if late.size:
-        row = int(late[0])
-        raise InputError(
-            f"{table.where(row)}: time_s = {time[row]!s} is {time[row] - time[0]:g} s after the first stamp, "
-            f"must be at most {_LONGEST_RUN_S:g} s; split the run, or correct stamps that are not in seconds"
-        )
 
 
 def _check_columns(table: Table, data: dict[str, FloatArray]) -> None:
@@ -285,5 +250,5 @@ def _frozen(values: FloatArray) -> FloatArray:
 def _digest(files: Sequence[Path], settings: Settings) -> str:
     digest = hashlib.sha256()
     for file in (*files, *([settings.path] if settings.path else [])):
-        digest.update(file.name.encode() + b"\0" + hashlib.sha256(file.read_bytes()).digest())
+        digest.update(os.fsencode(file.name) + b"\0" + hashlib.sha256(file.read_bytes()).digest())
     return digest.hexdigest()

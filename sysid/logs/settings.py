@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+import os
 import re
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final, NoReturn
 
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.reading import read_toml
 from sysid.logs.runs import KNOWN, SPLITS, Split
 
 FILE_NAME: Final = "dataset.toml"
@@ -54,17 +55,9 @@ def read_settings(folder: Path) -> Settings:
         InputError: invalid TOML, an unknown key, a value of the wrong type, or a run listed twice.
     """
     path = folder / FILE_NAME
-    if not path.exists():
+    if not os.path.lexists(path):
         return Settings()
-    try:
-        text = path.read_text(encoding="utf-8-sig")
-        value = tomllib.loads(text.replace("\r\n", "\n"))
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
-    except UnicodeDecodeError as error:
-        raise InputError(f"{path}: not UTF-8 text") from error
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(f"{path}: not valid TOML: {error}") from error
+    value, text = read_toml(path)
     return _Parser(path, text).settings(value)
 
 

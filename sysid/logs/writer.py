@@ -80,6 +80,7 @@ def _shortest(value: float) -> str:
 
 
 def quoted(text: str) -> str:
-    """Return `text` as a TOML string."""
+    """Return `text` as a TOML string; bytes of a file name that are no text become question marks."""
+    text = text.encode("utf-8", "replace").decode("utf-8")
     # A JSON string is a TOML string, except for DEL, which only JSON allows unescaped.
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -130,3 +130,11 @@ def test_another_form_of_a_cause_takes_the_place_of_the_one_that_the_model_has()
 def test_a_map_is_in_no_set_with_others() -> None:
     assert not excludes_itself(["static_map"], bench=True)
     assert excludes_itself(["command_deadband", "static_map"], bench=True)
+
+
+def test_an_interval_may_reach_beyond_the_bounds_of_the_search_as_far_as_can_be_simulated() -> None:
+    limit = Coordinate("acceleration_limit", "limit_rpm_s", 200.0, 400.0, math.inf)
+    assert limit.beyond(-0.1) == pytest.approx(180.0)
+    assert limit.beyond(1.2) == math.inf
+    delay = Coordinate("command_latency", "delay_s", 0.0, 0.5, 0.0)
+    assert delay.beyond(-0.3) == 0.0

@@ -69,6 +69,8 @@ NAMED = Facts(
         ),
         ({"law": a_set(-60.0, "wheel_law")}, "unexplained", "the wheel law fitted again"),
         ({"law": a_set(-55.0, "wheel_law")}, "named", ""),
+        ({"free": a_set(-80.0, "free_term"), "allowed": 20.0}, "unexplained", "a smooth function"),
+        ({"free": a_set(-65.0, "free_term"), "allowed": 20.0}, "named", ""),
         ({"adequate": False}, "unexplained", ""),
         ({"doubtful": ("backlash",)}, "unexplained", "backlash: the runs disagree"),
         ({"doubtful": ("backlash",), "p_misfit": 0.5}, "no_gap", "backlash: the runs disagree"),

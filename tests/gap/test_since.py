@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.model import Model, read_model, write_model
+from mecanum_env.model import Model, paper_model, read_model, write_model
 from sysid.compare.learned import learn
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
@@ -22,7 +22,7 @@ from sysid.gap.report.output import gap_json
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Run
-from sysid.logs.of_fit import logs_of_fit, with_logs
+from sysid.logs.of_fit import logs_of_fit, seen_from, with_logs
 from sysid.logs.writer import write_dataset
 from tests.gap.conftest import MakeLogs
 
@@ -130,3 +130,26 @@ def test_one_recording_without_a_model_shows_what_is_beyond_the_law(
 def test_robot_logs_without_a_model_ask_for_one() -> None:
     with pytest.raises(InputError, match="fit one with"):
         require_fittable(ROBOT_LOGS)
+
+
+def test_an_adopted_effect_that_is_new_does_not_spoil_what_the_logs_of_the_fit_tell(
+    bench_logs: MakeLogs, rubbing: Model, tmp_path: Path
+) -> None:
+    before = bench_logs(rubbing, seed=1)
+    late = rubbing.with_effect("command_latency", delay_s=0.06)
+    options = replace(QUIET, fitted_on=before, exclude=("sensor_latency",))
+    first = analyse(bench_logs(late, seed=2), rubbing, options)
+    write_model(first.model, tmp_path / "model.json")
+    model = read_model(tmp_path / "model.json")
+    stated = model.uncertainty["adopted"]
+    assert stated["names"] == ["command_latency.delay_s"]
+    assert stated["new"] == ["command_latency"]
+    again = analyse(bench_logs(late.with_effect("speed_gain", gain=0.95), seed=3), model, options)
+    assert [(found.name, found.since) for found in again.effects] == [("speed_gain", "new")]
+    assert again.model.uncertainty["adopted"]["names"] == ["command_latency.delay_s", "speed_gain.gain"]
+
+
+def test_a_model_that_a_study_wrote_still_says_where_the_logs_of_the_fit_lie(tmp_path: Path) -> None:
+    model = with_logs(paper_model(), tmp_path / "logs", tmp_path / "fit")
+    moved = seen_from(model, tmp_path / "fit", tmp_path / "fit" / "gap")
+    assert moved.provenance["logs"] == "../../logs"

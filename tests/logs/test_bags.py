@@ -1,5 +1,7 @@
 """Bags of all three kinds, written with rosbags and imported."""
 
+import json
+import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,7 +14,7 @@ from mecanum_env.kinematics import command_to_twist
 from mecanum_env.model import Robot
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.logs import BodyCommand, WheelCommand, read_dataset
-from sysid.logs.__main__ import import_bags, main
+from sysid.logs.__main__ import import_logs, main
 from sysid.logs.bags import import_bag
 
 rosbag1 = pytest.importorskip("rosbags.rosbag1")
@@ -120,6 +122,14 @@ def number(topic: str, at: int, value: float) -> Message:
 MS = 1_000_000
 
 
+def dimensions(folder: Path) -> Path:
+    """Write the packaged robot's dimensions and return their file."""
+    path = folder / "robot.json"
+    names = ("wheel_radius_m", "half_wheelbase_m", "half_track_m")
+    path.write_text(json.dumps({name: getattr(Robot(), name) for name in names}))
+    return path
+
+
 def drive() -> list[Message]:
     messages = []
     for k in range(20):
@@ -137,7 +147,7 @@ def drive() -> list[Message]:
 def test_a_drive_is_imported_with_units_names_and_axes(
     kind: str, write_bag: Callable[..., Path], tmp_path: Path
 ) -> None:
-    import_bags((write_bag(kind, drive()),), out=tmp_path / "logs")
+    import_logs((write_bag(kind, drive()),), out=tmp_path / "logs", robot=dimensions(tmp_path))
     (run,) = read_dataset(tmp_path / "logs").runs
     assert isinstance(run.command, BodyCommand)
     asked = command_to_twist(run.command.v_rpm, run.command.theta_deg, run.command.vc_rpm, Robot())
@@ -157,7 +167,7 @@ def test_a_drive_is_imported_with_units_names_and_axes(
 
 
 def test_a_command_lasts_until_the_next_one(write_bag: Callable[..., Path], tmp_path: Path) -> None:
-    import_bags((write_bag("mcap", drive()),), out=tmp_path / "logs")
+    import_logs((write_bag("mcap", drive()),), out=tmp_path / "logs", robot=dimensions(tmp_path))
     (run,) = read_dataset(tmp_path / "logs").runs
     times, wheels = run.command_changes()
     np.testing.assert_allclose(times, [0.0, 0.2], atol=1e-9)
@@ -169,7 +179,7 @@ def test_wheel_commands_come_from_an_array(write_bag: Callable[..., Path], tmp_p
     messages = [(topic, kind, START, {"data": [1.0, 2.0, 3.0, 4.0]})]
     messages += [joint_state(START + 10 * MS * k, (1, 2, 3, 4)) for k in range(1, 5)]
     bag = write_bag("mcap", messages)
-    import_bags((bag,), out=tmp_path / "logs", map=("wheel_commands=/commands",), unit="rad_s")
+    import_logs((bag,), out=tmp_path / "logs", map=("wheel_commands=/commands",), unit="rad_s")
     (run,) = read_dataset(tmp_path / "logs").runs
     assert isinstance(run.command, WheelCommand)
     np.testing.assert_allclose(run.command.wheels_rpm[-1], np.array([1, 2, 3, 4]) / RAD_S_PER_RPM)
@@ -180,7 +190,7 @@ def test_a_bench_run_comes_from_two_numbers(write_bag: Callable[..., Path], tmp_
         number("/rpm", START + 10 * MS * k, 4.0 * k) for k in range(1, 9)
     ]
     bag = write_bag("sqlite3", messages)
-    import_bags((bag,), out=tmp_path / "logs", map=("command_rpm=/cmd", "speed_rpm=/rpm"), unit="rpm")
+    import_logs((bag,), out=tmp_path / "logs", map=("command_rpm=/cmd", "speed_rpm=/rpm"), unit="rpm")
     data = read_dataset(tmp_path / "logs")
     assert data.level == "bench"
     np.testing.assert_array_equal(data.runs[0].channel("speed_rpm")[1:], 4.0 * np.arange(1, 9))
@@ -326,16 +336,34 @@ def test_without_rosbags_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.
         import_bag(tmp_path / "a.bag", Robot())
 
 
+def test_a_twist_needs_the_robots_dimensions(write_bag: Callable[..., Path], tmp_path: Path) -> None:
+    bag = write_bag("mcap", drive())
+    with pytest.raises(InputError, match=r"/cmd_vel: a Twist becomes wheel speeds .*give --robot FILE"):
+        import_bag(bag, None)
+    robot = tmp_path / "robot.json"
+    robot.write_text('{"wheel_radius_m": 0.1}')
+    with pytest.raises(InputError, match=r"half_wheelbase_m, half_track_m is missing; measure it"):
+        import_logs((bag,), out=tmp_path / "logs", robot=robot)
+
+
+def test_an_mcap_file_without_its_bag_says_the_same(write_bag: Callable[..., Path], tmp_path: Path) -> None:
+    pytest.importorskip("mcap")
+    bag = write_bag("mcap", drive())
+    alone = shutil.copy(next(bag.glob("*.mcap")), tmp_path / "alone.mcap")
+    ours, theirs = import_bag(Path(alone), Robot()).columns, import_bag(bag, Robot()).columns
+    assert list(ours) == list(theirs)
+    for name, values in theirs.items():
+        np.testing.assert_array_equal(ours[name], values)
+
+
 def test_import_from_the_command_line(
     write_bag: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     bag, out = write_bag("ros1", drive()), tmp_path / "logs"
-    robot = tmp_path / "robot.json"
-    robot.write_text('{"wheel_radius_m": 0.1}')
-    arguments = ["import", str(bag), "--out", str(out), "--robot", str(robot)]
+    arguments = ["import", str(bag), "--out", str(out), "--robot", str(dimensions(tmp_path))]
     arguments += ["--map", "imu=none", "--map", "battery=none"]
     assert main(arguments) == 0
     assert "command = /cmd_vel" in capsys.readouterr().out
-    assert sorted(p.name for p in out.iterdir()) == ["dataset.toml", "drive.csv"]
+    assert sorted(p.name for p in out.iterdir()) == ["dataset.toml", "drive.csv", "mecanum-output.json"]
     assert main(arguments) == 2
     assert "drive.csv: exists already; choose another --out" in capsys.readouterr().err

@@ -51,11 +51,10 @@ BAD_RUNS = {
         "line 31: time_s = 87000.0 is 87000 s after the first stamp, must be at most 86400 s; split",
     ),
     "stamp missing": (HEADER + "0,0,0\n,0,0\n1,0,0\n", "line 3: time_s is missing; every row needs a stamp"),
-    "semicolons": (
-        "time_s;command_rpm;speed_rpm\n0;1;2\n",
-        "line 1: cells are separated by ';', must be by ','",
+    "points and commas": (
+        "time_s;command_rpm;speed_rpm\n0;1;2\n0,5;1;2\n1.5;1;2\n",
+        "line 4 has a number with a decimal point and line 3 one with a comma; write all of them alike",
     ),
-    "tabs": ("time_s\tspeed_rpm\n0\t1\n", "line 1: cells are separated by tabs, must be by ','"),
     "unknown column": (
         "time_s,command_rpm,sped_rpm\n0,1,2\n1,1,2\n",
         "line 1: unknown column 'sped_rpm' (did you mean \"speed_rpm\"?); known: time_s, command_rpm",

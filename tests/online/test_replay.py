@@ -122,7 +122,7 @@ def test_the_program_reports_a_wheel_that_no_law_describes(tmp_path, capsys):
 
 def test_the_program_refuses_bad_input_in_one_sentence(tmp_path, changing_log, capsys):
     assert run(main, [str(tmp_path / "nothing")]) == 2
-    assert run(main, [str(changing_log[0]), "--memory-samples", "0", "--out", str(tmp_path / "out")]) == 2
+    assert run(main, [str(changing_log[0]), "--memory", "0", "--out", str(tmp_path / "out")]) == 2
     assert capsys.readouterr().err.count("error: ") == 2
     assert not (tmp_path / "out").exists()
 

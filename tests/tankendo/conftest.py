@@ -28,8 +28,7 @@ def make() -> Iterator[Callable[..., TankendoEnv]]:
 def side_by_side(n: int, **arguments: Any) -> Episodes:
     """Return n episodes side by side, seeded 0 .. n-1 and begun."""
     built = build(n, **{"action_mode": "command", **arguments})
-    for row in range(n):
-        built.restart(row, np.random.default_rng(row))
+    built.restart(range(n), [np.random.default_rng(row) for row in range(n)])
     return built
 
 

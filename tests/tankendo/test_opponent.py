@@ -63,19 +63,31 @@ def test_it_waits_for_its_patience(begin):
     assert 0.8 < waited[0] < 1.2
 
 
-@pytest.mark.parametrize("lead", [0.0, 1.0])
-def test_it_aims_at_where_the_robot_will_be_by_what_it_saw(begin, lead):
+@pytest.mark.parametrize(
+    ("form", "lead", "habit", "expected_m_s"),
+    [
+        ("none", 1.0, 0.5, (0.0, 0.0)),
+        ("constant_velocity", 0.0, 0.5, (0.0, 0.0)),
+        ("constant_velocity", 1.0, 0.5, (-0.5, 0.4)),
+        ("adaptive", 1.0, 1.0, (-0.5, 0.4)),
+        ("adaptive", 1.0, 0.25, (-0.5, 0.4 - 0.75 * 0.2)),
+    ],
+)
+def test_it_aims_at_where_the_robot_will_be_by_what_it_saw(begin, form, lead, habit, expected_m_s):
+    """The robot waited at 0.2 m/s to its left and was seen last at (-0.5, 0.4) m/s."""
     far = tuple(replace(technique, reach_m=9.0) for technique in TECHNIQUES)
-    opponent = replace(EAGER, lead=lead, aim_noise_m=0.0, techniques=far)
+    opponent = replace(EAGER, lead_form=form, lead=lead, habit=habit, aim_noise_m=0.0, techniques=far)
     arena = begin(opponent=opponent, rules=STRAIGHT)
     while not arena.fighter.aimed[0]:
         run(arena, STAND, 1)
     sword, seen = arena.fighter.sword, np.zeros((6, 1))
     seen[:, 0] = (-1.3, 0.2, 0.0, -0.5, 0.4, 0.0)
+    arena.fighter.waiting[:, 0] = (0.0, 0.2)
     technique = TECHNIQUES[int(arena.fighter.technique()[0])]
     ahead = float(sword.land_s[0] - sword.cut_s[0]) + opponent.sight_delay_s
     aim = arena.fighter.aim_at(np.array([0]), seen)[:, 0]
-    expected = (-1.3 + technique.target_m - 0.5 * lead * ahead, 0.2 + 0.4 * lead * ahead)
+    vx, vy = expected_m_s
+    expected = (-1.3 + technique.target_m + vx * ahead, 0.2 + vy * ahead)
     np.testing.assert_allclose(aim, expected, atol=1e-12)
 
 
@@ -125,3 +137,13 @@ def test_each_technique_is_seen_as_often(begin):
     counts = np.bincount(drawn, minlength=4)
     assert counts.sum() == 200
     assert counts.min() > 30
+
+
+def test_it_remembers_how_the_robot_moved_when_the_sword_rose(begin):
+    """A robot that creeps sideways at 0.2 m/s is open; its velocity at that time is kept for the aim."""
+    arena = begin(opponent=EAGER, rules=STRAIGHT)
+    while not arena.fighter.aimed[0]:
+        run(arena, (25, 90, 0), 1)
+    vx, vy = arena.fighter.waiting[:, 0]
+    assert abs(vx) < 0.05
+    assert vy == pytest.approx(0.2, abs=0.03)

@@ -1,10 +1,12 @@
 """A batch of robots: each has its own model, and an error names its robot."""
 
+import mujoco
 import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.simulator import SimulationDivergedError
+from mecanum_env.simulator.robot import at_rest
 from mecanum_env.tankendo.plant import RobotBatch, compile_model
 
 
@@ -28,3 +30,11 @@ def test_robots_that_do_not_go_together_are_refused_and_the_others_kept(paper):
     assert robots.model_of(1) is paper
     robots.restart(1, (0, 0, 0))
     robots.step(np.zeros((2, 3)))
+
+
+def test_the_planar_plant_is_at_rest_where_all_its_numbers_are_0(paper):
+    mj_model = compile_model(paper.with_effect("backlash", gap_deg=3.0), "planar").mj_model
+    data, state = at_rest(mj_model), mujoco.mjtState.mjSTATE_INTEGRATION
+    rest = np.ones(mujoco.mj_stateSize(mj_model, state))
+    mujoco.mj_getState(mj_model, data, rest, state)
+    assert not rest.any()

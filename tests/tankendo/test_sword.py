@@ -5,7 +5,7 @@ import pytest
 
 from mecanum_env.mjcf.chassis import SWORD_M
 from mecanum_env.tankendo.constants import DIFFICULTIES, GUARD_TIP_M, TECHNIQUES, Rules, opponent_for
-from mecanum_env.tankendo.opponent import strike_hits
+from mecanum_env.tankendo.opponent import strike_margin
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M, StrikeTimes, Sword
 
 NAMES = [technique.name for technique in TECHNIQUES]
@@ -91,13 +91,14 @@ def test_what_a_strike_hits(technique, angle):
     def hits(behind, across):
         target = np.array([[behind * cos - across * sin], [behind * sin + across * cos]])
         return bool(
-            strike_hits(
+            strike_margin(
                 target,
                 along,
                 width_m=np.array([technique.width_m]),
                 depth_m=np.array([technique.depth_m]),
                 blade_m=np.array([technique.blade_m]),
             )[0]
+            <= 0.0
         )
 
     hair = 1e-6

@@ -1,10 +1,13 @@
 """Certifying a controller: fixed episodes on many plants, metrics with intervals, pass or fail.
 
 plants       the variants of the robot that it is played on
+variations   opponents and senses beside them, and what no training has seen
 run          what is played, and the certificate of the results
 warning      success against warning time
 thresholds   what a controller must reach
-certificate  the content of a certificate, its checks, and its JSON file
+results      the metrics of one plant
+checks       passed, missed, undecided
+certificate  the content of a certificate, and its JSON file
 report       a certificate as text and as an HTML page
 """
 

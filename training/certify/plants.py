@@ -21,11 +21,16 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import delayed
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model, cause_of
+from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.simulator import RobotPlant
+from mecanum_env.tankendo import Opponent, Opponents
 
-Group = Literal["nominal", "effects", "posterior", "robot-level", "latency", "what-if"]
-GROUPS: Final[tuple[Group, ...]] = get_args(Group)
-"""Groups of plants, in the order in which they are listed."""
+RobotGroup = Literal["nominal", "effects", "posterior", "robot-level", "latency", "what-if"]
+Group = RobotGroup | Literal["opponents", "senses", "held-out"]
+GROUPS: Final[tuple[RobotGroup, ...]] = get_args(RobotGroup)
+"""Groups of robots, in the order in which they are listed; `variations` has those of opponents and senses."""
+HELD_OUT: Final[Literal["held-out"]] = "held-out"
+"""Group of what no training has seen, which the verdict judges apart and every certificate plays."""
 
 EXTRA_LATENCY_S: Final = 0.1
 """Latency that the group `latency` adds to the model's own [s]: one command period."""
@@ -59,6 +64,10 @@ class RobotVariant:
     """Simulated system; "rollers" for effects that the planar plant cannot simulate."""
     randomize: Literal["none", "posterior"] = "none"
     """Argument of the environments."""
+    opponent: Opponent | Opponents | None = None
+    """The opponent; None: that of the difficulty."""
+    senses: Senses | VariedSenses | None = None
+    """The robot's senses; None: the usual sensors."""
 
 
 def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotVariant, ...]:
@@ -101,24 +110,27 @@ def robot_variants(model: Model, physics: RobotPlant = "planar") -> tuple[RobotV
 
 
 def select_variants(found: Sequence[RobotVariant], wanted: Sequence[str]) -> tuple[RobotVariant, ...]:
-    """Return the wanted ones of the found variants, always with the nominal one; all if none is wanted.
+    """Return the wanted ones of the found variants, or all if none is wanted.
+
+    The nominal one and those that are held out are always wanted.
 
     Raises:
         InputError: a wanted name is neither that of a variant nor of a group.
     """
     names = [variant.name for variant in found]
+    groups = list(dict.fromkeys([*GROUPS, *(variant.group for variant in found)]))
     for name in wanted:
         if name == "posterior" and name not in names:
             raise InputError(
                 "plants: posterior: the model holds no uncertainty; `python -m sysid.fit LOGS` writes one "
                 "that does"
             )
-        if name not in (*names, *GROUPS):
+        if name not in (*names, *groups):
             raise InputError(
-                f"plants: no plant {name!r}{did_you_mean(name, [*names, *GROUPS])}; known are the groups "
-                f"{', '.join(GROUPS)} and the plants {', '.join(names)}"
+                f"plants: no plant {name!r}{did_you_mean(name, [*names, *groups])}; known are the groups "
+                f"{', '.join(groups)} and the plants {', '.join(names)}"
             )
-    keep = {"nominal", *(wanted or GROUPS)}
+    keep = {"nominal", HELD_OUT, *(wanted or groups)}
     return tuple(variant for variant in found if variant.name in keep or variant.group in keep)
 
 

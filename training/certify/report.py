@@ -6,19 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.report import figure, report_available, write_page
-from training.certify.certificate import (
-    Certificate,
-    Check,
-    VariantResult,
-    milliseconds,
-    share_text,
-    warning_text,
-)
+from mecanum_env.report import figure, write_page
+from training.certify.certificate import Certificate
+from training.certify.checks import Check, milliseconds, share_text, warning_text
+from training.certify.results import VariantResult
 from training.evaluate import Mean, Share
 
 HEAD: Final = (
-    *("plant", "success", "change", "most fail by"),
+    *("plant", "success", "bound", "of it", "change", "most fail by"),
     *("settling", "overshoot", "saturated", "speed error"),
 )
 """Head of the table of plants."""
@@ -32,10 +27,14 @@ def certificate_table(certificate: Certificate) -> str:
     """Return a certificate as text: plants, techniques, checks, verdict."""
     c = certificate
     techniques = ", ".join(f"{name} {share_text(one)}" for name, one in c.nominal.by_technique.items())
+    known = [plant for plant in c.plants if plant not in c.held_out]
+    blocks = columns([HEAD, *map(_plant_row, known), *map(_plant_row, c.held_out)])
+    if c.held_out:
+        blocks[1 + len(known) : 1 + len(known)] = ["", "held out, seen by no training:"]
     lines = [
         f"{c.controller}: {c.provenance['episodes']} episodes a plant, level {c.provenance['difficulty']}",
         "",
-        *columns([HEAD, *map(_plant_row, c.plants)]),
+        *blocks,
         "",
         f"by technique, nominal: {techniques}",
         "",
@@ -50,10 +49,14 @@ def certificate_table(certificate: Certificate) -> str:
 def verdict(certificate: Certificate) -> str:
     """Return in one sentence whether a certificate is passed, or which checks failed."""
     checks = certificate.all_checks
-    failed = [check.name for check in checks if not check.passed]
-    if not failed:
-        return f"PASS: {certificate.controller} meets all {len(checks)} thresholds."
-    return f"FAIL: {certificate.controller} misses {', '.join(failed)}."
+    failed = [check.name for check in checks if not (check.passed or check.undecided)]
+    undecided = [check for check in checks if check.undecided]
+    if failed:
+        return f"FAIL: {certificate.controller} misses {', '.join(failed)}."
+    if undecided:
+        needs = ", ".join(f"{one.name} ({one.mark.removeprefix('undecided: ')})" for one in undecided)
+        return f"UNDECIDED: {certificate.controller} misses nothing, but needs more: {needs}."
+    return f"PASS: {certificate.controller} meets all {len(checks)} thresholds."
 
 
 def columns(rows: Sequence[Sequence[str]]) -> list[str]:
@@ -73,6 +76,8 @@ def _plant_row(plant: VariantResult) -> tuple[str, ...]:
     return (
         plant.name + (" (rollers)" if plant.physics == "rollers" else ""),
         share_text(plant.success),
+        "-" if plant.bound is None else share_text(plant.bound),
+        "-" if plant.share_of_bound is None else f"{plant.share_of_bound:.0%}",
         change,
         f"{reason} {count}" if count else "-",
         _mean_text(plant.settling_s, "s"),
@@ -85,17 +90,15 @@ def _plant_row(plant: VariantResult) -> tuple[str, ...]:
 def _check_row(check: Check) -> tuple[str, ...]:
     """Return the cells of a check: name, metric, limit, verdict."""
     limit = f"{check.sense} {check.limit:g} {check.unit}".rstrip()
-    return check.name, check.text, limit, "ok" if check.passed else "MISSED"
+    return check.name, check.text, limit, check.mark
 
 
 def _mean_text(found: Mean | None, unit: str) -> str:
     return "-" if found is None else f"{found.value:.2f}{' ' * bool(unit)}{unit}"
 
 
-def write_certificate_page(certificate: Certificate, path: Path) -> bool:
-    """Write a certificate as an HTML page; without the `report` extra write nothing and return False."""
-    if not report_available():
-        return False
+def write_certificate_page(certificate: Certificate, path: Path) -> None:
+    """Write a certificate as an HTML page."""
     c = certificate
     timing = (
         f"{c.timing.commands} commands were timed. Half of them took up to {milliseconds(c.timing.p50_s)} of "
@@ -119,6 +122,7 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
         worst_text=share_text(c.worst.success),
         checks=[(*_check_row(check), check.passed) for check in c.all_checks],
         head=HEAD,
+        held_out=", ".join(plant.name for plant in c.held_out),
         plants=[_plant_row(plant) for plant in c.plants],
         summaries=[(plant.name, plant.summary) for plant in c.plants],
         failures=list(c.nominal.failures.items()),
@@ -127,7 +131,6 @@ def write_certificate_page(certificate: Certificate, path: Path) -> bool:
         notes=c.notes,
         provenance=list(c.provenance.items()),
     )
-    return True
 
 
 def warning_figure(certificate: Certificate) -> dict[str, Any]:

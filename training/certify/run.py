@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -17,17 +18,13 @@ from mecanum_env.model import Model
 from mecanum_env.model.file import model_to_dict
 from mecanum_env.parallel import Workers
 from mecanum_env.simulator import RobotPlant
-from mecanum_env.tankendo import opponent_for
-from training.certify.certificate import (
-    Certificate,
-    Timing,
-    TrackingResult,
-    VariantResult,
-    checks,
-    timing_check,
-)
-from training.certify.plants import RobotVariant, knows_uncertainty, robot_variants, select_variants
+from mecanum_env.tankendo import opponent_for, opponent_to_dict
+from training.certify.certificate import Certificate
+from training.certify.checks import checks, timing_check
+from training.certify.plants import RobotVariant, knows_uncertainty, select_variants
+from training.certify.results import Timing, TrackingResult, VariantResult
 from training.certify.thresholds import Thresholds, require_valid
+from training.certify.variations import certificate_variants
 from training.certify.warning import RANGE_S, WarningCurve, warning_curve
 from training.evaluate import Episode, Evaluation, Job, Mean, Setup, mean, play_jobs, success_of
 from training.evaluate.play import Progress
@@ -36,7 +33,9 @@ TRACK_SHARE = 4
 """One episode of tracking is played for this many of the dodge, since it lasts five times as long."""
 WARNING_FACTOR = 2
 """Episodes of varied warning, relative to those of a plant: a curve takes more of them than a point."""
-_WARNING, _TRACK = "warning", "tracking"
+BOUND_SHARE = 4
+"""One episode of the oracle is played for this many of the controller, with the first seeds."""
+_WARNING, _TRACK, _BOUND = "warning", "tracking", "bound of "
 
 
 @dataclass(frozen=True)
@@ -46,12 +45,14 @@ class CertifyOptions:
     episodes: int = 200
     """Number of episodes per plant, with the seeds 0, 1, ..."""
     plants: tuple[str, ...] = ()
-    """Names and groups of plants, to which the nominal one is added; empty: all."""
+    """Names and groups of plants, to which the nominal one and those held out are added; empty: all."""
     physics: RobotPlant = "planar"
     difficulty: str = "normal"
     workers: Workers = Workers()  # noqa: RUF009  (frozen)
     """Where the episodes are played, which does not change the result."""
     thresholds: Thresholds = Thresholds()  # noqa: RUF009  (frozen)
+    bound: bool = True
+    """Whether the oracle plays every planar plant as well, so that results are shares of its success."""
 
 
 def certify_controller(
@@ -72,14 +73,18 @@ def certify_controller(
     """
     options = CertifyOptions() if options is None else options
     require_usable(options)
-    chosen = select_variants(robot_variants(model, options.physics), options.plants)
+    chosen = _chosen(model, options)
     played = play_jobs(_jobs(controller, model, chosen, options), options.workers, progress)
     nominal = played[chosen[0].name].episodes
     results = tuple(
-        variant_result(variant, played[variant.name].episodes, None if i == 0 else nominal)
+        variant_result(
+            variant,
+            played[variant.name].episodes,
+            None if i == 0 else nominal,
+            played.get(_BOUND + variant.name),
+        )
         for i, variant in enumerate(chosen)
     )
-    worst = min(results, key=lambda one: one.success.value)
     curve, track = warning_curve_of(played[_WARNING].episodes), tracking_result(played[_TRACK].episodes)
     timing = timing_of(played[chosen[0].name])
     return Certificate(
@@ -88,7 +93,7 @@ def certify_controller(
         warning=curve,
         track=track,
         thresholds=options.thresholds,
-        checks=checks(results[0], worst, curve, track, options.thresholds),
+        checks=checks(results, curve, track, options.thresholds),
         notes=_notes(model, chosen, options),
         provenance=_provenance(model, options),
         timing=timing,
@@ -98,8 +103,12 @@ def certify_controller(
 
 def episodes_of(options: CertifyOptions, model: Model) -> int:
     """Return the number of episodes that a certificate of a model takes with these options."""
-    chosen = select_variants(robot_variants(model, options.physics), options.plants)
-    return sum(job.episodes for job in _jobs("", model, chosen, options).values())
+    return sum(job.episodes for job in _jobs("", model, _chosen(model, options), options).values())
+
+
+def _chosen(model: Model, options: CertifyOptions) -> tuple[RobotVariant, ...]:
+    found = certificate_variants(model, options.physics, opponent_for(options.difficulty))
+    return select_variants(found, options.plants)
 
 
 def require_usable(options: CertifyOptions) -> None:
@@ -119,24 +128,40 @@ def _jobs(
 ) -> dict[str, Job]:
     nominal = Setup(model, chosen[0].physics, difficulty=options.difficulty, known=model)
     setups = {
-        one.name: replace(nominal, model=one.model, physics=one.physics, randomize=one.randomize)
+        one.name: replace(
+            nominal,
+            model=one.model,
+            physics=one.physics,
+            randomize=one.randomize,
+            opponent=one.opponent,
+            senses=one.senses,
+        )
         for one in chosen
     }
     setups[_WARNING] = replace(nominal, opponent=replace(opponent_for(options.difficulty), warning_s=RANGE_S))
     setups[_TRACK] = replace(nominal, task="track")
     counts = {_WARNING: WARNING_FACTOR * options.episodes, _TRACK: max(1, options.episodes // TRACK_SHARE)}
-    return {
+    jobs = {
         name: Job(name, controller, setup, counts.get(name, options.episodes))
         for name, setup in setups.items()
     }
+    if options.bound:
+        bound = max(1, options.episodes // BOUND_SHARE)
+        planar = [one.name for one in chosen if one.physics == "planar"]
+        jobs |= {_BOUND + name: Job(_BOUND + name, "oracle", setups[name], bound) for name in planar}
+    return jobs
 
 
 def variant_result(
-    variant: RobotVariant, episodes: Sequence[Episode], nominal: Sequence[Episode] | None
+    variant: RobotVariant,
+    episodes: Sequence[Episode],
+    nominal: Sequence[Episode] | None,
+    bound: Evaluation | None = None,
 ) -> VariantResult:
     """Return the metrics of the dodge on one plant from its episodes, in the order of their seeds.
 
-    `nominal` are those on the nominal plant with the same seeds; None: this is the nominal plant.
+    `nominal` are those on the nominal plant with the same seeds; None: this is the nominal plant. `bound` is
+    the oracle's evaluation of the same plant, if it was played.
     """
     change = None
     if nominal is not None:
@@ -159,7 +184,14 @@ def variant_result(
         speed_error_m_s=_mean_of_all([episode.speed_error_m_s for episode in episodes]),
         duration_s=_mean_of_all([episode.duration_s for episode in episodes]),
         total_reward=_mean_of_all([episode.total_reward for episode in episodes]),
+        bound=None if bound is None else bound.success,
+        opponent=None if variant.opponent is None else _as_read(opponent_to_dict(variant.opponent)),
     )
+
+
+def _as_read(value: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a JSON object as it is read back from a file, with lists for tuples."""
+    return dict(json.loads(json.dumps(value)))
 
 
 def tracking_result(episodes: Sequence[Episode]) -> TrackingResult:

@@ -17,6 +17,8 @@ class Thresholds:
     """Smallest success on the nominal plant."""
     worst_success: float = 0.60
     """Smallest success on the worst plant."""
+    held_out_success: float = 0.60
+    """Smallest success on the worst of the plants and opponents that no training has seen."""
     warning_s: float = 0.58
     """Longest warning needed for nine successes in ten, nominal plant [s]; the longest published."""
     tracking_m: float = Rules.band_m
@@ -40,7 +42,11 @@ def require_valid(thresholds: Thresholds) -> None:
     """
     for one in fields(thresholds):
         value = getattr(thresholds, one.name)
-        most = 1.0 if one.name in ("success", "worst_success", "saturated_share") else math.inf
+        most = (
+            1.0
+            if one.name in ("success", "worst_success", "held_out_success", "saturated_share")
+            else math.inf
+        )
         if not 0.0 <= value <= most:
             right = "a number from 0 to 1" if most == 1.0 else "a number of at least 0"
             raise InputError(f"thresholds: {one.name} = {value}, must be {right}")

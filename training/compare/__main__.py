@@ -12,6 +12,7 @@ import tyro
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.parallel import Workers
+from mecanum_env.programs import Done
 
 
 def main(
@@ -23,7 +24,7 @@ def main(
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
-) -> None:
+) -> Done:
     """Play controllers on the same episodes; print success, warning needed, tracking error, time per command.
 
     Example: python -m training.compare retreat mpc runs/mine --markdown docs/results/compare.md
@@ -40,7 +41,7 @@ def main(
     # Imported here, so that --help does not wait for the library.
     from tqdm import tqdm
 
-    from mecanum_env.files import require_writable, write_json, write_text
+    from mecanum_env.files import atomic_paths, require_writable, write_json, write_text
     from mecanum_env.model import paper_model, read_model
     from training.compare.comparison import compare_controllers, comparison_markdown, comparison_table
     from training.controllers.named import CONTROLLERS
@@ -65,14 +66,15 @@ def main(
             workers=workers,
             progress=progress,
         )
-    write_json(out, {"format": "mecanum-comparison/1", **asdict(found)})
+    written = [out] if markdown is None else [out, markdown]
+    with atomic_paths(*written) as (result, *page):
+        write_json(result, {"format": "mecanum-comparison/1", **asdict(found)})
+        if page:
+            given = shlex.join(["python", "-m", "training.compare", *sys.argv[1:]])
+            write_text(page[0], comparison_markdown(found, given))
     print(comparison_table(found))
-    written = [out]
-    if markdown is not None:
-        given = shlex.join(["python", "-m", "training.compare", *sys.argv[1:]])
-        write_text(markdown, comparison_markdown(found, given))
-        written.append(markdown)
     print(f"\nwrote {', '.join(map(str, written))}")
+    return Done(wrote=written)
 
 
 if __name__ == "__main__":

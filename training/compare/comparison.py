@@ -15,16 +15,10 @@ from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model
 from mecanum_env.parallel import Workers
 from mecanum_env.tankendo import DIFFICULTIES, opponent_for
-from training.certify.certificate import (
-    Timing,
-    TrackingResult,
-    mean_text,
-    milliseconds,
-    share_text,
-    warning_text,
-)
+from training.certify.checks import mean_text, milliseconds, share_text, warning_text
 from training.certify.plants import robot_variants
 from training.certify.report import columns
+from training.certify.results import Timing, TrackingResult
 from training.certify.run import (
     TRACK_SHARE,
     WARNING_FACTOR,

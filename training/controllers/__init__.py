@@ -18,12 +18,13 @@ from training.controllers.interface import Command, Controller, twist_command
 from training.controllers.lqr import Lqr
 from training.controllers.mpc import Mpc
 from training.controllers.oracle import Oracle
-from training.controllers.scripted import RandomMotion, Retreat, SideStep, Still
+from training.controllers.scripted import Creep, RandomMotion, Retreat, SideStep, Still
 from training.controllers.tracking import PoseController, Proportional, Smith
 
 __all__ = [
     "Command",
     "Controller",
+    "Creep",
     "Lqr",
     "Mpc",
     "Oracle",

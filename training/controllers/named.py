@@ -18,7 +18,7 @@ from training.controllers.interface import Controller
 from training.controllers.lqr import Lqr
 from training.controllers.mpc import Mpc
 from training.controllers.oracle import Oracle
-from training.controllers.scripted import RandomMotion, Retreat, SideStep, Still
+from training.controllers.scripted import Creep, RandomMotion, Retreat, SideStep, Still
 from training.controllers.tracking import Proportional, Smith
 
 SUFFIX: Final = "+compensated"
@@ -65,6 +65,7 @@ CONTROLLERS: Final[Mapping[str, Callable[[ControllerArguments], Controller]]] = 
         "lqr": lambda given: Lqr(given.model, given.rules.maai_m),
         "retreat": lambda given: Retreat(_proportional(given, gain_per_s=2.0)),
         "sidestep": lambda given: SideStep(_proportional(given, gain_per_s=2.0)),
+        "creep": lambda given: Creep(_proportional(given, gain_per_s=2.0)),
         "mpc": lambda given: Mpc(given.model, rules=given.rules),
         "oracle": _oracle,
         "policy": lambda given: _policy(None, given.rules),

@@ -1,135 +1,147 @@
-"""The oracle: it reads from the simulator when and where the strike lands; an upper bound of success."""
+"""The oracle: it rehearses the episode on the simulator itself; its success is the bound of a certificate.
+
+Everything random in an episode is drawn at its start and everything after that follows from the commands, so
+copies of the episode, with the same robot, effects, latency, opponent and rules, can be played to the end
+with many scripts (`scripts`): waiting motion, evasion and return. The oracle sends the commands of one that
+succeeds. It knows which strike comes and when, but like any controller it answers a strike only when an
+observation can have shown it; before, it waits as it chose to. A script that succeeds shows that the episode
+can be won so; where none does it may still be winnable, by a controller that happens to move early.
+"""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.tankendo.actions import FULL_V_RPM, command_to_action
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.units import FloatArray
-from training.controllers.interface import Command, twist_command
-from training.controllers.tracking import Proportional
+from training.controllers.foresight import Foresight
+from training.controllers.interface import Command
+from training.controllers.scripts import Scripts, random_scripts, script_twists, twist_commands
 
-_SPEED_M_S, _ACCELERATION_M_S2 = 1.05, 3.5
-"""Limits of the point mass: slightly below those of the packaged robot [m/s], [m/s^2]."""
-_TICK_S = 0.02
-_COMMAND_TICKS = 5
-"""Ticks per command period of 0.1 s."""
-_LATE_TICKS = 1
-"""Delay from a command to the motion, in ticks."""
-_DIRECTIONS = 16
-_HORIZON_S = 0.5
-"""It plans once the strike lands within this time [s]; earlier, a point mass predicts the robot too badly."""
-_CONTINUATION_BONUS = 0.5
-"""Bonus for continuing the last plan, in score."""
-_SPREAD_M = (0.0, 0.015, 0.03, 0.045)
-"""Errors of the final place that a plan is tried with [m]."""
-_WAIT_MARGIN_M = 0.15
-"""Distance beyond maai while it waits [m]."""
+_SIDE_BY_SIDE: Final = 48
+"""Scripts that are played together."""
+_ROUNDS: Final = 8
+"""Rounds of scripts until the oracle gives up; the first is random, half of each other is near the best."""
+_BEST: Final = 8
+_SEED: Final = 0
+"""The scripts' seed: the same for every episode, so that the oracle is the same everywhere."""
+_MOST_OVER: Final = 0.9
+"""Share of scripts whose episode is over at which a rehearsal ends."""
+_SAFE_M: Final = 0.02
+"""Margin of a miss beyond which a larger one counts no more [m]."""
+
+
+@dataclass(frozen=True)
+class Rehearsal:
+    """How n scripts ended."""
+
+    success: npt.NDArray[np.bool_]
+    score: FloatArray
+    """The larger, the closer to a success: margin of the strike [m], and error of the return [m]."""
+    commands: FloatArray
+    """Commands of every step, shape (steps, n, 3)."""
 
 
 class Oracle:
-    """Tries motions of a point mass until the strike ends, against the strike as it will be.
+    """Plays the first script that succeeded in rehearsals of the episode in a row of an arena.
 
-    A motion is one velocity until some command, then another one. The oracle takes the one that the strike
-    misses most surely and, among equals, the one that ends nearest to maai. Its episode is that in a row of
-    the arena, `env.unwrapped.arena`.
+    It plans in `reset`, which must follow the reset of the environment. In tasks other than the dodge it is
+    `Foresight`.
     """
 
     def __init__(self, arena: Arena, row: int = 0) -> None:
         self._arena, self._row = arena, row
-        self._maai_m = arena.setting.rules.maai_m
-        self._wait = Proportional(distance_m=self._maai_m + _WAIT_MARGIN_M)
-        self._return = Proportional(distance_m=self._maai_m, gain_per_s=4.0)
-        self.reset()
+        self._other = Foresight(arena, row)
+        self._commands = np.zeros((0, 3))
+        self._next = 0
 
     def reset(self) -> None:
-        """Forget the episode."""
-        self._plan: tuple[FloatArray, FloatArray, float] | None = None
+        """Rehearse the episode that has begun in the arena's row."""
+        self._other.reset()
+        self._next = 0
+        if self._arena.setting.task == "dodge" and self._arena.begun[self._row]:
+            self._commands = best_commands(self._arena, self._row)
 
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
-        fighter, row = self._arena.fighter, self._row
-        left_s = fighter.sword.land_s[row] - self._arena.time_s()[row]
-        if not fighter.pending[row]:
-            self._plan = None
-        if not fighter.pending[row] or left_s > _HORIZON_S:
-            struck = fighter.has_struck(self._arena.time_s())[row]
-            return (self._return if struck else self._wait).act(observation)
-        vx, vy = self._best_velocity()
-        yaw = self._arena.scenes.now[2, row]
-        cos, sin = np.cos(yaw), np.sin(yaw)
-        return twist_command(cos * vx + sin * vy, cos * vy - sin * vx, 0.0, self._wait.robot)
-
-    def _best_velocity(self) -> tuple[float, float]:
-        """Return the velocity to command now, in the world frame [m/s]."""
-        arena, row = self._arena, self._row
-        fighter, sword = arena.fighter, arena.fighter.sword
-        now_s = float(arena.time_s()[row])
-        ticks = max(1, round((sword.land_s[row] - now_s) / _TICK_S))
-        first, second, switch = _candidates(ticks)
-        if self._plan is not None:
-            last_first, last_second, switch_s = self._plan
-            first = np.concatenate([first, last_first[:, None]], axis=1)
-            second = np.concatenate([second, last_second[:, None]], axis=1)
-            switch = np.append(switch, round((switch_s - now_s) / _TICK_S))
-        path = _paths(arena.scenes.now[:, row], first, second, switch, ticks)
-        n = first.shape[1]
-        rows = np.full(n, row)
-        if fighter.aimed[row]:
-            end = np.repeat(sword.end[:, row, None], n, axis=1)
-        else:
-            ago_s = now_s - (sword.cut_s[row] - fighter.constants.sight_delay_s)
-            seen_tick = round(-ago_s / _TICK_S)
-            if seen_tick >= 0:
-                seen = path[min(seen_tick, ticks)]
-            else:
-                seen = np.repeat(arena.scenes.ago_of(rows[:1], np.array([ago_s])), n, axis=1)
-            end = fighter.aim_at(rows, seen)
-        missed = np.zeros(n)
-        for spread in _SPREAD_M:
-            clear = np.ones(n, bool)
-            for dx, dy in ((spread, 0.0), (-spread, 0.0), (0.0, spread), (0.0, -spread)):
-                robot = path[-1].copy()
-                robot[:2] += np.array([[dx], [dy]])
-                clear &= ~fighter.hits(rows, robot, end)
-            missed += clear
-        away = path[-1, :2] - sword.origin[:, row, None]
-        score = missed - 0.5 * np.abs(np.sqrt(away[0] ** 2 + away[1] ** 2) - self._maai_m)
-        if self._plan is not None:
-            score[-1] += _CONTINUATION_BONUS
-        best = int(np.argmax(score))
-        self._plan = (first[:, best], second[:, best], now_s + _TICK_S * switch[best])
-        wanted = first[:, best] if switch[best] > 0 else second[:, best]
-        return float(wanted[0]), float(wanted[1])
+        if self._next >= len(self._commands):
+            return self._other.act(observation)
+        v, theta, vc = (int(number) for number in self._commands[self._next])
+        self._next += 1
+        return v, theta, vc
 
 
-def _candidates(ticks: int) -> tuple[FloatArray, FloatArray, npt.NDArray[np.intp]]:
-    """Return first and second velocities, (2, n) [m/s], and the tick at which they change, (n,)."""
-    angles = 2.0 * np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    velocities = np.concatenate(
-        [_SPEED_M_S * np.array([np.cos(angles), np.sin(angles)]), np.zeros((2, 1))], axis=1
-    )
-    choices = np.arange(_DIRECTIONS + 1)
-    changes = np.arange(_COMMAND_TICKS, max(ticks, _COMMAND_TICKS + 1), _COMMAND_TICKS)
-    one, other, change = (axis.ravel() for axis in np.meshgrid(choices, choices, changes, indexing="ij"))
-    return velocities[:, one], velocities[:, other], change
+def best_commands(arena: Arena, row: int) -> FloatArray:
+    """Return the commands, shape (steps, 3), of the best script found for the episode in an arena's row."""
+    rng = np.random.default_rng(_SEED)
+    scripts = random_scripts(_SIDE_BY_SIDE, rng)
+    known: Scripts | None = None
+    scores = np.zeros(0)
+    best: tuple[float, FloatArray] = (-np.inf, np.zeros((0, 3)))
+    for _ in range(_ROUNDS):
+        played = rehearse(arena, row, scripts)
+        won = np.flatnonzero(played.success)
+        first = int(won[0]) if len(won) else int(np.argmax(played.score))
+        if len(won) or played.score[first] > best[0]:
+            best = float(played.score[first]), played.commands[:, first]
+        if len(won):
+            break
+        known = scripts if known is None else known.joined(scripts)
+        scores = np.concatenate([scores, played.score])
+        leaders = np.argsort(-scores, kind="stable")[:_BEST]
+        half = _SIDE_BY_SIDE // 2
+        near = known.near(leaders[rng.integers(len(leaders), size=half)], rng)
+        scripts = near.joined(random_scripts(_SIDE_BY_SIDE - half, rng))
+    return best[1]
 
 
-def _paths(
-    scene: FloatArray, first: FloatArray, second: FloatArray, switch: npt.NDArray[np.intp], ticks: int
-) -> FloatArray:
-    """Return the scenes of a point mass that follows the velocities, shape (ticks + 1, 6, n)."""
-    path = np.empty((ticks + 1, 6, first.shape[1]))
-    path[0] = scene[:6, None]
-    most = _ACCELERATION_M_S2 * _TICK_S
-    for tick in range(ticks):
-        wanted = np.where(tick < switch + _LATE_TICKS, first, second)
-        if tick < _LATE_TICKS:
-            wanted = path[0, 3:5]
-        change = wanted - path[tick, 3:5]
-        size = np.maximum(np.sqrt(change[0] ** 2 + change[1] ** 2), 1e-9)
-        path[tick + 1] = path[tick]
-        path[tick + 1, 3:5] += change * np.minimum(1.0, most / size)
-        path[tick + 1, :2] += _TICK_S * 0.5 * (path[tick, 3:5] + path[tick + 1, 3:5])
-    return path
+def rehearse(arena: Arena, row: int, scripts: Scripts) -> Rehearsal:
+    """Play n scripts to the end of the episode in a row of an arena, each on a copy of its own."""
+    n = len(scripts)
+    copies = arena.copies(row, n)
+    model, fighter = copies.robots.model_of(0), copies.fighter
+    limit_rpm = min(model.wheel.saturation_rpm, FULL_V_RPM)
+    home, towards = np.zeros((2, n)), np.zeros(n)
+    success, over, struck = np.zeros((3, n), bool)
+    score, commands = np.full(n, -9.0), []
+    # One success is enough, and who is never struck keeps the others waiting.
+    while over.mean() < _MOST_OVER and not success.any():
+        scene, now = copies.scenes.now, copies.time_s()
+        idle = ~fighter.pending & ~struck
+        home = np.where(idle, scene[6:8], home)
+        towards = np.where(idle, np.arctan2(scene[7] - scene[1], scene[6] - scene[0]), towards)
+        is_seen = fighter.pending & (fighter.sword.raise_s <= now - copies.setting.sensors.delay_s)
+        left = np.where(struck, -np.inf, np.where(is_seen, fighter.sword.land_s - now, np.inf))
+        wanted = script_twists(
+            scripts,
+            scene,
+            maai_m=copies.setting.rules.maai_m,
+            left_s=left,
+            home=home,
+            towards_rad=towards,
+        )
+        commands.append(twist_commands(wanted, model.robot, limit_rpm))
+        was_pending = fighter.pending.copy()
+        step = copies.step(command_to_action(commands[-1]))
+        lands = np.flatnonzero(was_pending & ~fighter.pending & ~over)
+        if len(lands):
+            ago = copies.time_s()[lands] - fighter.sword.land_s[lands]
+            robot = copies.scenes.ago_of(lands, ago)
+            margin = fighter.margin(lands, robot, fighter.sword.end[:, lands])
+            score[lands] = np.minimum(margin, _SAFE_M)
+        struck |= was_pending & ~fighter.pending
+        ends = (step.terminated | step.truncated) & ~over
+        success |= ends & copies.succeeded
+        distance, bearing = copies.scenes.separation()
+        rules = copies.setting.rules
+        off = np.maximum(np.abs(distance - rules.maai_m) - rules.band_m, 0.0) + np.maximum(
+            np.abs(bearing) - rules.facing_rad, 0.0
+        )
+        score = np.where(ends & ~copies.hit, score - off, score)
+        over |= ends
+    return Rehearsal(success, score, np.array(commands))

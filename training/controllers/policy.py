@@ -15,7 +15,10 @@ of one that rises.
 
 from __future__ import annotations
 
+import io
 import json
+import math
+import os
 import zipfile
 import zlib
 from collections.abc import Callable, Mapping
@@ -28,6 +31,8 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import atomic_path
+from mecanum_env.outputs import require_whole
+from mecanum_env.reading import parse_json, read_bytes
 from mecanum_env.tankendo import Rules, read_observation
 from mecanum_env.tankendo.actions import ActionMode, action_to_command, check_mode
 from mecanum_env.tankendo.constants import GUARD_TIP_M
@@ -39,9 +44,16 @@ FORMAT: Final = "mecanum-policy/1"
 _DEFAULT: Final = "robust"
 """Name of the default bundled policy."""
 _FOLDER: Final = Path(__file__).parent.parent / "policies"
-_UNREADABLE: Final = (OSError, EOFError, TypeError, ValueError, zipfile.BadZipFile, zlib.error)
+_UNREADABLE: Final = (
+    OSError, EOFError, TypeError, ValueError, KeyError, MemoryError, RuntimeError, SyntaxError,
+    zipfile.BadZipFile, zlib.error,
+)  # fmt: skip
 """Errors that NumPy raises for a file that is no archive or is torn."""
 _HINT: Final = "give policy.npz of a folder that `python -m training.train` wrote"
+_MOST_BYTES: Final = 1 << 28
+"""Largest size of all arrays of a policy [bytes]."""
+_ACTION: Final = 3
+"""Size of an action."""
 _KEPT: Final = 10
 """From this number on an observation (own motion, held command, own place) is kept unchanged."""
 FEATURE_NAMES: Final = (
@@ -202,31 +214,48 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
     Raises:
         InputError: there is no such file, or it holds no policy.
     """
-    if path.is_dir():
+    if os.path.isdir(path):
         path = path / "policy.npz"
+    require_whole(path)
+    if not os.path.exists(path):
+        raise InputError(f"{path}: no such policy; `python -m training.train --out RUN` writes one")
+    data = io.BytesIO(read_bytes(path, _HINT))
     try:
-        # Opened here, because NumPy does not close a file that it cannot read.
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+        with zipfile.ZipFile(data) as archive:
+            # A small archive can hold a thousand times as much.
+            if sum(one.file_size for one in archive.infolist()) > _MOST_BYTES:
+                raise ValueError("too large")
+        with np.load(data, allow_pickle=False) as stored:
             arrays = {name: stored[name] for name in stored.files}
-    except FileNotFoundError as error:
-        raise InputError(
-            f"{path}: no such policy; `python -m training.train --out RUN` writes one"
-        ) from error
-    except PermissionError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from error
     except _UNREADABLE as error:
         raise InputError(f"{path}: no policy file, or a torn one; {_HINT}") from error
     try:
-        about = json.loads(str(arrays["about"]))
+        try:
+            about = parse_json(str(arrays["about"]), "about")
+        except InputError as error:
+            raise KeyError("about") from error
         if about["format"] != FORMAT:
             raise InputError(f'format = {about["format"]!r}, must be "{FORMAT}"; export it again')
-        return Policy(_network(arrays, about), about, rules)
+        policy = Policy(_network(arrays, about), about, rules)
+        _try_out(policy)
+        return policy
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    except (KeyError, TypeError, json.JSONDecodeError) as error:
+    except (KeyError, TypeError, AttributeError) as error:
         raise InputError(f"{path}: no policy file, though it holds arrays; {_HINT}") from error
-    except ValueError as error:
+    except (ValueError, OverflowError, MemoryError) as error:
         raise InputError(f"{path}: no policy that can act ({error}); {_HINT}") from error
+
+
+def _try_out(policy: Policy) -> None:
+    """Refuse a policy that cannot act, at load and not on the robot."""
+    observation = np.zeros(policy.network.observation_size)
+    with np.errstate(over="ignore", invalid="ignore"):
+        command = policy.act(observation)
+        action = policy.network.actions(np.tile(features(observation), policy.network.stack))
+    policy.reset()
+    if not (np.isfinite(action).all() and np.isfinite(command).all()):
+        raise ValueError("its first action is not finite")
 
 
 def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
@@ -244,7 +273,15 @@ def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
 
 
 def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -> Network:
-    layers = range(int(about["layers"]))
+    for name in ("layers", "stack"):
+        if type(about[name]) is not int or about[name] < 1:
+            raise InputError(f"{name} = {about[name]!r}, must be a whole number of at least 1")
+    if not isinstance(about["squashes"], bool):
+        raise InputError(f"squashes = {about['squashes']!r}, must be true or false")
+    for name, array in arrays.items():
+        if name != "about" and array.dtype.kind not in "fiu":
+            raise InputError(f"{name} holds {array.dtype}, must be real numbers")
+    layers = range(about["layers"])
     network = Network(
         mean=arrays["mean"].astype(float),
         scale=arrays["scale"].astype(float),
@@ -252,9 +289,9 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
         weights=tuple(arrays[f"weight_{layer}"].astype(float) for layer in layers),
         biases=tuple(arrays[f"bias_{layer}"].astype(float) for layer in layers),
         activation=about["activation"],
-        squashes=bool(about["squashes"]),
+        squashes=about["squashes"],
         action_mode=about["action_mode"],
-        stack=int(about["stack"]),
+        stack=about["stack"],
     )
     check_mode(network.action_mode)
     if network.activation not in _ACTIVATIONS:
@@ -265,6 +302,12 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
     shapes = [weight.shape for weight in network.weights]
     if shapes != list(zip(sizes[1:], sizes[:-1], strict=True)) or network.scale.shape != network.mean.shape:
         raise ValueError(f"layers of shapes {shapes} do not fit {len(network.mean)} inputs")
+    if not 0.0 < network.clip < math.inf or not np.all(network.scale > 0.0):
+        raise ValueError("clip and scale must be above 0")
+    if len(network.mean) % network.stack or network.observation_size <= _KEPT:
+        raise ValueError(f"{len(network.mean)} inputs are no {network.stack} observations")
+    if sizes[-1] != _ACTION:
+        raise ValueError(f"the last layer has {sizes[-1]} outputs, must be {_ACTION}")
     if not all(np.isfinite(array).all() for name, array in arrays.items() if name != "about"):
         raise ValueError("a number is not finite")
     return network

@@ -66,11 +66,18 @@ class Retreat:
         seen = read_observation(observation)
         vx, vy, turn = self.hold.twist(seen)
         self._since = self._since + 1 if _has_risen(seen) else 0
+        x, y, distance = opponent_place(seen)
         if 0 < self._since <= self.commands:
-            x, y, distance = opponent_place(seen)
             x, y = self.direction(seen, x / distance, y / distance)
             vx, vy = self.speed_m_s * x, self.speed_m_s * y
+        elif self._since == 0:
+            ahead, left = self.waiting(x / distance, y / distance)
+            vx, vy = vx + ahead, vy + left
         return self.hold.command(vx, vy, turn)
+
+    def waiting(self, x: float, y: float) -> tuple[float, float]:
+        """Return the velocity [m/s] that is added while the sword is on guard, the opponent towards x, y."""
+        return 0.0, 0.0
 
     def direction(self, seen: Observed, x: float, y: float) -> tuple[float, float]:
         """Return the direction of the evasion; the opponent, as it is `seen`, is in the direction x, y."""
@@ -92,6 +99,30 @@ class SideStep(Retreat):
             left = -(cos * float(seen.y) - sin * float(seen.x))
             self._side = 1.0 if x * left - y * ahead >= 0.0 else -1.0
         return -self._side * y, self._side * x
+
+
+@dataclass
+class Creep(Retreat):
+    """Moves slowly across the line to the opponent, and the other way at full speed once its sword rises.
+
+    A robot that is slow enough still offers an opening. An opponent that extrapolates the waiting motion aims
+    to the wrong side, and a wheel that follows a linear law changes its speed the faster the larger the
+    change. The script is a baseline for waiting in motion.
+    """
+
+    creep_m_s: float = 0.2
+    """Speed of the waiting motion to the left [m/s]; below `Rules.slow_m_s`, negative to the right."""
+    onward: bool = False
+    """Evades onward in the direction of the waiting motion instead of reversing it."""
+
+    def waiting(self, x: float, y: float) -> tuple[float, float]:
+        """Return the velocity of the waiting motion [m/s], across the direction x, y of the opponent."""
+        return -self.creep_m_s * y, self.creep_m_s * x
+
+    def direction(self, seen: Observed, x: float, y: float) -> tuple[float, float]:
+        """Return the direction of the evasion; the opponent, as it is `seen`, is in the direction x, y."""
+        left = (self.creep_m_s >= 0.0) == self.onward
+        return (-y, x) if left else (y, -x)
 
 
 def _has_risen(seen: Observed) -> bool:

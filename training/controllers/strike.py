@@ -266,7 +266,8 @@ def miss_margin(
     """Return by how much strikes miss the robots [m], negative for a hit, in the shape of the robots' arrays.
 
     The opponent aims at the robot's target as it saw it, moved on with the velocity that it saw, within its
-    reach: `mecanum_env.tankendo.opponent` without the noise of the aim.
+    reach: `mecanum_env.tankendo.opponent` without the noise of the aim, for a robot that waited at rest. Then
+    an adaptive opponent leads as one that extrapolates the velocity.
 
     Args:
         opponent: its reach, lead, sight delay and techniques are used.
@@ -279,7 +280,8 @@ def miss_margin(
         name: np.array([getattr(t, name) for t in opponent.techniques])[technique]
         for name in ("swing_s", "reach_m", "width_m", "depth_m", "blade_m", "target_m")
     }
-    ahead_s = opponent.lead * (table["swing_s"] + opponent.sight_delay_s)
+    lead = 0.0 if opponent.lead_form == "none" else opponent.lead
+    ahead_s = lead * (table["swing_s"] + opponent.sight_delay_s)
     offset = table["target_m"]
     dx = seen.x + offset * np.cos(seen.yaw) + ahead_s * seen.vx - origin[0]
     dy = seen.y + offset * np.sin(seen.yaw) + ahead_s * seen.vy - origin[1]

@@ -16,8 +16,9 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.parallel import Task, Workers, one_thread, run_tasks
+from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.simulator import RobotPlant
-from mecanum_env.tankendo import Opponent, Rules, command_to_action
+from mecanum_env.tankendo import Opponent, Opponents, Rules, command_to_action
 from mecanum_env.tankendo.arena import Arena, TaskName
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from mecanum_env.units import FloatArray
@@ -43,8 +44,10 @@ class Setup:
     physics: RobotPlant = "planar"
     task: TaskName = "dodge"
     difficulty: str = "normal"
-    opponent: Opponent | None = None
-    """Replaces the opponent of the difficulty."""
+    opponent: Opponent | Opponents | None = None
+    """Replaces the opponent of the difficulty; a distribution is drawn from for each episode."""
+    senses: Senses | VariedSenses | None = None
+    """The robot's senses, with an estimator behind them; None: the usual sensors."""
     randomize: Literal["none", "posterior"] = "none"
     known: Model | None = None
     """The robot as the controller knows it, used for the metrics; None: the same as `model`."""
@@ -110,6 +113,7 @@ def evaluate_controller(
         difficulty=setup.difficulty,
         action_mode="command",
         opponent=setup.opponent,
+        senses=setup.senses,
         randomize=setup.randomize,
         autoreset_mode="Disabled",
     )

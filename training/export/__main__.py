@@ -9,6 +9,7 @@ from typing import Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 
 def export(
@@ -17,7 +18,7 @@ def export(
     out: Path = Path("export"),
     model: Path | None = None,
     formats: Literal["all", "c"] = "all",
-) -> None:
+) -> Done:
     """Write policy.onnx, a dependency-free C header policy.h, and their contract, policy.json.
 
     Example: python -m training.export robust --out out/export
@@ -36,6 +37,7 @@ def export(
     known = None if model is None else read_model(model)
     written = export_policy(source, out, known, onnx=formats == "all")
     print(f"wrote {', '.join(map(str, written))}")
+    return Done(wrote=written)
 
 
 if __name__ == "__main__":

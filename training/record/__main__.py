@@ -11,6 +11,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.programs import Done
 from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.rendering.backend import use_backend
 
@@ -35,7 +36,7 @@ def main(
     fps: float = 30.0,
     still: Path | None = None,
     still_time: float | None = None,
-) -> None:
+) -> Done:
     """Film one episode: the fight, the score, and the commanded against the actual speed.
 
     Pictures are drawn without a screen, by OSMesa if it is installed. The episode is the one that the same
@@ -62,7 +63,7 @@ def main(
     backend = use_backend()
     from tqdm import tqdm
 
-    from mecanum_env.files import require_writable
+    from mecanum_env.files import atomic_paths, require_writable
     from mecanum_env.model import paper_model, read_model
     from mecanum_env.rendering import video
     from mecanum_env.tankendo.env import TankendoEnv
@@ -77,7 +78,8 @@ def main(
         video.check_suffix(still, video.STILL_SUFFIXES)
     elif still_time is not None:
         raise InputError(f"still_time = {still_time:g}: there is no still; add --still PICTURE.png")
-    require_writable(*(path for path in (out, still) if path is not None))
+    targets = [out] if still is None else [out, still]
+    require_writable(*targets)
     known = paper_model() if model is None else read_model(model)
     variants = select_variants(robot_variants(known, physics), [on])
     variant = next(one for one in variants if on in (one.name, one.group))
@@ -113,12 +115,15 @@ def main(
                 kept[:] = [frame]
             yield frame
 
-    count = video.write_video(out, frames(), fps)
+    with atomic_paths(*targets) as (film, *picture):
+        count = video.write_video(film, frames(), fps)
+        for path in picture:
+            video.write_still(path, kept[0])
     print(f"{out}: {controller}, seed {seed}: {outcome(world.arena)}; {count} frames, ", end="")
     print(f"{width} x {height}, drawn with {backend}")
     if still is not None:
-        video.write_still(still, kept[0])
         print(f"{still}: {width} x {height}")
+    return Done(wrote=[path for path in (out, still) if path is not None])
 
 
 if __name__ == "__main__":

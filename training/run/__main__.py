@@ -44,7 +44,7 @@ def drive(
     from mecanum_env.errors import InputError, require_at_least
     from mecanum_env.files import require_writable
     from mecanum_env.model import paper_model, read_model
-    from training.certify.certificate import share_text
+    from training.certify.checks import share_text
     from training.drivers import RobotSilentError, open_driver
     from training.run.loop import Fight, play_series
     from training.run.summary import FILE_NAME, success_of, timing_text, write_summary

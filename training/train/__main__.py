@@ -10,8 +10,17 @@ from pathlib import Path
 from mecanum_env.cli import run
 from mecanum_env.effects.definition import RobotPlant
 from mecanum_env.errors import InputError, install_command
+from mecanum_env.programs import Done
 from mecanum_env.tankendo.actions import ActionMode
-from training.train.settings import Algorithm, Ppo, Sac, TrainingRobots, TrainingSettings
+from training.train.settings import (
+    Algorithm,
+    Ppo,
+    Sac,
+    TrainingOpponents,
+    TrainingRobots,
+    TrainingSenses,
+    TrainingSettings,
+)
 
 
 def main(
@@ -25,6 +34,8 @@ def main(
     model: Path | None = None,
     difficulty: str = TrainingSettings.difficulty,
     randomize: TrainingRobots = TrainingSettings.randomize,
+    opponents: TrainingOpponents = TrainingSettings.opponents,
+    senses: TrainingSenses = TrainingSettings.senses,
     start: Path | None = None,
     envs: int = TrainingSettings.envs,
     action_mode: ActionMode = TrainingSettings.action_mode,
@@ -33,7 +44,7 @@ def main(
     reward_weights: dict[str, float] | None = None,
     ppo: Ppo = Ppo(),  # noqa: B008
     sac: Sac = Sac(),  # noqa: B008
-) -> None:
+) -> Done:
     """Train a policy with Stable-Baselines3 and write it with everything needed to train it again.
 
     Example: python -m training.train --out out/ppo --steps 2000000
@@ -49,6 +60,10 @@ def main(
         model: Model file of the robot; by default the packaged one.
         difficulty: Difficulty of the opponent: easy, normal or hard.
         randomize: Robots to train on: none (the model), posterior (drawn from its uncertainty), or levels.
+        opponents: Opponents to train against: level (that of the difficulty), or varied (drawn for each
+            episode).
+        senses: What the robot senses: off (plain sensors), usual (frames that get lost, and an estimator), or
+            varied (worse ones, drawn for each episode).
         start: Folder of another run whose weights are the initial ones.
         envs: Number of environments side by side.
         action_mode: Meaning of an action: cartesian, polar or command.
@@ -69,6 +84,8 @@ def main(
         plant=plant,
         model=None if model is None else str(model),
         difficulty=difficulty,
+        opponents=opponents,
+        senses=senses,
         randomize=randomize,
         start=None if start is None else str(start),
         envs=envs,
@@ -95,6 +112,7 @@ def main(
         minutes = f"{point.wall_s / 60:7.1f}  {point.processor_s / 60:7.1f}"
         print(f"{point.steps:8d}  {point.success:7.3f}  {minutes}")
     print(f"\nwrote {folder / 'policy.npz'}; watch with: tensorboard --logdir {folder}")
+    return Done(wrote=[folder / "policy.npz"])
 
 
 if __name__ == "__main__":

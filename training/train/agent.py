@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -18,7 +17,6 @@ from training.controllers.policy import Network
 from training.train.settings import TrainingSettings
 
 _LOG_STD_RANGE: Final = (-4.0, 0.5)
-_CLASSES: Final = {"ppo": PPO, "sac": SAC}
 _ACTIVATIONS: Final = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
 
 
@@ -86,15 +84,6 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
         },
         **common,
     )
-
-
-def read_agent(settings: TrainingSettings, env: VecEnv, path: Path) -> BaseAlgorithm:
-    """Return the learner in a checkpoint's `agent.zip`, with `env` to learn in."""
-    torch.set_num_threads(1)
-    # The stored schedule is code of the version that wrote it; it is replaced.
-    schedule = _learning_rate(settings)
-    fresh = {"learning_rate": schedule, "lr_schedule": schedule}
-    return _CLASSES[settings.algo].load(path, env=env, device="cpu", custom_objects=fresh)
 
 
 def _learning_rate(settings: TrainingSettings) -> Callable[[float], float]:

@@ -4,15 +4,13 @@ run.json                settings, versions, commit and commands
 curve.json              success on the development seeds at each checkpoint
 policy.npz              the newest policy, for `training.controllers.policy.load_policy`
 tensorboard/            for `tensorboard --logdir FOLDER`
-checkpoints/000250000/  agent.zip (Stable-Baselines3), normaliser.pkl (VecNormalize), policy.npz,
-                        state.json, and SAC's replay.pkl, in the newest only
+checkpoints/000250000/  the learner (`training.train.learner_files`), policy.npz, state.json; SAC's replay
+                        buffer in the newest only
 """
 
 from __future__ import annotations
 
-import json
 import os
-import pickle
 import platform
 import shutil
 import tempfile
@@ -23,16 +21,20 @@ from pathlib import Path
 from typing import Any, Final
 
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.vec_env import VecEnv, VecNormalize
+from stable_baselines3.common.vec_env import VecNormalize
 
-from mecanum_env.errors import InputError
-from mecanum_env.files import write_json
+from mecanum_env.errors import InputError, write_error
+from mecanum_env.files import STAGED, sync, write_json
 from mecanum_env.model import model_to_dict
-from training.controllers.policy import save_policy
-from training.train.agent import StateDependentStdPolicy, network_of, read_agent
-from training.train.environments import model_of
+from mecanum_env.outputs import finish_interrupted, output_folder
+from mecanum_env.reading import read_bytes, read_json
+from training.controllers.policy import load_policy, save_policy
+from training.train.agent import StateDependentStdPolicy, make_agent, network_of
+from training.train.environments import model_of, training_env
+from training.train.learner_files import REPLAY, read_replay, read_weights, write_learner
 from training.train.settings import TrainingSettings, settings_from_json
 
+_POLICY, _CURVE = "policy.npz", "curve.json"
 _PACKAGES: Final = ("mecanum-tankendo", "mujoco", "gymnasium", "stable-baselines3", "torch", "numpy")
 
 
@@ -59,6 +61,8 @@ class State:
     curve: tuple[Point, ...] = ()
     wall_s: float = 0.0
     processor_s: float = 0.0
+    updates: int = 0
+    """Gradient updates until now, for the learner's own count."""
 
 
 @dataclass
@@ -79,27 +83,53 @@ def write_checkpoint(run: Run) -> None:
     folder, agent, settings = run.folder, run.agent, run.settings
     target = folder / "checkpoints" / f"{run.state.steps_done:09d}"
     target.parent.mkdir(parents=True, exist_ok=True)
-    temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=".writing-"))
+    for left in target.parent.glob(f"{STAGED}*"):
+        shutil.rmtree(left, ignore_errors=True)
+    temporary = Path(tempfile.mkdtemp(dir=target.parent, prefix=STAGED))
     try:
-        agent.save(temporary / "agent.zip")
-        run.normaliser.save(str(temporary / "normaliser.pkl"))
-        if settings.algo == "sac":
-            agent.save_replay_buffer(temporary / "replay.pkl")
+        write_learner(temporary, agent, run.normaliser)
         network = network_of(agent, run.normaliser, settings)
-        facts = about(settings, run.state.steps_done, run.commands)
-        save_policy(temporary / "policy.npz", network, facts)
+        save_policy(temporary / _POLICY, network, about(settings, run.state.steps_done, run.commands))
         write_json(temporary / "state.json", asdict(run.state))
         temporary.chmod(0o755)
+        for path in (*temporary.iterdir(), temporary):
+            sync(path)
         if target.exists():
             shutil.rmtree(target)
         os.replace(temporary, target)
+        sync(target.parent)
+    except OSError as error:
+        raise write_error(target, error) from error
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
-    for older in target.parent.glob("*/replay.pkl"):
+    for older in target.parent.glob(f"*/{REPLAY}"):
         if older.parent != target:
             older.unlink()
-    save_policy(folder / "policy.npz", network, facts)
-    write_json(folder / "curve.json", [asdict(point) for point in run.state.curve])
+    export_newest(folder)
+
+
+def export_newest(folder: Path) -> None:
+    """Make `policy.npz` and `curve.json` of a run those of its newest checkpoint, if they are not yet.
+
+    A run that ended between its last checkpoint and this has older ones.
+
+    Raises:
+        InputError: the checkpoint cannot be read, or the folder not be written.
+    """
+    newest = newest_checkpoint(folder)
+    if newest is None:
+        return
+    load_policy(newest / _POLICY)  # refuses a torn one
+    policy = read_bytes(newest / _POLICY)
+    curve = [asdict(point) for point in read_state(newest).curve]
+    finish_interrupted(folder)
+    if (folder / _CURVE).is_file() and (folder / _POLICY).is_file():
+        whole = (folder / _POLICY).read_bytes() == policy
+        if whole and read_json(folder / _CURVE) == curve:
+            return
+    with output_folder(folder, "training.train", (_POLICY, _CURVE), locked=True) as staged:
+        (staged / _POLICY).write_bytes(policy)
+        write_json(staged / _CURVE, curve)
 
 
 def write_run(folder: Path, settings: TrainingSettings, facts: dict[str, Any]) -> None:
@@ -114,16 +144,12 @@ def read_run(folder: Path) -> tuple[TrainingSettings, dict[str, Any]]:
         InputError: the folder is no training folder.
     """
     path = folder / "run.json"
+    stored = read_json(path, "give the folder of `python -m training.train`")
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
         settings = settings_from_json(stored.pop("settings"))
         list(stored["commands"])
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    except OSError as error:
-        raise InputError(
-            f"{path}: {error.strerror}; give the folder of `python -m training.train`"
-        ) from error
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise InputError(
             f"{path}: not written by `python -m training.train`, or changed since; give another folder"
@@ -143,31 +169,36 @@ def read_state(checkpoint: Path) -> State:
         InputError: it cannot be read.
     """
     path = checkpoint / "state.json"
+    stored = read_json(path, "give the folder of `python -m training.train`")
     try:
-        stored = json.loads(path.read_text(encoding="utf-8"))
         stored["curve"] = tuple(Point(**point) for point in stored["curve"])
-        return State(**stored)
-    except (OSError, KeyError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: not the state of a checkpoint ({error!r})") from error
+        state = State(**stored)
+        if type(state.steps_done) is not int or type(state.updates) is not int:
+            raise TypeError("steps are whole numbers")
+    except (AttributeError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{path}: not the state of a checkpoint; remove {checkpoint} to go on from the one before"
+        ) from error
+    return state
 
 
-def read_learner(
-    checkpoint: Path, settings: TrainingSettings, env: VecEnv
-) -> tuple[BaseAlgorithm, VecNormalize]:
-    """Return learner and normaliser of a checkpoint, with `env` to learn in.
-
-    Stable-Baselines3's files are pickled: open only your own.
+def read_learner(checkpoint: Path, settings: TrainingSettings) -> tuple[BaseAlgorithm, VecNormalize]:
+    """Return learner and normaliser of a checkpoint, with new environments to learn in.
 
     Raises:
         InputError: the checkpoint cannot be read.
     """
+    state = read_state(checkpoint)
+    normaliser = training_env(settings)
+    agent = make_agent(settings, normaliser)
     try:
-        normaliser = VecNormalize.load(str(checkpoint / "normaliser.pkl"), env)
-        agent = read_agent(settings, normaliser, checkpoint / "agent.zip")
+        read_weights(checkpoint, agent, normaliser)
         if settings.algo == "sac":
-            agent.load_replay_buffer(checkpoint / "replay.pkl")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{checkpoint}: the checkpoint cannot be read ({error})") from error
+            read_replay(checkpoint, agent)
+    except InputError:
+        normaliser.close()
+        raise
+    agent.num_timesteps, agent._n_updates = state.steps_done, state.updates
     return agent, normaliser
 
 
@@ -182,15 +213,7 @@ def load_weights(folder: Path, agent: BaseAlgorithm, normaliser: VecNormalize) -
         raise InputError(
             f"{folder}: no checkpoint yet; train it with `python -m training.train --out {folder}`"
         )
-    try:
-        agent.set_parameters(str(checkpoint / "agent.zip"), exact_match=True, device="cpu")
-        with (checkpoint / "normaliser.pkl").open("rb") as stored:
-            other = pickle.load(stored)
-    except (OSError, ValueError, RuntimeError) as error:
-        raise InputError(
-            f"{folder}: not a run with this algorithm, network, stack and task ({error})"
-        ) from error
-    normaliser.obs_rms, normaliser.ret_rms = other.obs_rms, other.ret_rms
+    read_weights(checkpoint, agent, normaliser)
     if isinstance(agent.policy, StateDependentStdPolicy):
         # A trained policy hardly explores any more and would learn nothing new.
         agent.policy.reset_std(agent.policy.log_std_init)

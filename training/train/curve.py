@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Collection
 from pathlib import Path
@@ -14,6 +13,7 @@ from matplotlib.figure import Figure
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path
+from mecanum_env.reading import read_json
 from training.evaluate import Setup, controller_factory, evaluate_controller
 from training.train.checkpoint import Point, read_run
 from training.train.environments import model_of
@@ -28,10 +28,11 @@ def read_curve(folder: Path) -> list[Point]:
         InputError: the folder holds none.
     """
     path = folder / "curve.json"
+    stored = read_json(path, "give folders of training runs")
     try:
-        return [Point(**point) for point in json.loads(path.read_text(encoding="utf-8"))]
-    except (OSError, TypeError, json.JSONDecodeError) as error:
-        raise InputError(f"{path}: no learning curve ({error}); give folders of training runs") from error
+        return [Point(**point) for point in stored]
+    except TypeError as error:
+        raise InputError(f"{path}: no learning curve; give folders of training runs") from error
 
 
 def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[str]) -> Figure:

@@ -18,6 +18,8 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor, 
 from mecanum_env.effects.apply import delayed
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model, read_model
+from mecanum_env.senses import Senses, VariedSenses
+from mecanum_env.tankendo import Opponents, opponent_for
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.certify.plants import EXTRA_LATENCY_S, robot_level
@@ -196,6 +198,8 @@ def bare_env(settings: TrainingSettings) -> VecEnv:
         "task": settings.task,
         "plant": settings.plant,
         "difficulty": settings.difficulty,
+        "opponent": Opponents(opponent_for(settings.difficulty)) if settings.opponents == "varied" else None,
+        "senses": {"off": None, "usual": Senses(), "varied": VariedSenses()}[settings.senses],
         "action_mode": settings.action_mode,
         "reward_weights": dict(settings.reward_weights),
         "autoreset_mode": AutoresetMode.SAME_STEP,

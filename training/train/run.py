@@ -20,12 +20,13 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.utils import set_random_seed
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecNormalize
 from tqdm import tqdm
 
 from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
+from mecanum_env.outputs import lock_folder
 from training.controllers.policy import Network, Policy
 from training.evaluate import Setup, evaluate_controller
 from training.train.agent import make_agent, network_of
@@ -33,6 +34,7 @@ from training.train.checkpoint import (
     Point,
     Run,
     State,
+    export_newest,
     load_weights,
     newest_checkpoint,
     read_learner,
@@ -42,7 +44,7 @@ from training.train.checkpoint import (
     write_checkpoint,
     write_run,
 )
-from training.train.environments import bare_env, episode_seeds, level_models, model_of, training_env
+from training.train.environments import episode_seeds, level_models, model_of, training_env
 from training.train.settings import TrainingSettings, command_line
 
 DEVELOPMENT_SEEDS: Final = range(100_000, 100_200)
@@ -76,9 +78,13 @@ def train_policy(
     learner = _new_learner(settings)
     before = [] if settings.start is None else read_run(Path(settings.start))[1]["commands"]
     commands = [*before, command_line(settings, str(folder))]
-    write_run(folder, settings, {"commands": commands, "versions": versions(), "commit": commit()})
-    write_model(model_of(settings), folder / "model.json")
-    return _learn(Run(settings, folder, commands, *learner, State()), development_seeds, stop_after, quiet)
+    folder.mkdir(parents=True, exist_ok=True)
+    with lock_folder(folder):
+        write_model(model_of(settings), folder / "model.json")
+        # Last, since it makes the folder one to resume.
+        write_run(folder, settings, {"commands": commands, "versions": versions(), "commit": commit()})
+        run = Run(settings, folder, commands, *learner, State())
+        return _learn(run, development_seeds, stop_after, quiet)
 
 
 def resume(
@@ -101,6 +107,19 @@ def resume(
         InputError: the folder holds no run, or a finished one.
     """
     settings, facts = read_run(folder)
+    with lock_folder(folder):
+        return _go_on(folder, settings, facts, steps, development_seeds, quiet)
+
+
+def _go_on(
+    folder: Path,
+    settings: TrainingSettings,
+    facts: dict[str, Any],
+    steps: int | None,
+    development_seeds: Sequence[int],
+    quiet: bool,
+) -> State:
+    export_newest(folder)
     newest = newest_checkpoint(folder)
     state = State() if newest is None else read_state(newest)
     wanted = settings.steps if steps is None else steps
@@ -109,10 +128,7 @@ def resume(
     if wanted != settings.steps:
         settings = replace(settings, steps=wanted)
         write_run(folder, settings, facts)
-    if newest is None:
-        learner = _new_learner(settings)
-    else:
-        learner = read_learner(newest, settings, VecMonitor(bare_env(settings)))
+    learner = _new_learner(settings) if newest is None else read_learner(newest, settings)
     return _learn(Run(settings, folder, facts["commands"], *learner, state), development_seeds, None, quiet)
 
 
@@ -169,7 +185,7 @@ class _Checkpoints(BaseCallback):  # type: ignore[misc]
         # Scoring does not count as training time.
         self._start_clocks(*spent)
         point = Point(agent.num_timesteps, success, worst, *spent)
-        run.state = State(point.steps, (*run.state.curve, point), *spent)
+        run.state = State(point.steps, (*run.state.curve, point), *spent, int(agent._n_updates))
         agent.logger.record("watch/success", success)
         agent.logger.record("watch/worst", worst)
         self._bar.set_postfix_str(f"success {success:.2f}")

@@ -21,6 +21,10 @@ Algorithm = Literal["ppo", "sac"]
 TrainingRobots = Literal["none", "posterior", "levels"]
 """Robots to train on: the model; one drawn for each episode from the model's uncertainty; the robots of
 `training.train.environments.level_models` side by side."""
+TrainingOpponents = Literal["level", "varied"]
+"""Opponents to train against: that of the difficulty; drawn for each episode from the ranges of people."""
+TrainingSenses = Literal["off", "usual", "varied"]
+"""What the robot senses in training: plain sensors; `Senses()`; `VariedSenses()`, drawn anew each time."""
 
 _LARGEST_SEED: Final = 2**32 - 1
 """Largest seed of NumPy's legacy generator, which Stable-Baselines3 seeds."""
@@ -113,6 +117,8 @@ class TrainingSettings:
     """Path of a model file; None: the packaged model."""
     difficulty: str = "normal"
     randomize: TrainingRobots = "none"
+    opponents: TrainingOpponents = "level"
+    senses: TrainingSenses = "off"
     start: str | None = None
     """Folder of a run to take the initial weights and normaliser from; None: new ones."""
     envs: int = 128
@@ -129,8 +135,14 @@ class TrainingSettings:
     sac: Sac = field(default_factory=Sac)
 
     def __post_init__(self) -> None:
-        algorithms, robots = get_args(Algorithm), get_args(TrainingRobots)
-        for name, known in {"algo": algorithms, "env": tuple(ENVIRONMENTS), "randomize": robots}.items():
+        choices = {
+            "algo": get_args(Algorithm),
+            "env": tuple(ENVIRONMENTS),
+            "randomize": get_args(TrainingRobots),
+            "opponents": get_args(TrainingOpponents),
+            "senses": get_args(TrainingSenses),
+        }
+        for name, known in choices.items():
             value = getattr(self, name)
             if value not in known:
                 raise InputError(

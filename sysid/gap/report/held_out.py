@@ -28,6 +28,7 @@ from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overla
 from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.decision import Decision
 from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
+from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats
 from sysid.logs.runs import UNITS
@@ -148,7 +149,8 @@ def found_effects(
         return ()
     fitted = decision.chosen.fitted
     candidate: EffectSet = fitted.candidate
-    low, high = interval_ends(problem, fitted, decision.facts.inflation)
+    correlation = THRESHOLDS.interval_correlation
+    low, high = interval_ends(problem, fitted, decision.facts.inflation, correlation)
     found = candidate.intervals(fitted.place, low, high)
     intervals = {name: {p: Interval(*ends) for p, ends in bounds.items()} for name, bounds in found.items()}
     for name, parameter, number in candidate.fixed:

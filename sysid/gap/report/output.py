@@ -12,10 +12,10 @@ import numpy as np
 from mecanum_env.files import atomic_path, plain_json, write_json
 from mecanum_env.model import write_model
 from mecanum_env.model.custom_file import custom_to_json
-from mecanum_env.report import report_available
 from mecanum_env.units import FloatArray
 from sysid.gap.report.page import write_gap_report
 from sysid.gap.result import CustomProposal, Difference, Experiment, FoundEffect, GapReport
+from sysid.gap.spending import STUDIES
 from sysid.gap.wording import (
     NEXT_FILE,
     Concentration,
@@ -126,6 +126,8 @@ def gap_json(report: GapReport) -> dict[str, Any]:
             "gap": {**vars(report.gap), "closed": closure(report.gap)},
             "held_out": report.held_out,
             "p_value": report.p_value,
+            "false_alarm": report.false_alarm,
+            STUDIES: report.studies,
             "channels": report.channels,
             "where": report.where,
             "untestable": report.untestable,
@@ -174,7 +176,7 @@ def _experiment_json(experiment: Experiment | None) -> dict[str, Any] | None:
 def write_study(report: GapReport, folder: Path) -> tuple[Path, ...]:
     """Write a study into a folder, created if it does not exist, and return the paths of its files.
 
-    `gap.json`, `model.json`, `report.html` (with the `report` extra) and, if there is one, the commands of
+    `gap.json`, `model.json`, `report.html` and, if there is one, the commands of
     the next experiment as `next_experiment.csv`. A file of an earlier study that this one does not write is
     removed.
 
@@ -182,15 +184,13 @@ def write_study(report: GapReport, folder: Path) -> tuple[Path, ...]:
         InputError: the folder cannot be written; nothing is changed then.
     """
     experiment = report.next_experiment
-    present = {_PAGE: report_available(), NEXT_FILE: experiment is not None}
-    names = [name for name in FILES if present.get(name, True)]
+    names = [name for name in FILES if name != NEXT_FILE or experiment is not None]
     with ExitStack() as stack:
         # Every file is renamed to its place when the stack closes, none of them if anything here raises.
         paths = {name: stack.enter_context(atomic_path(folder / name)) for name in names}
         write_json(paths[_RESULT], gap_json(report))
         write_model(report.model, paths[_MODEL])
-        if _PAGE in paths:
-            write_gap_report(report, paths[_PAGE])
+        write_gap_report(report, paths[_PAGE])
         if experiment is not None:
             write_columns(_experiment_columns(experiment), paths[NEXT_FILE])
     for name in set(FILES) - set(names):

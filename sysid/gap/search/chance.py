@@ -13,6 +13,7 @@ to pass that threshold with probability `power`.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -48,10 +49,12 @@ class Floor:
     """Whether what every effect would do is among that error, as far as the logs of the fit leave it open."""
     repeatable: bool = True
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
+    false_alarm: float = THRESHOLDS.false_alarm
+    """Probability with which noise alone may be taken for an effect, after earlier studies of these logs."""
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""
-        return float(f_distribution.isf(THRESHOLDS.false_alarm, size, min(self.freedom, _KNOWN)))
+        return float(f_distribution.isf(self.false_alarm, size, min(self.freedom, _KNOWN)))
 
 
 def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
@@ -97,6 +100,8 @@ def enough(
     return fitted.cost <= allowed + share * explained
 
 
+_MOST_DRAWS: Final = 32.0
+"""Largest number of draws in those of a first study: enough for six studies of the same logs."""
 _NO_RESPONSE: Final = 0.1
 """Length of a response, in noise sigmas over all samples, below which nothing measured depends on it."""
 
@@ -107,10 +112,12 @@ class ChanceGains:
 
     gains: FloatArray
     """Fall of the cost in each draw, sorted."""
+    false_alarm: float = THRESHOLDS.false_alarm
+    """Probability of a false alarm."""
 
     def threshold(self) -> float:
         """Return the gain that is exceeded by chance with the probability of a false alarm."""
-        return float(np.quantile(self.gains, 1.0 - THRESHOLDS.false_alarm))
+        return float(np.quantile(self.gains, 1.0 - self.false_alarm))
 
     def p_value(self, gain: float) -> float:
         """Return the probability of at least this `gain` by chance."""
@@ -119,14 +126,18 @@ class ChanceGains:
 
 
 def chance_gains(
-    fitted: Fitted[Any], library: Sequence[Response], rng: np.random.Generator, scatter: FloatArray
+    fitted: Fitted[Any],
+    library: Sequence[Response],
+    rng: np.random.Generator,
+    scatter: FloatArray,
+    false_alarm: float = THRESHOLDS.false_alarm,
 ) -> ChanceGains:
     """Simulate the best gain of a fitted set by one more effect, if the set is the truth.
 
     `library` holds the responses of the effects that were considered, `scatter` the columns of the rollers'
-    scatter at the set, (N, k).
+    scatter at the set, (N, k). For rarer false alarms than usual there are as many more draws.
     """
-    draws = THRESHOLDS.draws
+    draws = math.ceil(THRESHOLDS.draws * max(1.0, min(THRESHOLDS.false_alarm / false_alarm, _MOST_DRAWS)))
     orthogonal = np.linalg.qr(fitted.jacobian)[0]
     units, owners = [], []
     for response in library:
@@ -136,7 +147,7 @@ def chance_gains(
             units.append(column / length)
             owners.append(response)
     if not units:
-        return ChanceGains(np.zeros(draws))
+        return ChanceGains(np.zeros(draws), false_alarm)
     columns = np.stack(units, axis=1)
     scores = rng.standard_normal((draws, len(units))) @ _root(columns.T @ columns).T
     scores += rng.standard_normal((draws, scatter.shape[1])) @ (scatter.T @ columns)
@@ -154,7 +165,7 @@ def chance_gains(
         if others:
             # A threshold acts in one direction only.
             gains = np.maximum(gains, np.max(np.minimum(scores[:, others], 0.0) ** 2, axis=1))
-    return ChanceGains(np.sort(gains))
+    return ChanceGains(np.sort(gains), false_alarm)
 
 
 def _root(covariance: FloatArray) -> FloatArray:

@@ -25,6 +25,7 @@ from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.problem import ResidualProblem
 from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, roller_scatter
+from sysid.gap.search.free_term import free_term
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
@@ -98,10 +99,14 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     if causal := with_causes(search, floor, as_good, judged, inflation):
         chosen, as_good = causal[0], causal
     as_good = with_fewer(search, floor, as_good, judged, inflation)
+    rival = free_term(problem, base.residual, inflation) if problem.bench else None
     return replace(
         facts,
         chosen=chosen,
         tied=as_good,
+        free=rival,
+        allowed=THRESHOLDS.free_sigmas**2
+        + _formula_residue(search, chosen.fitted, THRESHOLDS.formula_error) / inflation,
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,
@@ -117,7 +122,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     Returns the facts up to the best such set.
     """
     problem, base = search.problem, search.base
-    by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base))
+    by_chance = chance_gains(base, search.library, rng, roller_scatter(problem, base), floor.false_alarm)
     hope = max((base.cost - growth.expected for growth in search.growths(base)), default=0.0)
     if hope > 0.5 * by_chance.threshold():
         search.grow(1)
@@ -126,7 +131,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
     facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, inflation)
-    if p_value > THRESHOLDS.false_alarm:
+    if p_value > floor.false_alarm:
         return facts
     if not search.of_size(1):
         # Effects could gain little, but the whole residual is more than chance allows.
@@ -156,7 +161,8 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
         nearest = search.of_size(size)[: search.effort.beam]
         promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
         inflation, gain = max(1.0, promised / problem.size), parent.cost - promised
-        by_chance = chance_gains(parent, search.library, rng, roller_scatter(problem, parent)).threshold()
+        scatter = roller_scatter(problem, parent)
+        by_chance = chance_gains(parent, search.library, rng, scatter, floor.false_alarm).threshold()
         if gain < by_chance * inflation:
             return size
         if not _visible(problem, parent):
@@ -203,7 +209,8 @@ def _holds(search: Search, floor: Floor, chosen: ScoredSet, rng: np.random.Gener
     if doubtful(problem, chosen.fitted, inflation) or rises(problem, search.base, chosen.fitted):
         return False
     smaller = _best(search, size - 1, inflation).fitted
-    by_chance = chance_gains(smaller, search.library, rng, roller_scatter(problem, smaller)).threshold()
+    scatter = roller_scatter(problem, smaller)
+    by_chance = chance_gains(smaller, search.library, rng, scatter, floor.false_alarm).threshold()
     return _pays(search, floor, size, by_chance)
 
 

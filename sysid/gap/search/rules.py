@@ -35,6 +35,10 @@ class Facts:
     """Sets that explain the logs as well as the chosen one, which comes first."""
     law: ScoredSet | None = None
     """The wheel law fitted again, if that was tried."""
+    free: ScoredSet | None = None
+    """A smooth function that no cause is behind, as the rival of the chosen set, if that was tried."""
+    allowed: float = math.inf
+    """By how much the score of the free term may be better, since the formulas of the chosen set may err."""
     adequate: bool = False
     """Whether the chosen set leaves what noise allows, or little beside what it explains."""
     removed: float = 0.0
@@ -86,7 +90,7 @@ def _far_apart(facts: Facts) -> Outcome | None:
 
 def _not_significant(facts: Facts) -> Outcome | None:
     """No gap: neither the best effect nor the whole residual is more than chance allows."""
-    return Outcome("no_gap") if facts.p_value > THRESHOLDS.false_alarm else None
+    return Outcome("no_gap") if facts.p_value > facts.floor.false_alarm else None
 
 
 def _inadequate(facts: Facts) -> Outcome | None:
@@ -138,12 +142,24 @@ def _law_fits_better(facts: Facts) -> Outcome | None:
     return outcome if outcome.reasons else None
 
 
+def _free_term_is_better(facts: Facts) -> Outcome | None:
+    """Unexplained: a smooth function predicts runs that are left out better than the formulas may err."""
+    if facts.free is None or facts.chosen is None or facts.free.score >= facts.chosen.score - facts.allowed:
+        return None
+    reason = (
+        f"a smooth function of command, speed and time predicts runs that are left out better than "
+        f"{' + '.join(facts.chosen.names)} does, by {facts.chosen.score - facts.free.score:.0f} in -2 log "
+        f"density where formulas may err by {facts.allowed:.0f}: whatever changed, it is not only that"
+    )
+    return _unexplained(facts, reason)
+
+
 def _size_in_doubt(facts: Facts) -> Outcome | None:
     """No gap or unexplained: the runs disagree about an effect of the set, which may as well be none."""
     if not facts.doubtful:
         return None
     reason = f"{' + '.join(facts.doubtful)}: the runs disagree about the size, which may as well be none"
-    is_noise = facts.floor.trusted and facts.p_misfit > THRESHOLDS.false_alarm
+    is_noise = facts.floor.trusted and facts.p_misfit > facts.floor.false_alarm
     return Outcome("no_gap" if is_noise else "unexplained", (reason,))
 
 
@@ -155,6 +171,7 @@ RULES: Final[tuple[Rule, ...]] = (
     _harmful,
     _not_repeatable,
     _law_fits_better,
+    _free_term_is_better,
     _size_in_doubt,
 )
 """What objects to naming the chosen set; the first objection decides."""

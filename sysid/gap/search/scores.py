@@ -139,18 +139,22 @@ def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> b
 
 
 def interval_ends(
-    problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: float
+    problem: ResidualProblem,
+    fitted: Fitted[EffectSet],
+    inflation: float,
+    correlation: float = THRESHOLDS.systematic_correlation,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1.
+    """Return the lower and upper ends of the 90 % intervals, each (p,), on the scale 0 .. 1 and beyond.
 
     An interval is the wider of two: that of the linearised fit, which includes noise, the model's own error,
-    the `inflation` and the unexplained residual (`systematic_correlation`); and that of the groups, from how
+    the `inflation`, the unexplained residual and the error that the formulas may have, both with this
+    `correlation` with the response to a parameter; and that of the groups, from how
     much each of them would move the estimate (Liang and Zeger, Biometrika 73:13, 1986), which assumes nothing
     about the errors. Where the cost has no slope (a threshold between two commands) it reaches as far as the
     cost does not rise.
     """
     tail = 0.5 * (1.0 + THRESHOLDS.interval_level)
-    variance = np.diag(fitted.covariance(_variance(problem, fitted, inflation)))
+    variance = np.diag(fitted.covariance(_variance(problem, fitted, inflation, correlation)))
     half = norm.ppf(tail) * np.sqrt(variance)
     masks = group_masks(problem)
     if len(masks) >= THRESHOLDS.fewest_groups:
@@ -219,8 +223,13 @@ def _surely_there(problem: ResidualProblem, fitted: Fitted[EffectSet], name: str
     return bool(half < 1.0)
 
 
-def _variance(problem: ResidualProblem, fitted: Fitted[Any], inflation: float) -> float:
+def _variance(
+    problem: ResidualProblem,
+    fitted: Fitted[Any],
+    inflation: float,
+    correlation: float = THRESHOLDS.systematic_correlation,
+) -> float:
     """Return the variance of the residual that the intervals of a fit allow for, relative to the noise."""
     explained = float(np.sum((problem.marginal(problem.base_residual) - fitted.residual) ** 2))
     left = max(0.0, fitted.cost - problem.size) + THRESHOLDS.formula_error**2 * explained
-    return inflation + THRESHOLDS.systematic_correlation**2 * left
+    return inflation + correlation**2 * left

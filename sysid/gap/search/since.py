@@ -21,6 +21,7 @@ import numpy as np
 from scipy.stats import norm
 
 from mecanum_env.model import Model
+from sysid.compare.adopted import as_fitted
 from sysid.compare.coordinates import Bounds, EffectSet
 from sysid.compare.fitted import Fitted, RefittedLaw, fit
 from sysid.compare.joint import LawWithEffects
@@ -38,8 +39,8 @@ def since_of(problem: ResidualProblem, learned: Learned, chosen: Fitted[EffectSe
 
     `learned` is what these logs taught about the model.
     """
-    model = learned.model
-    whole = chosen.candidate.model(model, chosen.place)
+    whole = chosen.candidate.model(learned.model, chosen.place)
+    model = as_fitted(learned.model)
     without = _law_beside(learned, model)
     found: dict[str, Since] = dict.fromkeys(chosen.names, "unknown")
     for name in chosen.names:
@@ -81,8 +82,9 @@ def completed(learned: Learned, chosen: Fitted[EffectSet], names: Sequence[str])
     )
     candidate = LawWithEffects(RefittedLaw(model), effects)
     start = np.concatenate([candidate.law.start(), chosen.place[mine]])
-    found = fit(_problem(learned, model), candidate, start, most=_JOINT_STEPS)
-    without = _law_beside(learned, model)
+    then = as_fitted(model)
+    found = fit(_problem(learned, then), candidate, start, most=_JOINT_STEPS)
+    without = _law_beside(learned, then)
     if found is None or without is None or found.cost > without.cost - THRESHOLDS.tie_sigmas**2:
         return None
     count = candidate.law.parameter_count

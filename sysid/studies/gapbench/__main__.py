@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.cli import run as run_command
 from mecanum_env.errors import require_at_least
+from mecanum_env.programs import run_one_of
 
 _FIRST_SEED: Final = 400
 
@@ -102,14 +102,7 @@ COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"make": make, "run": run, "
 
 def main(args: list[str]) -> int:
     """Run the command of `COMMANDS` that `args` names; return the exit code."""
-    prog = "python -m sysid.studies.gapbench"
-    if args and args[0] in COMMANDS:
-        return run_command(COMMANDS[args[0]], args[1:], prog=f"{prog} {args[0]}")
-    help_wanted = args[:1] in (["-h"], ["--help"])
-    lines = "\n".join(f"  {name:13}{(c.__doc__ or '').splitlines()[0]}" for name, c in COMMANDS.items())
-    usage = f"usage: {prog} {{{','.join(COMMANDS)}}} ...\n\n{lines}"
-    print(usage, file=sys.stdout if help_wanted else sys.stderr)
-    return 0 if help_wanted else 2
+    return run_one_of(COMMANDS, args, "python -m sysid.studies.gapbench")
 
 
 if __name__ == "__main__":

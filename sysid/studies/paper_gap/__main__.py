@@ -29,18 +29,21 @@ def main(
     """
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.files import require_writable, write_json, write_text
+    from mecanum_env.outputs import output_folder
     from sysid.progress import stage_bar
     from sysid.studies.paper_gap.study import STAGES, paper_gap
     from sysid.studies.paper_gap.tables import conclusion, paper_gap_json, paper_gap_markdown
 
-    written = [out / "paper_gap.json", out / "paper_gap.md", *([markdown] if markdown else [])]
+    names = ("paper_gap.json", "paper_gap.md")
+    written = [*(out / name for name in names), *([markdown] if markdown else [])]
     workers.require_usable()
     require_writable(*written)
-    with stage_bar(STAGES) as progress:
+    with output_folder(out, "sysid.studies.paper_gap", names) as staged, stage_bar(STAGES) as progress:
         found = paper_gap(progress, workers)
-    write_json(written[0], paper_gap_json(found))
-    for path in written[1:]:
-        write_text(path, paper_gap_markdown(found))
+        write_json(staged / names[0], paper_gap_json(found))
+        write_text(staged / names[1], paper_gap_markdown(found))
+        if markdown:
+            write_text(markdown, paper_gap_markdown(found))
     print(conclusion(found))
     print(f"\nwrote {', '.join(map(str, written))}")
 

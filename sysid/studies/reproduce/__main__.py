@@ -10,6 +10,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.parallel import Workers
+from mecanum_env.programs import Done
 
 _RESULT: Final = "reproduce.json"
 _PAGE: Final = "report.html"
@@ -21,7 +22,7 @@ def main(
     seed: int = 0,
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
     markdown: Path | None = None,
-) -> None:
+) -> Done:
     """Run every method of the paper on a target system and write reproduce.json, report.html and pictures.
 
     Example: python -m sysid.studies.reproduce --out out/reproduce
@@ -34,8 +35,9 @@ def main(
         markdown: Also write all tables to this file, with the pictures in a folder beside it.
     """
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.errors import install_command, require_at_least
+    from mecanum_env.errors import require_at_least
     from mecanum_env.files import require_writable, write_json, write_text
+    from mecanum_env.outputs import output_folder
     from sysid.progress import stage_bar
     from sysid.studies.reproduce.charts import write_reproduction_plots
     from sysid.studies.reproduce.contenders import QUICK, ExperimentEffort
@@ -51,18 +53,20 @@ def main(
     require_at_least(0, seed=seed)
     workers.require_usable()
     require_writable(out / _RESULT, out / _PAGE, *pages)
-    with stage_bar(len(STAGES) + 1) as progress:
+    files = output_folder(out, "sysid.studies.reproduce", (_RESULT, _PAGE, "*.png"), seed=seed)
+    with files as staged, stage_bar(len(STAGES) + 1) as progress:
         found = reproduce(seed, QUICK if quick else ExperimentEffort(), progress, workers)
         progress("page and pictures")
-        write_json(out / _RESULT, reproduction_json(found))
-        write_reproduction_plots(found, out)
-        page = write_reproduction_page(found, out / _PAGE)
+        write_json(staged / _RESULT, reproduction_json(found))
+        write_reproduction_plots(found, staged)
+        write_reproduction_page(found, staged / _PAGE)
         if markdown is not None:
             write_reproduction_plots(found, markdown.parent / markdown.stem)
             write_text(markdown, reproduction_markdown(found, markdown.stem))
     print(verdict(found))
     print(f"\nwrote {out / _RESULT}, pictures", end="")
-    print(f" and {out / _PAGE}" if page else f"; for report.html: {install_command('report')}")
+    print(f" and {out / _PAGE}")
+    return Done(wrote=[out / _RESULT, out / _PAGE])
 
 
 if __name__ == "__main__":

@@ -13,7 +13,7 @@ import numpy as np
 
 import mecanum_env
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.report import report_available, write_page
+from mecanum_env.report import write_page
 from sysid.studies.reproduce import published, tables
 from sysid.studies.reproduce.charts import charts, page_figure
 from sysid.studies.reproduce.contenders import CONTENDERS, USABLE_RMS_RPM, Rate
@@ -106,10 +106,8 @@ def reproduction_markdown(found: Reproduction, pictures: str) -> str:
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def write_reproduction_page(found: Reproduction, path: Path) -> bool:
-    """Write the page; return False without writing if the `report` extra is not installed."""
-    if not report_available():
-        return False
+def write_reproduction_page(found: Reproduction, path: Path) -> None:
+    """Write the page."""
     figures: dict[str, dict[str, Any]] = {}
     grids: dict[str, tuple[int, list[str]]] = {}
     for chart in charts(found):
@@ -125,7 +123,6 @@ def write_reproduction_page(found: Reproduction, path: Path) -> bool:
         grids=grids,
         provenance=f"mecanum-tankendo {mecanum_env.__version__}, seed {found.seed}",
     )
-    return True
 
 
 def reproduction_json(found: Reproduction) -> dict[str, Any]:

@@ -65,6 +65,7 @@ def main(
         raise InputError(f"the drives and robots of the zoo need numba: {install_command('zoo')}")
     # Imported here, so that --help does not wait for the library.
     from mecanum_env.files import require_writable, write_json, write_text
+    from mecanum_env.outputs import output_folder
     from sysid.studies.zoo.drives.families import FAMILIES
     from sysid.studies.zoo.page import page_markdown, provenance_of, run_json, short_text, summary_text
     from sysid.studies.zoo.power import write_power_plot
@@ -91,25 +92,28 @@ def main(
         else:
             seeds[level] = spread_seeds(count) if quick else development_seeds(count, first_seed or 0)
     tasks = [Task(level, seed) for level, numbers in seeds.items() for seed in numbers]
-    results = run_tasks(tasks, out, workers, only)
-    outcomes, undrawn = results.outcomes, results.undrawn
-    if not outcomes:
-        raise InputError(
-            f"only = {only}: no case of these seeds has such a name; try bench-*-single-*"
-            if not undrawn
-            else f"no case could be drawn; the first error: {undrawn[0]}"
-        )
-    driven = settle_cases(outcomes, out, workers) if settle else ()
-    settled = settle_table(driven) if settle else ""
-    options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
-    command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)
-    about = provenance_of(outcomes, command, datetime.date.today().isoformat(), block)
-    record = {**run_json(outcomes, undrawn, about), "settled": [settled_json(one) for one in driven]}
-    write_json(out / "zoo.json", record)
-    write_text(out / "zoo.txt", "\n\n".join(filter(None, (summary_text(outcomes, undrawn), settled))) + "\n")
-    if markdown is not None and picture is not None:
-        write_power_plot(outcomes, picture)
-        write_text(markdown, page_markdown(outcomes, undrawn, about, FAMILIES, picture.name, settled))
+    # The folder is locked meanwhile: two runs would draw the same cases twice.
+    with output_folder(out, "sysid.studies.zoo", _FILES) as staged:
+        results = run_tasks(tasks, out, workers, only)
+        outcomes, undrawn = results.outcomes, results.undrawn
+        if not outcomes:
+            raise InputError(
+                f"only = {only}: no case of these seeds has such a name; try bench-*-single-*"
+                if not undrawn
+                else f"no case could be drawn; the first error: {undrawn[0]}"
+            )
+        driven = settle_cases(outcomes, out, workers) if settle else ()
+        settled = settle_table(driven) if settle else ""
+        options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
+        command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)
+        about = provenance_of(outcomes, command, datetime.date.today().isoformat(), block)
+        record = {**run_json(outcomes, undrawn, about), "settled": [settled_json(one) for one in driven]}
+        write_json(staged / _FILES[0], record)
+        summary = "\n\n".join(filter(None, (summary_text(outcomes, undrawn), settled)))
+        write_text(staged / _FILES[1], summary + "\n")
+        if markdown is not None and picture is not None:
+            write_power_plot(outcomes, picture)
+            write_text(markdown, page_markdown(outcomes, undrawn, about, FAMILIES, picture.name, settled))
     if block is not None:
         finish_seeds(block)
     print(short_text(outcomes, undrawn))

@@ -121,8 +121,11 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
 
 
 def _measured(effect: FoundEffect) -> dict[str, Interval]:
-    """Return what a report says of an effect's size: its parameters, and the droop of a torque."""
-    return {**effect.parameters, **effect.estimates}
+    """Return what a report says of an effect's size: its parameters, and the droop of a torque.
+
+    A torque in N m is left out where nobody knows the servo's stiffness, to which alone it is measured.
+    """
+    return effect.estimates
 
 
 def _best(report: GapReport) -> Evidence | None:

@@ -51,7 +51,7 @@ def test_every_file_is_written_and_ten_lines_are_printed(
     out = tmp_path / "out"
     assert study(model_file, out, "--seed", "3", "--only", "backlash", "stiction", "--adopt") == 0
     assert {path.name for path in out.iterdir()} == {
-        "gap.json", "model.json", "report.html", "next_experiment.csv",
+        "gap.json", "model.json", "report.html", "next_experiment.csv", "mecanum-output.json",
     }  # fmt: skip
     assert asked[0] == GapOptions(seed=3, only=("backlash", "stiction"), adopt=True)
     said = capsys.readouterr()
@@ -92,17 +92,6 @@ def test_all_files_are_written_or_none(
     with pytest.raises(KeyboardInterrupt):
         write_study(ambiguous, tmp_path)
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
-
-
-def test_without_the_report_extra_all_but_the_page_is_written(
-    asked: list[GapOptions], model_file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
-):  # fmt: skip
-    monkeypatch.setattr(output, "report_available", lambda: False)
-    assert study(model_file, tmp_path / "out") == 0
-    assert not (tmp_path / "out" / "report.html").exists()
-    assert '`pip install -c constraints.txt ".[report]"` in the checkout' in capsys.readouterr().out
-    assert len(asked) == 1
 
 
 @pytest.mark.parametrize(

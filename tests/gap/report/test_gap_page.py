@@ -20,7 +20,6 @@ Drawn = Callable[[Path], tuple[int, int, list[str]]]
 
 @pytest.fixture(scope="module")
 def pages(every_report: dict[str, GapReport], tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    pytest.importorskip("jinja2", reason="the report extra is not installed")
     folder = tmp_path_factory.mktemp("pages")
     for verdict, report in every_report.items():
         write_gap_report(report, folder / f"{verdict}.html")
@@ -94,7 +93,6 @@ def test_a_page_is_small(pages: dict[str, Path]):
 
 
 def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path: Path):
-    pytest.importorskip("jinja2", reason="the report extra is not installed")
     seen = replace(named, held_out="validation", unseen=False)
     write_gap_report(seen, tmp_path / "seen.html")
     text = words(tmp_path / "seen.html")
@@ -104,7 +102,6 @@ def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path:
 
 
 def test_a_study_with_little_to_show_has_a_page_too(named: GapReport, tmp_path: Path):
-    pytest.importorskip("jinja2", reason="the report extra is not installed")
     unknown = Difference("rpm", 3.0, 1.0, None)
     bare = replace(
         named, gap=unknown, channels={"speed_rpm": unknown}, where=(), overlays=(), evidence=(),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from training.certify.certificate import checks, timing_check
+from training.certify.checks import checks, decided_after, timing_check
 from training.certify.plants import robot_variants
 from training.certify.run import timing_of, tracking_result, variant_result
 from training.certify.thresholds import Thresholds, require_valid
@@ -63,7 +63,7 @@ def judged(nominal_plant, episode, **thresholds):
     rng = np.random.default_rng(0)
     warning = rng.uniform(0.2, 0.9, 300)
     curve = warning_curve(warning, warning > 0.4, resamples=20)
-    return {one.name: one for one in checks(good, bad, curve, track, Thresholds(**thresholds))}
+    return {one.name: one for one in checks([good, bad], curve, track, Thresholds(**thresholds))}
 
 
 def test_the_worse_end_of_the_interval_is_compared_with_the_threshold(nominal_plant, episode):
@@ -76,11 +76,53 @@ def test_the_worse_end_of_the_interval_is_compared_with_the_threshold(nominal_pl
     assert found["warning for 90% success"].passed
 
 
+def test_a_share_whose_interval_holds_the_threshold_is_undecided(nominal_plant, episode):
+    """0.70 of 100 episodes is no miss of 0.65: the check says how many more episodes would decide."""
+    found = judged(nominal_plant, episode, worst_success=0.65)["worst-plant success"]
+    assert found.undecided
+    assert found.mark == f"undecided: {found.more_episodes} more episodes"
+    trials = 100 + found.more_episodes
+    assert share(round(0.7 * trials), trials).low >= 0.65
+    assert share(round(0.7 * trials * 0.9), round(trials * 0.9)).low < 0.66
+
+
+def test_a_share_far_below_the_threshold_is_missed(nominal_plant, episode):
+    found = judged(nominal_plant, episode, worst_success=0.9)["worst-plant success"]
+    assert (found.mark, found.undecided, found.more_episodes) == ("MISSED", False, None)
+
+
+def test_a_share_at_the_threshold_is_decided_by_no_number_of_episodes():
+    assert decided_after(share(650, 1000), 0.65) is None
+
+
+def test_a_mean_is_undecided_where_its_interval_holds_the_limit(nominal_plant, episode):
+    played = [episode(seed, overshoot=0.2 if seed % 2 else 0.3) for seed in range(20)]
+    plant, track = variant_result(nominal_plant, played, None), tracking_result([episode(0)])
+    curve = warning_curve([0.3, 0.6], [1, 1], resamples=5)
+    by_limit = {
+        limit: {one.name: one for one in checks([plant], curve, track, Thresholds(overshoot=limit))}[
+            "overshoot"
+        ]
+        for limit in (0.2, 0.26, 0.4)
+    }
+    assert [one.mark.split(":")[0] for one in by_limit.values()] == ["MISSED", "undecided", "ok"]
+
+
+def test_what_is_held_out_is_judged_apart(nominal_plant, episode):
+    good = variant_result(nominal_plant, [episode(seed) for seed in range(50)], None)
+    bad = replace(good, name="unseen", group="held-out", success=share(10, 50))
+    curve, track = warning_curve([0.3, 0.6], [1, 1], resamples=5), tracking_result([episode(0)])
+    found = {one.name: one for one in checks([good, bad], curve, track, Thresholds())}
+    assert found["worst-plant success"].passed
+    assert found["held-out success"].mark == "MISSED"
+    assert "unseen" in found["held-out success"].text
+
+
 def test_a_metric_that_is_not_defined_does_not_pass(nominal_plant, episode):
     plant = variant_result(nominal_plant, [episode(0, False, settling_s=None)], None)
     track = tracking_result([episode(0, distance_error_m=None)])
     curve = warning_curve([0.3, 0.6], [0, 0], resamples=5)
-    found = {one.name: one for one in checks(plant, plant, curve, track, Thresholds())}
+    found = {one.name: one for one in checks([plant], curve, track, Thresholds())}
     for name in ("warning for 90% success", "tracking error", "settling"):
         assert found[name].value is None
         assert not found[name].passed

@@ -7,10 +7,12 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
+from mecanum_env.tankendo import Opponents
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import sampler_for
 from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, drive_metrics
 from training.certify.plants import GROUPS, realistic_sizes, robot_level, robot_variants, select_variants
+from training.certify.variations import certificate_variants
 
 
 @pytest.fixture
@@ -93,3 +95,30 @@ def test_a_selection_takes_names_and_groups_and_always_the_nominal_plant(identif
 def test_a_plant_that_is_not_there_is_refused(paper, wanted, message):
     with pytest.raises(InputError, match=message):
         select_variants(robot_variants(paper), [wanted])
+
+
+def test_opponents_and_senses_are_varied_as_plants_are(paper):
+    found = certificate_variants(paper)
+    assert [one.name for one in found if one.group == "opponents"] == [
+        "opponents-varied",
+        "lead-none",
+        "lead-constant-velocity",
+    ]
+    assert [one.name for one in found if one.group == "senses"] == ["senses-usual", "senses-varied"]
+    assert len({one.name for one in found}) == len(found)
+
+
+def test_what_is_held_out_is_played_whatever_is_selected(paper):
+    chosen = select_variants(certificate_variants(paper), ["latency"])
+    names = [one.name for one in chosen]
+    assert names == ["nominal", "latency+0.1s", "late-and-slow", "sluggish", "quick", "deliberate"]
+    for one in chosen:
+        compile_model(one.model, one.physics)
+
+
+def test_held_out_opponents_lie_outside_the_ranges_that_are_trained_on(paper):
+    low, high = Opponents().ranges["warning_s"]
+    for one in certificate_variants(paper):
+        if one.group == "held-out" and one.opponent is not None:
+            first, last = one.opponent.warning_s
+            assert last <= low or first >= high

@@ -42,7 +42,7 @@ def test_whatever_is_seen_commands_are_whole_and_within_range(name, suffix):
             assert abs(vc) <= FULL_VC_RPM
 
 
-@pytest.mark.parametrize("name", ["random", "p", "smith", "lqr", "mpc", "sidestep", "retreat"])
+@pytest.mark.parametrize("name", ["random", "p", "smith", "lqr", "mpc", "sidestep", "creep", "retreat"])
 def test_reset_forgets(name):
     """The same observations after a reset give the same commands, except from a random generator."""
     controller = make_controller(name, paper_model(), seed=3)
@@ -130,7 +130,7 @@ def test_saturation_keeps_the_direction_of_the_twist(vx, vy, turn):
         assert along > 0.0
 
 
-@pytest.mark.parametrize("name", ["p", "smith", "lqr", "mpc", "sidestep", "retreat"])
+@pytest.mark.parametrize("name", ["p", "smith", "lqr", "mpc", "sidestep", "creep", "retreat"])
 def test_the_maximum_wheel_speed_is_that_of_the_model(name):
     model = paper_model()
     model = replace(model, wheel=replace(model.wheel, saturation_rpm=60.0))
@@ -139,3 +139,15 @@ def test_the_maximum_wheel_speed_is_that_of_the_model(name):
     for _ in range(20):
         command = controller.act(rng.uniform(-LIMITS, LIMITS).astype(np.float32))
         assert np.max(np.abs(command_to_wheels(*command))) <= 60 + 3  # rounding of V, theta and VC
+
+
+def test_the_creep_waits_in_motion_and_reverses_when_the_sword_rises():
+    controller = make_controller("creep", paper_model())
+    waiting = opponent_ahead(Rules.maai_m)
+    v, theta, _ = controller.act(waiting)
+    assert (v, theta) == (pytest.approx(25, abs=3), 90)
+    rising = waiting.copy()
+    rising[6] += 0.1
+    v, theta, _ = controller.act(rising)
+    assert v > 100
+    assert theta == -90

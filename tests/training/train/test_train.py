@@ -1,8 +1,15 @@
 """Training: exact after an interruption, whole folders, bad input; the exported policy is the learner's."""
 
+import base64
+import contextlib
+import importlib.util
+import io
 import json
+import pickle
 import shutil
+import zipfile
 from dataclasses import asdict, replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,13 +19,31 @@ pytest.importorskip("stable_baselines3")
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
+from mecanum_env.outputs import lock_folder, output_folder
+from mecanum_env.senses import VariedSenses
+from mecanum_env.tankendo import Opponents
 from training.controllers.policy import load_policy
+from training.train import checkpoint
 from training.train.__main__ import main
 from training.train.agent import make_agent, network_of
-from training.train.checkpoint import State, load_weights, newest_checkpoint, read_learner, read_run
+from training.train.checkpoint import (
+    Run,
+    State,
+    export_newest,
+    load_weights,
+    newest_checkpoint,
+    read_learner,
+    read_run,
+    read_state,
+    write_checkpoint,
+)
 from training.train.environments import bare_env, episode_seeds, level_models, training_env
 from training.train.run import DEVELOPMENT_SEEDS, resume, train_policy
 from training.train.settings import Ppo, Sac, TrainingSettings, command_line, settings_from_json
+
+_SPEC = importlib.util.spec_from_file_location("crash", Path(__file__).parents[2] / "crash.py")
+crash = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(crash)
 
 WATCH = range(100_000, 100_002)
 SMALL = {
@@ -50,7 +75,7 @@ def trained(request, tmp_path_factory):
 
 
 def learner(folder, settings):
-    return read_learner(newest_checkpoint(folder), settings, bare_env(settings))
+    return read_learner(newest_checkpoint(folder), settings)
 
 
 def test_an_interrupted_run_ends_with_the_same_weights(trained, tmp_path):
@@ -103,14 +128,14 @@ def test_a_folder_says_what_made_it(trained):
 
 def test_only_the_newest_checkpoint_keeps_the_replay_buffer(trained):
     settings, folder = trained
-    kept = [path.parent.name for path in folder.glob("checkpoints/*/replay.pkl")]
+    kept = [path.parent.name for path in folder.glob("checkpoints/*/replay.npz")]
     assert kept == (["000000384"] if settings.algo == "sac" else [])
 
 
 def test_a_half_written_checkpoint_is_not_taken(trained, tmp_path):
     _, folder = trained
     shutil.copytree(folder, tmp_path / "run")
-    torn = tmp_path / "run" / "checkpoints" / ".writing-abc"
+    torn = tmp_path / "run" / "checkpoints" / ".mecanum-staged-abc"
     torn.mkdir()
     assert newest_checkpoint(tmp_path / "run").name == "000000384"
 
@@ -124,7 +149,7 @@ def test_what_is_over_or_begun_is_refused(trained, tmp_path):
     assert read_run(folder)[0] == settings
     with pytest.raises(InputError, match=r"holds a training run; continue it with --resume"):
         train_policy(settings, folder, quiet=True)
-    with pytest.raises(InputError, match=r"run.json: No such file"):
+    with pytest.raises(InputError, match=r"run.json: cannot be read \(No such file"):
         resume(tmp_path, quiet=True)
 
 
@@ -134,7 +159,7 @@ def test_a_folder_of_another_program_is_refused_in_our_words(text, tmp_path):
     with pytest.raises(InputError) as refusal:
         read_run(tmp_path)
     said = str(refusal.value)
-    assert said.startswith(f"{tmp_path / 'run.json'}: ")
+    assert said.startswith(f"{tmp_path / 'run.json'}")
     assert "Error" not in said
     assert "not " in said
 
@@ -196,6 +221,13 @@ def test_levels_are_robots_side_by_side():
     assert one == list(models.values())
 
 
+def test_opponents_and_senses_can_be_varied_in_training():
+    env = bare_env(replace(SMALL["ppo"], opponents="varied", senses="varied"))
+    setting = env.venv.envs[0].arena.setting
+    assert (type(setting.opponents), type(setting.senses)) == (Opponents, VariedSenses)
+    assert env.reset().shape == bare_env(SMALL["ppo"]).reset().shape
+
+
 def test_training_never_meets_an_episode_of_an_evaluation():
     seeds = episode_seeds(TrainingSettings(envs=256), 0)
     assert len(set(seeds)) == 256
@@ -231,7 +263,7 @@ def test_a_run_can_load_weights_the_weights_of_another(trained, tmp_path):
     with pytest.raises(InputError, match="no checkpoint yet"):
         train_policy(replace(settings, start=str(tmp_path)), tmp_path / "run", quiet=True)
     wider = replace(settings, stack=3, start=str(folder))
-    with pytest.raises(InputError, match="not a run with this algorithm, network, stack and task"):
+    with pytest.raises(InputError, match="with this algorithm, network, stack and task"):
         train_policy(wider, tmp_path / "run", quiet=True)
     assert not (tmp_path / "run").exists()
 
@@ -258,3 +290,114 @@ def test_the_spread_is_renewed_at_its_checkpoint_and_not_before(tmp_path):
     agent.policy.reset_std(-1.5)
     distribution = agent.policy.get_distribution(torch.zeros(5, len(one.network.mean)))
     np.testing.assert_allclose(distribution.distribution.stddev.detach().numpy(), np.exp(-1.5), rtol=1e-6)
+
+
+class Payload:
+    """Runs code when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return (type(self.path).touch, (self.path,))
+
+
+def copy_of(folder, target):
+    shutil.copytree(folder, target)
+    return target, newest_checkpoint(target)
+
+
+def test_a_checkpoint_is_read_without_running_code_of_it(trained, tmp_path):
+    settings, folder = trained
+    run_folder, newest = copy_of(folder, tmp_path / "run")
+    sign = tmp_path / "code ran"
+    bomb = pickle.dumps(Payload(sign))
+    assert not [path for path in folder.rglob("*") if path.suffix in (".pkl", ".pickle")]
+    tensors = io.BytesIO()
+    with zipfile.ZipFile(tensors, "w") as archive:
+        archive.writestr("data", json.dumps({":serialized:": base64.b64encode(bomb).decode()}))
+        for name in zipfile.ZipFile(newest / "agent.zip").namelist():
+            archive.writestr(name, bomb)
+    files = {"agent.zip": tensors.getvalue(), "normaliser.pkl": bomb, "replay.pkl": bomb}
+    files |= dict.fromkeys(("normaliser.npz", "replay.npz", "policy.npz", "state.json"), bomb)
+    for name, data in {"agent.zip": bomb, **files}.items():
+        (newest / name).write_bytes(data)
+        with contextlib.suppress(InputError):
+            resume(run_folder, steps=settings.steps + 64, development_seeds=WATCH, quiet=True)
+        with contextlib.suppress(InputError):
+            load_weights(run_folder, make_agent(settings, env := training_env(settings)), env)
+        assert not sign.exists()
+        shutil.rmtree(run_folder)
+        copy_of(folder, run_folder)
+
+
+@pytest.mark.parametrize("name", ["agent.zip", "normaliser.npz", "state.json", "policy.npz"])
+def test_a_torn_checkpoint_is_refused_in_one_sentence(trained, tmp_path, name):
+    settings, folder = trained
+    run_folder, newest = copy_of(folder, tmp_path / "run")
+    whole = (newest / name).read_bytes()
+    for torn in (b"", whole[: len(whole) // 2], b"x" * len(whole), None):
+        if torn is None:
+            (newest / name).unlink()
+        else:
+            (newest / name).write_bytes(torn)
+        with pytest.raises(InputError) as refusal:
+            resume(run_folder, steps=settings.steps + 64, development_seeds=WATCH, quiet=True)
+        assert str(newest) in str(refusal.value)
+        assert "\n" not in str(refusal.value)
+
+
+def test_a_run_killed_after_its_last_checkpoint_exports_it_when_resumed(trained, tmp_path):
+    _, folder = trained
+    run_folder, newest = copy_of(folder, tmp_path / "run")
+    older = sorted((run_folder / "checkpoints").iterdir())[0]
+    for name in ("policy.npz", "curve.json"):
+        (run_folder / name).unlink()
+    shutil.rmtree(older.with_name("000000384"))
+    shutil.copytree(folder / "checkpoints" / "000000384", newest)
+    with output_folder(run_folder, "training.train") as staged:
+        (staged / "policy.npz").write_bytes((older / "policy.npz").read_bytes())
+    with pytest.raises(InputError, match="already trained for 384 steps"):
+        resume(run_folder, quiet=True)
+    assert load_policy(run_folder).about["steps_done"] == 384
+    assert (run_folder / "policy.npz").read_bytes() == (newest / "policy.npz").read_bytes()
+    assert (run_folder / "curve.json").read_bytes() == (folder / "curve.json").read_bytes()
+
+
+def test_every_crash_of_a_checkpoint_is_mended_by_the_next_resume(trained, tmp_path, monkeypatch):
+    settings, folder = trained
+    facts = load_policy(folder).about
+    monkeypatch.setattr(checkpoint, "about", lambda _, steps, __: facts | {"steps_done": steps})
+    run_folder = tmp_path / "run"
+
+    def prepare():
+        shutil.rmtree(run_folder, ignore_errors=True)
+        copy_of(folder, run_folder)
+        state = read_state(newest_checkpoint(run_folder))
+        shutil.rmtree(newest_checkpoint(run_folder))
+        export_newest(run_folder)
+        state_now[0] = replace(state, curve=state.curve)
+
+    state_now = [None]
+    agent, normaliser = learner(folder, settings)
+
+    def work():
+        write_checkpoint(Run(settings, run_folder, ["train"], agent, normaliser, state_now[0]))
+
+    def check(at):
+        export_newest(run_folder)
+        steps = load_policy(run_folder).about["steps_done"]
+        assert steps == read_state(newest_checkpoint(run_folder)).steps_done, at
+        assert len(json.loads((run_folder / "curve.json").read_text())) == steps // 128
+        seen.add(steps)
+
+    seen = set()
+    assert crash.crash_everywhere(prepare, work, check) > 20
+    assert seen == {256, 384}
+
+
+def test_two_trainings_of_one_folder_are_refused(trained, tmp_path):
+    settings, folder = trained
+    run_folder, _ = copy_of(folder, tmp_path / "run")
+    with lock_folder(run_folder), pytest.raises(InputError, match="another command is writing there"):
+        resume(run_folder, steps=settings.steps + 64, quiet=True)

@@ -1,24 +1,20 @@
-"""The main workflow, end to end: logs -> fit -> gap found and closed -> the robot drives in MuJoCo -> video.
-
-Example: python examples/demo.py --out out
-"""
+"""The main workflow, end to end: logs -> fit -> gap found and closed -> a drive in MuJoCo -> video."""
 
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 from textwrap import fill
 
-from mecanum_env.cli import run
+from mecanum_env.files import asset_path
+from mecanum_env.programs import Done
 from mecanum_env.rendering.backend import use_backend
 
-LOGS = Path(__file__).parent / "logs"
-CHANGED_LOGS = Path(__file__).parent / "gap_logs"
 
-
-def demo(out: Path = Path("out")) -> None:
+def demo(out: Path = Path("out")) -> Done:
     """Fit the bundled bench logs, find what changed in later ones, then drive and film the robot.
+
+    Example: mecanum demo --out out
 
     Args:
         out: folder to write.
@@ -29,14 +25,14 @@ def demo(out: Path = Path("out")) -> None:
     from sysid.fit.__main__ import fit
     from sysid.gap.__main__ import gap
 
-    print("1. python -m sysid.fit examples/logs --out", out)
-    fit(LOGS, out=out)
-    print("\n2. python -m sysid.gap examples/gap_logs --model", out / "model.json", "--out", out / "gap")
-    gap(CHANGED_LOGS, model=out / "model.json", out=out / "gap", jobs=2)
+    print("1. mecanum fit @examples/logs --out", out)
+    fit(asset_path("examples/logs"), out=out)
+    print("\n2. mecanum gap @examples/gap_logs --model", out / "model.json", "--out", out / "gap")
+    gap(asset_path("examples/gap_logs"), model=out / "model.json", out=out / "gap", jobs=2)
     model = out / "gap" / "model.json"
-    print("\n3. python -m mecanum_env.mjcf", model, "--out", out / "mjcf")
+    print("\n3. mecanum mjcf", model, "--out", out / "mjcf")
     write_mjcf(model, out=out / "mjcf")
-    print("\n4. python -m mecanum_env.render", model, "--commands tour --out", out / "rollout.mp4")
+    print("\n4. mecanum render", model, "--commands tour --out", out / "rollout.mp4")
     render(str(model), commands="tour", out=out / "rollout.mp4", still=out / "robot.png")
 
     fitted = json.loads((out / "fit.json").read_text(encoding="utf-8"))
@@ -55,18 +51,13 @@ Then something was changed in the drive. From logs made after that, the study co
 The robot in the video has these effects, too.
 
 Look at""")
-    for path, what in (
-        (
-            out / "report.html",
-            "the fit of the wheel, the uncertainty of its parameters, and the residuals",
-        ),
+    shown = (
+        (out / "report.html", "the fit of the wheel, the uncertainty of its parameters, and the residuals"),
         (out / "fit.png", "the same as one picture"),
         (out / "gap" / "report.html", "where model and later logs differ, what is missing, before and after"),
         (out / "rollout.mp4", "the robot on its rollers, driven by the wheels as they are now"),
         (model, "the model with the missing effects: all other programs read it"),
-    ):
+    )
+    for path, what in shown:
         print(f"  {path!s:<21}  {what}")
-
-
-if __name__ == "__main__":
-    sys.exit(run(demo, prog="python examples/demo.py"))
+    return Done(wrote=[path for path, _ in shown])

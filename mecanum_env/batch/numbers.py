@@ -1,0 +1,178 @@
+"""A robot as the numbers that a batch computes with, from the definitions of model, effects and plant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects.apply import active_effects, changed_model, check_effects, drive_parameters
+from mecanum_env.effects.planar import PlanarBody
+from mecanum_env.errors import EffectRefusedError
+from mecanum_env.kinematics import WHEELS, require_mecanum
+from mecanum_env.law.parameters import CHAIN, PROGRAMS
+from mecanum_env.mjcf.geometry import no_slip_rows, wheels_on_body
+from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
+from mecanum_env.model import Model
+from mecanum_env.plugin.layout import chain_parameters
+from mecanum_env.simulator.body_limits import limits_body, wheel_side
+from mecanum_env.units import FloatArray
+
+BODY: Final = (
+    *("gear_forward", "gear_left", "gear_turn"),
+    *("mobility_00", "mobility_01", "mobility_02", "mobility_11", "mobility_12", "mobility_22"),
+    *("is_simple", "moved_forward", "moved_left"),
+    *("moment_x", "moment_y", "weight_kg", "gravity_x", "gravity_y", "damping", "damping_turn"),
+)
+"""Numbers of a body, in its own axes: wheel speed per velocity along each axis; the inverse of the inertia
+that an implicit step moves; whether MuJoCo drops what couples the world's axes (`PlanarBatch`), and that
+inertia along each axis then; mass times the offset of its centre; mass that gravity pulls; gravity along the
+world's x and y; viscous friction along the axes and in turning."""
+_TIMESTEP_S: Final = 1 / 120
+"""Upper bound of the physics step [s], as that of the planar plant in `mecanum_env.tankendo`."""
+
+
+@dataclass(frozen=True)
+class Clocks:
+    """What all robots of a batch share, since they are stepped together."""
+
+    timestep_s: float
+    substeps: int
+    """Physics steps in one step of the batch, a command period."""
+    sample_period_s: float
+    command_period_s: float
+    """Period at which the robot latches its command."""
+    drive_period_s: float
+    """Period at which its drives latch theirs: the law's if the body's command is limited before."""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarRobot:
+    """A model, ready for a batch."""
+
+    model: Model
+    clocks: Clocks
+    drives: FloatArray
+    """Parameters of the drives in the order of `CHAIN`, shape (P, 4)."""
+    programs: dict[str, tuple[float, ...]]
+    """Programs of custom effects by the names in `PROGRAMS`."""
+    body: FloatArray
+    """Numbers in the order of `BODY`."""
+    link: dict[str, float]
+    """Delay, jitter, loss and seed of the link before limits on the body's command; empty without limits."""
+    limits: dict[str, dict[str, float]]
+    """Parameters of the effects that limit the body's command, by effect."""
+
+    @cached_property
+    def has_random_link(self) -> bool:
+        """Whether the delay of its commands jitters or commands are lost."""
+        jitter, loss = (self.drives[CHAIN.index(name)] for name in ("jitter_s", "loss"))
+        own = self.link.get("jitter_s", 0.0) > 0.0 or self.link.get("loss", 0.0) > 0.0
+        return own or bool(np.any(jitter > 0.0) or np.any(loss > 0.0))
+
+    def with_link_seed(self, seed: int) -> PlanarRobot:
+        """Return the same robot with other chance of its link, from 0 to `law.link.MOST_SEEDS`."""
+        drives = self.drives.copy()
+        drives[CHAIN.index("link_seed")] = seed
+        link = {**self.link, "link_seed": float(seed)} if self.link else {}
+        return replace(self, drives=drives, link=link)
+
+
+def planar_robot(model: Model, timestep_s: float | None = None) -> PlanarRobot:
+    """Return a model's numbers for a batch of robots without slip.
+
+    `timestep_s` is the upper bound of the physics step [s], by default 1/120 s.
+
+    Raises:
+        EffectRefusedError: an effect that the planar plant refuses, or that has no form for batches.
+        InputError: any other model that the planar plant cannot simulate.
+    """
+    require_mecanum(model.robot, "the batched plant is")
+    check_effects(model, "planar")
+    _require_forms(model)
+    limited = limits_body(model)
+    after = changed_model(wheel_side(model) if limited else model, "planar")
+    timestep = fitting_timestep(after, _TIMESTEP_S if timestep_s is None else timestep_s)
+    period = model.wheel.command_period_s
+    rows = _drive_rows(after)
+    drives = rows[: len(CHAIN)].copy()
+    # V, theta and VC are rounded before the kinematics.
+    drives[CHAIN.index("command_quantum_rpm")] = 0.0
+    programs = np.split(rows[len(CHAIN) :, 0], len(PROGRAMS))
+    link = {}
+    if limited:
+        before = drive_parameters(model)
+        names = ("delay_s", "jitter_s", "loss", "link_seed")
+        link = {name: float(getattr(before, name)) for name in names}
+    return PlanarRobot(
+        model,
+        Clocks(
+            timestep,
+            round(period / timestep),
+            model.wheel.law.sample_period_s,
+            period,
+            after.wheel.command_period_s,
+        ),
+        drives,
+        {name: tuple(program.tolist()) for name, program in zip(PROGRAMS, programs, strict=True)},
+        _body_numbers(after, timestep, float(drives[CHAIN.index("rotor_kg_m2"), 0])),
+        link,
+        {effect.name: values for effect, values in active_effects(model) if effect.limit_bodies is not None},
+    )
+
+
+def _require_forms(model: Model) -> None:
+    for effect, _ in active_effects(model):
+        if not effect.acts_in("planar"):
+            continue
+        lacks_spec = effect.change_spec is not None and effect.change_planar is None
+        if lacks_spec or (effect.limit_body is not None and effect.limit_bodies is None):
+            raise EffectRefusedError(
+                f"effects.{effect.name}: has no form for batches of arrays (change_planar or limit_bodies in "
+                "its definition); simulate it in MuJoCo, or remove it from the model file"
+            )
+
+
+def _drive_rows(model: Model) -> FloatArray:
+    """Return the parameters and programs of the four drives, shape (P, 4)."""
+    inertia = wheel_inertia(model.robot)
+    differ = bool(model.wheels) or any(
+        effect.change_drive is not None and any(p.name.endswith(WHEELS) for p in effect.parameters)
+        for effect, _ in active_effects(model)
+    )
+    wheels = WHEELS if differ else (None,)
+    rows = [chain_parameters(model, wheel, inertia_kg_m2=inertia) for wheel in wheels]
+    return np.array(rows if differ else rows * len(WHEELS)).T
+
+
+def _body_numbers(model: Model, timestep_s: float, rotor_kg_m2: float) -> FloatArray:
+    """Return what `BODY` lists, given the inertia of each drive's rotor."""
+    robot = model.robot
+    body = PlanarBody(robot.mass_kg, robot.yaw_inertia_kg_m2)
+    for effect, values in active_effects(model):
+        if effect.change_planar is not None:
+            body = effect.change_planar(body, values)
+    rows = no_slip_rows(robot)
+    armature, armature_turn = wheels_on_body(robot, wheel_inertia(robot) + rotor_kg_m2)
+    damping, damping_turn = wheels_on_body(robot, body.wheel_damping_n_m_s_rad)
+    weight = body.mass_kg + body.middle_mass_kg
+    x, y = body.mass_kg * body.com_x_m, body.mass_kg * body.com_y_m
+    turning = body.yaw_inertia_kg_m2 + x * body.com_x_m + y * body.com_y_m + body.middle_yaw_inertia_kg_m2
+    moved = weight + armature
+    inertia = np.array([[moved, 0.0, -y], [0.0, moved, x], [-y, x, turning + armature_turn]])
+    brakes = np.diag([damping, damping, damping_turn]) + robot.servo_n_m_s_rad * rows.T @ rows
+    moving = inertia + timestep_s * brakes
+    mobility = np.linalg.inv(moving)
+    is_simple = x == y == body.middle_mass_kg == 0.0
+    # The wheel fr turns forward by each of the three motions: its row has the sizes of all.
+    gravity = body.gravity_m_s2[:2]
+    return np.array(
+        [
+            *rows[WHEELS.index("fr")],
+            *mobility[np.triu_indices(3)],
+            *(is_simple, moving[0, 0], moving[1, 1]),
+            *(x, y, weight, *gravity, damping, damping_turn),
+        ]
+    )

@@ -79,7 +79,7 @@ def commands(block: Block) -> Iterator[list[str]]:
         if prompts and not line.startswith("$ "):
             continue
         words = shlex.split(line.removeprefix("$ "), comments=True)
-        while words and re.fullmatch(r"[A-Z_]+=\S*", words[0]):
+        while words and re.fullmatch(r"[A-Z_]+=.*", words[0]):
             words = words[1:]
         if words:
             assert words[0] in PROGRAMS, f"{block.page}:{block.line}: {words[0]} is no known program"
@@ -138,16 +138,15 @@ def unknown_options(words: list[str]) -> list[str]:
         ]
         return [name for name in extras if name not in project["optional-dependencies"]]
     if words[0] in SCRIPTS:
-        program, rest = words[:1], words[1:]
+        program, rest = words[:2], words[2:]
     elif words[0].endswith("python") and words[1] == "-m":
         program, rest = ["python", *words[1:3]], words[3:]
     elif words[0].endswith("python"):
         program, rest = ["python", words[1]], words[2:]
     else:
         return []
-    if program[1:] and not program[-1].startswith(
-        ("mecanum_env", "sysid", "training", "examples", "benchmarks")
-    ):
+    ours = ("mecanum_env", "mecanum_cli", "sysid", "training", "examples", "benchmarks")
+    if words[0] not in SCRIPTS and not program[-1].startswith(ours):
         return []
     while rest and re.search(rf"[{{,]{re.escape(rest[0])}[,}}]", help_of(*program)):
         program, rest = [*program, rest[0]], rest[1:]

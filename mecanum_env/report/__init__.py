@@ -1,8 +1,8 @@
 """Self-contained HTML pages: a template and interactive figures, without network access.
 
-Every page contains the plotting script, compressed: it is the cartesian bundle of plotly.js (`PLOTLY`, MIT
-licence, beside this file), which draws curves, bars and heat maps and adds 0.7 MB to a page. Browsers since 2023
-can unpack it (`DecompressionStream`).
+Every page contains the plotting script, compressed: the cartesian bundle of plotly.js (`PLOTLY`, MIT licence,
+beside this file), which draws curves, bars and heat maps and adds 0.7 MB to a page. Browsers since 2023 can
+unpack it (`DecompressionStream`).
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def test_results_in_the_folder_and_beside_it_are_found_and_other_files_are_passe
 
 def test_a_difference_between_the_levels_is_a_gap_in_the_first_study_only() -> None:
     floor = Floor(1e3, trusted=True)
-    facts = Facts(floor, 1.0, 0.008, 0.008, 1.0)
+    facts = Facts(floor, 1.0, 0.008, 0.008, True, 1.0)
     assert apply_rules(facts).verdict != "no_gap"
     later = replace(facts, floor=replace(floor, false_alarm=ALONE / 2))
     assert apply_rules(later).verdict == "no_gap"

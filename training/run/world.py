@@ -6,10 +6,11 @@ opponent and rules are those of the environment; only what the robot's own senso
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS
@@ -102,9 +103,9 @@ class _SampledRobot(RobotBatch):
         self._substeps //= SAMPLES
         self._states: list[tuple[float, FloatArray, FloatArray]] = []
 
-    def restart(self, row: int, pose: object, compiled: Compiled | None = None) -> None:
-        """Put the robot in the row at rest at a pose, with the model `compiled` or its own."""
-        super().restart(row, pose, compiled)  # type: ignore[arg-type]
+    def restart_rows(self, rows: npt.NDArray[np.intp], poses: FloatArray, robots: Sequence[Compiled]) -> None:
+        """Put the robot at rest at a pose, shape (3, 1), with the model of `robots`; `rows` is (0,)."""
+        super().restart_rows(rows, poses, robots)
         self._states = []
         self._keep(0.0)
 

@@ -130,7 +130,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     p_gain = by_chance.p_value((base.cost - search.best_fit.cost) / inflation)
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
-    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, inflation)
+    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, _visible(problem, base), inflation)
     if p_value > floor.false_alarm:
         return facts
     if not search.of_size(1):

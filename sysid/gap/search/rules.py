@@ -25,6 +25,8 @@ class Facts:
     """Probability that a right model differs as much from the logs."""
     p_misfit: float
     """The same by the whole residual alone, whatever effects could remove."""
+    is_plain: bool
+    """Whether the whole residual is plainly more than a right model leaves, however roughly that is known."""
     inflation: float
     """Residual variance of the best fit relative to the expected noise variance (at least 1)."""
     chosen: ScoredSet | None = None
@@ -67,9 +69,6 @@ class Outcome:
     reasons: tuple[str, ...] = ()
 
 
-_AS_EXPECTED: Final = 0.5
-"""Probability of a larger cost above which a cost is no larger than expected."""
-
 Rule: TypeAlias = Callable[[Facts], Outcome | None]
 
 
@@ -93,6 +92,24 @@ def _not_significant(facts: Facts) -> Outcome | None:
     return Outcome("no_gap") if facts.p_value > facts.floor.false_alarm else None
 
 
+def _within_own_error(facts: Facts) -> Outcome | None:
+    """No gap: beside the logs of the fit the residual is about as large as expected, and no set lowers it."""
+    gain = facts.gain if facts.chosen else 0.0
+    compared = facts.floor.compared and not facts.floor.knows_all
+    if not compared or facts.is_plain or gain >= THRESHOLDS.least_gain:
+        return None
+    if facts.chosen is None:
+        return Outcome("no_gap", ("the difference is no larger than the model's own error may be",))
+    return Outcome("no_gap", (_hardly_lowers(facts),))
+
+
+def _hardly_lowers(facts: Facts) -> str:
+    return (
+        f"{facts.significant} lowers the squared difference by {facts.gain:.0%} only, which is no larger "
+        "than the model's own error in the logs of the fit lets expect"
+    )
+
+
 def _inadequate(facts: Facts) -> Outcome | None:
     """Unexplained: no effect could be fitted, or the chosen set leaves more than an imperfect formula can."""
     return None if facts.adequate else _unexplained(facts)
@@ -100,14 +117,8 @@ def _inadequate(facts: Facts) -> Outcome | None:
 
 def _too_small(facts: Facts) -> Outcome | None:
     """No gap: the chosen set is significant and removes next to nothing."""
-    within = facts.floor.compared and facts.p_misfit > _AS_EXPECTED
-    least = THRESHOLDS.least_robot_gain if facts.floor.knows_all else THRESHOLDS.least_gain
-    if (within or facts.floor.knows_all) and facts.gain < least:
-        reason = (
-            f"{facts.significant} lowers the squared difference by {facts.gain:.0%} only, which is no larger "
-            "than the model's own error in the logs of the fit lets expect"
-        )
-        return Outcome("no_gap", (reason,))
+    if facts.floor.knows_all and facts.gain < THRESHOLDS.least_robot_gain:
+        return Outcome("no_gap", (_hardly_lowers(facts),))
     if facts.removed >= THRESHOLDS.least_removed or facts.floor.knows_all:
         return None
     reason = (
@@ -166,6 +177,7 @@ def _size_in_doubt(facts: Facts) -> Outcome | None:
 RULES: Final[tuple[Rule, ...]] = (
     _far_apart,
     _not_significant,
+    _within_own_error,
     _inadequate,
     _too_small,
     _harmful,

@@ -54,12 +54,14 @@ class Thresholds:
     300-323): with 3 one of 8 right answers was lost, with 6 none; one wrong answer is denied with either."""
     plainly_visible: float = 1.5
     """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
-    formula-error penalty: an error this far above expectation is not the residue of a formula. Assumed."""
+    formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio
+    up to which an own error from a comparison with the logs of the fit, whose size is only roughly known, may
+    be all of it. Assumed."""
     least_removed: float = 0.1
     """Share of the squared difference above the noise that a set must remove to be named. Assumed: removing
     less lowers the rms by 5 % at most."""
     least_gain: float = 0.15
-    """Share of the cost by which a set must lower it where the cost is no larger than expected, beside an own
+    """Share of the cost by which a set must lower it where the cost is not plainly visible, beside an own
     error from a comparison with the logs of the fit: its covariance is only roughly known, and chance is not.
     On drawn drives (python -m sysid.studies.zoo, bench seeds 0-59 and 300-399) five of the seven false alarms
     in 41 logs in which nothing had changed lower the cost by 5, 6, 11, 21 and 25 %; clear effects that were

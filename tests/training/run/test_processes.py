@@ -38,10 +38,12 @@ def simulated_robot(folder, *options):
         yield robot, robot.stdout.readline().strip()
 
 
-def wait_for(condition):
-    """Return as soon as the condition holds."""
+def wait_for(condition, *needed):
+    """Return as soon as the condition holds; fail if a process that is needed for it has ended."""
     until = time.monotonic() + PATIENCE_S
     while not condition():
+        for one in needed:
+            assert one.poll() is None, one.communicate()[1]
         assert time.monotonic() < until, "waited in vain"
         time.sleep(0.002)
 
@@ -67,7 +69,7 @@ def test_a_policy_fights_and_logs_what_the_gap_workflow_reads(tmp_path, line):
 
 @pytest.mark.parametrize("commands", [1, 4, 9])
 def test_killing_the_controller_at_any_moment_stops_the_robot_in_time(tmp_path, commands):
-    with simulated_robot(tmp_path) as (_, name):
+    with simulated_robot(tmp_path) as (robot, name):
         out = tmp_path / "run"
         with process("training.run", "nominal", "--robot", name, "--out", out) as controller:
             # On a busy machine the watchdog may be faster than this test.
@@ -75,7 +77,9 @@ def test_killing_the_controller_at_any_moment_stops_the_robot_in_time(tmp_path, 
                 lambda: (
                     len(entries := journal(tmp_path)) >= commands
                     or any(entry[4] == "stopped" for entry in entries)
-                )
+                ),
+                robot,
+                controller,
             )
             os.kill(controller.pid, signal.SIGKILL)
             killed_s = time.monotonic()
@@ -93,7 +97,7 @@ def test_killing_the_robot_ends_the_loop_with_one_sentence(tmp_path):
         # On a busy machine the watchdog may end a fight; then the next one is under way.
         process("training.run", "nominal", "--robot", name, "--out", out, "--fights", 1000) as controller,
     ):
-        wait_for(lambda: len(journal(tmp_path)) >= 3)
+        wait_for(lambda: len(journal(tmp_path)) >= 3, robot, controller)
         os.kill(robot.pid, signal.SIGKILL)
         _, errors = controller.communicate(timeout=PATIENCE_S)
     assert controller.returncode == SILENT

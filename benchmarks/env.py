@@ -35,7 +35,7 @@ ROWS = {"planar": 256, "rollers": 32}
 STEPS = {"planar": 8192, "rollers": 512}
 TARGETS = {"planar": 20_000.0, "rollers": 650.0}
 """Environment steps per second of all rows on one thread."""
-CONTROLLERS = ("random", "still", "retreat", "oracle")
+CONTROLLERS = ("random", "still", "retreat")
 Steps = Callable[[int], None]
 """Function that makes a number of environment steps."""
 

@@ -1,6 +1,6 @@
 """What waiting in motion is worth: scripts that creep, against opponents that lead their aim differently.
 
-    python benchmarks/waiting.py [EPISODES]
+    python benchmarks/waiting.py [EPISODES [FIRST_SEED]]
 
 prints the share of successes with Wilson's 95 % interval, on the model and on the robot level. A script
 that creeps and reverses beats one that waits at rest only if the opponent extrapolates the waiting motion.
@@ -20,7 +20,6 @@ from training.controllers.scripted import Creep, Retreat, SideStep
 from training.controllers.tracking import Proportional
 from training.evaluate import Setup, evaluate_controller
 
-FIRST_SEED = 100_000
 SCRIPTS = {
     "at rest (sidestep)": lambda: SideStep(Proportional()),
     "creep and reverse (creep)": lambda: Creep(Proportional()),
@@ -33,26 +32,27 @@ OPPONENTS = {
 }
 
 
-def success(script: str, setup: Setup, episodes: int) -> str:
+def success(script: str, setup: Setup, seeds: range) -> str:
     """Return the success of a script as text."""
 
     def make(*_: object) -> Retreat:
         return SCRIPTS[script]()
 
-    seeds = range(FIRST_SEED, FIRST_SEED + episodes)
     return share_text(evaluate_controller(make, setup, seeds).success)
 
 
-def main(episodes: int = 200) -> None:
-    """Print the table for a number of episodes."""
+def main(episodes: int = 200, first_seed: int = 100_000) -> None:
+    """Print the table for a number of episodes, whose seeds begin with one."""
+    seeds = range(first_seed, first_seed + episodes)
     model = paper_model()
     for plant, robot in {"the model": model, "the paper's robot level": robot_level(model)}.items():
         rows = [("lead of the opponent", *SCRIPTS)]
         for name, opponent in OPPONENTS.items():
             setup = replace(Setup(robot, known=model), opponent=opponent)
-            rows.append((name, *(success(script, setup, episodes) for script in SCRIPTS)))
-        print(f"{plant}, {episodes} episodes", *columns(rows), "", sep="\n", flush=True)
+            rows.append((name, *(success(script, setup, seeds) for script in SCRIPTS)))
+        title = f"{plant}, {episodes} episodes, seeds from {first_seed}"
+        print(title, *columns(rows), "", sep="\n", flush=True)
 
 
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:2]))
+    main(*map(int, sys.argv[1:3]))

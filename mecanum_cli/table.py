@@ -23,6 +23,7 @@ COMMANDS: Final[Mapping[str, str]] = {
     "online": "sysid.online.__main__:main",
     "mjcf": "mecanum_env.mjcf.__main__:main",
     "render": "mecanum_env.render:render",
+    "view": "mecanum_env.view.__main__:view",
     "effects": "mecanum_env.effects.__main__:main",
     "train": "training.train.__main__:main",
     "certify": "training.certify.__main__:main",

@@ -70,6 +70,7 @@ ROOMS = {
         "simulator",
         "batch",
         "rendering",
+        "view",
         "senses",
         "tankendo",
     ),

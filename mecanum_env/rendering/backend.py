@@ -11,6 +11,7 @@ import ctypes
 import ctypes.util
 import os
 import sys
+import warnings
 from typing import Final
 
 from mecanum_env.errors import BackendError
@@ -95,3 +96,15 @@ def has_display() -> bool:
     """Return whether a window can be opened: always except on Linux without DISPLAY and WAYLAND_DISPLAY."""
     is_set = os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
     return bool(is_set) or not sys.platform.startswith("linux")
+
+
+def display_answers() -> bool:
+    """Return whether a window can be opened: there is a display, and it answers."""
+    if not has_display():
+        return False
+    import glfw
+
+    with warnings.catch_warnings():
+        # A display that does not answer is a warning of glfw's own, too.
+        warnings.simplefilter("ignore")
+        return bool(glfw.init())

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import BackendError, InputError
-from mecanum_env.rendering.backend import has_display
+from mecanum_env.rendering.backend import display_answers, has_display
 from mecanum_env.rendering.view import Frame
 from mecanum_env.tankendo.actions import checked_action
 from mecanum_env.tankendo.build import Arguments, build, row_info
@@ -223,8 +223,11 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             return None
         if self.render_mode == "human":
             if self._window is None:
-                if not has_display():
-                    raise BackendError('render_mode="human" needs a display; without one use "rgb_array"')
+                if not display_answers():
+                    raise BackendError(
+                        'render_mode="human" opens a window and there is no display here: use "rgb_array" '
+                        "for pictures, or `python -m mecanum_env.view` to drive the robot in a browser"
+                    )
                 self._window = Window(self.arena, self._episodes.plant)
             self._window.show()
             return None

@@ -17,6 +17,7 @@ import mecanum_env
 from mecanum_env.errors import BackendError
 from mecanum_env.mjcf.chassis import SWORD_M
 from mecanum_env.tankendo import drawing
+from mecanum_env.tankendo import env as tankendo_env
 from mecanum_env.tankendo.drawing import opponent_shapes, score_lines
 
 STILL = np.zeros(3, np.float32)
@@ -109,8 +110,15 @@ def test_a_window_without_a_display_is_refused(make, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     env = make(render_mode="human")
-    with pytest.raises(BackendError, match='use "rgb_array"'):
+    with pytest.raises(BackendError, match='use "rgb_array" for pictures, or'):
         env.reset(seed=0)
+
+
+def test_a_display_that_does_not_answer_is_refused_in_the_same_words(make, monkeypatch):
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    monkeypatch.setenv("DISPLAY", ":4711")
+    with pytest.raises(BackendError, match="there is no display here"):
+        make(render_mode="human").reset(seed=0)
 
 
 def test_a_window_shows_the_same_shapes(make, monkeypatch):
@@ -130,7 +138,7 @@ def test_a_window_shows_the_same_shapes(make, monkeypatch):
             close=lambda: shown.append("closed"),
         )
 
-    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(tankendo_env, "display_answers", lambda: True)
     monkeypatch.setattr(viewer, "launch_passive", launch)
     monkeypatch.setattr(drawing.time, "sleep", lambda _: None)
     env = make(render_mode="human")

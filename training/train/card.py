@@ -162,7 +162,8 @@ def main(
     total = 2 * len(DIFFICULTIES) + len(level_models(robot)) - 1
     with tqdm(total=total, desc="card", unit="row", disable=None) as bar:
         rows = measure(loaded, robot, episodes, rollers_episodes, bar.update)
-    text = card(name, loaded, rows, f"python -m training.train.card {policy.name}")
+    played = f"--episodes {episodes} --rollers-episodes {rollers_episodes}"
+    text = card(name, loaded, rows, f"python -m training.train.card {policy.name} {played}")
     write_text(out, text)
     data = out.with_suffix(".json")
     write_json(data, {"policy": name, "about": loaded.about, "rows": [asdict(row) for row in rows]})

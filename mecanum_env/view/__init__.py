@@ -1,0 +1,1 @@
+"""The live robot in a browser page: `python -m mecanum_env.view MODEL`."""

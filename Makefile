@@ -2,6 +2,7 @@
 # make test       install everything, run the test suite
 # make test-all   the slow tests too
 # make test-wheel what an installation can break, tested against the built wheel, outside the checkout
+# make site       the documentation as web pages with search, out/site/index.html; a warning is an error
 # make check      lint, format, types
 # make bench      every benchmark, figures in out/bench/
 # make bench-train  what training reaches over three seeds, half an hour
@@ -20,7 +21,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
 
-.PHONY: demo test test-all test-wheel check bench bench-train zoo zoo-quick gapbench behaviour fuzz soak asan system clean FORCE
+.PHONY: demo test test-all test-wheel site check bench bench-train zoo zoo-quick gapbench behaviour fuzz soak asan system clean FORCE
 
 demo: $(VENV)/installed
 	$(BIN)/mecanum demo --out out
@@ -34,6 +35,12 @@ test-all: $(VENV)/train
 
 test-wheel: $(VENV)/installed
 	$(BIN)/python tests/run_on_wheel.py
+
+# From scratch, as a build that goes on from another hides warnings.
+site: $(VENV)/train
+	rm -rf out/site
+	$(BIN)/python -m sphinx -W --keep-going -q -E -b html -d build/doctrees docs out/site
+	@echo "wrote out/site/index.html"
 
 check: $(VENV)/installed
 	$(BIN)/ruff check .

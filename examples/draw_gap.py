@@ -89,8 +89,13 @@ def where_figure(report: GapReport) -> Any:
         found = [r for r in report.where if r.channel == channel and r.dimension == dimension]
         found.sort(key=_speed_of if dimension == "speed" else lambda r: r.rms)
         rows = np.arange(len(found))
-        ax.barh(rows + 0.2, [r.rms for r in found], 0.36, color=BEFORE, label="before")
-        ax.barh(rows - 0.2, [r.rms_after for r in found], 0.36, color=AFTER, label="after")
+        # Points, as a bar on a logarithmic axis has no base.
+        before, after = [r.rms for r in found], [r.rms_after for r in found]
+        ax.hlines(rows, after, before, color="0.8", lw=2.0, zorder=1)
+        ax.plot(before, rows, "o", color=BEFORE, label="before")
+        ax.plot(after, rows, "o", color=AFTER, label="after")
+        ax.set_ylim(-0.6, len(found) - 0.4)
+        ax.grid(axis="x", alpha=0.3)
         if difference.noise_floor is not None:
             ax.axvline(difference.noise_floor, color="black", ls=":", lw=1.0, label="noise")
         ax.set_yticks(rows, [f"{r.region}  ({r.share:.0%})" for r in found], fontsize=9)

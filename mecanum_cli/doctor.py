@@ -17,7 +17,7 @@ from mecanum_env.rendering.backend import choose_backend
 from mecanum_env.version import __version__
 
 _SECONDS: Final = 120
-_PACKAGES: Final = ("mujoco", "mujoco-core", "numpy", "scipy", "gymnasium", "matplotlib", "plotly", "tyro")
+_PACKAGES: Final = ("mujoco", "mujoco-core", "numpy", "scipy", "gymnasium", "matplotlib", "jinja2", "tyro")
 """Distributions whose versions matter in a report of a fault; those that are absent are not shown."""
 _EXTRAS: Final = {
     **{"train": "stable_baselines3", "bag": "rosbags", "parquet": "pyarrow", "mcap": "mcap", "onnx": "onnx"},

@@ -2,6 +2,8 @@
 
 import contextlib
 import gc
+import html
+import json
 import os
 import re
 import shutil
@@ -49,35 +51,69 @@ def real_logs() -> Path:
     return path
 
 
+@pytest.fixture(scope="session")
+def browser() -> str:
+    """Return the path of a browser; skip without one. CI installs one: there a test that needs it fails."""
+    names = ("chromium", "chromium-browser", "google-chrome")
+    found = next(filter(None, map(shutil.which, names)), None)
+    if found is None and not os.environ.get("CI"):
+        pytest.skip("no chromium here to open the page with")
+    assert found is not None
+    return found
+
+
+def open_page(browser: str, page: Path, profile: Path, *options: str) -> tuple[str, list[str]]:
+    """Open a page in a headless browser without network; return its elements and the console's errors."""
+    done = subprocess.run(
+        [browser, "--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND",
+         "--enable-logging=stderr", "--v=0", f"--user-data-dir={profile}",
+         "--virtual-time-budget=20000", *options, "--dump-dom", page.as_uri()],
+        capture_output=True, text=True, timeout=240, check=False,
+    )  # fmt: skip
+    return done.stdout, [line for line in done.stderr.splitlines() if ":CONSOLE" in line and "rror" in line]
+
+
 @pytest.fixture
-def draw_page(tmp_path: Path) -> Callable[[Path], tuple[int, int, list[str]]]:
-    """Open a page in a headless browser without network; skip without a browser.
+def draw_page(browser: str, tmp_path: Path) -> Callable[[Path], tuple[int, int, list[str]]]:
+    """Open a page in a headless browser without network.
 
     What it returns takes a page and returns how many figures it has, how many were drawn, and what the
-    console said of errors. CI installs a browser: there the test must run, and fails without one.
+    console said of errors.
     """
-    names = ("chromium", "chromium-browser", "google-chrome")
-    browser = next(filter(None, map(shutil.which, names)), None)
-    if browser is None and not os.environ.get("CI"):
-        pytest.skip("no chromium here to open the page with")
-    assert browser is not None
 
     def draw(page: Path) -> tuple[int, int, list[str]]:
-        done = subprocess.run(
-            [browser, "--headless", "--no-sandbox", "--disable-gpu", "--host-resolver-rules=MAP * ~NOTFOUND",
-             "--enable-logging=stderr", "--v=0", f"--user-data-dir={tmp_path / 'browser'}",
-             "--virtual-time-budget=20000", "--dump-dom", page.as_uri()],
-            capture_output=True, text=True, timeout=240, check=False,
-        )  # fmt: skip
+        elements, errors = open_page(browser, page, tmp_path / "browser")
         figures = page.read_text(encoding="utf-8").count('class="plotly-graph-div"')
-        drawn = len(re.findall(r'<div class="[^"]*svg-container', done.stdout))
-        return (
-            figures,
-            drawn,
-            [line for line in done.stderr.splitlines() if ":CONSOLE" in line and "rror" in line],
-        )
+        return figures, len(re.findall(r'<div class="[^"]*svg-container', elements)), errors
 
     return draw
+
+
+@pytest.fixture
+def crossed_text(browser: str, tmp_path: Path) -> Callable[[Path, int], list[str]]:
+    """Open a page in a frame of a width [px] and return where text lies over text, or is cut off."""
+
+    def find(page: Path, width: int) -> list[str]:
+        script = Path(__file__).with_name("text_boxes.js").read_text(encoding="utf-8")
+        text = page.read_text(encoding="utf-8").replace("</body>", f"<script>{script}</script></body>")
+        (tmp_path / "inner.html").write_text(text, encoding="utf-8")
+        frame = tmp_path / f"frame_{width}.html"
+        frame.write_text(
+            f"<!DOCTYPE html><iframe src='inner.html' width={width} height=900></iframe><pre id=found></pre>"
+            "<script>addEventListener('message', (event) =>"
+            " { document.getElementById('found').textContent = JSON.stringify(event.data); });</script>",
+            encoding="utf-8",
+        )
+        elements, errors = open_page(browser, frame, tmp_path / "browser", "--window-size=1400,1000")
+        said = re.search(r'<pre id="found">(.*?)</pre>', elements, re.DOTALL)
+        assert said is not None
+        assert errors == []
+        result = json.loads(html.unescape(said[1]))
+        assert result["texts"] > 10
+        assert not [button for button in result["buttons"] if "Share" in button], "a page keeps its data"
+        return [str(line) for line in result["found"]]
+
+    return find
 
 
 @pytest.fixture(scope="session")

@@ -38,8 +38,9 @@ def told():
     return {"fights": fights, "hidden": {"command_latency": {"delay_s": 0.1}}}
 
 
-def test_the_page_has_the_figures_of_the_story(script, told, tmp_path):
+def test_the_page_has_the_figures_of_the_story(script, told, tmp_path, crossed_text):
     script.write_story_page(tmp_path / "story.html", told, "named: command_latency")
+    assert crossed_text(tmp_path / "story.html", 390) == []
     page = (tmp_path / "story.html").read_text(encoding="utf-8")
     for words in ("0.70 (0.60 .. 0.80)", "+0.50 (+0.40 .. +0.60)", "3 of 500", "named: command_latency"):
         assert words in page

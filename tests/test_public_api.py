@@ -20,7 +20,7 @@ ROOT = Path(mecanum_env.__file__).parents[1]
 PAGE = Path(__file__).parents[1] / "docs" / "api.md"
 DOORS = ("mecanum_env", "sysid", "sysid.gap", "training")
 PACKAGES = ("mecanum_env", "sysid", "training")
-HEAVY = ("scipy.signal", "matplotlib", "mujoco", "torch", "plotly")
+HEAVY = ("scipy.signal", "matplotlib", "mujoco", "torch")
 PROGRAMS = sorted(
     [
         *("mecanum_env.render", "sysid.studies.zoo.calibrate", "training.run.simulated_robot"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -21,6 +22,8 @@ from sysid.fit.pipeline import Fit
 from sysid.logs import Split
 
 HELD_OUT_FIRST: Final[tuple[Split, ...]] = ("test", "validation", "fit")
+_TITLE_LETTERS: Final = 44
+"""Letters of the title's size that one of the six plots is wide."""
 _COLOURS: Final = {"measured": "0.55", "simulated": "#c8102e", "command": "#1f4e79"}
 
 
@@ -129,6 +132,11 @@ def _shares(available: list[int], most: int) -> list[int]:
     return shares
 
 
+def _lines(title: str) -> str:
+    """Return a title in lines that are no wider than one of the six plots."""
+    return "\n".join(textwrap.wrap(title, _TITLE_LETTERS))
+
+
 def write_fit_plots(fit: Fit, folder: Path) -> Path:
     """Write `fit.png` into a folder and return its path."""
     views = run_views(fit, most=4)
@@ -140,7 +148,8 @@ def write_fit_plots(fit: Fit, folder: Path) -> Path:
         ax.set_axis_off()
     _residuals(axes.flat[4], fit, views)
     _poles(axes.flat[5], fit)
-    figure.suptitle(f"{fit.dataset.name}: measured against the identified law ({fit.estimate.method})")
+    title = f"{fit.dataset.name}: measured against the identified law ({fit.estimate.method})"
+    figure.suptitle("\n".join(textwrap.wrap(title, 2 * _TITLE_LETTERS)))
     path = folder / "fit.png"
     with atomic_path(path) as temporary:
         figure.savefig(temporary, dpi=110)
@@ -152,8 +161,7 @@ def _overlay(ax: Axes, view: RunView) -> None:
     ax.step(view.tick_s, view.command_rpm, where="post", lw=1, color=_COLOURS["command"], label="command")
     ax.plot(view.tick_s, view.simulated_rpm, lw=1.5, color=_COLOURS["simulated"], label="simulated")
     ax.set(xlabel="time [s]", ylabel="rpm")
-    # Small enough for names of 40 characters.
-    ax.set_title(f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm", fontsize=9)
+    ax.set_title(_lines(f"{view.name} ({view.split}), rms {view.rms_rpm:.2f} rpm"), fontsize=9)
     ax.legend(fontsize=8)
 
 
@@ -162,7 +170,8 @@ def _residuals(ax: Axes, fit: Fit, views: list[RunView]) -> None:
         ax.plot(view.time_s, view.residual_rpm, lw=0.7, label=f"{view.name} ({view.split})")
     sigma = float(np.mean(list(fit.sigma_rpm.values())))
     ax.axhspan(-2 * sigma, 2 * sigma, color="0.9", zorder=0, label="noise, 2 sigma")
-    ax.set(title="measured minus simulated", xlabel="time [s]", ylabel="rpm")
+    ax.set_title("measured minus simulated", fontsize=9)
+    ax.set(xlabel="time [s]", ylabel="rpm")
     ax.legend(fontsize=7)
 
 
@@ -171,9 +180,5 @@ def _poles(ax: Axes, fit: Fit) -> None:
     ax.plot(np.cos(turn), np.sin(turn), color="0.6", lw=1)
     poles = fit.law.poles
     ax.plot(poles.real, poles.imag, "x", ms=9, mew=2, color=_COLOURS["simulated"])
-    ax.set(
-        title="poles in the unit circle: " + ", ".join(f"{abs(p):.3f}" for p in poles),
-        aspect="equal",
-        xlim=(-1.15, 1.15),
-        ylim=(-1.15, 1.15),
-    )
+    ax.set_title("poles in the unit circle: " + ", ".join(f"{abs(p):.3f}" for p in poles), fontsize=9)
+    ax.set(aspect="equal", xlim=(-1.15, 1.15), ylim=(-1.15, 1.15))

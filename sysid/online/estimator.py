@@ -136,7 +136,8 @@ class OnlineEstimator:
         initial_law: the law to start from, and to stay near where the data contain no information. `update`
             must be called at its period. An unstable law is made stable first.
 
-    Example:
+    Example::
+
         estimator = OnlineEstimator(OnlineOptions(), first_order_law(1 / 120))
         for command_rpm, speed_rpm in samples:
             estimate = estimator.update(command_rpm, speed_rpm)

@@ -1,11 +1,14 @@
 """The page of a fit: self-contained, drawn by a browser without network and without an error."""
 
+import contextlib
 import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 
 from sysid.fit import Fit, FitOptions, fit_dataset, fitted_model
 from sysid.fit.plots import run_views, write_fit_plots
@@ -49,11 +52,32 @@ def test_a_browser_without_network_draws_every_plot(
     assert console == []
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_text_lies_over_text(
+    page: Path, crossed_text: Callable[[Path, int], list[str]], width: int
+) -> None:
+    assert crossed_text(page, width) == []
+
+
 def test_held_out_runs_are_shown_worst_first(fit: Fit) -> None:
     views = run_views(fit, most=6)
     assert [view.split for view in views[:2]] == ["test", "test"]
     assert views[0].rms_rpm >= views[1].rms_rpm
     assert {view.split for view in views} == {"fit", "validation", "test"}
+
+
+def test_no_title_of_the_picture_is_cut_or_crossed(fit: Fit, tmp_path: Path, monkeypatch) -> None:
+    drawn: list[Figure] = []
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda figure, *_, **__: drawn.append(figure))
+    monkeypatch.setattr("sysid.fit.plots.atomic_path", lambda path: contextlib.nullcontext(path))
+    views = [replace(view, name="a_long_name_of_a_run_" * 3 + ".csv") for view in run_views(fit, most=4)]
+    monkeypatch.setattr("sysid.fit.plots.run_views", lambda *_, **__: views)
+    write_fit_plots(fit, tmp_path)
+    figure = drawn[0]
+    FigureCanvasAgg(figure).draw()
+    titles = [ax.title.get_window_extent() for ax in figure.axes]
+    assert all(title.x0 >= 0.0 and title.x1 <= figure.bbox.width for title in titles)
+    assert [a for i, a in enumerate(titles) for b in titles[:i] if a.overlaps(b)] == []
 
 
 def test_the_picture_is_written(fit: Fit, tmp_path: Path) -> None:

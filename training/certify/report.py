@@ -19,9 +19,8 @@ HEAD: Final = (
 """Head of the table of plants."""
 _TEMPLATE: Final = Path(__file__).with_name("page.html")
 _BLUE, _RED, _GREY, _BAND = "#1f5fa8", "#c0392b", "#888888", "rgba(31,95,168,0.15)"
-# On the left; the zoom buttons are on the right.
-_LEGEND: Final = {"orientation": "h", "x": 0.0, "xanchor": "left", "y": 1.0, "yanchor": "bottom"}
-_ROW_PX, _MARGIN_PX = 22, 90
+_ROW_PX, _MARGIN_PX, _LEAST_PX = 22, 90, 230
+"""Height of a plant in its figure, of what surrounds the plants, and of the figure with its zoom buttons."""
 
 
 def certificate_table(certificate: Certificate) -> str:
@@ -165,7 +164,6 @@ def warning_figure(certificate: Certificate) -> dict[str, Any]:
     layout = {
         "shapes": shapes,
         "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
-        "legend": _LEGEND,
     }
     x_title = "warning: from the first visible motion to the hit [s]"
     return figure(traces, x=x_title, height=380, layout=layout)
@@ -185,7 +183,7 @@ def _plants_figure(certificate: Certificate) -> dict[str, Any]:
         "yaxis": {"automargin": True, "dtick": 1},
         "showlegend": False,
     }
-    return figure([trace], height=_MARGIN_PX + _ROW_PX * len(plants), layout=layout)
+    return figure([trace], height=max(_LEAST_PX, _MARGIN_PX + _ROW_PX * len(plants)), layout=layout)
 
 
 def _techniques_figure(certificate: Certificate) -> dict[str, Any]:
@@ -201,7 +199,6 @@ def _techniques_figure(certificate: Certificate) -> dict[str, Any]:
     layout = {
         "xaxis": {"tickvals": list(range(len(names))), "ticktext": names, "zeroline": False},
         "yaxis": {"title": {"text": "success"}, "range": [-0.02, 1.02]},
-        "legend": _LEGEND,
     }
     return figure(traces, height=300, layout=layout)
 

@@ -43,8 +43,7 @@ def draw(curves: dict[str, list[Point]], retreat: float, on_levels: Collection[s
     """
     figure = Figure(figsize=(7.0, 4.0), layout="constrained")
     axes = figure.subplots()
-    axes.axhline(retreat, color="0.5", linestyle="--", linewidth=1.0)
-    axes.annotate("scripted retreat", (0.0, retreat), (4, 4), textcoords="offset points", color="0.4")
+    axes.axhline(retreat, color="0.5", linestyle="--", linewidth=1.0, label="scripted retreat")
     for name, points in curves.items():
         millions = [point.steps / 1e6 for point in points]
         (line,) = axes.plot(millions, [point.success for point in points], marker=".", label=name)

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from mecanum_env.model import cause_of
 from mecanum_env.report import write_page
-from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, overlay_figure
+from sysid.gap.report.plots import experiment_figure, heat_figure, heat_scale, heat_width_px, overlay_figure
 from sysid.gap.result import Difference, Evidence, FoundEffect, GapReport
 from sysid.gap.wording import (
     amount,
@@ -67,6 +67,7 @@ def write_gap_report(report: GapReport, path: Path) -> None:
         overlays=list(overlays),
         heat=heat is not None,
         heat_unit=heat_scale(report)[1],
+        heat_width_px=heat_width_px(report),
         evidence=_evidence(report),
         evidence_shown=_EVIDENCE_SHOWN,
         evidence_left=max(0, len(report.evidence) - _EVIDENCE_FOLDED),

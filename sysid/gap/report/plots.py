@@ -31,9 +31,8 @@ _REGIONS: Final = (
     *("towards +x", "towards +y", "towards -x", "towards -y", "on the spot"),
 )
 """Order in which regions are listed; those with numbers are ordered by their numbers."""
-_BESIDE: Final = {"orientation": "v"}
-"""Zoom buttons in a column beside the plot, where they cover neither title nor legend."""
-_MARGIN: Final = {"l": 60, "r": 36, "t": 60, "b": 45}
+_HEAT_SIDES_PX, _HEAT_CELL_PX = 260, 38
+"""Width of what stands beside the cells of a heat map, and the least width of a cell."""
 
 Figure = dict[str, Any]
 
@@ -68,8 +67,6 @@ def overlay_figure(overlay: Overlay) -> Figure:
         y=overlay.unit,
         height=400,
         layout={
-            "modebar": _BESIDE,
-            "margin": _MARGIN,
             "xaxis": {"title": {"text": "time [s]"}, "zeroline": False, "anchor": "y2"},
             "yaxis": {"title": {"text": overlay.unit}, "zeroline": False, "domain": [0.36, 1.0]},
             "yaxis2": {"title": {"text": "error"}, "zerolinecolor": "#bbb", "domain": [0.0, 0.26]},
@@ -113,6 +110,12 @@ def heat_figure(report: GapReport) -> Figure | None:
         "colorbar": {"title": {"text": unit}, "thickness": 12, "len": 0.9, "x": halves[-1][2] + 0.01},
     }  # fmt: skip
     return figure(traces, height=130 + _ROW_PX * len(rows), layout=layout)
+
+
+def heat_width_px(report: GapReport) -> int:
+    """Return the least width [px] at which the numbers of `heat_figure` have room in their cells."""
+    columns = len(heat_scale(report)[0]) * (2 if report.changed else 1)
+    return _HEAT_SIDES_PX + _HEAT_CELL_PX * columns
 
 
 def _heat(
@@ -193,7 +196,6 @@ def experiment_figure(experiment: Experiment) -> Figure:
         traces += [{**line, "yaxis": f"y{axis}"} for line in lines]
     last = "" if len(panels) == 1 else str(len(panels))
     layout["xaxis"] = {"title": {"text": "time [s]"}, "anchor": f"y{last}", "zeroline": False}
-    layout["modebar"], layout["margin"] = _BESIDE, _MARGIN
     return figure(traces, height=110 + 190 * len(panels), layout=layout)
 
 

@@ -201,7 +201,6 @@ def page_figure(panel: Panel) -> dict[str, Any]:
     axes: dict[str, Any] = {
         "xaxis": {"title": {"text": panel.x_label}, "zeroline": False},
         "yaxis": {"title": {"text": panel.y_label}, "zeroline": False},
-        "legend": {"orientation": "h", "y": -0.25, "font": {"size": 10}},
     }
     if panel.log_x:
         axes["xaxis"]["type"] = "log"

@@ -80,6 +80,18 @@ def test_a_browser_without_network_draws_every_plot(pages: dict[str, Path], draw
     assert console == []
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+@pytest.mark.parametrize("verdict", ["named", "ambiguous"])
+def test_no_text_lies_over_text(
+    pages: dict[str, Path], crossed_text: Callable[[Path, int], list[str]], verdict: str, width: int
+):
+    assert crossed_text(pages[verdict], width) == []
+
+
+def test_a_page_is_small(pages: dict[str, Path]):
+    assert max(page.stat().st_size for page in pages.values()) < 1_500_000
+
+
 def test_the_page_says_which_runs_its_numbers_are_of(named: GapReport, tmp_path: Path):
     seen = replace(named, held_out="validation", unseen=False)
     write_gap_report(seen, tmp_path / "seen.html")

@@ -114,6 +114,13 @@ def test_the_page_stands_alone_and_shows_everything(quick, tmp_path):
     assert not re.search(r'<(script|link|img)[^>]*(src|href)="https?:', text)
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_text_lies_over_text(quick, tmp_path, crossed_text, width):
+    assert write_reproduction_page(quick, tmp_path / "report.html")
+    assert crossed_text(tmp_path / "report.html", width) == []
+    assert (tmp_path / "report.html").stat().st_size < 1_500_000
+
+
 def test_the_command_line_writes_everything(quick, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr("sysid.studies.reproduce.experiment.reproduce", lambda *_: quick)
     assert run(main, ["--quick", "--out", str(tmp_path / "out"), "--markdown", str(tmp_path / "r.md")]) == 0

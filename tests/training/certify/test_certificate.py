@@ -178,6 +178,11 @@ def test_the_page_says_the_verdict_and_loads_nothing(page, small):
         assert plant.summary in words
 
 
+@pytest.mark.parametrize("width", [390, 1280])
+def test_no_text_lies_over_text(page, crossed_text, width):
+    assert crossed_text(page, width) == []
+
+
 def test_a_browser_without_network_draws_every_plot(page, draw_page):
     figures, drawn, console = draw_page(page)
     assert figures == 3

@@ -1,0 +1,47 @@
+"""A desk as a reader of the documents has it: files of the checkout, and models where pages expect them."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.docs.blocks import ROOT, call
+
+MODELS = ("fit", "out", "out/fit", ".")
+"""Folders in which pages expect a fit of the bundled logs."""
+IMPROVED = ("gap", "out/gap")
+
+
+@pytest.fixture(scope="session")
+def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Return a folder with a fit of the bundled logs and the study of the changed ones."""
+    folder = tmp_path_factory.mktemp("studied")
+    for arguments in (
+        ["sysid.fit", f"{ROOT}/examples/logs", "--out", f"{folder}/fit"],
+        [
+            "sysid.gap",
+            f"{ROOT}/examples/gap_logs",
+            "--model",
+            f"{folder}/fit/model.json",
+            "--out",
+            f"{folder}/gap",
+        ],
+    ):
+        code, said = call(["python", "-m", *arguments])
+        assert code == 0, said
+    return folder
+
+
+@pytest.fixture
+def desk(studied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Return a folder to work in, and work there."""
+    for name in ("examples", "benchmarks", "assets"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    for folders, kind in ((MODELS, "fit"), (IMPROVED, "gap")):
+        for folder in folders:
+            shutil.copytree(studied / kind, tmp_path / folder, dirs_exist_ok=True)
+    (tmp_path / "drive.csv").write_text(
+        "time_s,command_v_rpm,command_theta_deg,command_vc_rpm\n0,80,0,0\n0.5,0,0,40\n", encoding="utf-8"
+    )
+    monkeypatch.chdir(tmp_path)
+    return tmp_path

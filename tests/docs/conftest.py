@@ -1,10 +1,13 @@
 """A desk as a reader of the documents has it: files of the checkout, and models where pages expect them."""
 
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
+from mecanum_env.effects.catalogue import _EFFECTS
+from mecanum_env.model.effect_names import remove_from_schema
 from tests.docs.blocks import ROOT, call
 
 MODELS = ("fit", "out", "out/fit", ".")
@@ -33,8 +36,8 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def desk(studied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder to work in, and work there."""
+def desk(studied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Return a folder to work in, and work there; effects that a page registers are forgotten afterwards."""
     for name in ("examples", "benchmarks", "assets"):
         (tmp_path / name).symlink_to(ROOT / name)
     for folders, kind in ((MODELS, "fit"), (IMPROVED, "gap")):
@@ -44,4 +47,8 @@ def desk(studied: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path
         "time_s,command_v_rpm,command_theta_deg,command_vc_rpm\n0,80,0,0\n0.5,0,0,40\n", encoding="utf-8"
     )
     monkeypatch.chdir(tmp_path)
-    return tmp_path
+    known = set(_EFFECTS)
+    yield tmp_path
+    for name in set(_EFFECTS) - known:
+        remove_from_schema(name)
+        del _EFFECTS[name]

@@ -26,7 +26,13 @@ class View:
     def __init__(self, *args: str) -> None:
         command = [sys.executable, "-m", "mecanum_env.view", "--no-browser", *args]
         self.process = subprocess.Popen(
-            command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=os.environ
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            env=os.environ,
+            # A program that was started in the background ignores the signal, and so would its child.
+            preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
         )
         assert self.process.stdout is not None
         self.url = self.process.stdout.readline().strip()

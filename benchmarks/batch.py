@@ -17,7 +17,7 @@ import numpy as np
 from metric import Metric, metric_rows, print_metrics
 from tqdm import tqdm
 
-import mecanum_env  # noqa: F401  (registers the environments)
+import mecanum_env
 from mecanum_env.batch import PlanarBatch, planar_robot
 from mecanum_env.cli import run
 from mecanum_env.files import write_json
@@ -28,6 +28,8 @@ from mecanum_env.simulator.robot import at_rest
 from mecanum_env.tankendo import action_to_command
 from mecanum_env.tankendo.plant import RobotBatch, compile_model
 from mecanum_env.tankendo.vector import TankendoVectorEnv
+
+gymnasium.register_envs(mecanum_env)
 
 ROWS = {"arrays": 4096, "mujoco": 256}
 DRAWN = {"robot.mass_kg": (18.0, 24.0), "effects.speed_gain.gain": (0.9, 1.0)}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import functools
+import operator
 from collections.abc import Callable, Mapping
-from typing import Annotated, Any, Literal, Union
+from typing import Annotated, Any, Literal
 
 import tyro
 
@@ -39,7 +41,7 @@ def _one_of(commands: Mapping[str, Callable[..., Any]]) -> Any:
     parts = [
         Annotated[Any, tyro.conf.subcommand(name=name, constructor=one)] for name, one in commands.items()
     ]
-    return Union[tuple(parts)]  # noqa: UP007  (built at run time)
+    return functools.reduce(operator.or_, parts)
 
 
 def _group(commands: Mapping[str, Callable[..., Any]]) -> Callable[..., Any]:

@@ -13,7 +13,6 @@ from .rendering.view import View
 from .senses import CameraFrame, Estimator, OwnReading, Senses, VariedSenses
 from .simulator import BodyCommands, RobotSession, Trajectory, WheelCommands, drive, replay_bench, scripted
 from .tankendo import Opponent, Opponents, Rules, command_to_action
-from .tankendo.duel import MecanumTankendoDuel
 from .tankendo.env import TankendoEnv
 from .tankendo.sensing import estimated_observation
 from .tankendo.vector import TankendoVectorEnv
@@ -28,7 +27,6 @@ __all__ = [
     "Estimator",
     "InputError",
     "MecanumError",
-    "MecanumTankendoDuel",
     "Model",
     "Opponent",
     "Opponents",

@@ -122,6 +122,11 @@ def test_gymnasium_finds_the_environments_without_an_import(tmp_path):
     assert done.stdout.split() == ["MecanumTankendo-v0", "2"]
 
 
+def test_every_public_name_of_the_plant_needs_no_extra():
+    code = "import sys; sys.modules['pettingzoo'] = None\nfrom mecanum_env import *"
+    subprocess.run([sys.executable, "-c", code], check=True)
+
+
 def test_type_checkers_find_the_types():
     assert [package for package in PACKAGES if not (ROOT / package / "py.typed").exists()] == []
 

@@ -60,4 +60,5 @@ def _torch() -> ModuleType:
         raise InputError(
             "device: needs torch, `pip install torch`; without a device numpy computes"
         ) from error
-    return torch  # type: ignore[no-any-return]
+    found: ModuleType = torch
+    return found

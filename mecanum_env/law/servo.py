@@ -147,7 +147,8 @@ def _ripple(s: DriveState, p: Sets, speed: FloatArray, parts: Parts) -> FloatArr
     """Return the torque that follows the wheels' angle."""
     acts = (p["ripple_n_m"] > 0.0) | (p["ripple_share"] > 0.0)
     if not bool(acts.any()):
-        return parts.xp.zeros_like(speed)  # type: ignore[no-any-return]
+        none: FloatArray = parts.xp.zeros_like(speed)
+        return none
     size = p["ripple_n_m"] + p["ripple_share"] * p["servo_n_m_s_rad"] * speed
     swing = parts.sines(p["ripple_per_turn"] * s.angle + p["ripple_phase_rad"])
     torque: FloatArray = parts.xp.where(acts, size * swing, 0.0)
@@ -206,7 +207,8 @@ def _coldness(s: DriveState, p: Sets, h: float, parts: Parts) -> FloatArray:
     share, time_s = p["friction_warm_share"], p["friction_warm_s"]
     warms = (share > 0.0) & (time_s > 0.0)
     if not bool(warms.any()):
-        return xp.ones_like(share)  # type: ignore[no-any-return]
+        whole: FloatArray = xp.ones_like(share)
+        return whole
     elapsed = -((s.substeps - 1) * h) / xp.where(warms, time_s, 1.0)
     left: FloatArray = xp.where(warms, 1 - share * (1 - parts.exponentials(elapsed)), 1.0)
     return left

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Final, Unpack
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Unpack
 
 import gymnasium
 import numpy as np
@@ -68,7 +68,7 @@ class MecanumTankendoDuel(ParallelEnv):  # type: ignore[misc]
         InputError: an argument that cannot be used.
     """
 
-    metadata = {  # noqa: RUF012  (PettingZoo's own form)
+    metadata: ClassVar[dict[str, Any]] = {
         "name": "mecanum_tankendo_duel_v0",
         "render_modes": ["rgb_array"],
         "render_fps": 10,

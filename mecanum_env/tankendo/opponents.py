@@ -83,7 +83,7 @@ class Opponents:
         InputError: a parameter that is none, or ends that an opponent cannot have.
     """
 
-    base: Opponent = Opponent()  # noqa: RUF009  (frozen)
+    base: Opponent = field(default_factory=Opponent)
     """What is not drawn is as here."""
     ranges: Mapping[str, Ends] = field(
         default_factory=lambda: {one.name: one.ends for one in PARAMETERS if one.name != "lead_form"}

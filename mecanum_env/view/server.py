@@ -30,6 +30,7 @@ try:
     from websockets.datastructures import Headers
     from websockets.exceptions import ConnectionClosed
     from websockets.http11 import Request, Response
+    from websockets.typing import Origin
 except ImportError as error:
     raise BackendError(f"the view needs websockets 13 or newer: {install_command('view')}") from error
 
@@ -120,12 +121,12 @@ class Server:
             self._loop.close()
 
     async def _serve(self) -> None:
-        own = [f"http://{name}:{self.port}" for name in (HOST, "localhost")]
+        own = [Origin(f"http://{name}:{self.port}") for name in (HOST, "localhost")]
         async with serve(
             self._attend,
             sock=self._listening,
             process_request=self._answer,
-            origins=own,  # type: ignore[arg-type]
+            origins=own,
             max_size=_LARGEST_MESSAGE,
             compression=None,
             close_timeout=1.0,

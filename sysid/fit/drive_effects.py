@@ -140,7 +140,8 @@ def find_drive_effects(
         began += [] if simple is None else [simple]
     reached = _searched(searches, began, tell)
     if first.inflation <= _FAR:
-        # Beside a law that leaves little, a set that is not the best one either is no finding.
+        # Where the law leaves little, only the set with the best price may take its place, and if held-out
+        # runs refuse that, the law stays. Smaller sets may pass: the supply limit of the bundled logs would.
         reached = reached[:1]
     worthy = next((one for one in reached if one is not first and one.better_than(first)), None)
     if worthy is None and is_enough:

@@ -24,8 +24,8 @@ from sysid.compare.coordinates import EffectSet
 SIMPLE_DRIVE: Final = ("command_latency", "speed_gain", "acceleration_limit", "coulomb_friction")
 """Effects of the simple drive beside its lag."""
 _POPULATION: Final = 6
-"""Members for each number that is searched. With 10 the cost of drawn drives fell no further."""
 _GENERATIONS: Final = 40
+"""Members for each number that is searched, and most generations. Assumed: 2 to 10 s for a fit."""
 _FASTEST: Final = 0.25
 """Shortest time constant of the lag, in ticks of the law."""
 _TOLERANCE: Final = 0.03

@@ -35,7 +35,7 @@ from sysid.logs.runs import UNITS
 from sysid.progress import Progress, within
 
 _MOST_COMPLETIONS: Final = 2
-"""Searches after the first one. A third found nothing new on drawn drives, and each takes as long."""
+"""Searches after the first one, each of which takes as long. Assumed."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -84,7 +84,9 @@ def test_the_study_proposes_and_only_adopts_when_asked(base, bench_logs, tmp_pat
     logs = bench_logs(hidden, seed=2)
     asked = analyse(logs, base, FEW)
     assert asked.verdict == "unexplained"
+    # Only what the study spent is added to it.
     assert replace(asked.model, provenance=base.provenance) == base
+    assert set(asked.model.provenance) - set(base.provenance) == {"studies"}
     assert asked.gap.after == asked.gap.before
     assert asked.custom.after < 0.25 * asked.gap.before
     value = gap_json(asked)

@@ -32,7 +32,9 @@ def test_logs_of_the_model_itself_have_no_gap(bench_logs: MakeLogs, base: Model)
     report = analyse(bench_logs(base, seed=1), base, QUIET)
     assert report.verdict == "no_gap"
     assert report.effects == ()
+    # Only what the study spent is added to it.
     assert replace(report.model, provenance=base.provenance) == base
+    assert set(report.model.provenance) - set(base.provenance) == {"studies"}
 
 
 @pytest.fixture(scope="module")

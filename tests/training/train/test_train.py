@@ -8,7 +8,7 @@ import json
 import pickle
 import shutil
 import zipfile
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,19 +16,13 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
-from mecanum_env.cli import run
 from mecanum_env.errors import InputError
-from mecanum_env.model import paper_model
 from mecanum_env.outputs import lock_folder, output_folder
-from mecanum_env.senses import VariedSenses
-from mecanum_env.tankendo import Opponents
 from training.controllers.policy import load_policy
 from training.train import checkpoint
-from training.train.__main__ import main
 from training.train.agent import make_agent, network_of
 from training.train.checkpoint import (
     Run,
-    State,
     export_newest,
     load_weights,
     newest_checkpoint,
@@ -37,8 +31,8 @@ from training.train.checkpoint import (
     read_state,
     write_checkpoint,
 )
-from training.train.environments import bare_env, episode_seeds, level_models, training_env
-from training.train.run import DEVELOPMENT_SEEDS, resume, train_policy
+from training.train.environments import training_env
+from training.train.run import resume, train_policy
 from training.train.settings import Ppo, Sac, TrainingSettings, command_line, settings_from_json
 
 _SPEC = importlib.util.spec_from_file_location("crash", Path(__file__).parents[2] / "crash.py")
@@ -162,93 +156,6 @@ def test_a_folder_of_another_program_is_refused_in_our_words(text, tmp_path):
     assert said.startswith(f"{tmp_path / 'run.json'}")
     assert "Error" not in said
     assert "not " in said
-
-
-def test_bad_settings_are_refused(capsys):
-    with pytest.raises(InputError, match=r'env = .*did you mean "MecanumTankendoDuel-v0"'):
-        TrainingSettings(env="MecanumTankendoDual-v0")
-    with pytest.raises(InputError, match="stack = 0, must be at least 1"):
-        TrainingSettings(stack=0)
-    with pytest.raises(InputError, match=r'no .stak. \(did you mean "stack"'):
-        settings_from_json(asdict(TrainingSettings()) | {"stak": 1})
-    assert run(main, []) == 2
-    assert "--out FOLDER or --resume FOLDER" in capsys.readouterr().err
-    assert run(main, ["--resume", "x", "--seed", "3"]) == 2
-    assert "the run's own settings count" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--ppo.learning-rate", "-1"), "ppo.learning_rate = -1.0, must be a finite number of at least 0"),
-        (("--ppo.last-learning-rate", "inf"), "ppo.last_learning_rate = inf, must be a finite number"),
-        (("--ppo.batch-size", "0"), "ppo.batch_size = 0, must be at least 2"),
-        (("--ppo.rollout-steps", "0"), "ppo.rollout_steps = 0, must be at least 1"),
-        (("--ppo.rollout-steps", "1", "--envs", "1"), "a rollout must have at least 2 steps"),
-        (("--ppo.layers", "8", "-3"), "ppo.layers = -3, must be at least 1"),
-        (("--ppo.epochs", "-1"), "ppo.epochs = -1, must be at least 1"),
-        (("--ppo.gamma", "2"), "ppo.gamma = 2.0, must be a number from 0 to 1"),
-        (("--ppo.clip-range", "-1"), "ppo.clip_range = -1.0, must be a finite number of at least 0"),
-        (("--ppo.log-std", "nan"), "ppo.log_std = nan, must be a finite number"),
-        (("--sac.learning-rate", "nan"), "sac.learning_rate = nan, must be a finite number"),
-        (("--sac.updates-a-step", "0"), "sac.updates_a_step = 0, must be at least 1"),
-        (("--sac.buffer-size", "-1"), "sac.buffer_size = -1, must be at least 1"),
-        (("--sac.layers", "0"), "sac.layers = 0, must be at least 1"),
-        (("--reward-weights", "hit", "nan"), "reward_weights: hit = nan, must be a finite number"),
-        (("--seed", "-1"), "seed = -1, must be from 0 to 4294967295"),
-        (("--seed", str(2**32)), "seed = 4294967296, must be from 0 to 4294967295"),
-    ],
-)
-def test_a_number_that_cannot_be_trained_with_begins_no_run(arguments, message, tmp_path, capsys):
-    assert run(main, ["--out", str(tmp_path / "run"), *arguments]) == 2
-    assert message in capsys.readouterr().err
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_levels_are_robots_side_by_side():
-    settings = TrainingSettings(randomize="levels", envs=9, stack=2)
-    env = training_env(settings)
-    models = level_models(paper_model())
-    assert len({json.dumps(model.effects, sort_keys=True, default=dict) for model in models.values()}) == len(
-        models
-    )
-    natives = env.unwrapped.envs
-    assert [native.num_envs for native in natives] == [2, 2, 2, 2, 1]
-    env.unwrapped._seeds = episode_seeds(settings, 0)
-    assert env.reset().shape == (9, 42)
-    env.step(np.ones((9, 3), np.float32))
-    one = [native.arena.robots.model_of(0) for native in natives]
-    assert one == list(models.values())
-
-
-def test_opponents_and_senses_can_be_varied_in_training():
-    env = bare_env(replace(SMALL["ppo"], opponents="varied", senses="varied"))
-    setting = env.venv.envs[0].arena.setting
-    assert (type(setting.opponents), type(setting.senses)) == (Opponents, VariedSenses)
-    assert env.reset().shape == bare_env(SMALL["ppo"]).reset().shape
-
-
-def test_training_never_meets_an_episode_of_an_evaluation():
-    seeds = episode_seeds(TrainingSettings(envs=256), 0)
-    assert len(set(seeds)) == 256
-    assert min(seeds) > max(DEVELOPMENT_SEEDS)
-    assert set(seeds).isdisjoint(episode_seeds(TrainingSettings(envs=256), 250_000))
-    assert set(seeds).isdisjoint(episode_seeds(TrainingSettings(envs=256, seed=1), 0))
-
-
-def test_a_run_names_the_command_that_repeats_it(tmp_path, monkeypatch):
-    settings = replace(SMALL["ppo"], seed=3, reward_weights={"hit": 2.0}, randomize="levels")
-    begun = []
-
-    def begin(*given):
-        begun.append(given)
-        return State()
-
-    monkeypatch.setattr("training.train.run.train_policy", begin)
-    words = command_line(settings, str(tmp_path)).split()
-    assert words[:3] == ["python", "-m", "training.train"]
-    assert run(main, words[3:]) == 0
-    assert begun == [(settings, tmp_path)]
 
 
 def test_a_run_can_load_weights_the_weights_of_another(trained, tmp_path):

@@ -1,0 +1,85 @@
+"""Smaller sets stay candidates where an effect may only mend formulas; doubt is about effects as a whole."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model
+from sysid.compare.coordinates import effect_set
+from sysid.compare.fitted import fit
+from sysid.compare.noise import measure_noise
+from sysid.compare.observations import observe
+from sysid.compare.problem import ResidualProblem
+from sysid.compare.whitening import Whitener
+from sysid.gap.search import ties
+from sysid.gap.search.chance import Floor
+from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
+from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.gap.search.ties import with_fewer
+
+from .conftest import MakeLogs
+
+BASE_COST = 1000.0
+FLOOR = Floor(1e4, trusted=True)
+PAIR = ("backlash", "stiction")
+
+
+def a_set(cost: float, *names: str) -> ScoredSet:
+    """Return a set of which only names, score and cost are known."""
+    fitted: Any = SimpleNamespace(names=names, cost=cost)
+    return ScoredSet(fitted, np.array([cost]))
+
+
+@pytest.fixture
+def search(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Return a search of which only the cost without effects is known; no set rises or is doubtful."""
+    monkeypatch.setattr(ties, "rises", lambda *_: False)
+    monkeypatch.setattr(ties, "doubtful", lambda *_: ())
+    monkeypatch.setattr(ties, "formula_error", lambda *_: THRESHOLDS.formula_error)
+    return SimpleNamespace(problem=None, base=SimpleNamespace(cost=BASE_COST))
+
+
+def test_an_effect_that_leaves_little_of_what_a_pair_explains_is_listed_behind_the_pair(search: Any) -> None:
+    allowed = THRESHOLDS.crude_formula**2 * (BASE_COST - 100.0)
+    pair = a_set(100.0, *PAIR)
+    near, far = a_set(99.0 + allowed, "backlash"), a_set(101.0 + allowed, "stiction")
+    assert with_fewer(search, FLOOR, (pair,), (pair, near, far), 1.0) == (pair, near)
+
+
+def test_a_pair_that_takes_the_residual_to_the_noise_is_alone(
+    search: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(ties, "formula_error", lambda *_: THRESHOLDS.exact_formula)
+    pair, near = a_set(100.0, *PAIR), a_set(110.0, "backlash")
+    assert with_fewer(search, FLOOR, (pair,), (pair, near), 1.0) == (pair,)
+
+
+def test_harmful_and_doubtful_effects_are_not_listed(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    pair, near = a_set(100.0, *PAIR), a_set(110.0, "backlash")
+    for name, instead in (("rises", lambda *_: True), ("doubtful", lambda *_: ("backlash",))):
+        with monkeypatch.context() as only:
+            only.setattr(ties, name, instead)
+            assert with_fewer(search, FLOOR, (pair,), (pair, near), 1.0) == (pair,)
+
+
+@pytest.mark.parametrize(("share", "found"), [(0.15, ()), (0.0, ("warm_up",))])
+def test_an_effect_whose_parameters_are_vague_is_doubted_only_if_it_may_be_none(
+    bench_logs: MakeLogs, base: Model, share: float, found: tuple[str, ...]
+) -> None:
+    # In runs of 2 s a share that is reached after 6 s is hardly told from a larger one that takes longer.
+    hidden = base.with_effect("warm_up", share=share, time_constant_s=6.0) if share else base
+    logs = bench_logs(hidden, seed=4)
+    observations = observe(logs)
+    problem = ResidualProblem(base, Whitener(observations, measure_noise(logs, observations), None))
+    candidate = effect_set(base, ["warm_up"])
+    place = np.array([one.unit(value) for one, value in zip(candidate.coordinates, (0.15, 6.0), strict=True)])
+    fitted = fit(problem, candidate, place, most=30)
+    assert fitted is not None
+    # One of the two parameters is vague in both cases.
+    low, high = interval_ends(problem, fitted, 1.0)
+    assert np.any(high - low > 0.5)
+    assert doubtful(problem, fitted, 1.0) == found

@@ -103,7 +103,7 @@ class Opponents:
                 raise InputError(f"opponent: {name} = {ends!r}, must be two numbers, the lower first")
             # What an opponent cannot have is refused by the opponent itself.
             for end in ends:
-                _with(self.base, name, (end, end) if name in _RANGED else end)
+                _with(self.base, {name: (end, end) if name in _RANGED else end})
         ordered = {name: tuple(self.ranges[name]) for name in sorted(self.ranges)}
         object.__setattr__(self, "ranges", MappingProxyType(ordered))
 
@@ -118,18 +118,19 @@ class Opponents:
 
     def draw(self, rng: np.random.Generator) -> Opponent:
         """Return an opponent drawn with the generator `rng`."""
-        drawn = self.base
+        drawn: dict[str, Any] = {}
         for name, ends in self.ranges.items():
             if name == "lead_form":
-                drawn = _with(drawn, name, ends[int(rng.integers(len(ends)))])
+                drawn[name] = ends[int(rng.integers(len(ends)))]
                 continue
             low, high = float(ends[0]), float(ends[1])
             if name in _RANGED:
                 first, second = low + (high - low) * np.sort(rng.random(2))
-                drawn = _with(drawn, name, (float(first), float(second)))
+                drawn[name] = float(first), float(second)
             else:
-                drawn = _with(drawn, name, low + (high - low) * float(rng.random()))
-        return drawn
+                drawn[name] = low + (high - low) * float(rng.random())
+        # All at once, since every replacement is checked.
+        return _with(self.base, drawn)
 
 
 OpponentLike = Opponent | Opponents | Mapping[str, Ends]
@@ -172,8 +173,12 @@ def opponent_from_dict(value: Mapping[str, Any]) -> Opponent | Opponents:
     return base if ranges is None else Opponents(base, {name: tuple(ends) for name, ends in ranges.items()})
 
 
-def _with(opponent: Opponent, name: str, value: Any) -> Opponent:
-    if name != _SWING:
-        return replace(opponent, **{name: value})
-    techniques = tuple(replace(one, swing_s=float(value) * one.swing_s) for one in opponent.techniques)
-    return replace(opponent, techniques=techniques)
+def _with(opponent: Opponent, values: Mapping[str, Any]) -> Opponent:
+    """Return an opponent with some parameters replaced by name."""
+    changed = dict(values)
+    if _SWING in changed:
+        scale = float(changed.pop(_SWING))
+        changed["techniques"] = tuple(
+            replace(one, swing_s=scale * one.swing_s) for one in opponent.techniques
+        )
+    return replace(opponent, **changed)

@@ -25,7 +25,7 @@ from training.duel.elo import Ratings, fit_elo
 from training.duel.environment import DuelVecEnv
 from training.duel.match import Player, PlayerFactory, play_match, player_factory
 from training.train.agent import make_agent, network_of
-from training.train.environments import StackedVecEnv
+from training.train.vec_env import StackedVecEnv
 from training.train.settings import Ppo, TrainingSettings
 
 _REWARD: Final = {"out": 5.0}

@@ -14,6 +14,7 @@ from mecanum_env.programs import Done
 from mecanum_env.tankendo.actions import ActionMode
 from training.train.settings import (
     Algorithm,
+    Critic,
     Ppo,
     Sac,
     TrainingOpponents,
@@ -34,8 +35,13 @@ def main(
     model: Path | None = None,
     difficulty: str = TrainingSettings.difficulty,
     randomize: TrainingRobots = TrainingSettings.randomize,
+    latency_s: tuple[float, float] = TrainingSettings.latency_s,
     opponents: TrainingOpponents = TrainingSettings.opponents,
+    warning_s: tuple[float, float] = TrainingSettings.warning_s,
+    first_warning_s: tuple[float, float] = TrainingSettings.first_warning_s,
+    curriculum: float = TrainingSettings.curriculum,
     senses: TrainingSenses = TrainingSettings.senses,
+    critic: Critic = TrainingSettings.critic,
     start: Path | None = None,
     envs: int = TrainingSettings.envs,
     action_mode: ActionMode = TrainingSettings.action_mode,
@@ -59,11 +65,17 @@ def main(
         plant: planar, or rollers (much slower).
         model: Model file of the robot; by default the packaged one.
         difficulty: Difficulty of the opponent: easy, normal or hard.
-        randomize: Robots to train on: none (the model), posterior (drawn from its uncertainty), or levels.
+        randomize: Robots to train on: none (the model), posterior (drawn from its uncertainty), levels (five
+            side by side), or varied (drawn from its uncertainty, late and slow).
+        latency_s: Range of the extra latency of varied robots [s].
         opponents: Opponents to train against: level (that of the difficulty), or varied (drawn for each
             episode).
-        senses: What the robot senses: off (plain sensors), usual (frames that get lost, and an estimator), or
-            varied (worse ones, drawn for each episode).
+        warning_s: Range of the warning time of varied opponents [s].
+        first_warning_s: The same at the beginning of the curriculum.
+        curriculum: Share of the steps over which the first range becomes the last.
+        senses: What the robot senses: off (plain sensors), usual (frames that get lost, and an estimator),
+            varied (worse ones, drawn for each episode), or mixed (half off, half varied).
+        critic: What the critic sees: same (as the actor), or privileged (the true robot and opponent, too).
         start: Folder of another run whose weights are the initial ones.
         envs: Number of environments side by side.
         action_mode: Meaning of an action: cartesian, polar or command.
@@ -84,9 +96,14 @@ def main(
         plant=plant,
         model=None if model is None else str(model),
         difficulty=difficulty,
-        opponents=opponents,
-        senses=senses,
         randomize=randomize,
+        latency_s=latency_s,
+        opponents=opponents,
+        warning_s=warning_s,
+        first_warning_s=first_warning_s,
+        curriculum=curriculum,
+        senses=senses,
+        critic=critic,
         start=None if start is None else str(start),
         envs=envs,
         action_mode=action_mode,

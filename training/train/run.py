@@ -27,8 +27,7 @@ from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
 from mecanum_env.outputs import lock_folder
-from training.controllers.policy import Network, Policy
-from training.evaluate import Setup, evaluate_controller
+from training.controllers.policy import Network
 from training.train.agent import make_agent, network_of
 from training.train.checkpoint import (
     Point,
@@ -44,10 +43,20 @@ from training.train.checkpoint import (
     write_checkpoint,
     write_run,
 )
-from training.train.environments import episode_seeds, level_models, model_of, training_env
+from training.train.environments import (
+    engine_for,
+    episode_seeds,
+    model_of,
+    native_envs,
+    opponents_of,
+    senses_of,
+    training_env,
+)
+from training.train.robots import level_models
+from training.train.score import successes
 from training.train.settings import TrainingSettings, command_line
 
-DEVELOPMENT_SEEDS: Final = range(100_000, 100_200)
+DEVELOPMENT_SEEDS: Final = range(100_000, 100_400)
 """Seeds of the episodes that a run scores its policy on. Choices are made on these; final results are not."""
 
 
@@ -135,22 +144,34 @@ def _go_on(
 def _development_score(
     network: Network, settings: TrainingSettings, seeds: Sequence[int]
 ) -> tuple[float, float]:
-    """Return the share of successes on the robots that are trained on: over all, and on the worst one.
+    """Return the share of successes: over all robots and senses that are trained on, and on the worst one.
 
-    The seeds are distributed over the robots.
+    Of drawn robots those of `level_models` are played, against the opponents of the training's end. The seeds
+    are distributed over robots and senses.
     """
-    robots = [model_of(settings)]
-    if settings.randomize == "levels":
-        robots = list(level_models(robots[0]).values())
-    played = []
-    for start, robot in enumerate(robots):
-        own = seeds[start :: len(robots)]
-        if own:
-            drawn: Literal["none", "posterior"] = "posterior" if settings.randomize == "posterior" else "none"
-            setup = Setup(robot, settings.plant, settings.task, settings.difficulty, randomize=drawn)
-            episodes = evaluate_controller(lambda *_: Policy(network, {}), setup, own, rows=len(own)).episodes
-            played.append([episode.success for episode in episodes])
-    return float(np.mean(np.concatenate(played))), min(float(np.mean(successes)) for successes in played)
+    model = model_of(settings)
+    on_levels = settings.randomize in ("levels", "varied")
+    robots = list(level_models(model).values()) if on_levels else [model]
+    opponent = opponents_of(settings, settings.steps)
+    drawn: Literal["none", "posterior"] = "posterior" if settings.randomize == "posterior" else "none"
+    kinds = [(robot, senses) for robot in robots for senses in senses_of(settings)]
+    played = [
+        successes(
+            network,
+            seeds[start :: len(kinds)],
+            model=robot,
+            plant=settings.plant,
+            task=settings.task,
+            difficulty=settings.difficulty,
+            opponent=opponent,
+            senses=senses,
+            randomize=drawn,
+            engine=engine_for(robot, settings.plant),
+        )
+        for start, (robot, senses) in enumerate(kinds)
+        if seeds[start :: len(kinds)]
+    ]
+    return float(np.mean(np.concatenate(played))), min(float(np.mean(won)) for won in played)
 
 
 def _new_learner(settings: TrainingSettings) -> tuple[BaseAlgorithm, VecNormalize]:
@@ -241,6 +262,10 @@ def _begin_anew(agent: BaseAlgorithm, settings: TrainingSettings) -> None:
     set_random_seed(seed)
     agent.action_space.seed(seed)
     env = agent.get_env()
+    if settings.opponents == "varied" or settings.randomize == "varied":
+        # Other opponents and robots from here on.
+        env.unwrapped.close()
+        env.unwrapped.envs = tuple(native_envs(settings, done))
     env.unwrapped._seeds = episode_seeds(settings, done)
     agent._last_obs = env.reset()
     agent._last_episode_starts = np.ones(env.num_envs, bool)

@@ -15,7 +15,8 @@ from mecanum_env.senses import VariedSenses
 from mecanum_env.tankendo import Opponents
 from training.train.__main__ import main
 from training.train.checkpoint import State
-from training.train.environments import bare_env, episode_seeds, level_models, training_env
+from training.train.environments import bare_env, episode_seeds, training_env
+from training.train.robots import level_models
 from training.train.run import DEVELOPMENT_SEEDS
 from training.train.settings import TrainingSettings, command_line, settings_from_json
 

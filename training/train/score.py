@@ -1,0 +1,34 @@
+"""The score of a policy on development episodes, in one batch: what a training reports as it goes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.tankendo.vector import TankendoVectorEnv
+from training.controllers.policy import Network, features, stack_features
+
+
+def successes(network: Network, seeds: Sequence[int], **arguments: Any) -> npt.NDArray[np.bool_]:
+    """Return which of the episodes with these seeds a network wins, shape (len(seeds),).
+
+    The `arguments` are those of `TankendoVectorEnv` but for `num_envs`, `autoreset_mode` and `action_mode`.
+    """
+    env = TankendoVectorEnv(
+        len(seeds), autoreset_mode="Disabled", action_mode=network.action_mode, **arguments
+    )
+    observation, _ = env.reset(seed=list(seeds))
+    arena, memory = env.arena, None
+    won, over = np.zeros(len(seeds), bool), np.zeros(len(seeds), bool)
+    while not over.all():
+        memory = stack_features(memory, features(observation), network.stack)
+        # The rows of episodes that are over go on; what they do no longer counts.
+        step = arena.step(network.actions(memory))
+        observation = step.observation
+        won |= step.info["is_success"] & (step.terminated | step.truncated) & ~over
+        over |= step.terminated | step.truncated
+    env.close()
+    return won

@@ -140,9 +140,9 @@ def teacher_of(name: str, settings: TrainingSettings) -> Network:
     network = load_policy(path if path.suffix or path.exists() else bundled(name)).network
     if network.stack > settings.stack or network.action_mode != settings.action_mode:
         raise InputError(
-            f"teacher {name}: sees {network.stack} observations and acts in {network.action_mode}; the student "
-            f"sees {settings.stack} and acts in {settings.action_mode}: give at least as long a --stack, and the "
-            "same --action-mode"
+            f"teacher {name}: sees {network.stack} observations and acts in {network.action_mode}, the "
+            f"student sees {settings.stack} and acts in {settings.action_mode}; give at least as long a "
+            "--stack, and the same --action-mode"
         )
     return network
 

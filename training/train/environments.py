@@ -104,7 +104,7 @@ def native_envs(settings: TrainingSettings, steps_done: int = 0) -> list[Tankend
 
 
 def engine_for(model: Model, plant: RobotPlant) -> Engine:
-    """Return what simulates a model: arrays, which are fast, unless only MuJoCo knows the plant or effects."""
+    """Return what simulates a model: arrays, which are fast, unless MuJoCo alone knows plant or effects."""
     if plant == "rollers":
         return "mujoco"
     try:

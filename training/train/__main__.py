@@ -14,8 +14,8 @@ from mecanum_env.programs import Done
 from mecanum_env.tankendo.actions import ActionMode
 from training.train.settings import (
     Algorithm,
-    Critic,
     Ppo,
+    PrivilegedTo,
     Sac,
     TrainingOpponents,
     TrainingRobots,
@@ -41,7 +41,9 @@ def main(
     first_warning_s: tuple[float, float] = TrainingSettings.first_warning_s,
     curriculum: float = TrainingSettings.curriculum,
     senses: TrainingSenses = TrainingSettings.senses,
-    critic: Critic = TrainingSettings.critic,
+    privileged: PrivilegedTo = TrainingSettings.privileged,
+    teacher: str | None = None,
+    teacher_steps: int = TrainingSettings.teacher_steps,
     start: Path | None = None,
     envs: int = TrainingSettings.envs,
     action_mode: ActionMode = TrainingSettings.action_mode,
@@ -75,7 +77,10 @@ def main(
         curriculum: Share of the steps over which the first range becomes the last.
         senses: What the robot senses: off (plain sensors), usual (frames that get lost, and an estimator),
             varied (worse ones, drawn for each episode), or mixed (half off, half varied).
-        critic: What the critic sees: same (as the actor), or privileged (the true robot and opponent, too).
+        privileged: Who sees the true robot and opponent: none, critic, or both (critic and actor), for a
+            teacher that no robot can run.
+        teacher: A policy to imitate at first: a file, the folder of a run, or the name of a bundled policy.
+        teacher_steps: Number of steps for which it is imitated.
         start: Folder of another run whose weights are the initial ones.
         envs: Number of environments side by side.
         action_mode: Meaning of an action: cartesian, polar or command.
@@ -103,7 +108,9 @@ def main(
         first_warning_s=first_warning_s,
         curriculum=curriculum,
         senses=senses,
-        critic=critic,
+        privileged=privileged,
+        teacher=teacher,
+        teacher_steps=teacher_steps,
         start=None if start is None else str(start),
         envs=envs,
         action_mode=action_mode,

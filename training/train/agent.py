@@ -17,7 +17,7 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from mecanum_env.errors import InputError
-from training.controllers.policy import Network, bundled, load_policy
+from training.controllers.policy import Network, bundled, load_network
 from training.train.privileged import PRIVILEGED
 from training.train.settings import TrainingSettings
 from training.train.taught import TaughtPpo
@@ -105,11 +105,12 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
         )
     ppo = settings.ppo
     size = env.observation_space.shape[0]
-    seen = size - PRIVILEGED if settings.critic == "privileged" else size
+    features = size if settings.privileged == "none" else size - PRIVILEGED
+    seen = features if settings.privileged == "critic" else size
     learner: Callable[..., PPO] = PPO
     if settings.teacher is not None:
         teacher = teacher_of(settings.teacher, settings)
-        learner = partial(TaughtPpo, teacher=teacher, teacher_steps=settings.teacher_steps, seen=seen)
+        learner = partial(TaughtPpo, teacher=teacher, teacher_steps=settings.teacher_steps, features=features)
     return learner(
         StateDependentStdPolicy,
         env,
@@ -137,7 +138,9 @@ def teacher_of(name: str, settings: TrainingSettings) -> Network:
         InputError: there is none, or it is not one that a run with these settings can imitate.
     """
     path = Path(name)
-    network = load_policy(path if path.suffix or path.exists() else bundled(name)).network
+    network, _ = load_network(path if path.suffix or path.exists() else bundled(name))
+    if network.privileged and settings.privileged == "none":
+        raise InputError(f"teacher {name}: sees privileged numbers; give --privileged critic or both")
     if network.stack > settings.stack or network.action_mode != settings.action_mode:
         raise InputError(
             f"teacher {name}: sees {network.stack} observations and acts in {network.action_mode}, the "
@@ -174,4 +177,5 @@ def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Trainin
         squashes=settings.algo == "sac",
         action_mode=settings.action_mode,
         stack=settings.stack,
+        privileged=PRIVILEGED if settings.privileged == "both" else 0,
     )

@@ -128,7 +128,7 @@ def senses_of(settings: TrainingSettings) -> list[Senses | VariedSenses | None]:
 def bare_env(settings: TrainingSettings) -> VecEnv:
     """Return the environments with the policy's memory, but without monitor and normaliser."""
     natives = TankendoVecEnv(*native_envs(settings))
-    return StackedVecEnv(natives, settings.stack, privileged=settings.critic == "privileged")
+    return StackedVecEnv(natives, settings.stack, privileged=settings.privileged != "none")
 
 
 def training_env(settings: TrainingSettings) -> VecNormalize:

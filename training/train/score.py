@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers.policy import Network, features, stack_features
+from training.train.privileged import Privileged
 
 
 def successes(network: Network, seeds: Sequence[int], **arguments: Any) -> npt.NDArray[np.bool_]:
@@ -22,11 +23,13 @@ def successes(network: Network, seeds: Sequence[int], **arguments: Any) -> npt.N
     )
     observation, _ = env.reset(seed=list(seeds))
     arena, memory = env.arena, None
+    watcher = Privileged(arena) if network.privileged else None
     won, over = np.zeros(len(seeds), bool), np.zeros(len(seeds), bool)
     while not over.all():
         memory = stack_features(memory, features(observation), network.stack)
         # The rows of episodes that are over go on; what they do no longer counts.
-        step = arena.step(network.actions(memory))
+        seen = memory if watcher is None else np.concatenate([memory, watcher.numbers()], axis=-1)
+        step = arena.step(network.actions(seen))
         observation = step.observation
         won |= step.info["is_success"] & (step.terminated | step.truncated) & ~over
         over |= step.terminated | step.truncated

@@ -26,8 +26,9 @@ TrainingOpponents = Literal["level", "varied"]
 TrainingSenses = Literal["off", "usual", "varied", "mixed"]
 """What the robot senses in training: plain sensors; `Senses()`; `VariedSenses()`, drawn anew each time; half
 of the environments the first, half the last."""
-Critic = Literal["same", "privileged"]
-"""What the critic sees: the same as the actor; also the numbers of `training.train.privileged`."""
+PrivilegedTo = Literal["none", "critic", "both"]
+"""Who sees the numbers of `training.train.privileged`: nobody, the critic alone, or also the actor, which is
+then no policy for a robot but the teacher of one."""
 
 _LARGEST_SEED: Final = 2**32 - 1
 """Largest seed of NumPy's legacy generator, which Stable-Baselines3 seeds."""
@@ -130,9 +131,9 @@ class TrainingSettings:
     curriculum: float = 0.3
     """Share of the steps over which the range widens, at each checkpoint; 0: it is the last at once."""
     senses: TrainingSenses = "off"
-    critic: Critic = "same"
+    privileged: PrivilegedTo = "none"
     teacher: str | None = None
-    """A policy to imitate at first: a file, a folder, or the name of a bundled one; None: none."""
+    """A policy to imitate at first: a file, the folder of a run, or the name of a bundled one; None: none."""
     teacher_steps: int = 250_000
     """Steps for which the teacher is imitated; PPO goes on from there."""
     start: str | None = None
@@ -157,7 +158,7 @@ class TrainingSettings:
             "randomize": get_args(TrainingRobots),
             "opponents": get_args(TrainingOpponents),
             "senses": get_args(TrainingSenses),
-            "critic": get_args(Critic),
+            "privileged": get_args(PrivilegedTo),
         }
         for name, known in choices.items():
             value = getattr(self, name)
@@ -173,8 +174,8 @@ class TrainingSettings:
             _require_range(name, getattr(self, name))
         if not 0.0 <= self.curriculum <= 1.0:
             raise InputError(f"curriculum = {self.curriculum}, must be a number from 0 to 1")
-        if self.critic == "privileged" and self.algo != "ppo":
-            raise InputError('critic = "privileged": only PPO has it')
+        if self.privileged != "none" and self.algo != "ppo":
+            raise InputError(f"privileged = {self.privileged!r}: only PPO has it")
         if self.teacher is not None and self.algo != "ppo":
             raise InputError(f"teacher = {self.teacher!r}: only PPO has one")
         require_at_least(0, teacher_steps=self.teacher_steps)

@@ -20,14 +20,17 @@ from training.controllers.policy import EXTRA_FEATURES, Network
 class TaughtPpo(PPO):  # type: ignore[misc]
     """PPO that imitates a teacher until `teacher_steps` steps are done.
 
-    The teacher must see no more observations than the student, and act in the same way.
+    The teacher must see no more observations than the student, and act in the same way. The first `features`
+    numbers of an observation are not privileged.
     """
 
-    def __init__(self, *args: Any, teacher: Network, teacher_steps: int, seen: int, **kwargs: Any) -> None:
+    def __init__(
+        self, *args: Any, teacher: Network, teacher_steps: int, features: int, **kwargs: Any
+    ) -> None:
         self._teacher, self._teacher_steps = teacher, teacher_steps
-        # The newest observations are the last numbers that the actor sees.
-        size = teacher.observation_size + EXTRA_FEATURES
-        self._shown = slice(seen - teacher.stack * size, seen)
+        # The newest observations are the last of the features, and what is privileged follows them.
+        first = features - teacher.stack * (teacher.observation_size + EXTRA_FEATURES)
+        self._shown = slice(first, features + teacher.privileged)
         super().__init__(*args, **kwargs)
 
     def train(self) -> None:

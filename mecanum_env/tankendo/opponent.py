@@ -44,6 +44,8 @@ class Fighter:
         """Whether the aim of this strike is fixed."""
         self.waiting = np.zeros((2, n))
         """Velocity of the robot when the sword rose last: vx, vy, shape (2, n) [m/s]."""
+        self.missed_m = np.full(n, np.nan)
+        """By how much the strike that ended in the last step missed [m], at most 0 for a hit; NaN without."""
         self._all = np.arange(n)
         self._numbers = {name: np.zeros(n) for name in _NUMBERS}
         self._table = {field.name: np.zeros((len(opponent.techniques), n)) for field in _TECHNIQUE_NUMBERS}
@@ -190,12 +192,14 @@ class Fighter:
     def land(self, end_s: FloatArray) -> tuple[RowArray, BoolArray]:
         """Return the rows (m,) whose strike ended in the step until `end_s` (n,), and which hit, (m,)."""
         lands = self.pending & (self.sword.land_s <= end_s)
+        self.missed_m.fill(np.nan)
         if not lands.any():
             return np.zeros(0, np.intp), np.zeros(0, bool)
         rows, sword = np.flatnonzero(lands), self.sword
-        hit = self.hits(rows, self._scenes.ago_of(rows, end_s[rows] - sword.land_s[rows]), sword.end[:, rows])
+        robot = self._scenes.ago_of(rows, end_s[rows] - sword.land_s[rows])
+        self.missed_m[rows] = self.margin(rows, robot, sword.end[:, rows])
         self.pending[rows] = self.feinted[rows] = False
-        return rows, hit
+        return rows, self.missed_m[rows] <= 0.0
 
     def aim_at(self, rows: RowArray, seen: FloatArray) -> FloatArray:
         """Return where the tips in some rows (m,) will end: x, y [m], shape (2, m).

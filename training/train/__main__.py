@@ -50,6 +50,7 @@ def main(
     stack: int = TrainingSettings.stack,
     checkpoint_every: int = TrainingSettings.checkpoint_every,
     reward_weights: dict[str, float] | None = None,
+    margin_weight: float = TrainingSettings.margin_weight,
     ppo: Ppo = Ppo(),  # noqa: B008
     sac: Sac = Sac(),  # noqa: B008
 ) -> Done:
@@ -87,6 +88,7 @@ def main(
         stack: Number of observations that the policy sees.
         checkpoint_every: Steps between two checkpoints.
         reward_weights: Weights of the reward by name; by default waiting 0.05 out 5.
+        margin_weight: Weight of the margin by which a strike misses, in the reward.
         ppo: Hyperparameters of PPO.
         sac: Hyperparameters of SAC.
     """
@@ -116,6 +118,7 @@ def main(
         action_mode=action_mode,
         stack=stack,
         checkpoint_every=checkpoint_every,
+        margin_weight=margin_weight,
         ppo=ppo,
         sac=sac,
     )

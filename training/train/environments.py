@@ -127,7 +127,7 @@ def senses_of(settings: TrainingSettings) -> list[Senses | VariedSenses | None]:
 
 def bare_env(settings: TrainingSettings) -> VecEnv:
     """Return the environments with the policy's memory, but without monitor and normaliser."""
-    natives = TankendoVecEnv(*native_envs(settings))
+    natives = TankendoVecEnv(*native_envs(settings), margin_weight=settings.margin_weight)
     return StackedVecEnv(natives, settings.stack, privileged=settings.privileged != "none")
 
 

@@ -7,7 +7,7 @@ what it alone may see.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import Any, Final
 
 import gymnasium
 import numpy as np
@@ -22,6 +22,8 @@ from training.train.privileged import PRIVILEGED, Privileged
 
 Array = npt.NDArray[Any]
 Indices = int | Sequence[int] | None
+_SAFE_M: Final = 0.15
+"""Margin of a miss, or of a hit, beyond which more counts no more [m]: about half a target's size."""
 
 
 class TankendoVecEnv(VecEnv):  # type: ignore[misc]
@@ -32,15 +34,16 @@ class TankendoVecEnv(VecEnv):  # type: ignore[misc]
 
     Args:
         envs: native vector environments with the same spaces; their rows follow each other.
+        margin_weight: weight of the margin by which a strike misses, which is added to the reward.
 
     Raises:
         InputError: an environment has another `autoreset_mode` than "SameStep".
     """
 
-    def __init__(self, *envs: TankendoVectorEnv) -> None:
+    def __init__(self, *envs: TankendoVectorEnv, margin_weight: float = 0.0) -> None:
         if any(env.metadata["autoreset_mode"] is not AutoresetMode.SAME_STEP for env in envs):
             raise InputError('TankendoVecEnv needs a TankendoVectorEnv with autoreset_mode="SameStep"')
-        self.envs = envs
+        self.envs, self._margin_weight = envs, margin_weight
         self._actions: Array | None = None
         spaces = envs[0].single_observation_space, envs[0].single_action_space
         super().__init__(sum(env.num_envs for env in envs), *spaces)
@@ -75,7 +78,10 @@ class TankendoVecEnv(VecEnv):  # type: ignore[misc]
         for env, rows in self._rows():
             observation, reward, terminated, truncated, info = env.step(self._actions[rows])
             observations.append(observation)
-            rewards.append(reward.astype(np.float32))
+            # A reset leaves these of the step as they are.
+            margin = np.nan_to_num(env.arena.fighter.missed_m)
+            shaped = reward + self._margin_weight * np.clip(margin / _SAFE_M, -1.0, 1.0)
+            rewards.append(shaped.astype(np.float32))
             dones.append(terminated | truncated)
             for row in np.flatnonzero(dones[-1]).tolist():
                 infos[rows.start + row] = {

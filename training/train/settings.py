@@ -149,7 +149,7 @@ class TrainingSettings:
     """Weights of the reward that differ from the environment's. By default waiting costs more, so that a
     beginner soon offers an opening, and leaving the field so much that it is no way out of waiting."""
     margin_weight: float = 0.0
-    """Weight of a further term: at the hit, the margin by which it misses or, if negative, hits, within -1 .. 1.
+    """Weight of a further term: at the hit, the margin by which it misses or, if negative, hits, -1 to 1.
     A beginner that is always hit learns from it in which direction the miss lies."""
     ppo: Ppo = field(default_factory=Ppo)
     sac: Sac = field(default_factory=Sac)

@@ -28,6 +28,7 @@ _ROBOTS: Final[Mapping[str, str]] = {
     "none": "that robot only",
     "posterior": "robots drawn from the uncertainty of its identification",
     "levels": "the robots of the table below side by side",
+    "varied": "robots drawn late and slow around it",
 }
 """Value of `--randomize` -> the robots that were trained on."""
 

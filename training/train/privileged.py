@@ -18,8 +18,11 @@ from mecanum_env.tankendo.arena import Arena
 from mecanum_env.tankendo.constants import Opponent
 from mecanum_env.units import FloatArray
 
-_FAR_S: Final = 2.0
-"""Times to a strike that is not under way, or farther than this, are this long [s]."""
+_FAR_S: Final = 0.6
+"""Times to a strike that is not under way, or farther than this, are this long [s]. An evasion takes less, and
+the numbers that decide when it begins must not be small beside others: learning takes twice as long then."""
+_LONG_S: Final = 1.0
+"""Longest time since the sword rose [s]."""
 _ROBOT: Final = 5
 _OPPONENT: Final = 7
 _STATE: Final = 17
@@ -98,7 +101,7 @@ class Privileged:
             coming & sword.is_feint,
             np.where(pending, np.clip(sword.land_s - now, 0.0, _FAR_S), _FAR_S),
             np.where(coming, np.clip(sword.cut_s - now, -_FAR_S, _FAR_S), _FAR_S),
-            np.where(coming, np.clip(now - sword.raise_s, 0.0, _FAR_S), 0.0),
+            np.where(coming, np.clip(now - sword.raise_s, 0.0, _LONG_S), 0.0),
             np.clip(fighter.drawn(arena.chance.patience) - fighter.open_s, 0.0, _FAR_S),
             fighter.has_struck(now),
             cos * aim[0] + sin * aim[1],

@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -53,7 +53,7 @@ from training.train.environments import (
     training_env,
 )
 from training.train.robots import level_models
-from training.train.score import successes
+from training.train.score import successes, successes_of_robots
 from training.train.settings import TrainingSettings, command_line
 
 DEVELOPMENT_SEEDS: Final = range(100_000, 100_400)
@@ -146,31 +146,29 @@ def _development_score(
 ) -> tuple[float, float]:
     """Return the share of successes: over all robots and senses that are trained on, and on the worst one.
 
-    Of drawn robots those of `level_models` are played, against the opponents of the training's end. The seeds
-    are distributed over robots and senses.
+    Of several robots those of `level_models` are drawn, and play against the opponents of the training's end.
     """
     model = model_of(settings)
-    on_levels = settings.randomize in ("levels", "varied")
-    robots = list(level_models(model).values()) if on_levels else [model]
-    opponent = opponents_of(settings, settings.steps)
-    drawn: Literal["none", "posterior"] = "posterior" if settings.randomize == "posterior" else "none"
-    kinds = [(robot, senses) for robot in robots for senses in senses_of(settings)]
-    played = [
-        successes(
-            network,
-            seeds[start :: len(kinds)],
-            model=robot,
-            plant=settings.plant,
-            task=settings.task,
-            difficulty=settings.difficulty,
-            opponent=opponent,
-            senses=senses,
-            randomize=drawn,
-            engine=engine_for(robot, settings.plant),
-        )
-        for start, (robot, senses) in enumerate(kinds)
-        if seeds[start :: len(kinds)]
-    ]
+    kinds = senses_of(settings)
+    played = []
+    for start, senses in enumerate(kinds):
+        own = seeds[start :: len(kinds)]
+        arguments: dict[str, Any] = {
+            "plant": settings.plant,
+            "task": settings.task,
+            "difficulty": settings.difficulty,
+            "opponent": opponents_of(settings, settings.steps),
+            "senses": senses,
+            "engine": engine_for(model, settings.plant),
+        }
+        if not own:
+            continue
+        if settings.randomize in ("levels", "varied"):
+            robots = list(level_models(model).values())
+            played += successes_of_robots(network, own, robots, **arguments)
+        else:
+            drawn = "posterior" if settings.randomize == "posterior" else "none"
+            played.append(successes(network, own, model=model, randomize=drawn, **arguments))
     return float(np.mean(np.concatenate(played))), min(float(np.mean(won)) for won in played)
 
 

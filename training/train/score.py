@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.model import Model
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers.policy import Network, features, stack_features
 from training.train.privileged import Privileged
@@ -18,11 +19,32 @@ def successes(network: Network, seeds: Sequence[int], **arguments: Any) -> npt.N
 
     The `arguments` are those of `TankendoVectorEnv` but for `num_envs`, `autoreset_mode` and `action_mode`.
     """
+    won, _ = _played(network, seeds, arguments)
+    return won
+
+
+def successes_of_robots(
+    network: Network, seeds: Sequence[int], robots: Sequence[Model], **arguments: Any
+) -> list[npt.NDArray[np.bool_]]:
+    """Return which episodes a network wins on each of the robots, of those that any episode is played on.
+
+    Every episode draws its robot. The `arguments` are those of `successes`, without model and randomize.
+    """
+    won, played_on = _played(network, seeds, {**arguments, "model": robots[0], "randomize": tuple(robots)})
+    rows = [np.array([one is robot for one in played_on]) for robot in robots]
+    return [won[own] for own in rows if own.any()]
+
+
+def _played(
+    network: Network, seeds: Sequence[int], arguments: Mapping[str, Any]
+) -> tuple[npt.NDArray[np.bool_], list[Model]]:
+    """Return which episodes are won, and the robot of each."""
     env = TankendoVectorEnv(
         len(seeds), autoreset_mode="Disabled", action_mode=network.action_mode, **arguments
     )
     observation, _ = env.reset(seed=list(seeds))
     arena, memory = env.arena, None
+    robots = [arena.robots.model_of(row) for row in range(len(seeds))]
     watcher = Privileged(arena) if network.privileged else None
     won, over = np.zeros(len(seeds), bool), np.zeros(len(seeds), bool)
     while not over.all():
@@ -34,4 +56,4 @@ def successes(network: Network, seeds: Sequence[int], **arguments: Any) -> npt.N
         won |= step.info["is_success"] & (step.terminated | step.truncated) & ~over
         over |= step.terminated | step.truncated
     env.close()
-    return won
+    return won, robots

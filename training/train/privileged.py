@@ -19,8 +19,8 @@ from mecanum_env.tankendo.constants import Opponent
 from mecanum_env.units import FloatArray
 
 _FAR_S: Final = 0.6
-"""Times to a strike that is not under way, or farther than this, are this long [s]. An evasion takes less, and
-the numbers that decide when it begins must not be small beside others: learning takes twice as long then."""
+"""Times to a strike that is not under way, or farther than this, are this long [s]. An evasion takes less;
+the numbers that decide when it begins must not be small beside others, or learning takes twice as long."""
 _LONG_S: Final = 1.0
 """Longest time since the sword rose [s]."""
 _ROBOT: Final = 5

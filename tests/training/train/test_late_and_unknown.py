@@ -7,10 +7,13 @@ import pytest
 
 pytest.importorskip("stable_baselines3")
 
+from mecanum_env.cli import run as cli_run
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.senses import VariedSenses
+from training.controllers.mpc import Mpc
 from training.controllers.policy import load_network, load_policy
+from training.train import planned
 from training.train.agent import make_agent, network_of
 from training.train.environments import (
     engine_for,
@@ -19,6 +22,7 @@ from training.train.environments import (
     training_env,
     warning_range,
 )
+from training.train.planned import Adviser
 from training.train.privileged import PRIVILEGED
 from training.train.robots import level_models, varied_models
 from training.train.run import resume, train_policy
@@ -160,3 +164,24 @@ def test_the_score_is_that_of_the_episodes_one_by_one(paper):
     episodes = evaluate_controller(lambda *_: Policy(network, about), Setup(late), range(20)).episodes
     # Rounding may decide a fight that is close.
     assert np.mean(won != [one.success for one in episodes]) <= 0.1
+
+
+def test_an_adviser_predicts_with_the_commands_that_were_sent(paper):
+    observation = np.zeros(20)
+    observation[[0, 4, 6, 18]] = 1.7, 0.85, 0.58, 1.0
+    told, silent, alone = Adviser(paper), Adviser(paper), Mpc(paper)
+    for _ in range(3):
+        told.told(alone.act(observation))
+        told.act(observation)
+        silent.act(observation)
+    moved = [one._motion.own.twist(0.0) for one in (told, alone, silent)]
+    np.testing.assert_array_equal(moved[0], moved[1])
+    assert not np.any(moved[2])
+
+
+def test_a_policy_that_imitates_the_planner_teaches_another(tmp_path):
+    assert cli_run(planned.main, ["--out", str(tmp_path), "--steps", "64", "--rows", "4"]) == 0
+    network = load_policy(tmp_path).network
+    assert network.stack == 6
+    taught = replace(SMALL, stack=6, teacher=str(tmp_path), teacher_steps=128)
+    make_agent(taught, training_env(taught))

@@ -63,9 +63,9 @@ def draw(
     highest; of a single run its Wilson interval. `retreat` is the success of the scripted retreat on the
     model; for the runs named in `on_several` the success on the worst robot is drawn, too.
     """
-    figure = Figure(figsize=(7.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(7.0, 5.2), layout="constrained")
     axes = figure.subplots()
-    axes.axhline(retreat, color="0.5", linestyle="--", linewidth=1.0, label="scripted retreat")
+    axes.axhline(retreat, color="0.5", linestyle="--", linewidth=1.0, label="scripted retreat, on the model")
     episodes = len(DEVELOPMENT_SEEDS)
     for name, group in groups.items():
         length = min(len(curves[one]) for one in group)
@@ -84,7 +84,8 @@ def draw(
     axes.set(xlabel="steps, millions", ylabel="success, deterministic policy", ylim=(0.0, 1.0))
     axes.set_xlim(left=0.0)
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower right")
+    # Beneath the axes, where it hides no curve.
+    figure.legend(loc="outside lower center", ncols=2, fontsize="small")
     return figure
 
 

@@ -128,8 +128,9 @@ class TrainingSettings:
     """Range of the warning time of varied opponents at the end of the curriculum [s]."""
     first_warning_s: tuple[float, float] = (0.44, 0.58)
     """The same at its beginning."""
-    curriculum: float = 0.3
-    """Share of the steps over which the range widens, at each checkpoint; 0: it is the last at once."""
+    curriculum: float = 0.0
+    """Share of the steps over which the range widens, at each checkpoint; 0: it is the last at once. A policy
+    that begins with short warnings learns to move as soon as the sword does, and stays with it."""
     senses: TrainingSenses = "off"
     privileged: PrivilegedTo = "none"
     teacher: str | None = None

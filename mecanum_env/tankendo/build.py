@@ -71,7 +71,7 @@ class Episodes:
         over = arena.ended if ignored is None else arena.ended & ~ignored
         if over.any():
             raise gymnasium.error.ResetNeeded("step() after an episode is over; call reset() first")
-        return arena.step(actions)
+        return arena.advance(actions)
 
     def start_of(self, options: Mapping[str, Any] | None, *others: str) -> Start:
         """Return what the options of a reset fix; `others` are names of options that the caller reads itself.

@@ -21,7 +21,8 @@ All functions work on arrays with any leading axes.
 from __future__ import annotations
 
 import math
-from typing import Final, Protocol
+from collections.abc import Callable
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -101,7 +102,7 @@ def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: np
     v, theta = _COMMAND_GAIN * np.asarray(v_rpm, float), np.deg2rad(np.asarray(theta_deg, float))
     forward, left, turn = v * np.cos(theta), v * np.sin(theta), np.asarray(vc_rpm, float)
     # Filled rather than stacked: a single environment calls this in each step.
-    body = np.empty((*np.broadcast_shapes(forward.shape, turn.shape), 3))
+    body = np.empty((*np.broadcast(forward, turn).shape, 3))
     body[..., 0], body[..., 1], body[..., 2] = forward, left, turn
     return body_to_wheels(body)
 
@@ -188,9 +189,14 @@ def round_command(
     A quantum of 0 means that the platform takes real numbers: nothing is rounded.
     """
     v, theta, vc = (np.asarray(x, float) for x in (v_rpm, theta_deg, vc_rpm))
+    return rounded(np.rint, v, theta, vc, quantum_rpm)
+
+
+def rounded(rint: Callable[[Any], Any], v_rpm: Any, theta_deg: Any, vc_rpm: Any, quantum_rpm: float) -> Any:
+    """Do what `round_command` does, with numbers of any kind that the function `rint` rounds."""
     if quantum_rpm == 0.0:
-        return v, theta, vc
-    return np.rint(v / quantum_rpm) * quantum_rpm, np.rint(theta), np.rint(vc / quantum_rpm) * quantum_rpm
+        return v_rpm, theta_deg, vc_rpm
+    return rint(v_rpm / quantum_rpm) * quantum_rpm, rint(theta_deg), rint(vc_rpm / quantum_rpm) * quantum_rpm
 
 
 def clip_wheels(wheels_rpm: npt.ArrayLike, limit_rpm: float) -> FloatArray:

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, require_one_of
-from mecanum_env.kinematics import round_command
+from mecanum_env.kinematics import rounded
 from mecanum_env.tankendo.numbers import Many, Mathematics, Number
 from mecanum_env.units import FloatArray
 
@@ -83,7 +83,8 @@ def command_numbers(
         v, theta = FULL_V_RPM * 0.5 * (a + 1.0), 180.0 * b
     else:
         v, theta = FULL_V_RPM * a, 180.0 * b
-    return round_command(v, theta, FULL_VC_RPM * c, quantum_rpm)
+    numbers: tuple[Number, Number, Number] = rounded(math.rint, v, theta, FULL_VC_RPM * c, quantum_rpm)
+    return numbers
 
 
 def command_shares(math: Mathematics, command: Sequence[Number]) -> tuple[Number, Number, Number]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,8 @@ from mecanum_env.units import FloatArray
 Robot = Compiled | PlanarRobot
 TaskName = Literal["dodge", "track", "duel"]
 _JUDGES: Final[Mapping[TaskName, type[Judge]]] = {"dodge": Dodge, "track": Track, "duel": Duel}
+
+_REWARDS: Final = tuple(f"reward_{name}" for name in TERMS)
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,7 @@ class TaskSetting:
         return np.concatenate([LIMITS, extra]).astype(np.float32)
 
 
-@dataclass(frozen=True)
-class Step:
+class Step(NamedTuple):
     """The result of a step; the first axis of each array is the episode.
 
     `Arena.step` gives arrays, `Arena.advance` numbers of one episode or of many.
@@ -236,8 +237,8 @@ class Arena:
         truncated = math.no(outcome.terminated) & (math.of(self.step_count) >= self._steps)
         self.hit[:], self.succeeded[:] = outcome.hit, outcome.success
         self.ended[:] = outcome.terminated | truncated
-        info = {f"reward_{name}": term for name, term in zip(TERMS, verdict.terms, strict=True)}
-        info |= {"is_success": outcome.success, "hit": outcome.hit} | self.state()
+        info = dict(zip(_REWARDS, verdict.terms, strict=True))
+        info |= {"is_success": outcome.success, "hit": outcome.hit, **self.state()}
         return Step(self.observe(), verdict.reward, outcome.terminated, truncated, info)
 
     def time_s(self) -> FloatArray:

@@ -7,8 +7,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -25,8 +24,7 @@ _SIGNS: Final = {name: 1.0 if name == "success" else -1.0 for name in TERMS}
 _HOME_PER_S = 0.3  # in tracking, the opponent drifts back to the field's centre at this rate [1/s]
 
 
-@dataclass(frozen=True)
-class Outcome:
+class Outcome(NamedTuple):
     """What a step led to, by the rules of one task; bools."""
 
     waiting: Number
@@ -40,8 +38,7 @@ class Outcome:
     """The episode is a success; known at its end."""
 
 
-@dataclass(frozen=True)
-class Verdict:
+class Verdict(NamedTuple):
     """The outcome of a step and its reward."""
 
     outcome: Outcome

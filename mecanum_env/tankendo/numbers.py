@@ -103,7 +103,7 @@ class One:
 
     def of(self, state: State) -> Any:
         """Return the numbers of a state, nested lists of them if it has more than one axis."""
-        return state[..., 0].tolist()
+        return state.item() if state.ndim == 1 else state[..., 0].tolist()
 
     def array(self, number: Number) -> State:
         """Return a number as an array, shape (1,)."""

@@ -94,7 +94,8 @@ class Instruments:
         self._math = mathematics(n)
         self._delay_s, self._step_s = sensors.delay_s, step_s
         self._sizes = noise_sizes(sensors)[:, None]
-        self._limits = np.concatenate([LIMITS, np.full(extra, EXTRA_LIMIT)])[:, None]
+        highest = np.concatenate([LIMITS, np.full(extra, EXTRA_LIMIT)])[:, None]
+        self._lowest, self._highest = -highest, highest
         # Rows whose model has sensor effects: the model, and the samples of the past.
         self._affected: dict[int, tuple[Model, list[FloatArray]]] = {}
         self._known: Model | None = None  # the last model, and whether it has any
@@ -155,7 +156,7 @@ class Instruments:
         noise = self._sizes * noise
         shown[:13] += noise[:13]
         shown[16:20] += noise[13:]
-        np.minimum(np.maximum(shown, -self._limits, out=shown), self._limits, out=shown)
+        np.minimum(np.maximum(shown, self._lowest, out=shown), self._highest, out=shown)
         return shown.T.astype(np.float32)
 
     def _apply_effects(self, row: int, shown: FloatArray, pose: FloatArray, now_s: float) -> None:

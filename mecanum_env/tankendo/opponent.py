@@ -193,7 +193,10 @@ class Fighter:
     def aim(self, end_s: Number) -> None:
         """Fix the aim of the swords that started forward in the step that ended at a time."""
         math, sword = self._math, self.sword
-        pending, raised = math.of(self.pending), math.of(sword.raise_s)
+        pending = math.of(self.pending)
+        if not math.any(pending):
+            return
+        raised = math.of(sword.raise_s)
         rose = pending & (raised > end_s - self._step_s) & (raised <= end_s)
         if math.any(rose):
             self._note(np.flatnonzero(rose), math.array(end_s))
@@ -217,10 +220,10 @@ class Fighter:
     def land(self, end_s: Number) -> tuple[RowArray, BoolArray]:
         """Return the rows (m,) whose strike ended in the step until a time, and which hit, (m,)."""
         math, sword = self._math, self.sword
-        lands = math.of(self.pending) & (math.of(sword.land_s) <= end_s)
-        if not math.any(lands):
+        pending = math.of(self.pending)
+        if not math.any(pending):
             return _NO_ROWS, _NO_HITS
-        rows = np.flatnonzero(lands)
+        rows = np.flatnonzero(pending & (math.of(sword.land_s) <= end_s))
         ago_s = math.array(end_s)[rows] - sword.land_s[rows]
         hit = self.hits(rows, self._scenes.ago_of(rows, ago_s), sword.end[:, rows])
         self.pending[rows] = self.feinted[rows] = False

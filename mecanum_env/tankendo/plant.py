@@ -187,7 +187,7 @@ class RobotBatch:
         else:
             self._ctrl[:] = self._controls(wheels)
             self._batch.step(nstep=self._substeps)
-        if self._batch.warning.any():
+        if np.count_nonzero(self._batch.warning):
             row = int(np.argmax(self._batch.warning.any(axis=(1, 2))))
             raise SimulationDivergedError(
                 f"robot {row} diverged; use a shorter timestep or a less stiff servo"

@@ -60,8 +60,10 @@ class Scenes:
     def seen(self, delay_s: float) -> list[Number]:
         """Return the numbers of the scene `delay_s` before now."""
         whole, share = divmod(delay_s / self._step_s, 1.0)
-        first = int(whole)
-        return list(self._math.between(self._past[first], self._past[first + 1], share))
+        newer = self._past[int(whole)]
+        if share == 0.0:
+            return list(self._math.of(newer))
+        return list(self._math.between(newer, self._past[int(whole) + 1], share))
 
     def seen_by(self, delays_s: Number) -> list[Number]:
         """Return the numbers of the scenes before now, in each episode its own delay [s]."""

@@ -150,8 +150,9 @@ class Sensing:
         numbers = self._numbers
         age_s = numbers["camera_delay_s"] + (self._frames - 1 - k) * self._step_s / self._frames
         seen = scenes.ago_of(self._all, age_s)
-        of = self._math.of
-        tip = self._math.table(sword.tip(of(time_s - age_s), of(seen[6]), of(seen[7]), of(seen[8])))
+        then, x, y, heading = map(self._math.of, (time_s - age_s, *seen[6:9]))
+        facing = self._math.cos(heading), self._math.sin(heading)
+        tip = self._math.table(sword.tip(then, (x, y), facing))
         cos, sin = np.cos(seen[2]), np.sin(seen[2])
         places = []
         for x, y in ((seen[6] - seen[0], seen[7] - seen[1]), (tip[0] - seen[0], tip[1] - seen[1])):

@@ -121,31 +121,35 @@ class Sword(StrikeTimes):
         """Return whether each sword is on guard at a time."""
         return time_s >= self._math.of(self.free_s)
 
-    def tip(self, time_s: Number, x_m: Number, y_m: Number, heading_rad: Number) -> Place:
-        """Return the tip's position at a time, given the opponent's centre and its heading."""
-        math = self._math
-        cos, sin = math.cos(heading_rad), math.sin(heading_rad)
+    def tip(self, time_s: Number, centre: tuple[Number, Number], facing: tuple[Number, Number]) -> Place:
+        """Return the tip's position at a time.
+
+        Args:
+            time_s: the time [s].
+            centre: position of the opponent's centre, x and y [m].
+            facing: cosine and sine of its heading.
+        """
+        math, (x, y), (cos, sin) = self._math, centre, facing
         moves = (time_s < math.of(self.free_s)) & (time_s > math.of(self.raise_s))
         if not math.any(moves):
             # All swords are on guard: the formulae below would give the same in several times the time.
-            return x_m + GUARD_TIP_M * cos, y_m + GUARD_TIP_M * sin, GUARD_HEIGHT_M + 0.0 * x_m
+            return x + GUARD_TIP_M * cos, y + GUARD_TIP_M * sin, GUARD_HEIGHT_M + 0.0 * x
         shares = self.shares(time_s)
         ahead, (end_x, end_y) = shares.ahead(math.of(self.raised_m)), math.of(self.end)
         return (
-            shares.place(x_m + ahead * cos, end_x, x_m + GUARD_TIP_M * cos),
-            shares.place(y_m + ahead * sin, end_y, y_m + GUARD_TIP_M * sin),
+            shares.place(x + ahead * cos, end_x, x + GUARD_TIP_M * cos),
+            shares.place(y + ahead * sin, end_y, y + GUARD_TIP_M * sin),
             shares.height(math.of(self.raised_height_m), math.of(self.end_height_m)),
         )
 
     def tip_and_velocity(self, time_s: Number, scene: list[Number]) -> tuple[Place, Place]:
         """Return the tip's position [m] and velocity [m/s] at a time with the scene of then."""
         x, y, heading, vx, vy = scene[6:]
-        now = self.tip(time_s, x, y, heading)
-        before = self.tip(
-            time_s - TIP_VELOCITY_S, x - TIP_VELOCITY_S * vx, y - TIP_VELOCITY_S * vy, heading
-        )
-        velocity = [(late - early) / TIP_VELOCITY_S for late, early in zip(now, before, strict=True)]
-        return now, (velocity[0], velocity[1], velocity[2])
+        facing, span = (self._math.cos(heading), self._math.sin(heading)), TIP_VELOCITY_S
+        now = self.tip(time_s, (x, y), facing)
+        before = self.tip(time_s - span, (x - span * vx, y - span * vy), facing)
+        along_x, along_y, up = ((late - early) / span for late, early in zip(now, before, strict=True))
+        return now, (along_x, along_y, up)
 
 
 def _smooth(share: Number) -> Number:

@@ -181,11 +181,9 @@ class Arena:
         poses = self.chance.start_pose[:, at]
         self.robots.restart_rows(at, poses, given)  # type: ignore[arg-type]
         self.scenes.restart(at, self._first_scenes(at))
-        for row, opponent in zip(at.tolist(), opponents, strict=True):
-            self.fighter.restart(row, opponent)
+        self.fighter.restart(at, opponents)
         self.judge.restart(at)
-        for row, robot in zip(at.tolist(), given, strict=True):
-            self.instruments.restart(row, robot.model)
+        self.instruments.restart(at.tolist(), [robot.model for robot in given])
         self.begun[at] = True
         self.step_count[at] = 0
         self._shares[:, at], self.commands[at] = 0.0, 0.0

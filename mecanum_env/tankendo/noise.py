@@ -29,9 +29,9 @@ class Noise:
         self._all, self._math = np.arange(n), mathematics(n)
         self._silent = True  # until an episode has begun
 
-    def restart(self, row: int, seed: int) -> None:
-        """Begin an episode in a row, whose noise follows from a seed from 0 to 2^53."""
-        self._seeds[row], self._block[row], self._silent = seed, -1, False
+    def restart(self, rows: npt.NDArray[np.intp], seeds: FloatArray) -> None:
+        """Begin episodes in some rows (m,), whose noise follows from whole numbers `seeds` from 0 to 2^53."""
+        self._seeds[rows], self._block[rows], self._silent = seeds, -1, False
 
     def at(self, step: Number) -> FloatArray:
         """Return the noise at a step of the episodes, shape (channels, n)."""

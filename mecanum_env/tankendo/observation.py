@@ -101,14 +101,15 @@ class Instruments:
         self._known: Model | None = None  # the last model, and whether it has any
         self._acts = False
 
-    def restart(self, row: int, model: Model) -> None:
-        """Begin an episode in one row, in which the sensor effects of the robot's model act."""
-        self._affected.pop(row, None)
-        if model is not self._known:
-            acting = (effect.change_channels for effect, _ in active_effects(model))
-            self._known, self._acts = model, any(change is not None for change in acting)
-        if self._acts:
-            self._affected[row] = (model, [])
+    def restart(self, rows: Sequence[int], models: Sequence[Model]) -> None:
+        """Begin an episode in some rows, in which the sensor effects of the robots' models act."""
+        for row, model in zip(rows, models, strict=True):
+            self._affected.pop(row, None)
+            if model is not self._known:
+                acting = (effect.change_channels for effect, _ in active_effects(model))
+                self._known, self._acts = model, any(change is not None for change in acting)
+            if self._acts:
+                self._affected[row] = (model, [])
 
     def observe(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
@@ -52,14 +53,15 @@ class Fighter:
         for row in range(n):
             self._meet(row, opponent)
 
-    def restart(self, row: int, opponent: Opponent) -> None:
-        """Begin an episode in one row against an opponent with as many techniques as the others."""
-        if opponent is not self.opponents[row]:
-            self._meet(row, opponent)
-        self.sword.clear(np.array([row]))
-        self.waiting[:, row] = 0.0
-        self.exchange[row], self.open_s[row] = 0, 0.0
-        self.feinted[row] = self.pending[row] = self.aimed[row] = False
+    def restart(self, rows: RowArray, opponents: Sequence[Opponent]) -> None:
+        """Begin episodes in some rows (m,) against `opponents` with as many techniques as the others."""
+        for row, opponent in zip(rows.tolist(), opponents, strict=True):
+            if opponent is not self.opponents[row]:
+                self._meet(row, opponent)
+        self.sword.clear(rows)
+        self.waiting[:, rows] = 0.0
+        self.exchange[rows], self.open_s[rows] = 0, 0.0
+        self.feinted[rows] = self.pending[rows] = self.aimed[rows] = False
 
     def _meet(self, row: int, opponent: Opponent) -> None:
         self.opponents[row] = opponent

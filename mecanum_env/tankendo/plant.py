@@ -134,10 +134,10 @@ class RobotBatch:
         Raises:
             InputError: a model has other bodies or joints than the common one.
         """
-        of = list(self._of)
-        for row, new in zip(rows.tolist(), robots, strict=True):
-            of[row] = new
-        if any(new is not old for new, old in zip(of, self._of, strict=True)):
+        if any(new is not self._of[row] for row, new in zip(rows.tolist(), robots, strict=True)):
+            of = list(self._of)
+            for row, new in zip(rows.tolist(), robots, strict=True):
+                of[row] = new
             self._take(of, rows)
         self._batch.reset(rows.tolist(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for row, pose, new in zip(rows.tolist(), poses.T, robots, strict=True):

@@ -27,6 +27,7 @@ from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
 from mecanum_env.tankendo.scene import RowArray, Scenes
 from mecanum_env.tankendo.sensing import Sensing, longest_delay_s
+from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
 
 Robot = Compiled | PlanarRobot
@@ -255,6 +256,21 @@ class Arena:
             return self.instruments.observe(self.scenes, now_s, sword, shares, noise, extra)
         truth = self.instruments.observe(self.scenes, now_s, sword, shares, np.zeros_like(noise), extra)
         return self.sensing.observe(truth, self.scenes, self.time_s(), sword)
+
+    def first_seen(self, rows: RowArray) -> npt.NDArray[np.float32]:
+        """Return what the sensors show of episodes that have just begun in some rows (m,), shape (m, k)."""
+        if self.sensing is not None or self.instruments.acts_on(rows):
+            return self.observe()[rows]
+        # Players at rest and swords on guard, as any episode begins.
+        m = len(rows)
+        of, everybody = mathematics(m).of, np.arange(m)
+        scenes = Scenes(m, self.step_s, self.setting.sensors.delay_s)
+        scenes.restart(everybody, self.scenes.now[:, rows])
+        instruments = Instruments(m, self.setting.sensors, self.step_s, self.judge.extra_observations)
+        extra = [of(self._math.array(number)[rows]) for number in self.judge.observe()]
+        start_s, shares = of(np.zeros(m)), of(np.zeros((3, m)))
+        noise = self.chance.noise.first(rows)
+        return instruments.observe(scenes, start_s, Sword(m), shares, noise, extra)
 
     def tip(self, row: int, ago_s: float = 0.0) -> FloatArray:
         """Return the tip of the opponent's sword in a row a time before now: x, y, z [m], shape (3,)."""

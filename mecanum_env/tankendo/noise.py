@@ -38,15 +38,21 @@ class Noise:
         block = step // _STEPS
         late = block != self._math.of(self._block)
         if self._math.any(late) and not self._silent:
-            self._make(np.flatnonzero(late), self._math.array(block))
+            rows = np.flatnonzero(late)
+            self._make(rows, self._math.array(block)[rows])
         return np.asarray(self._made[self._all, step - _STEPS * block].T, float)
 
-    def _make(self, rows: npt.NDArray[np.intp], block: npt.NDArray[np.intp]) -> None:
-        """Make the steps of some rows (m,) that are in a `block` of theirs, (n,)."""
+    def first(self, rows: npt.NDArray[np.intp]) -> FloatArray:
+        """Return the noise at the start of the episodes in some rows (m,), shape (channels, m)."""
+        self._make(rows, np.zeros(len(rows), np.intp))
+        return np.asarray(self._made[rows, 0].T, float)
+
+    def _make(self, rows: npt.NDArray[np.intp], blocks: npt.NDArray[np.intp]) -> None:
+        """Make the steps of some rows (m,) that are in their `blocks` (m,)."""
         _, steps, channels = self._made.shape
-        made = _normal(self._seeds[rows], block[rows], steps * channels)
+        made = _normal(self._seeds[rows], blocks, steps * channels)
         self._made[rows] = made.reshape(-1, steps, channels)
-        self._block[rows] = block[rows]
+        self._block[rows] = blocks
 
 
 def _normal(

@@ -111,6 +111,10 @@ class Instruments:
             if self._acts:
                 self._affected[row] = (model, [])
 
+    def acts_on(self, rows: npt.NDArray[np.intp]) -> bool:
+        """Return whether sensor effects act in any of some rows (m,)."""
+        return bool(self._affected) and any(row in self._affected for row in rows.tolist())
+
     def observe(
         self,
         scenes: Scenes,

@@ -85,6 +85,8 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
+        self._shown: Array = np.zeros(self.observation_space.shape or (), np.float32)
+        """The last observations."""
 
     def reset(
         self,
@@ -109,7 +111,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
             if seeds[row] is not None:
                 self._rngs[row], _ = gymnasium.utils.seeding.np_random(seeds[row])
         self._restart(mask, start)
-        return self.arena.observe(), _with_masks(self.arena.state_info(), mask)
+        return self._shown.copy(), _with_masks(self.arena.state_info(), mask)
 
     def _seeds(self, seed: int | Sequence[int | None] | Array | None) -> list[int | None]:
         if seed is None:
@@ -152,19 +154,20 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         terminated, truncated = step.terminated & ~was_over, step.truncated & ~was_over
         reward = np.where(was_over, 0.0, step.reward)
         resets = terminated | truncated if mode is AutoresetMode.SAME_STEP else was_over
+        self._shown = step.observation
         if not resets.any():
-            return step.observation, reward, terminated, truncated, _with_masks(step.info, everybody)
+            return step.observation.copy(), reward, terminated, truncated, _with_masks(step.info, everybody)
+        last = step.observation[resets]
         self._restart(resets, DRAWN)
-        observation = np.where(resets[:, None], self.arena.observe(), step.observation)
         # The info of a reset lacks what a step adds.
         info = _with_masks(step.info, ~resets) | _with_masks(self.arena.state_info(), everybody)
         if mode is AutoresetMode.SAME_STEP:
-            last = np.full(self.num_envs, None, object)
-            for row in np.flatnonzero(resets):
-                last[row] = step.observation[row]
-            info |= {"final_obs": last, "final_info": _with_masks(step.info, resets)}
+            final = np.full(self.num_envs, None, object)
+            for row, observation in zip(np.flatnonzero(resets), last, strict=True):
+                final[row] = observation
+            info |= {"final_obs": final, "final_info": _with_masks(step.info, resets)}
             info |= {"_final_obs": resets, "_final_info": resets.copy()}
-        return observation, reward, terminated, truncated, info
+        return self._shown.copy(), reward, terminated, truncated, info
 
     def render(self) -> tuple[Frame, ...] | None:
         """Return a picture of the first environment, shape (480, 640, 3), alone in a tuple."""
@@ -195,8 +198,9 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         return row_info({name: info[name] for name in names if info[f"_{name}"][row]}, row)
 
     def _restart(self, rows: BoolArray, start: Start) -> None:
-        chosen = np.flatnonzero(rows).tolist()
-        self._episodes.restart(chosen, [self._rngs[row] for row in chosen], start)
+        chosen = np.flatnonzero(rows)
+        self._episodes.restart(chosen.tolist(), [self._rngs[row] for row in chosen.tolist()], start)
+        self._shown[chosen] = self.arena.first_seen(chosen)
 
 
 def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:

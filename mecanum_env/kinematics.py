@@ -189,7 +189,8 @@ def round_command(
     A quantum of 0 means that the platform takes real numbers: nothing is rounded.
     """
     v, theta, vc = (np.asarray(x, float) for x in (v_rpm, theta_deg, vc_rpm))
-    return rounded(np.rint, v, theta, vc, quantum_rpm)
+    numbers: tuple[FloatArray, FloatArray, FloatArray] = rounded(np.rint, v, theta, vc, quantum_rpm)
+    return numbers
 
 
 def rounded(rint: Callable[[Any], Any], v_rpm: Any, theta_deg: Any, vc_rpm: Any, quantum_rpm: float) -> Any:

@@ -65,7 +65,7 @@ def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: flo
     """
     given = np.asarray(actions, float)
     command = np.empty(given.shape)
-    v, theta, vc = command_numbers(Many(0), np.moveaxis(given, -1, 0), mode, quantum_rpm)
+    v, theta, vc = command_numbers(Many(0), [*np.moveaxis(given, -1, 0)], mode, quantum_rpm)
     command[..., 0], command[..., 1], command[..., 2] = v, theta, vc
     return command
 

@@ -19,10 +19,10 @@ from mecanum_env.tankendo.arena import Arena, Robot, TaskName, TaskSetting
 from mecanum_env.tankendo.build import ModelLike, TaskArguments, model_of, setting_of
 from mecanum_env.tankendo.constants import require_number
 from mecanum_env.tankendo.judge import ForPoints, Judge, Outcome
+from mecanum_env.tankendo.numbers import Number, wrapped
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.pair import PairBatch, compile_pair, others, turned
 from mecanum_env.tankendo.plant import Compiled
-from mecanum_env.tankendo.numbers import Number, wrapped
 from mecanum_env.tankendo.scene import BoolArray, RowArray
 from mecanum_env.units import FloatArray
 
@@ -61,7 +61,8 @@ class Bout(ForPoints):
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the opponent may begin a strike at times (n,), shape (n,)."""
         _, bearing = self.scenes.separation()
-        return super().may_strike(time_s) & (others(np.abs(bearing)) <= self.rules.facing_rad)
+        faces = others(np.abs(bearing)) <= self.rules.facing_rad
+        return np.asarray(super().may_strike(time_s) & faces)
 
     def own_strikes(self) -> BoolArray:
         """Return where the player's own strike is under way, shape (n,)."""

@@ -97,11 +97,13 @@ class Chance:
             seeds[i] = MOST_SEEDS * rng.random()
         self.noise.restart(rows, seeds)
         source = self._opponent
-        is_drawn = isinstance(source, Opponents)
-        opponents = [source.draw(rng) for rng in rngs] if is_drawn else [source] * len(rows)
+        if isinstance(source, Opponents):
+            opponents = [source.draw(rng) for rng in rngs]
+        else:
+            opponents = [source] * len(rows)
 
         def of_each(name: str) -> Any:
-            if not is_drawn:
+            if isinstance(source, Opponent):
                 return getattr(source, name)
             return np.array([getattr(opponent, name) for opponent in opponents]).T
 

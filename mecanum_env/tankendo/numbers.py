@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -26,9 +26,15 @@ State = npt.NDArray[Any]
 class Many:
     """The numbers of n episodes: arrays (n,), by numpy."""
 
-    cos, sin, sqrt, arctan2, rint = np.cos, np.sin, np.sqrt, np.arctan2, np.rint
-    minimum, maximum, no = np.minimum, np.maximum, np.logical_not
-    where = staticmethod(np.where)
+    cos: ClassVar[Any] = np.cos
+    sin: ClassVar[Any] = np.sin
+    arctan2: ClassVar[Any] = np.arctan2
+    sqrt: ClassVar[Any] = np.sqrt
+    rint: ClassVar[Any] = np.rint
+    minimum: ClassVar[Any] = np.minimum
+    maximum: ClassVar[Any] = np.maximum
+    no: ClassVar[Any] = np.logical_not
+    where: ClassVar[Any] = staticmethod(np.where)
 
     def __init__(self, n: int) -> None:
         self._n, self._all = n, np.arange(n)
@@ -74,7 +80,9 @@ class Many:
 class One:
     """The numbers of a single episode: Python's own. What is not said here is as in `Many`."""
 
-    minimum, maximum, sqrt = min, max, math.sqrt
+    minimum: ClassVar[Any] = min
+    maximum: ClassVar[Any] = max
+    sqrt: ClassVar[Any] = math.sqrt
 
     # By numpy, since its functions may round otherwise than those of `math`.
     def cos(self, number: Number) -> Number:

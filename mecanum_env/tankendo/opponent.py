@@ -168,7 +168,8 @@ class Fighter:
             wanted = (speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance
         fights = math.no(self.sword.idle(time_s))
         busy = stands | fights
-        change_x, change_y = (math.where(busy, 0.0, wish) - now for wish, now in zip(wanted, (vx, vy)))
+        change_x = math.where(busy, 0.0, wanted[0]) - vx
+        change_y = math.where(busy, 0.0, wanted[1]) - vy
         size = math.sqrt(change_x * change_x + change_y * change_y)
         share = math.minimum(1.0, math.of(numbers["walk_m_s2"]) * step / math.maximum(size, 1e-9))
         turn = wrapped(math.arctan2(dy, dx) - heading)

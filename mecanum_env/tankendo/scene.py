@@ -82,9 +82,7 @@ class Scenes:
         return newer + (age - whole) * (older - newer)
 
 
-def separation(
-    math: Mathematics, dx: Number, dy: Number, yaw: Number
-) -> tuple[Number, Number]:
+def separation(math: Mathematics, dx: Number, dy: Number, yaw: Number) -> tuple[Number, Number]:
     """Return distance [m] and bearing [rad] of a point that is dx, dy [m] away, from a heading `yaw` [rad].
 
     The bearing is 0 straight ahead and positive to the left.

@@ -135,7 +135,7 @@ def score_lines(arena: Arena, row: int = 0) -> list[str]:
     now, sword, setting = float(arena.time_s()[row]), arena.fighter.sword, arena.setting
     distance, bearing = (float(value[row]) for value in arena.scenes.separation())
     v, theta, vc = arena.commands[row] + 0.0
-    report = {name: values[row] for name, values in arena.judge.report().items()}
+    report = {name: values[row] for name, values in arena.state_info().items()}
     score = ""
     if "points" in report:
         score = f"   robot {report['points']} : {report['points_against']} opponent"

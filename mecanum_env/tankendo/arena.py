@@ -21,7 +21,7 @@ from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.judge import TERMS, Dodge, Duel, Judge, Track
 from mecanum_env.tankendo.numbers import Number, mathematics, wrapped
-from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Instruments
+from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, SIZE, Instruments
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
@@ -128,6 +128,8 @@ class Arena:
         """The last commands: V [rpm], theta [deg], VC [rpm]."""
         self._shares = np.zeros((3, n))
         """The same as shares of the full command."""
+        self.observed = np.zeros((n, SIZE + self.judge.extra_observations), np.float32)
+        """What the sensors showed last, shape (n, k)."""
         self.begun = np.zeros(n, bool)
         """Whether an episode has ever begun in each row."""
         self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
@@ -238,7 +240,8 @@ class Arena:
         self.ended[:] = outcome.terminated | truncated
         info = dict(zip(_REWARDS, verdict.terms, strict=True))
         info |= {"is_success": outcome.success, "hit": outcome.hit, **self.state()}
-        return Step(self.observe(), verdict.reward, outcome.terminated, truncated, info)
+        self.observed = self.observe()
+        return Step(self.observed, verdict.reward, outcome.terminated, truncated, info)
 
     def time_s(self) -> FloatArray:
         """Return the time since each episode began, shape (n,) [s]."""
@@ -257,7 +260,12 @@ class Arena:
         truth = self.instruments.observe(self.scenes, now_s, sword, shares, np.zeros_like(noise), extra)
         return self.sensing.observe(truth, self.scenes, self.time_s(), sword)
 
-    def first_seen(self, rows: RowArray) -> npt.NDArray[np.float32]:
+    def observe_first(self, rows: RowArray) -> None:
+        """Bring `observed` up to date with episodes that have just begun in some rows (m,)."""
+        self.observed = self.observed.copy()
+        self.observed[rows] = self._first_seen(rows)
+
+    def _first_seen(self, rows: RowArray) -> npt.NDArray[np.float32]:
         """Return what the sensors show of episodes that have just begun in some rows (m,), shape (m, k)."""
         if self.sensing is not None or self.instruments.acts_on(rows):
             return self.observe()[rows]

@@ -85,8 +85,6 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs = [np.random.default_rng() for _ in range(num_envs)]
-        self._shown: Array = np.zeros(self.observation_space.shape or (), np.float32)
-        """The last observations."""
 
     def reset(
         self,
@@ -111,7 +109,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
             if seeds[row] is not None:
                 self._rngs[row], _ = gymnasium.utils.seeding.np_random(seeds[row])
         self._restart(mask, start)
-        return self._shown.copy(), _with_masks(self.arena.state_info(), mask)
+        return self.arena.observed.copy(), _with_masks(self.arena.state_info(), mask)
 
     def _seeds(self, seed: int | Sequence[int | None] | Array | None) -> list[int | None]:
         if seed is None:
@@ -154,7 +152,6 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         terminated, truncated = step.terminated & ~was_over, step.truncated & ~was_over
         reward = np.where(was_over, 0.0, step.reward)
         resets = terminated | truncated if mode is AutoresetMode.SAME_STEP else was_over
-        self._shown = step.observation
         if not resets.any():
             return step.observation.copy(), reward, terminated, truncated, _with_masks(step.info, everybody)
         last = step.observation[resets]
@@ -167,7 +164,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
                 final[row] = observation
             info |= {"final_obs": final, "final_info": _with_masks(step.info, resets)}
             info |= {"_final_obs": resets, "_final_info": resets.copy()}
-        return self._shown.copy(), reward, terminated, truncated, info
+        return self.arena.observed.copy(), reward, terminated, truncated, info
 
     def render(self) -> tuple[Frame, ...] | None:
         """Return a picture of the first environment, shape (480, 640, 3), alone in a tuple."""
@@ -200,7 +197,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
     def _restart(self, rows: BoolArray, start: Start) -> None:
         chosen = np.flatnonzero(rows)
         self._episodes.restart(chosen.tolist(), [self._rngs[row] for row in chosen.tolist()], start)
-        self._shown[chosen] = self.arena.first_seen(chosen)
+        self.arena.observe_first(chosen)
 
 
 def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:

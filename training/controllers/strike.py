@@ -276,7 +276,7 @@ def miss_margin(
         origin: position x, y of the opponent when the strike began [m], shape (2,).
         seen: the robots when they were last seen, one sight delay before the sword goes forward.
         landed: the robots when the strikes land.
-        waiting: velocity of the robot when the sword rose: vx, vy [m/s], shape (2,).
+        waiting: velocity of the robot when the sword rose: vx, vy [m/s], shape (2,) or (2, n).
     """
     table = {
         name: np.array([getattr(t, name) for t in opponent.techniques])[technique]

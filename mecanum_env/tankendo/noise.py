@@ -26,7 +26,8 @@ class Noise:
         self._seeds = np.zeros(n, np.uint64)
         self._made = np.zeros((n, _STEPS, channels), np.float32)
         self._block = np.full(n, -1)  # which steps are made
-        self._all, self._math = np.arange(n), mathematics(n)
+        self._math = mathematics(n)
+        self._all = slice(None) if n == 1 else np.arange(n)
         self._silent = True  # until an episode has begun
 
     def restart(self, rows: npt.NDArray[np.intp], seeds: FloatArray) -> None:

@@ -15,7 +15,7 @@ from mujoco.batch import Batch
 
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError, require_one_of
-from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.kinematics import command_to_wheels, command_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import seed_links
@@ -177,7 +177,10 @@ class RobotBatch:
         Raises:
             SimulationDivergedError: a state is no longer finite or plausible.
         """
-        wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
+        if len(commands) == 1:
+            wheels = np.array([command_wheels(*commands[0].tolist())])
+        else:
+            wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
         if any(limits is not None for limits in self._limits):
             control = np.repeat(wheels[:, None], self._substeps, axis=1)
             for row, limits in enumerate(self._limits):

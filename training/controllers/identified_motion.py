@@ -1,13 +1,13 @@
 """The delay and the speed of a robot, found during the first seconds from its commands and its velocity.
 
-A robot whose commands act d later moves as the model does, d later. One that slips, loses or is held back moves
-a share g of the way. So for each delay on a grid the measured velocity y is compared with what the model
+A robot whose commands act d later moves as the model does, d later. One that slips or is held back moves a
+share g of the way. So for each delay on a grid the measured velocity y is compared with what the model
 predicted for that much earlier, u(d), by least squares with a normal prior of g around 1:
 
     g(d) = (sum u.y + p) / (sum u.u + p),   cost(d) = sum |y - g u|^2 + p (g - 1)^2,   p = (sigma / spread)^2
 
-and the delay and share used are their means under exp(-cost / (2 sigma^2)) times the delay's prior. A robot at
-rest tells nothing: then they stay as they were told.
+and the delay and share used are their means under exp(-cost / (2 sigma^2)) times the delay's prior. A robot
+at rest tells nothing: then they stay as they were told.
 """
 
 from __future__ import annotations

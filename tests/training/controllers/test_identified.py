@@ -13,7 +13,7 @@ from training.controllers.mpc import Mpc
 
 
 def found(true, known, steps=12, speed_m_s=0.7):
-    """Return the predictor after a robot that is `true` has been driven to and fro by one that knows another."""
+    """Return the predictor of a `known` robot after the `true` one was driven to and fro."""
     env = TankendoVectorEnv(1, model=true, action_mode="command")
     observation, _ = env.reset(seed=100_000)
     predictor = IdentifiedPredictor(known)

@@ -75,7 +75,7 @@ def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: flo
 def command_numbers(
     math: Mathematics, action: Sequence[Number], mode: ActionMode, quantum_rpm: float
 ) -> tuple[Number, Number, Number]:
-    """Return what `action_to_command` does of the three numbers of an action."""
+    """Return what `action_to_command` does of the three numbers of an action in a mode, by their `math`."""
     a, b, c = (math.minimum(math.maximum(number, -1.0), 1.0) for number in action)
     if mode == "cartesian":
         v = FULL_V_RPM * math.minimum(math.sqrt(a * a + b * b), 1.0)
@@ -90,7 +90,10 @@ def command_numbers(
 
 
 def command_shares(math: Mathematics, command: Sequence[Number]) -> tuple[Number, Number, Number]:
-    """Return a command, V [rpm], theta [deg], VC [rpm], as shares of the full one: forward, left, turn."""
+    """Return a command, V [rpm], theta [deg], VC [rpm], as shares of the full one: forward, left, turn.
+
+    The `math` is that of the command's numbers.
+    """
     v, angle = command[0] / FULL_V_RPM, command[1] * _RAD_PER_DEG
     return v * math.cos(angle), v * math.sin(angle), command[2] / FULL_VC_RPM
 

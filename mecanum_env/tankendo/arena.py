@@ -214,10 +214,12 @@ class Arena:
         return Step(step.observation, array(step.reward), *ends, self._arrays(step.info))
 
     def advance(self, actions: npt.NDArray[np.floating]) -> Step:
-        """Do what `step` does; rewards, ends and info are numbers of one episode or of many."""
+        """Do what `step` does with `actions`; rewards, ends and info are numbers of one episode or of many."""
         math, fighter, judge = self._math, self.fighter, self.judge
         start_s = self._now_s()
-        command = command_numbers(math, math.of(actions.T), self.setting.action_mode, self._quantum_rpm)
+        command = command_numbers(
+            math, math.of(np.asarray(actions, float).T), self.setting.action_mode, self._quantum_rpm
+        )
         seen = fighter.seen()
         fighter.decide(start_s, judge.may_strike(start_s), seen)
         self.commands = math.table(command).T

@@ -63,7 +63,7 @@ class Many:
         return first + share * (second - first)
 
     def any(self, where: Number) -> bool:
-        """Return whether something holds in any episode."""
+        """Return whether there is any episode `where` something holds."""
         return bool(np.count_nonzero(where))
 
     def nowhere(self) -> Number:
@@ -86,11 +86,11 @@ class One:
 
     # By numpy, since its functions may round otherwise than those of `math`.
     def cos(self, number: Number) -> Number:
-        """Return the cosine."""
+        """Return the cosine of a number [rad]."""
         return float(np.cos(number))
 
     def sin(self, number: Number) -> Number:
-        """Return the sine."""
+        """Return the sine of a number [rad]."""
         return float(np.sin(number))
 
     def arctan2(self, y: Number, x: Number) -> Number:
@@ -102,11 +102,11 @@ class One:
         return float(round(number))
 
     def where(self, where: Number, one: Number, other: Number) -> Number:
-        """Return one number where something holds, or else the other."""
+        """Return `one` number if the bool `where` holds, or else the other."""
         return one if where else other
 
     def no(self, where: Number) -> Number:
-        """Return whether something does not hold."""
+        """Return the opposite of the bool `where`."""
         return not where
 
     def of(self, state: State) -> Any:
@@ -131,7 +131,7 @@ class One:
         return [one + share * (other - one) for one, other in pairs]
 
     def any(self, where: Number) -> bool:
-        """Return whether something holds."""
+        """Return the bool `where` itself."""
         return bool(where)
 
     def nowhere(self) -> Number:

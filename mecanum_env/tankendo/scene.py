@@ -85,6 +85,6 @@ class Scenes:
 def separation(math: Mathematics, dx: Number, dy: Number, yaw: Number) -> tuple[Number, Number]:
     """Return distance [m] and bearing [rad] of a point that is dx, dy [m] away, from a heading `yaw` [rad].
 
-    The bearing is 0 straight ahead and positive to the left.
+    The `math` is that of these numbers. The bearing is 0 straight ahead and positive to the left.
     """
     return math.sqrt(dx * dx + dy * dy), wrapped(math.arctan2(dy, dx) - yaw)

@@ -214,7 +214,7 @@ class Arena:
         return Step(step.observation, array(step.reward), *ends, self._arrays(step.info))
 
     def advance(self, actions: npt.NDArray[np.floating]) -> Step:
-        """Do what `step` does with `actions`; rewards, ends and info are numbers of one episode or of many."""
+        """Do what `step` does with `actions`; rewards, ends and info are numbers of one or many episodes."""
         math, fighter, judge = self._math, self.fighter, self.judge
         start_s = self._now_s()
         command = command_numbers(

@@ -33,7 +33,7 @@ PACKAGES: Final = ("mujoco", "gymnasium", "numpy", "scipy", "sippy-unipi")
 def main(
     only: Part | None = None,
     repeats: int = 5,
-    fit_rounds: int = 2,
+    fit_rounds: int = 1,
     drives: int = 4,
     first_seed: int = 0,
     quick: bool = False,
@@ -45,7 +45,7 @@ def main(
     Args:
         only: measure this part alone.
         repeats: rounds of the measurements of speed.
-        fit_rounds: rounds of the fits, which take most of the time.
+        fit_rounds: rounds of the fits, which take most of the time and differ more between logs.
         drives: how many drives of the zoo are identified.
         first_seed: development seed of the first of them.
         quick: small sizes, which show that all works and measure little.

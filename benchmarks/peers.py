@@ -26,7 +26,7 @@ from mecanum_env.cli import run
 from mecanum_env.files import write_json, write_text
 from mecanum_env.markdown import markdown_table
 
-Part = Literal["fit", "physics", "throughput"]
+Part = Literal["physics", "throughput", "fit"]
 PACKAGES: Final = ("mujoco", "gymnasium", "numpy", "scipy", "sippy-unipi")
 
 
@@ -34,13 +34,13 @@ def main(
     only: Part | None = None,
     repeats: int = 5,
     fit_rounds: int = 1,
-    drives: int = 4,
+    drives: int = 3,
     first_seed: int = 0,
     quick: bool = False,
     out: Path | None = None,
     markdown: Path | None = None,
 ) -> None:
-    """Measure all parts and print their tables.
+    """Measure all parts and print their tables; files are written after each part.
 
     Args:
         only: measure this part alone.
@@ -53,20 +53,24 @@ def main(
         markdown: page to write.
     """
     parts: dict[Part, Callable[[], list[Table]]] = {
-        "fit": lambda: fit.measure(1 if quick else fit_rounds, _logs(drives, first_seed, quick)),
         "physics": lambda: [_physics(repeats, quick)],
         "throughput": lambda: [_throughput(repeats, quick)],
+        "fit": lambda: fit.measure(1 if quick else fit_rounds, _logs(drives, first_seed, quick)),
     }
-    tables = [table for part in get_args(Part) if only in (None, part) for table in parts[part]()]
+    code = commit() or "unknown"
     machine = f"{platform.machine()}, {os.cpu_count()} processors, Python {platform.python_version()}"
     versions = {name: _version(name) for name in PACKAGES}
-    page = _page(tables, machine, versions)
-    print(page)
-    if out is not None:
-        found = [table.json() for table in tables]
-        write_json(out, {"commit": commit(), "machine": machine, "versions": versions, "tables": found})
-    if markdown is not None:
-        write_text(markdown, page)
+    tables: list[Table] = []
+    for part in get_args(Part):
+        if only not in (None, part):
+            continue
+        tables += parts[part]()
+        if out is not None:
+            found = [table.json() for table in tables]
+            write_json(out, {"commit": code, "machine": machine, "versions": versions, "tables": found})
+        if markdown is not None:
+            write_text(markdown, _page(tables, f"Commit {code[:12]}; {machine}.", versions))
+    print("\n\n".join(table.markdown() for table in tables))
 
 
 def _logs(drives: int, first_seed: int, quick: bool) -> dict[str, Any]:
@@ -84,7 +88,7 @@ def _physics(repeats: int, quick: bool) -> Table:
 def _throughput(repeats: int, quick: bool) -> Table:
     if quick:
         return throughput.measure(1, many=16, few=2, steps=2, workers=1)
-    return throughput.measure(repeats, many=4096, few=64, steps=60, workers=4)
+    return throughput.measure(repeats, many=4096, few=16, steps=30, workers=4)
 
 
 def _version(name: str) -> str:
@@ -94,13 +98,13 @@ def _version(name: str) -> str:
         return "not installed"
 
 
-def _page(tables: list[Table], machine: str, versions: dict[str, str]) -> str:
+def _page(tables: list[Table], where: str, versions: dict[str, str]) -> str:
     head = (
         "# Beside its peers\n\n"
         "The same work by this project and by what a user would pick instead, measured in one run by\n"
         "`python benchmarks/peers.py --markdown docs/results/peers.md` (`--out FILE` writes all rounds).\n"
         "Where ours loses, a line below the table says so.\n\n"
-        f"Commit {(commit() or 'unknown')[:12]}; {machine}.\n\n"
+        f"{where}\n\n"
     )
     used = markdown_table(tuple(versions), [tuple(versions.values())])
     return head + used + "\n\n" + "\n\n".join(table.markdown() for table in tables) + "\n"

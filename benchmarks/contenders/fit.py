@@ -20,7 +20,7 @@ from mecanum_env.statistics import rms
 from sysid.logs import Dataset, read_dataset
 from sysid.logs.noise import noise_from_repeats
 
-REAL = ("robotino/bench_with_integral/motor1", "robotino/bench_without_integral/motor1", "husky/left")
+REAL = ("robotino/bench_with_integral/motor1", "husky/left")
 """Recordings of real wheels, in the folder of MECANUM_REAL_LOGS."""
 OURS = METHODS[0].name
 TITLE = "Identification: a wheel from its logs"

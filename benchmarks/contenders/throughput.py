@@ -56,6 +56,7 @@ def rows(many: int, few: int, steps: int, workers: int) -> list[Row]:
         period_s = float(task.unwrapped.dt)  # type: ignore[attr-defined]
     return [
         Row(OURS, many, lambda: TankendoVectorEnv(many, engine="arrays"), steps, 0.1),
+        Row("ours: arrays, few robots", few, lambda: TankendoVectorEnv(few, engine="arrays"), steps, 0.1),
         Row(BATCH, few, lambda: TankendoVectorEnv(few), steps, 0.1),
         Row("Gymnasium Sync over ours", few, lambda: SyncVectorEnv([planar] * few), steps, 0.1),
         Row(

@@ -25,6 +25,7 @@ ROWS = {
     },
     "throughput": {
         "ours: arrays",
+        "ours: arrays, few robots",
         "ours: MuJoCo batch",
         "Gymnasium Sync over ours",
         "Gymnasium Async over ours",

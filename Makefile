@@ -48,7 +48,8 @@ check: $(VENV)/installed
 	$(BIN)/mypy
 
 bench: $(VENV)/train
-	for name in imports plugin physics paper_drives replay fit gap online render env real_logs executor; do \
+	$(BIN)/pip install --quiet -c constraints.txt "mecanum-tankendo[peers]"
+	for name in imports plugin physics paper_drives replay fit gap online render env real_logs executor peers; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
 # An interrupted run goes on where it was.

@@ -38,10 +38,12 @@ def simulate(
     from tqdm import tqdm
 
     from mecanum_env.model import read_model
+    from mecanum_env.outputs import finish_interrupted, output_folder
     from sysid.compare.prediction import Study, predict
     from sysid.logs import read_dataset
     from sysid.logs.writer import write_dataset
 
+    finish_interrupted(out)
     if out.exists() and any(out.iterdir()):
         raise InputError(f"{out}: is not empty; choose another --out")
     dataset, simulated = read_dataset(logs), read_model(model)
@@ -49,7 +51,8 @@ def simulate(
     for one in tqdm(dataset.runs, unit="run", disable=None):
         found = predict(simulated, one, study=Study(plant=plant))
         runs.append(replace(one, channels={**one.channels, **found}))
-    write_dataset(replace(dataset, name=f"{dataset.name}, simulated", runs=tuple(runs)), out)
+    with output_folder(out, "sysid.simulate") as staged:
+        write_dataset(replace(dataset, name=f"{dataset.name}, simulated", runs=tuple(runs)), staged)
     print(f"wrote {len(runs)} runs to {out}")
     return Done(wrote=[out / one.file for one in runs])
 

@@ -44,8 +44,9 @@ def told(scripts, tmp_path_factory):
         contextlib.redirect_stdout(words),
         contextlib.redirect_stderr(io.StringIO()),
     ):
-        # The story has no figure of the plants that a certificate holds apart.
+        # The story has no figure of the plants that a certificate holds apart, and draws few warnings as well.
         patch.setattr("training.certify.run.certificate_variants", few_variants)
+        patch.setattr("training.certify.run.WARNING_FACTOR", 1)
         scripts.close_the_loop.close_the_loop(out, "retreat", episodes=60, jobs=1, quick=True)
     figures = json.loads((out / "loop.json").read_text(encoding="utf-8"))
     return SimpleNamespace(out=out, figures=figures, words=words.getvalue())

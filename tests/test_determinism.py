@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -9,8 +10,9 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+LOGS = ("random_hold_a", "random_hold_b", "step_020", "step_060", "step_100")
 COMMANDS = {
-    "fit": ["fit", str(ROOT / "examples" / "logs"), "--starts", "1", "--effects", "off"],
+    "fit": ["fit", "../logs", "--starts", "1", "--effects", "off"],
     "plan": ["logs", "plan", "--minutes", "12"],
     "mjcf": ["mjcf"],
 }
@@ -22,8 +24,13 @@ TIMED = {"fit": ("fit.json", "report.html")}
 def written(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     """Return two folders in which all commands wrote, each in a process of its own."""
     folders = []
+    whole = tmp_path_factory.mktemp("all")
+    (whole / "logs").mkdir()
+    for name in LOGS:
+        shutil.copy(ROOT / "examples" / "logs" / f"{name}_1.csv", whole / "logs")
     for seed in ("1", "2"):
-        folder = tmp_path_factory.mktemp(f"seed_{seed}")
+        folder = whole / seed
+        folder.mkdir()
         given = [[*words, "--out", name] for name, words in COMMANDS.items()]
         program = f"from mecanum_cli.__main__ import main\nassert not any([main(one) for one in {given!r}])"
         environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": str(ROOT)}

@@ -44,7 +44,7 @@ def told(scripts, tmp_path_factory):
         contextlib.redirect_stdout(words),
         contextlib.redirect_stderr(io.StringIO()),
     ):
-        # The story has no figure of the plants that a certificate holds apart, and draws few warnings as well.
+        # No figure of the story is of the plants that a certificate holds apart, or of many warnings.
         patch.setattr("training.certify.run.certificate_variants", few_variants)
         patch.setattr("training.certify.run.WARNING_FACTOR", 1)
         scripts.close_the_loop.close_the_loop(out, "retreat", episodes=60, jobs=1, quick=True)

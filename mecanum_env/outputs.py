@@ -215,6 +215,17 @@ def finish_interrupted(folder: Path, *, locked: bool = False) -> None:
         ) from error
 
 
+def require_empty(folder: Path) -> None:
+    """Refuse a folder of results that has something in it already; finish an interrupted write first.
+
+    Raises:
+        InputError: it is not empty, or no folder.
+    """
+    finish_interrupted(folder)
+    if os.path.lexists(folder) and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder}: is not an empty folder; choose another --out")
+
+
 def read_manifest(folder: Path) -> Mapping[str, Any]:
     """Return the manifest in a folder; empty if it has none, or none of this project's."""
     try:

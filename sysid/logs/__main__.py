@@ -111,7 +111,7 @@ def export(
             digits; lerobot: one dataset (v3), resampled.
         fps: Frames per second of a LeRobot dataset.
     """
-    from mecanum_env.outputs import output_folder
+    from mecanum_env.outputs import output_folder, require_empty
     from mecanum_env.tables import table_stem
     from sysid.logs.formats.lerobot import INFO, write_lerobot
     from sysid.logs.formats.mcap_files import write_mcap
@@ -119,6 +119,8 @@ def export(
     from sysid.logs.writer import write_dataset
 
     require_at_least(1, fps=fps)
+    if to == "lerobot":
+        require_empty(out)
     dataset = read_dataset(logs)
     names = [f"{table_stem(Path(run.file))}.{to}" for run in dataset.runs]
     with output_folder(out, "sysid.logs export") as staged:
@@ -218,7 +220,7 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     """
     from mecanum_env.kinematics import mecanum_wheels
     from mecanum_env.model import read_robot
-    from mecanum_env.outputs import finish_interrupted, output_folder
+    from mecanum_env.outputs import output_folder, require_empty
     from sysid.logs.bodies import (
         DIRECTIONS,
         body_runs,
@@ -234,9 +236,7 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
         raise InputError("no logs given; give a folder with all wheels, or one for each wheel")
     wheels = mecanum_wheels(read_robot(robot))
     if out is not None:
-        finish_interrupted(out)
-    if out is not None and out.exists() and any(out.iterdir()):
-        raise InputError(f"{out}: is not empty; choose another --out")
+        require_empty(out)
     datasets = read_wheel_logs(logs, wheels)
     runs = body_runs(datasets, wheels, read_measured(logs[0]) if len(logs) == 1 else {})
     print(body_table(runs))

@@ -10,7 +10,7 @@
 # make zoo-quick  the same with sixty cases
 # make gapbench   the benchmark's folder, the answers of all methods and the leaderboard, docs/results/gapbench.md
 # make fuzz       a night of mangled files for every reader
-# make soak       10,000 episodes and an hour of random driving on rollers with every effect
+# make soak       10,000 episodes and an hour of random driving on rollers with every effect (RESETS=N MINUTES=N: less)
 # make asan       the plugin and its tests under the address and undefined-behaviour sanitizers
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3

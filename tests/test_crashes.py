@@ -193,7 +193,7 @@ COMMANDS = {
         "sysid.logs.formats.lerobot.write_lerobot": datasets("meta/info.json", "data/a.parquet"),
     }),
 }  # fmt: skip
-FRESH = ("plan", "import", "simulate")
+FRESH = ("plan", "import", "simulate", "export")
 """Commands that write into new folders only."""
 
 

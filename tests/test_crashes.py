@@ -3,13 +3,14 @@
 The work of each command is replaced by something quick; what writes is the command's own.
 """
 
+import ast
 import importlib
 import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -197,14 +198,27 @@ FRESH = ("plan", "import", "simulate", "export")
 """Commands that write into new folders only."""
 
 
+def load_what_is_imported_late(program: ModuleType) -> None:
+    """Import what a program imports when it runs, lest a module keep for good what is replaced here."""
+    for node in ast.walk(ast.parse(Path(program.__file__).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module != "__future__":
+            imported = importlib.import_module(node.module)
+            for alias in node.names:
+                getattr(imported, alias.name, None)
+
+
 @pytest.fixture
 def command(request, monkeypatch):
     """Return a function that runs a command, its work replaced, with the output that it is given."""
     module, name, arguments, replaced = request.param
-    main = getattr(importlib.import_module(module), name)
-    for target, instead in replaced.items():
-        place, attribute = target.rsplit(".", 1)
-        monkeypatch.setattr(importlib.import_module(place), attribute, instead)
+    program = importlib.import_module(module)
+    load_what_is_imported_late(program)
+    places = [
+        (importlib.import_module(place), rest) for place, rest in (one.rsplit(".", 1) for one in replaced)
+    ]
+    for (place, attribute), instead in zip(places, replaced.values(), strict=True):
+        monkeypatch.setattr(place, attribute, instead)
+    main = getattr(program, name)
 
     def work(out: Path) -> None:
         given = [*arguments, *([] if "--out" in arguments else ["--out", "OUT"])]

@@ -290,8 +290,8 @@ def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
 
 
 def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -> Network:
-    for name, least in (("layers", 1), ("stack", 1), ("privileged", 0)):
-        value = about.get(name, 0)
+    numbers = (("layers", about["layers"], 1), ("stack", about["stack"], 1))
+    for name, value, least in (*numbers, ("privileged", about.get("privileged", 0), 0)):
         if type(value) is not int or value < least:
             raise InputError(f"{name} = {value!r}, must be a whole number of at least {least}")
     if not isinstance(about["squashes"], bool):

@@ -82,7 +82,11 @@ class Imitation:
         self.advice: list[FloatArray] = []
 
     def collect(self, steps: int, planner_share: float, noise: float) -> None:
-        """Play a number of steps of all rows together, and keep what was seen and advised."""
+        """Play a number of `steps` of all rows together, and keep what was seen and advised.
+
+        The planner drives the share `planner_share` of the episodes, and the actions have `noise` of this
+        standard deviation.
+        """
         env, rng, rows = self._env, self._rng, self._env.num_envs
         arena = env.arena
         observation, _ = env.reset(seed=self._seeds())

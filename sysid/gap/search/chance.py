@@ -44,7 +44,7 @@ class Floor:
     trusted: bool
     """Whether it is known what a right model leaves; if not, no set can be called inadequate."""
     compared: bool = False
-    """Whether the model's own error is from a comparison with the logs of its fit."""
+    """Whether the model's own error is from a comparison with the logs of its fit, of other commands."""
     knows_all: bool = False
     """Whether what every effect would do is among that error, as far as the logs of the fit leave it open."""
     repeatable: bool = True

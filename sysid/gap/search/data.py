@@ -155,7 +155,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             )
     if fitted_on is not None and not same_logs:
         learned = learn(model, fitted_on, Study(options.plant, options.jobs))
-        error, noise = learned.error, noise.beside(learned.whitener.noise)
+        error, noise = learned.error_in(observations), noise.beside(learned.whitener.noise)
         notes.append(
             f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
         )
@@ -187,7 +187,8 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     if learned is not None and noise.is_like(learned.whitener.noise, THRESHOLDS.inconsistent_repeats):
         # Whatever acts at random did so in the logs of the fit, too.
         repeatable = True
-    compared = learned is not None
+    # In the commands of the logs of the fit the error is known, not only its rough size.
+    compared = learned is not None and not learned.knows(observations)
     floor = Floor(noise.degrees_of_freedom, trusted, compared, compared and not bench, repeatable)
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 

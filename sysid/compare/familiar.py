@@ -36,7 +36,7 @@ def are_familiar(observations: Observations, others: Observations) -> bool:
 
 
 def _changes(observations: Observations) -> tuple[FloatArray, float]:
-    """Return the levels before and after each change of command, (m, 2 x wheels), and the longest hold [s]."""
+    """Return the levels around each change of command, (m, 2 x wheels), and the longest hold [s]."""
     found, longest_s = [], 0.0
     for situation in observations.situations:
         run = situation.runs[0]

@@ -260,19 +260,19 @@ class _Search:
         if _SUBTRACTING not in names or {cause_of(name) for name in names} & _FRICTIONS:
             return reached
         without, place = _without(reached, _SUBTRACTING)
-        friction = effect_set(self.base, [_FRICTION], scale=self.problem.study.scale)
+        scale = self.problem.study.scale
+        effect = CATALOGUE[_FRICTION]
+        size = next(one for one in effect.parameters if one.name == TORQUES[_FRICTION])
+        torque = coordinate(self.base, effect, size, scale)
         effects = EffectSet(
-            (*without.effects.names, *friction.names),
-            (*without.effects.coordinates, *friction.coordinates),
-            without.effects.fixed,
+            (*without.effects.names, _FRICTION),
+            (*without.effects.coordinates, torque),
+            (*without.effects.fixed, (_FRICTION, "answer_s", 0.0)),
         )
         threshold_rpm = reached.model.effects[_SUBTRACTING]["threshold_rpm"]
-        torque = threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad
-        start = [
-            one.unit(torque) if one.parameter in TORQUES.values() else one.neutral_place
-            for one in friction.coordinates
-        ]
-        found = self._reached(LawWithEffects(old.law, effects), np.concatenate([place, start]))
+        start = torque.unit(threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad)
+        place = np.append(place, start)
+        found = self._reached(LawWithEffects(old.law, effects), place)
         if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
             return reached
         return found

@@ -221,6 +221,9 @@ def untestable(
             found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
         elif effect.simulated and level == "bench" and "bench" in effect.absent_from:
             found.append(Untestable(name, f"a bench log has no {effect.acts_on}: record a robot log", {}))
+        elif level == "bench" and name == effect.cause and effect.unsearched_on == ("bench",):
+            reason = "a bench log does not tell it from the friction that it makes larger: record a robot log"
+            found.append(Untestable(name, reason, {}))
     return tuple(found)
 
 

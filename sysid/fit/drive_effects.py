@@ -72,8 +72,6 @@ _SUBTRACTING: Final = "command_deadband/subtract"
 _FRICTION: Final = "coulomb_friction"
 _FRICTIONS: Final = frozenset(("coulomb_friction", "stiction"))
 """A dead zone that subtracts, what looks the same while the wheel turns, and causes that include it."""
-_ANSWER_S: Final = 0.01
-"""Time from which that is fitted in which a drive answers friction [s]. Assumed; none is tried, too."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,21 +261,18 @@ class _Search:
             return reached
         without, place = _without(reached, _SUBTRACTING)
         torque, answer = self._set([_FRICTION]).coordinates
+        effects = EffectSet(
+            (*without.effects.names, _FRICTION),
+            (*without.effects.coordinates, torque),
+            # A time of answer would be one number more than the dead zone has.
+            (*without.effects.fixed, (_FRICTION, answer.parameter, 0.0)),
+        )
         threshold_rpm = reached.model.effects[_SUBTRACTING]["threshold_rpm"]
         start = torque.unit(threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad)
-        tried = []
-        for coordinates in ((torque,), (torque, answer)):
-            effects = EffectSet(
-                (*without.effects.names, _FRICTION),
-                (*without.effects.coordinates, *coordinates),
-                (*without.effects.fixed, (_FRICTION, answer.parameter, 0.0)),
-            )
-            at = [start] if len(coordinates) == 1 else [start, answer.unit(_ANSWER_S)]
-            tried.append(self._reached(LawWithEffects(old.law, effects), np.append(place, at)))
-        found = [one for one in tried if one is not None]
-        best = min(found, key=lambda one: one.price(reached.inflation), default=reached)
-        is_as_good = best.price(reached.inflation) <= reached.price(reached.inflation) + EVIDENCE
-        return best if is_as_good else reached
+        found = self._reached(LawWithEffects(old.law, effects), np.append(place, start))
+        if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
+            return reached
+        return found
 
     def _reached(self, candidate: LawWithEffects, place: FloatArray) -> Reached | None:
         function = marginal_function(self.problem, candidate)

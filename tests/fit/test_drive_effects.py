@@ -7,6 +7,7 @@ import pytest
 
 from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.simulator import replay_bench
+from mecanum_env.units import RAD_S_PER_RPM
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.result import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
@@ -142,15 +143,18 @@ def steps_from_rest(model, sample_s: float = 0.03) -> Dataset:
     runs = []
     for number, level in enumerate((20.0, -35.0, 110.0, -95.0, 65.0, -50.0)):
         command = np.where((time_s > 0.2) & (time_s < 1.4), level, 0.0)
-        speed = replay_bench(model, time_s, command) + NOISE_RPM * rng.standard_normal(time_s.size)
+        speed = replay_bench(model, time_s, command) + 3.0 * NOISE_RPM * rng.standard_normal(time_s.size)
         name, split = f"run_{number}", ("fit", "validation")[number > 3]
         runs.append(Run(f"{name}.csv", name, split, time_s, BenchCommand(command), {"speed_rpm": speed}))
     return Dataset("steps", tuple(runs), ())
 
 
-def test_what_logs_do_not_tell_from_friction_is_friction(paper_module):
-    true = paper_module.with_effect("command_deadband", "subtract", threshold_rpm=3.0)
-    found = fit_dataset(steps_from_rest(true), FitOptions(starts=1)).drive_effects
+def test_a_motor_s_friction_is_fitted_as_friction_and_not_as_a_dead_zone(paper_module):
+    law = replace(paper_module.wheel.law, A=0.3, B=0.0, C=0.0, D=0.7, E=0.0, F=0.0)
+    fast = replace(paper_module, wheel=replace(paper_module.wheel, law=law))
+    torque = 3.0 * RAD_S_PER_RPM * fast.robot.servo_n_m_s_rad
+    logs = steps_from_rest(fast.with_effect("coulomb_friction", torque_n_m=torque))
+    found = fit_dataset(logs, FitOptions(starts=1)).drive_effects
     assert found is not None
     assert "command_deadband/subtract" not in found.model.effects
     friction = found.model.effects["coulomb_friction"]

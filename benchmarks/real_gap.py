@@ -26,12 +26,11 @@ import numpy as np
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.effects.friction import TORQUES, droop_rpm
 from mecanum_env.errors import MecanumError
 from mecanum_env.files import write_json, write_text
 from mecanum_env.law import WheelLaw
 from mecanum_env.markdown import markdown_table
-from mecanum_env.model import Model, cause_of, read_robot
+from mecanum_env.model import Model, read_robot
 from sysid.compare.subset import select_runs, small_command_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.pipeline import Fit
@@ -45,14 +44,13 @@ from sysid.gap.wording import (
     place_name,
     set_name,
     sizes,
+    sizes_in,
     unit_of,
     verdict_sentence,
     with_share,
 )
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
-from sysid.studies.free_correction import free_correction
-from sysid.studies.score import FOUND, WRONG_ANSWERS, word_of
 
 DEFAULT_FOLDER = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/body", "micromouse/duty_left", "micromouse/duty_right",
@@ -61,13 +59,6 @@ SECONDS = {"bench": 60.0, "robot": 40.0}
 """Duration of the runs that decide [s], for which a study takes a minute or two of processor time."""
 FIT_S = 40.0
 """Duration of the runs that a law is fitted to [s], if those with small commands do not suffice."""
-PAIRS = (
-    ("robotino/bench_with_integral", "robotino/bench_without_integral", "the drive's integral term is off: "
-     "Coulomb friction as a droop", "coulomb_friction"),
-    ("robotino/floor_table", "robotino/floor_gray", "another floor: 2.5 rpm more of Coulomb friction",
-     "coulomb_friction"),
-)  # fmt: skip
-"""Recordings before and after one known change: two folders with the same motors, what changed, its name."""
 SHOWN = 6
 """Number of sets in the table of evidence."""
 
@@ -140,7 +131,7 @@ def main(
         model, how = fitted(data, folder / name / "robot.json", starts)
         took = process_time() - began
         done = studies(data, model, options, rounds)
-        had = "; ".join(f"{set_name([one])} {sizes_of(one, model)}" for one in model.effects)
+        had = "; ".join(f"{set_name([one])} {sizes_in(model, one)}" for one in model.effects)
         beside = f" Beside the law it has {had}." if had else ""
         shown = [f"## {name}", f"{how} {took:.0f} s.{beside}", *page(done)]
         print("\n\n".join(shown), flush=True)
@@ -149,65 +140,10 @@ def main(
             {"error": one.error} if one.report is None else {"seconds": one.seconds, **gap_json(one.report)}
             for one in done
         ]
-    if names == DATASETS and (folder / "robotino").is_dir():
-        shown = list(known_changes(folder, starts, jobs))
-        print("\n\n".join(shown), flush=True)
-        parts += shown
     if markdown is not None:
         write_text(markdown, "\n\n".join(parts) + "\n")
     if out is not None:
         write_json(out, results)
-
-
-def known_changes(folder: Path, starts: int, jobs: int) -> Iterator[str]:
-    """Yield the paragraphs on recordings before and after a known change: a table of what is found."""
-    yield "## robotino, before and after a known change"
-    yield (
-        "A law and the effects of its drive are fitted to each motor's recording before the change, and "
-        "compared with the one after it. A free correction is a regression of the difference on smooth "
-        "functions of command, speed and time: what could be removed at all. Closure is the share of that "
-        "which the set named first removes."
-    )
-    rows, words, closures = [], [], []
-    for before, after, _, truth in PAIRS:
-        for motor in sorted(path.name for path in (folder / before).iterdir() if path.is_dir()):
-            old, new = (read_dataset(folder / name / motor) for name in (before, after))
-            began = process_time()
-            model = fitted_model(fit_dataset(old, FitOptions(starts=starts)))
-            fit_s, began = process_time() - began, process_time()
-            report = analyse(new, model, GapOptions(fitted_on=old, jobs=jobs, next_experiment=False))
-            took = process_time() - began
-            gap, (plain, free) = report.gap, free_correction(new, model)
-            closure = (1.0 - gap.after / gap.before) / (1.0 - free / plain)
-            claims = tuple(map(frozenset, report.candidates))
-            words.append(word_of("single", frozenset([truth]), report.verdict, claims))
-            closures.append(closure)
-            had = "; ".join(f"{set_name([name])} {sizes_of(name, model)}" for name in model.effects)
-            found = " or ".join(set_name(names) for names in report.candidates) or report.verdict
-            now = "; ".join(f"{set_name([e.name])} {sizes_of(e.name, report.model)}" for e in report.effects)
-            rows.append(
-                (Path(after).name, motor, had, report.verdict, found, now or "-", words[-1],
-                 f"{gap.before:.3g} -> {gap.after:.3g} rpm", f"{free:.3g} rpm", f"{closure:.0%}",
-                 f"{fit_s:.0f} + {took:.0f} s")
-            )  # fmt: skip
-    yield "; ".join(f"{Path(after).name}: {changed}" for _, after, changed, _ in PAIRS) + "."
-    yield markdown_table(
-        ("after", "motor", "fitted before", "verdict", "found", "now", "that is", "test rms",
-         "free correction", "closure", "fit + study"),
-        rows,
-    )  # fmt: skip
-    good, wrong = (sum(one in known for one in words) for known in (FOUND, WRONG_ANSWERS))
-    yield (
-        f"Right or rightly ambiguous: {good} of {len(words)}; false names: {wrong}; median closure "
-        f"{np.median(closures):.0%} of what a free correction removes."
-    )
-
-
-def sizes_of(name: str, model: Model) -> str:
-    """Return the parameters of an effect of a model; a friction in rpm of droop."""
-    if cause_of(name) in TORQUES:
-        return f"{droop_rpm(name, model.effects[name], model):.3g} rpm"
-    return sizes(name, model.effects[name])
 
 
 def fitted(data: Dataset, robot: Path, starts: int) -> tuple[Model, str]:

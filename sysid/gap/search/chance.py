@@ -44,13 +44,15 @@ class Floor:
     trusted: bool
     """Whether it is known what a right model leaves; if not, no set can be called inadequate."""
     compared: bool = False
-    """Whether the model's own error is from a comparison with the logs of its fit, of other commands."""
+    """Whether the model's own error is from a comparison with the logs of its fit."""
     knows_all: bool = False
     """Whether what every effect would do is among that error, as far as the logs of the fit leave it open."""
     repeatable: bool = True
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
     false_alarm: float = THRESHOLDS.false_alarm
     """Probability with which noise alone may be taken for an effect, after earlier studies of these logs."""
+    familiar: bool = False
+    """Whether the logs of the fit hold the commands of these logs, too."""
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""

@@ -187,9 +187,15 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     if learned is not None and noise.is_like(learned.whitener.noise, THRESHOLDS.inconsistent_repeats):
         # Whatever acts at random did so in the logs of the fit, too.
         repeatable = True
-    # In the commands of the logs of the fit the error is known, not only its rough size.
-    compared = learned is not None and not learned.knows(observations)
-    floor = Floor(noise.degrees_of_freedom, trusted, compared, compared and not bench, repeatable)
+    compared = learned is not None
+    floor = Floor(
+        noise.degrees_of_freedom,
+        trusted,
+        compared,
+        compared and not bench,
+        repeatable,
+        familiar=learned is not None and learned.knows(observations),
+    )
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 
 

@@ -55,7 +55,7 @@ def change_of(folder: Path, before: str, after: str, motor: str) -> GapReport:
     if not folder.is_dir():
         pytest.skip(f"no {folder.name} among the real logs")
     old, new = (read_dataset(folder / name / motor) for name in (before, after))
-    model = fitted_model(fit_dataset(old, FitOptions(starts=2)))
+    model = fitted_model(fit_dataset(old, FitOptions(starts=5)))
     return analyse(new, model, GapOptions(fitted_on=old, next_experiment=False))
 
 

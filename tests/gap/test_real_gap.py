@@ -9,6 +9,7 @@ from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import Model, read_robot
 from sysid.compare.subset import small_command_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
+from sysid.gap.alone import law_of
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
@@ -97,3 +98,13 @@ def test_the_micromouse_has_a_ceiling(real_logs: Path, name: str) -> None:
     report = analyse(data, model, GapOptions(seconds=60.0, next_experiment=False))
     assert "speed_saturation" in report.candidates[0]
     assert report.gap.after < 0.6 * report.gap.before
+
+
+@pytest.mark.slow
+def test_the_law_of_one_recording_keeps_the_delays_of_its_link(real_logs: Path) -> None:
+    folder = real_logs / "robotino/bench_with_integral/motor1"
+    if not folder.is_dir():
+        pytest.skip("no robotino among the real logs")
+    law, options = law_of(read_dataset(folder), GapOptions(next_experiment=False))
+    assert set(law.effects) == {"command_latency/jitter"}
+    assert any("coulomb_friction" in note for note in options.notes)

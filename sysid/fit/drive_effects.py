@@ -11,6 +11,10 @@ therefore starting points: that of the fit, and one with a free gain, which beco
 pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
 law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
 Where the law leaves much more than the noise, a simple drive is a start, too (`sysid.fit.drive_global`).
+
+A dead zone that subtracts and friction on a drive without integral action take the same speed from a wheel
+that turns, and differ only while it starts and stops. Where the logs do not tell them apart, it is friction:
+every motor has some. A later study of the same motor then does not take its friction for news.
 """
 
 from __future__ import annotations
@@ -28,7 +32,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.law.stability import POLE_LIMIT
 from mecanum_env.model import Model, cause_of
-from mecanum_env.units import FloatArray
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.compare.coordinates import Coordinate, EffectSet, coordinate, effect_set
 from sysid.compare.descent import compass_search, descend_steeply
 from sysid.compare.fitted import Fitted, RefittedLaw, marginal_function
@@ -41,7 +45,7 @@ from sysid.compare.subset import select_runs
 from sysid.compare.whitening import Whitener
 from sysid.fit.drive_candidates import TRIED, drive_candidates, first_order_laws, starts
 from sysid.fit.drive_global import SIMPLE_DRIVE, simple_drive
-from sysid.fit.drive_reached import HeldOut, Reached
+from sysid.fit.drive_reached import EVIDENCE, HeldOut, Reached
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
 
@@ -64,6 +68,10 @@ _TICKS: Final = 8000
 """Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
 _LARGEST_GAIN: Final = 5.0
 """Largest gain of a drive beside its effects, and inverse of the smallest. Assumed."""
+_SUBTRACTING: Final = "command_deadband/subtract"
+_FRICTION: Final = "coulomb_friction"
+_FRICTIONS: Final = frozenset(("coulomb_friction", "stiction"))
+"""A dead zone that subtracts, what looks the same while the wheel turns, and causes that include it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +192,9 @@ def _searched(searches: Sequence[_Search], began: Sequence[Reached], tell: Progr
         if not beam:
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
-    pruned = next(search for search in searches if search.base is best.base).pruned(best)
-    return list(dict.fromkeys([pruned, best, *reversed(bests)]))
+    search = next(search for search in searches if search.base is best.base)
+    pruned = search.pruned(best)
+    return list(dict.fromkeys([search.rubbing(pruned), pruned, best, *reversed(bests)]))
 
 
 class _Search:
@@ -240,6 +249,30 @@ class _Search:
             if found is not None and found.price(inflation) < reached.price(inflation):
                 smaller.append(found)
         return self.pruned(min(smaller, key=lambda one: one.price(inflation))) if smaller else reached
+
+    def rubbing(self, reached: Reached) -> Reached:
+        """Return the set with friction for a dead zone that subtracts, unless that explains the logs better.
+
+        Better is a gain of more than `EVIDENCE` in BIC, at which the logs tell the two apart.
+        """
+        old = reached.fitted.candidate
+        names = old.effects.names
+        if _SUBTRACTING not in names or {cause_of(name) for name in names} & _FRICTIONS:
+            return reached
+        without, place = _without(reached, _SUBTRACTING)
+        torque, answer = self._set([_FRICTION]).coordinates
+        effects = EffectSet(
+            (*without.effects.names, _FRICTION),
+            (*without.effects.coordinates, torque),
+            # A time of answer would be one number more than the dead zone has.
+            (*without.effects.fixed, (_FRICTION, answer.parameter, 0.0)),
+        )
+        threshold_rpm = reached.model.effects[_SUBTRACTING]["threshold_rpm"]
+        start = torque.unit(threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad)
+        found = self._reached(LawWithEffects(old.law, effects), np.append(place, start))
+        if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
+            return reached
+        return found
 
     def _reached(self, candidate: LawWithEffects, place: FloatArray) -> Reached | None:
         function = marginal_function(self.problem, candidate)

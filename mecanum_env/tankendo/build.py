@@ -31,7 +31,7 @@ from mecanum_env.tankendo.constants import (
 )
 from mecanum_env.tankendo.opponents import OpponentLike, Opponents
 from mecanum_env.tankendo.plant import compile_model
-from mecanum_env.tankendo.randomize import Randomize, Sampler, sampler_for
+from mecanum_env.tankendo.randomize import Pool, Randomize, Sampler, sampler_for
 from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
 
@@ -44,7 +44,7 @@ class Episodes:
     """Episodes side by side, with all that Gymnasium's two interfaces share."""
 
     arena: Arena
-    sampler: Sampler | None
+    sampler: Sampler | Pool | None
     """Draws the robot of each episode; None: every episode has the common model."""
     plant: RobotPlant
     compiled: Callable[[Model], Robot]
@@ -190,6 +190,8 @@ def build(
     robot = model_of(model)
     sampler = sampler_for(randomize, robot)
     compiler = _compiler(engine, plant, timestep_s, device)
+    if isinstance(sampler, Pool):
+        compiler = _Once(compiler)
     compiled = compiler(robot) if sampler is None else _typical(sampler, compiler)
     return Episodes(Arena(setting, compiled, n, threads, device), sampler, plant, compiler)
 
@@ -276,7 +278,23 @@ def _compiler(
     return partial(planar_robot, timestep_s=timestep_s)
 
 
-def _typical(sampler: Sampler, compiler: Callable[[Model], Robot]) -> Robot:
+class _Once:
+    """A compiler that compiles every model once: robots of a pool come again and again."""
+
+    def __init__(self, compiler: Callable[[Model], Robot]) -> None:
+        self._compiler = compiler
+        self._known: dict[int, tuple[Model, Robot]] = {}
+
+    def __call__(self, model: Model) -> Robot:
+        """Return the model, ready for the physics."""
+        known = self._known.get(id(model))
+        # A copy of this object has copies of the models, which are others.
+        if known is None or known[0] is not model:
+            known = self._known[id(model)] = (model, self._compiler(model))
+        return known[1]
+
+
+def _typical(sampler: Sampler | Pool, compiler: Callable[[Model], Robot]) -> Robot:
     """Return one drawn robot: with its effects it may have more bodies than the model's own.
 
     Raises:

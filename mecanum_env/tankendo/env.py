@@ -141,7 +141,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
     | `action_mode` | `"cartesian"` | see Action Space |
     | `observation_delay` | 0.05 | age of the observation [s] |
     | `opponent` | of the difficulty | a `mecanum_env.tankendo.Opponent`, or `Opponents`: drawn at reset |
-    | `randomize` | `"none"` | `"posterior"`, or ranges: a robot drawn for each episode (`randomize.py`) |
+    | `randomize` | `"none"` | `"posterior"`, ranges or models: a robot for each episode (`randomize.py`) |
     | `reward_weights` | as above | some or all weights by name, such as `{"hit": 2.0}` |
     | `rules` | as above | a `mecanum_env.tankendo.Rules` |
     | `senses` | None | a `mecanum_env.senses.Senses`: frames, drop-outs, and an estimator behind them |

@@ -48,6 +48,8 @@ class Fighter:
         """Whether the aim of this strike is fixed."""
         self.waiting = np.zeros((2, n))
         """Velocity of the robot when the sword rose last: vx, vy, shape (2, n) [m/s]."""
+        self.missed_m = np.full(n, np.nan)
+        """By how much the strike that ended in the last step missed [m], at most 0 for a hit; NaN without."""
         self._numbers = {name: np.zeros(n) for name in _NUMBERS}
         self._table = {field.name: np.zeros((len(opponent.techniques), n)) for field in _TECHNIQUE_NUMBERS}
         for row in range(n):
@@ -224,13 +226,14 @@ class Fighter:
         """Return the rows (m,) whose strike ended in the step until a time, and which hit, (m,)."""
         math, sword = self._math, self.sword
         pending = math.of(self.pending)
+        self.missed_m.fill(np.nan)
         if not math.any(pending):
             return _NO_ROWS, _NO_HITS
         rows = np.flatnonzero(pending & (math.of(sword.land_s) <= end_s))
         ago_s = math.array(end_s)[rows] - sword.land_s[rows]
-        hit = self.hits(rows, self._scenes.ago_of(rows, ago_s), sword.end[:, rows])
+        self.missed_m[rows] = self.margin(rows, self._scenes.ago_of(rows, ago_s), sword.end[:, rows])
         self.pending[rows] = self.feinted[rows] = False
-        return rows, hit
+        return rows, self.missed_m[rows] <= 0.0
 
     def aim_at(self, rows: RowArray, seen: FloatArray) -> FloatArray:
         """Return where the tips in some rows (m,) will end: x, y [m], shape (2, m).

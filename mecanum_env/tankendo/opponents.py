@@ -72,7 +72,8 @@ PARAMETERS: Final = (
 )
 """All parameters that a distribution may draw, with the range of people."""
 _SWING: Final = "swing_scale"
-_RANGED: Final = frozenset(one.name for one in fields(Opponent) if one.type == "tuple[float, float]")
+RANGED: Final = frozenset(one.name for one in fields(Opponent) if one.type == "tuple[float, float]")
+"""Parameters that are themselves ranges."""
 
 
 @dataclass(frozen=True)
@@ -103,7 +104,7 @@ class Opponents:
                 raise InputError(f"opponent: {name} = {ends!r}, must be two numbers, the lower first")
             # What an opponent cannot have is refused by the opponent itself.
             for end in ends:
-                _with(self.base, name, (end, end) if name in _RANGED else end)
+                with_parameters(self.base, {name: (end, end) if name in RANGED else end})
         ordered = {name: tuple(self.ranges[name]) for name in sorted(self.ranges)}
         object.__setattr__(self, "ranges", MappingProxyType(ordered))
 
@@ -118,18 +119,19 @@ class Opponents:
 
     def draw(self, rng: np.random.Generator) -> Opponent:
         """Return an opponent drawn with the generator `rng`."""
-        drawn = self.base
+        drawn: dict[str, Any] = {}
         for name, ends in self.ranges.items():
             if name == "lead_form":
-                drawn = _with(drawn, name, ends[int(rng.integers(len(ends)))])
+                drawn[name] = ends[int(rng.integers(len(ends)))]
                 continue
             low, high = float(ends[0]), float(ends[1])
-            if name in _RANGED:
+            if name in RANGED:
                 first, second = low + (high - low) * np.sort(rng.random(2))
-                drawn = _with(drawn, name, (float(first), float(second)))
+                drawn[name] = float(first), float(second)
             else:
-                drawn = _with(drawn, name, low + (high - low) * float(rng.random()))
-        return drawn
+                drawn[name] = low + (high - low) * float(rng.random())
+        # All at once, since every replacement is checked.
+        return with_parameters(self.base, drawn)
 
 
 OpponentLike = Opponent | Opponents | Mapping[str, Ends]
@@ -159,7 +161,7 @@ def opponent_from_dict(value: Mapping[str, Any]) -> Opponent | Opponents:
     for name in numbers:
         if name not in known:
             raise InputError(f"opponent: no {name!r}{did_you_mean(name, known)}; known: {', '.join(known)}")
-    for name in _RANGED & numbers.keys():
+    for name in RANGED & numbers.keys():
         numbers[name] = tuple(numbers[name])
     try:
         if "techniques" in numbers:
@@ -172,8 +174,16 @@ def opponent_from_dict(value: Mapping[str, Any]) -> Opponent | Opponents:
     return base if ranges is None else Opponents(base, {name: tuple(ends) for name, ends in ranges.items()})
 
 
-def _with(opponent: Opponent, name: str, value: Any) -> Opponent:
-    if name != _SWING:
-        return replace(opponent, **{name: value})
-    techniques = tuple(replace(one, swing_s=float(value) * one.swing_s) for one in opponent.techniques)
-    return replace(opponent, techniques=techniques)
+def with_parameters(opponent: Opponent, values: Mapping[str, Any]) -> Opponent:
+    """Return an opponent with the `values` of some of `PARAMETERS` by name.
+
+    Raises:
+        InputError: a value that an opponent cannot have.
+    """
+    changed = dict(values)
+    if _SWING in changed:
+        scale = float(changed.pop(_SWING))
+        changed["techniques"] = tuple(
+            replace(one, swing_s=scale * one.swing_s) for one in opponent.techniques
+        )
+    return replace(opponent, **changed)

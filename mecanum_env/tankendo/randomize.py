@@ -6,6 +6,7 @@
   are uniform in the intervals that the gap workflow found.
 - a mapping: each named parameter is uniform between two ends, such as
   `{"robot.mass_kg": (18, 24), "effects.speed_gain.gain": (0.9, 1.0)}`.
+- a tuple of models: every episode has one of them, all equally probable.
 
 The posterior is in the model file: `uncertainty.wheel.covariance`, `uncertainty.robot.NAME`, and
 `uncertainty.effects.EFFECT.PARAMETER` with `low` and `high`.
@@ -26,7 +27,7 @@ from mecanum_env.model import EFFECT_PARAMETERS, ROBOT_NUMBERS, Model
 from mecanum_env.units import FloatArray
 
 Range = tuple[float, float]
-Randomize = Literal["none", "posterior"] | Mapping[str, Range]
+Randomize = Literal["none", "posterior"] | Mapping[str, Range] | tuple[Model, ...]
 _TRIES = 1000
 
 
@@ -83,18 +84,37 @@ class Sampler:
         )
 
 
-def sampler_for(randomize: Randomize, model: Model) -> Sampler | None:
+@dataclass(frozen=True)
+class Pool:
+    """Robots of which every episode has one, all equally probable."""
+
+    models: tuple[Model, ...]
+
+    def draw(self, rng: np.random.Generator) -> Model:
+        """Return one of the models, drawn with the generator `rng`."""
+        return self.models[int(rng.integers(len(self.models)))]
+
+    def edges(self) -> tuple[Model, ...]:
+        """Return all models that may be drawn."""
+        return self.models
+
+
+def sampler_for(randomize: Randomize, model: Model) -> Sampler | Pool | None:
     """Return the sampler that draws the robot of each episode; None for `randomize` = "none".
 
     Raises:
         InputError: no such choice or parameter, an invalid range, or a model without uncertainty.
     """
+    if isinstance(randomize, tuple):
+        if not randomize or not all(isinstance(one, Model) for one in randomize):
+            raise InputError("randomize: a tuple must hold one or more mecanum_env.model.Model")
+        return Pool(randomize)
     if isinstance(randomize, Mapping):
         return Sampler(model, {name: _range(name, ends) for name, ends in sorted(randomize.items())})
     if randomize == "none":
         return None
     if randomize != "posterior":
-        raise InputError(f'randomize = {randomize!r}, must be "none", "posterior" or ranges by name')
+        raise InputError(f'randomize = {randomize!r}, must be "none", "posterior", ranges by name or models')
     known = model.uncertainty
     covariance = known.get("wheel", {}).get("covariance")
     errors = {name: float(error) for name, error in sorted(known.get("robot", {}).items())}

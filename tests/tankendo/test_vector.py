@@ -182,7 +182,7 @@ def test_stable_baselines_steps_it():
     pytest.importorskip("stable_baselines3")
     from stable_baselines3.common.vec_env import VecMonitor
 
-    from training.train.environments import TankendoVecEnv
+    from training.train.vec_env import TankendoVecEnv
 
     env = VecMonitor(TankendoVecEnv(TankendoVectorEnv(4, autoreset_mode="SameStep")))
     env.seed(3)

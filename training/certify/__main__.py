@@ -45,7 +45,8 @@ def main(
         model: Model file of the robot; by default the packaged one.
         episodes: Number of episodes per plant, with the seeds 0, 1, ...
         plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if,
-            opponents, senses, held-out), or all. The nominal plant and those held out are always played.
+            opponents, senses, adversary, held-out), or all. The nominal plant and those held out are always
+            played.
         out: Folder to write.
         physics: planar, which is fast, or rollers: every roller on the floor, on all plants.
         difficulty: Difficulty of the opponent: easy, normal or hard.

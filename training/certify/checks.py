@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 from mecanum_env.statistics import wilson_interval
-from training.certify.plants import HELD_OUT
+from training.certify.plants import APART, HELD_OUT
 from training.certify.results import Timing, TrackingResult, VariantResult, worst_of
 from training.certify.thresholds import Thresholds
 from training.certify.warning import WarningCurve
@@ -60,10 +60,11 @@ def checks(
 ) -> tuple[Check, ...]:
     """Return all checks except that of the time per command, from the results on these plants and tasks.
 
-    The first of the `plants` is the nominal one; those that are held out are judged apart.
+    The first of the `plants` is the nominal one; those that are held out are judged apart, and the
+    adversary is not.
     """
     t, nominal = thresholds, plants[0]
-    worst = worst_of([plant for plant in plants if plant.group != HELD_OUT])
+    worst = worst_of([plant for plant in plants if plant.group not in APART])
     held_out = [plant for plant in plants if plant.group == HELD_OUT]
     apart = []
     if held_out:

@@ -26,11 +26,15 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import Opponent, Opponents
 
 RobotGroup = Literal["nominal", "effects", "posterior", "robot-level", "latency", "what-if"]
-Group = RobotGroup | Literal["opponents", "senses", "held-out"]
+Group = RobotGroup | Literal["opponents", "senses", "adversary", "held-out"]
 GROUPS: Final[tuple[RobotGroup, ...]] = get_args(RobotGroup)
 """Groups of robots, in the order in which they are listed; `variations` has those of opponents and senses."""
 HELD_OUT: Final[Literal["held-out"]] = "held-out"
 """Group of what no training has seen, which the verdict judges apart and every certificate plays."""
+ADVERSARY: Final[Literal["adversary"]] = "adversary"
+"""Group and name of the opponent that is searched against the controller, which the verdict leaves out."""
+APART: Final = (HELD_OUT, ADVERSARY)
+"""Groups among which the worst plant is not sought."""
 
 EXTRA_LATENCY_S: Final = 0.1
 """Latency that the group `latency` adds to the model's own [s]: one command period."""

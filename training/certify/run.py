@@ -19,9 +19,10 @@ from mecanum_env.model.file import model_to_dict
 from mecanum_env.parallel import Workers
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import opponent_for, opponent_to_dict
+from training.certify.adversary import Search, worst_opponent
 from training.certify.certificate import Certificate
 from training.certify.checks import checks, timing_check
-from training.certify.plants import RobotVariant, knows_uncertainty, select_variants
+from training.certify.plants import ADVERSARY, RobotVariant, knows_uncertainty, select_variants
 from training.certify.results import Timing, TrackingResult, VariantResult
 from training.certify.thresholds import Thresholds, require_valid
 from training.certify.variations import certificate_variants
@@ -53,6 +54,8 @@ class CertifyOptions:
     thresholds: Thresholds = Thresholds()  # noqa: RUF009  (frozen)
     bound: bool = True
     """Whether the oracle plays every planar plant as well, so that results are shares of its success."""
+    search: Search = Search()  # noqa: RUF009  (frozen)
+    """How long the adversary is searched."""
 
 
 def certify_controller(
@@ -73,7 +76,7 @@ def certify_controller(
     """
     options = CertifyOptions() if options is None else options
     require_usable(options)
-    chosen = _chosen(model, options)
+    chosen = _against(controller, model, _chosen(model, options), options, progress)
     played = play_jobs(_jobs(controller, model, chosen, options), options.workers, progress)
     nominal = played[chosen[0].name].episodes
     results = tuple(
@@ -103,12 +106,34 @@ def certify_controller(
 
 def episodes_of(options: CertifyOptions, model: Model) -> int:
     """Return the number of episodes that a certificate of a model takes with these options."""
-    return sum(job.episodes for job in _jobs("", model, _chosen(model, options), options).values())
+    chosen = _chosen(model, options)
+    searched = options.search.total if any(one.group == ADVERSARY for one in chosen) else 0
+    return searched + sum(job.episodes for job in _jobs("", model, chosen, options).values())
 
 
 def _chosen(model: Model, options: CertifyOptions) -> tuple[RobotVariant, ...]:
     found = certificate_variants(model, options.physics, opponent_for(options.difficulty))
     return select_variants(found, options.plants)
+
+
+def _against(
+    controller: str,
+    model: Model,
+    chosen: Sequence[RobotVariant],
+    options: CertifyOptions,
+    progress: Progress | None,
+) -> tuple[RobotVariant, ...]:
+    """Return the chosen variants, with the adversary that was found for a controller if it is one of them."""
+    base = opponent_for(options.difficulty)
+    setup = Setup(model, options.physics, difficulty=options.difficulty, known=model)
+    return tuple(
+        replace(
+            one, opponent=worst_opponent(controller, setup, base, options.search, options.workers, progress)
+        )
+        if one.group == ADVERSARY
+        else one
+        for one in chosen
+    )
 
 
 def require_usable(options: CertifyOptions) -> None:

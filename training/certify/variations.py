@@ -4,11 +4,12 @@
 |---|---|
 | `opponents` | opponents drawn from the ranges of people, and each other form of the lead |
 | `senses` | usual senses, and worse ones drawn for each episode, with an estimator behind both |
-| `held-out` | robots and opponents outside what `training.train` can be told to train on |
+| `adversary` | an opponent searched against the controller (`adversary`) |
+| `held-out` | robots and opponents outside what `training.train` trains on |
 
-The distributions of `opponents` and `senses` are those of `training.train --opponents varied` and `--senses
-varied`. The warning of the held-out opponents lies outside their range, and the held-out robots combine
-effects that no robot of `--randomize levels` has.
+The distribution of `senses` is that of `training.train --senses varied`, and `--opponents varied` trains on
+the ranges of `opponents`, with warnings from 0.3 to 1 s. Every held-out opponent has a number outside these
+ranges, and the held-out robots have effects that no robot of `--randomize levels` or `varied` has.
 """
 
 from __future__ import annotations
@@ -22,10 +23,13 @@ from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import Opponent, Opponents
 from mecanum_env.tankendo.constants import LEAD_FORMS
-from training.certify.plants import HELD_OUT, RobotVariant, robot_variants
+from training.certify.plants import ADVERSARY, HELD_OUT, RobotVariant, robot_variants
 
 _QUICK_WARNING_S: Final = (0.34, 0.40)
 _SLOW_WARNING_S: Final = (0.75, 0.90)
+_LONG_REACH_M: Final = 0.12
+_FAST_SWING: Final = 0.8
+"""Time of a swing relative to the usual one's."""
 
 
 def certificate_variants(
@@ -40,6 +44,7 @@ def certificate_variants(
         *robot_variants(model, physics),
         *opponent_variants(model, physics, base),
         *sense_variants(model, physics),
+        RobotVariant(ADVERSARY, ADVERSARY, "an opponent searched against the controller", model, physics),
         *held_out_variants(model, physics, base),
     )
 
@@ -74,6 +79,12 @@ def held_out_variants(model: Model, physics: RobotPlant, base: Opponent) -> list
     )
     quick = replace(base, warning_s=_QUICK_WARNING_S, sight_delay_s=0.16, patience_s=(0.1, 0.4))
     slow = replace(base, warning_s=_SLOW_WARNING_S, sight_delay_s=0.28, feint_probability=0.6)
+    long = replace(
+        base,
+        extra_reach_m=_LONG_REACH_M,
+        sight_delay_s=0.13,
+        techniques=tuple(replace(one, swing_s=_FAST_SWING * one.swing_s) for one in base.techniques),
+    )
     robots = {
         "late-and-slow": ("commands act 0.07 s later, speeds are 0.9", tired),
         "sluggish": ("accelerations up to 500 rpm/s, reverse 0.92", heavy),
@@ -81,6 +92,7 @@ def held_out_variants(model: Model, physics: RobotPlant, base: Opponent) -> list
     opponents = {
         "quick": ("0.34 to 0.40 s of warning, little patience", quick),
         "deliberate": ("0.75 to 0.90 s of warning, many feints", slow),
+        "long-armed": ("reaches 0.12 m farther, sees and swings faster than people do", long),
     }
     return [
         *(RobotVariant(name, HELD_OUT, about, robot, physics) for name, (about, robot) in robots.items()),

@@ -141,11 +141,13 @@ class Network:
     """Meaning of an action; see `mecanum_env.tankendo.actions`."""
     stack: int
     """Number of observations in x."""
+    privileged: int = 0
+    """How many numbers that no robot senses follow them: then it is no policy, but the teacher of one."""
 
     @property
     def observation_size(self) -> int:
         """Size of one observation."""
-        return len(self.mean) // self.stack - EXTRA_FEATURES
+        return (len(self.mean) - self.privileged) // self.stack - EXTRA_FEATURES
 
     def actions(self, stacked: npt.NDArray[np.floating]) -> FloatArray:
         """Return actions within [-1, 1], shape (..., 3), of stacked features, shape (..., stack * k)."""
@@ -212,7 +214,24 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
     are the usual ones.
 
     Raises:
-        InputError: there is no such file, or it holds no policy.
+        InputError: there is no such file, or it holds no policy for a robot.
+    """
+    network, about = load_network(path)
+    if network.privileged:
+        raise InputError(f"{path}: a teacher, which sees what no robot senses; give a policy it has taught")
+    policy = Policy(network, about, rules)
+    try:
+        _try_out(policy)
+    except (ValueError, OverflowError, MemoryError) as error:
+        raise InputError(f"{path}: no policy that can act ({error}); {_HINT}") from error
+    return policy
+
+
+def load_network(path: Path) -> tuple[Network, Mapping[str, Any]]:
+    """Return the network in a file or folder, that of a policy or a teacher, and what it was trained for.
+
+    Raises:
+        InputError: there is no such file, or it holds none.
     """
     if os.path.isdir(path):
         path = path / "policy.npz"
@@ -236,9 +255,7 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
             raise KeyError("about") from error
         if about["format"] != FORMAT:
             raise InputError(f'format = {about["format"]!r}, must be "{FORMAT}"; export it again')
-        policy = Policy(_network(arrays, about), about, rules)
-        _try_out(policy)
-        return policy
+        return _network(arrays, about), about
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
     except (KeyError, TypeError, AttributeError) as error:
@@ -260,7 +277,7 @@ def _try_out(policy: Policy) -> None:
 
 def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
     """Write a policy to an `.npz` file; `about` says in JSON what it was trained for and with."""
-    same = ("clip", "activation", "squashes", "action_mode", "stack")
+    same = ("clip", "activation", "squashes", "action_mode", "stack", "privileged")
     shape = {"format": FORMAT, "layers": len(network.weights)} | {n: getattr(network, n) for n in same}
     arrays: dict[str, Any] = {"mean": network.mean, "scale": network.scale}
     for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
@@ -273,9 +290,10 @@ def save_policy(path: Path, network: Network, about: Mapping[str, Any]) -> None:
 
 
 def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -> Network:
-    for name in ("layers", "stack"):
-        if type(about[name]) is not int or about[name] < 1:
-            raise InputError(f"{name} = {about[name]!r}, must be a whole number of at least 1")
+    numbers = (("layers", about["layers"], 1), ("stack", about["stack"], 1))
+    for name, value, least in (*numbers, ("privileged", about.get("privileged", 0), 0)):
+        if type(value) is not int or value < least:
+            raise InputError(f"{name} = {value!r}, must be a whole number of at least {least}")
     if not isinstance(about["squashes"], bool):
         raise InputError(f"squashes = {about['squashes']!r}, must be true or false")
     for name, array in arrays.items():
@@ -292,6 +310,7 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
         squashes=about["squashes"],
         action_mode=about["action_mode"],
         stack=about["stack"],
+        privileged=about.get("privileged", 0),
     )
     check_mode(network.action_mode)
     if network.activation not in _ACTIVATIONS:
@@ -304,7 +323,7 @@ def _network(arrays: Mapping[str, npt.NDArray[Any]], about: Mapping[str, Any]) -
         raise ValueError(f"layers of shapes {shapes} do not fit {len(network.mean)} inputs")
     if not 0.0 < network.clip < math.inf or not np.all(network.scale > 0.0):
         raise ValueError("clip and scale must be above 0")
-    if len(network.mean) % network.stack or network.observation_size <= _KEPT:
+    if (len(network.mean) - network.privileged) % network.stack or network.observation_size <= _KEPT:
         raise ValueError(f"{len(network.mean)} inputs are no {network.stack} observations")
     if sizes[-1] != _ACTION:
         raise ValueError(f"the last layer has {sizes[-1]} outputs, must be {_ACTION}")

@@ -246,7 +246,7 @@ def _why_failed(arena: Arena, row: int, truncated: bool) -> Reason:
 
 @dataclass(frozen=True)
 class Job:
-    """Episodes with the seeds 0, 1, ... to play; it can be sent to another process."""
+    """Episodes with consecutive seeds to play; it can be sent to another process."""
 
     name: str
     """Shown by the progress bar."""
@@ -254,11 +254,14 @@ class Job:
     """Name of a controller, which knows `setup.known`."""
     setup: Setup
     episodes: int
+    first_seed: int = 0
 
     def play(self) -> Evaluation:
         """Play the episodes."""
         factory = controller_factory(self.controller, self.setup.known or self.setup.model)
-        return evaluate_controller(factory, self.setup, range(self.episodes))
+        return evaluate_controller(
+            factory, self.setup, range(self.first_seed, self.first_seed + self.episodes)
+        )
 
 
 def play_jobs(

@@ -11,7 +11,7 @@ from training.controllers.named import SUFFIX, make_controller
 from training.controllers.policy import bundled, load_policy
 from training.export.contract import contract_of
 
-BUNDLED: Final = ("nominal", "robust")
+BUNDLED: Final = ("nominal", "robust", "varied")
 """Bundled policies, which have a short name here."""
 
 
@@ -19,7 +19,7 @@ def controller_for(name: str, model: Model, source: str) -> Controller:
     """Return a controller for the robot of a model.
 
     Args:
-        name: a bundled policy, nominal or robust, or a name as for `make_controller`.
+        name: a bundled policy (nominal, robust, varied), or a name as for `make_controller`.
         model: the robot, as far as it is known.
         source: where the model is from, for messages.
 

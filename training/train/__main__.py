@@ -15,6 +15,7 @@ from mecanum_env.tankendo.actions import ActionMode
 from training.train.settings import (
     Algorithm,
     Ppo,
+    PrivilegedTo,
     Sac,
     TrainingOpponents,
     TrainingRobots,
@@ -34,14 +35,22 @@ def main(
     model: Path | None = None,
     difficulty: str = TrainingSettings.difficulty,
     randomize: TrainingRobots = TrainingSettings.randomize,
+    latency_s: tuple[float, float] = TrainingSettings.latency_s,
     opponents: TrainingOpponents = TrainingSettings.opponents,
+    warning_s: tuple[float, float] = TrainingSettings.warning_s,
+    first_warning_s: tuple[float, float] = TrainingSettings.first_warning_s,
+    curriculum: float = TrainingSettings.curriculum,
     senses: TrainingSenses = TrainingSettings.senses,
+    privileged: PrivilegedTo = TrainingSettings.privileged,
+    teacher: str | None = None,
+    teacher_steps: int = TrainingSettings.teacher_steps,
     start: Path | None = None,
     envs: int = TrainingSettings.envs,
     action_mode: ActionMode = TrainingSettings.action_mode,
     stack: int = TrainingSettings.stack,
     checkpoint_every: int = TrainingSettings.checkpoint_every,
     reward_weights: dict[str, float] | None = None,
+    margin_weight: float = TrainingSettings.margin_weight,
     ppo: Ppo = Ppo(),  # noqa: B008
     sac: Sac = Sac(),  # noqa: B008
 ) -> Done:
@@ -59,17 +68,27 @@ def main(
         plant: planar, or rollers (much slower).
         model: Model file of the robot; by default the packaged one.
         difficulty: Difficulty of the opponent: easy, normal or hard.
-        randomize: Robots to train on: none (the model), posterior (drawn from its uncertainty), or levels.
+        randomize: Robots to train on: none (the model), posterior (drawn from its uncertainty), levels (five
+            side by side), or varied (drawn from its uncertainty, late and slow).
+        latency_s: Range of the extra latency of varied robots [s].
         opponents: Opponents to train against: level (that of the difficulty), or varied (drawn for each
             episode).
-        senses: What the robot senses: off (plain sensors), usual (frames that get lost, and an estimator), or
-            varied (worse ones, drawn for each episode).
+        warning_s: Range of the warning time of varied opponents [s].
+        first_warning_s: The same at the beginning of the curriculum.
+        curriculum: Share of the steps over which the first range becomes the last.
+        senses: What the robot senses: off (plain sensors), usual (frames that get lost, and an estimator),
+            varied (worse ones, drawn for each episode), or mixed (half off, half varied).
+        privileged: Who sees the true robot and opponent: none, critic, or both (critic and actor), for a
+            teacher that no robot can run.
+        teacher: A policy to imitate at first: a file, the folder of a run, or the name of a bundled policy.
+        teacher_steps: Number of steps for which it is imitated.
         start: Folder of another run whose weights are the initial ones.
         envs: Number of environments side by side.
         action_mode: Meaning of an action: cartesian, polar or command.
         stack: Number of observations that the policy sees.
         checkpoint_every: Steps between two checkpoints.
         reward_weights: Weights of the reward by name; by default waiting 0.05 out 5.
+        margin_weight: Weight of the margin by which a strike misses, in the reward.
         ppo: Hyperparameters of PPO.
         sac: Hyperparameters of SAC.
     """
@@ -84,14 +103,22 @@ def main(
         plant=plant,
         model=None if model is None else str(model),
         difficulty=difficulty,
-        opponents=opponents,
-        senses=senses,
         randomize=randomize,
+        latency_s=latency_s,
+        opponents=opponents,
+        warning_s=warning_s,
+        first_warning_s=first_warning_s,
+        curriculum=curriculum,
+        senses=senses,
+        privileged=privileged,
+        teacher=teacher,
+        teacher_steps=teacher_steps,
         start=None if start is None else str(start),
         envs=envs,
         action_mode=action_mode,
         stack=stack,
         checkpoint_every=checkpoint_every,
+        margin_weight=margin_weight,
         ppo=ppo,
         sac=sac,
     )

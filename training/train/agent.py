@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -11,13 +13,30 @@ from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.distributions import Distribution
 from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
-from training.controllers.policy import Network
+from mecanum_env.errors import InputError
+from training.controllers.policy import Network, bundled, load_network
+from training.train.privileged import PRIVILEGED
 from training.train.settings import TrainingSettings
+from training.train.taught import TaughtPpo
 
 _LOG_STD_RANGE: Final = (-4.0, 0.5)
 _ACTIVATIONS: Final = {"tanh": torch.nn.Tanh, "relu": torch.nn.ReLU}
+
+
+class ActorSeesLess(MlpExtractor):  # type: ignore[misc]
+    """The hidden layers of an actor that sees only the first `seen` of the numbers that its critic sees."""
+
+    def __init__(self, feature_dim: int, seen: int, *args: Any, **kwargs: Any) -> None:
+        super().__init__(feature_dim, *args, **kwargs)
+        self._seen = seen
+        self.policy_net = MlpExtractor(seen, *args, **kwargs).policy_net
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        """Return the last hidden layer of the actor for features, shape (n, all numbers)."""
+        return self.policy_net(features[:, : self._seen])
 
 
 class StateDependentStdPolicy(ActorCriticPolicy):  # type: ignore[misc]
@@ -25,7 +44,25 @@ class StateDependentStdPolicy(ActorCriticPolicy):  # type: ignore[misc]
 
     The opponent strikes only at a slow robot, and noise that is large enough to discover evasions keeps the
     robot too fast to be struck at. One standard deviation for all states would have to be either.
+
+    With `seen` the actor gets only the first `seen` numbers of an observation, and the critic all.
     """
+
+    def __init__(self, *args: Any, seen: int | None = None, **kwargs: Any) -> None:
+        self._seen = seen
+        super().__init__(*args, **kwargs)
+
+    def _build_mlp_extractor(self) -> None:
+        if self._seen is None:
+            super()._build_mlp_extractor()
+            return
+        self.mlp_extractor = ActorSeesLess(
+            self.features_dim,
+            self._seen,
+            net_arch=self.net_arch,
+            activation_fn=self.activation_fn,
+            device=self.device,
+        )
 
     def _build(self, lr_schedule: Callable[[float], float]) -> None:
         super()._build(lr_schedule)
@@ -67,7 +104,14 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
             **common,
         )
     ppo = settings.ppo
-    return PPO(
+    size = env.observation_space.shape[0]
+    features = size if settings.privileged == "none" else size - PRIVILEGED
+    seen = features if settings.privileged == "critic" else size
+    learner: Callable[..., PPO] = PPO
+    if settings.teacher is not None:
+        teacher = teacher_of(settings.teacher, settings)
+        learner = partial(TaughtPpo, teacher=teacher, teacher_steps=settings.teacher_steps, features=features)
+    return learner(
         StateDependentStdPolicy,
         env,
         n_steps=ppo.rollout_steps,
@@ -79,11 +123,31 @@ def make_agent(settings: TrainingSettings, env: VecEnv) -> BaseAlgorithm:
         ent_coef=ppo.entropy_weight,
         policy_kwargs={
             "net_arch": {"pi": list(ppo.layers), "vf": list(ppo.layers)},
+            "seen": seen if seen < size else None,
             "activation_fn": _ACTIVATIONS[ppo.activation],
             "log_std_init": ppo.log_std,
         },
         **common,
     )
+
+
+def teacher_of(name: str, settings: TrainingSettings) -> Network:
+    """Return the network of the teacher `name`: a file, a folder, or the name of a bundled policy.
+
+    Raises:
+        InputError: there is none, or it is not one that a run with these settings can imitate.
+    """
+    path = Path(name)
+    network, _ = load_network(path if path.suffix or path.exists() else bundled(name))
+    if network.privileged and settings.privileged == "none":
+        raise InputError(f"teacher {name}: sees privileged numbers; give --privileged critic or both")
+    if network.stack > settings.stack or network.action_mode != settings.action_mode:
+        raise InputError(
+            f"teacher {name}: sees {network.stack} observations and acts in {network.action_mode}, the "
+            f"student sees {settings.stack} and acts in {settings.action_mode}; give at least as long a "
+            "--stack, and the same --action-mode"
+        )
+    return network
 
 
 def _learning_rate(settings: TrainingSettings) -> Callable[[float], float]:
@@ -101,9 +165,11 @@ def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Trainin
         layers = [*agent.policy.actor.latent_pi, agent.policy.actor.mu]
     linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
     between = [name for name, kind in _ACTIVATIONS.items() if any(isinstance(one, kind) for one in layers)]
+    # What the critic alone sees comes last.
+    seen = linear[0].in_features
     return Network(
-        mean=np.array(normaliser.obs_rms.mean),
-        scale=np.sqrt(normaliser.obs_rms.var + normaliser.epsilon),
+        mean=np.array(normaliser.obs_rms.mean[:seen]),
+        scale=np.sqrt(normaliser.obs_rms.var[:seen] + normaliser.epsilon),
         clip=float(normaliser.clip_obs),
         weights=tuple(layer.weight.detach().cpu().numpy().astype(float) for layer in linear),
         biases=tuple(layer.bias.detach().cpu().numpy().astype(float) for layer in linear),
@@ -111,4 +177,5 @@ def network_of(agent: BaseAlgorithm, normaliser: VecNormalize, settings: Trainin
         squashes=settings.algo == "sac",
         action_mode=settings.action_mode,
         stack=settings.stack,
+        privileged=PRIVILEGED if settings.privileged == "both" else 0,
     )

@@ -22,12 +22,13 @@ from mecanum_env.tankendo import DIFFICULTIES
 from mecanum_env.tankendo.arena import TaskName
 from training.controllers.policy import Policy, load_policy
 from training.evaluate import Setup, Share, controller_factory, evaluate_controller
-from training.train.environments import level_models
+from training.train.robots import level_models
 
 _ROBOTS: Final[Mapping[str, str]] = {
     "none": "that robot only",
     "posterior": "robots drawn from the uncertainty of its identification",
     "levels": "the robots of the table below side by side",
+    "varied": "robots drawn late and slow around it",
 }
 """Value of `--randomize` -> the robots that were trained on."""
 

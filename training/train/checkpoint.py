@@ -28,7 +28,7 @@ from mecanum_env.files import STAGED, sync, write_json
 from mecanum_env.model import model_to_dict
 from mecanum_env.outputs import finish_interrupted, output_folder
 from mecanum_env.reading import read_bytes, read_json
-from training.controllers.policy import load_policy, save_policy
+from training.controllers.policy import load_network, save_policy
 from training.train.agent import StateDependentStdPolicy, make_agent, network_of
 from training.train.environments import model_of, training_env
 from training.train.learner_files import REPLAY, read_replay, read_weights, write_learner
@@ -119,7 +119,7 @@ def export_newest(folder: Path) -> None:
     newest = newest_checkpoint(folder)
     if newest is None:
         return
-    load_policy(newest / _POLICY)  # refuses a torn one
+    load_network(newest / _POLICY)  # refuses a torn one
     policy = read_bytes(newest / _POLICY)
     curve = [asdict(point) for point in read_state(newest).curve]
     finish_interrupted(folder)

@@ -13,7 +13,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Final, Literal
+from typing import Any, Final
 
 import numpy as np
 from stable_baselines3.common.base_class import BaseAlgorithm
@@ -27,8 +27,7 @@ from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
 from mecanum_env.outputs import lock_folder
-from training.controllers.policy import Network, Policy
-from training.evaluate import Setup, evaluate_controller
+from training.controllers.policy import Network
 from training.train.agent import make_agent, network_of
 from training.train.checkpoint import (
     Point,
@@ -44,10 +43,20 @@ from training.train.checkpoint import (
     write_checkpoint,
     write_run,
 )
-from training.train.environments import episode_seeds, level_models, model_of, training_env
+from training.train.environments import (
+    engine_for,
+    episode_seeds,
+    model_of,
+    native_envs,
+    opponents_of,
+    senses_of,
+    training_env,
+)
+from training.train.robots import level_models
+from training.train.score import successes, successes_of_robots
 from training.train.settings import TrainingSettings, command_line
 
-DEVELOPMENT_SEEDS: Final = range(100_000, 100_200)
+DEVELOPMENT_SEEDS: Final = range(100_000, 100_400)
 """Seeds of the episodes that a run scores its policy on. Choices are made on these; final results are not."""
 
 
@@ -135,22 +144,32 @@ def _go_on(
 def _development_score(
     network: Network, settings: TrainingSettings, seeds: Sequence[int]
 ) -> tuple[float, float]:
-    """Return the share of successes on the robots that are trained on: over all, and on the worst one.
+    """Return the share of successes: over all robots and senses that are trained on, and on the worst one.
 
-    The seeds are distributed over the robots.
+    Of several robots those of `level_models` are drawn, and play against the opponents of the training's end.
     """
-    robots = [model_of(settings)]
-    if settings.randomize == "levels":
-        robots = list(level_models(robots[0]).values())
+    model = model_of(settings)
+    kinds = senses_of(settings)
     played = []
-    for start, robot in enumerate(robots):
-        own = seeds[start :: len(robots)]
-        if own:
-            drawn: Literal["none", "posterior"] = "posterior" if settings.randomize == "posterior" else "none"
-            setup = Setup(robot, settings.plant, settings.task, settings.difficulty, randomize=drawn)
-            episodes = evaluate_controller(lambda *_: Policy(network, {}), setup, own, rows=len(own)).episodes
-            played.append([episode.success for episode in episodes])
-    return float(np.mean(np.concatenate(played))), min(float(np.mean(successes)) for successes in played)
+    for start, senses in enumerate(kinds):
+        own = seeds[start :: len(kinds)]
+        arguments: dict[str, Any] = {
+            "plant": settings.plant,
+            "task": settings.task,
+            "difficulty": settings.difficulty,
+            "opponent": opponents_of(settings, settings.steps),
+            "senses": senses,
+            "engine": engine_for(model, settings.plant),
+        }
+        if not own:
+            continue
+        if settings.randomize in ("levels", "varied"):
+            robots = list(level_models(model).values())
+            played += successes_of_robots(network, own, robots, **arguments)
+        else:
+            drawn = "posterior" if settings.randomize == "posterior" else "none"
+            played.append(successes(network, own, model=model, randomize=drawn, **arguments))
+    return float(np.mean(np.concatenate(played))), min(float(np.mean(won)) for won in played)
 
 
 def _new_learner(settings: TrainingSettings) -> tuple[BaseAlgorithm, VecNormalize]:
@@ -241,6 +260,10 @@ def _begin_anew(agent: BaseAlgorithm, settings: TrainingSettings) -> None:
     set_random_seed(seed)
     agent.action_space.seed(seed)
     env = agent.get_env()
+    if settings.opponents == "varied" or settings.randomize == "varied":
+        # Other opponents and robots from here on.
+        env.unwrapped.close()
+        env.unwrapped.envs = tuple(native_envs(settings, done))
     env.unwrapped._seeds = episode_seeds(settings, done)
     agent._last_obs = env.reset()
     agent._last_episode_starts = np.ones(env.num_envs, bool)

@@ -18,13 +18,17 @@ if TYPE_CHECKING:
     from mecanum_env.tankendo.arena import TaskName
 
 Algorithm = Literal["ppo", "sac"]
-TrainingRobots = Literal["none", "posterior", "levels"]
+TrainingRobots = Literal["none", "posterior", "levels", "varied"]
 """Robots to train on: the model; one drawn for each episode from the model's uncertainty; the robots of
-`training.train.environments.level_models` side by side."""
+`training.train.robots.level_models` side by side; one of many that `varied_models` draws, late and slow."""
 TrainingOpponents = Literal["level", "varied"]
 """Opponents to train against: that of the difficulty; drawn for each episode from the ranges of people."""
-TrainingSenses = Literal["off", "usual", "varied"]
-"""What the robot senses in training: plain sensors; `Senses()`; `VariedSenses()`, drawn anew each time."""
+TrainingSenses = Literal["off", "usual", "varied", "mixed"]
+"""What the robot senses in training: plain sensors; `Senses()`; `VariedSenses()`, drawn anew each time; half
+of the environments the first, half the last."""
+PrivilegedTo = Literal["none", "critic", "both"]
+"""Who sees the numbers of `training.train.privileged`: nobody, the critic alone, or also the actor, which is
+then no policy for a robot but the teacher of one."""
 
 _LARGEST_SEED: Final = 2**32 - 1
 """Largest seed of NumPy's legacy generator, which Stable-Baselines3 seeds."""
@@ -118,7 +122,21 @@ class TrainingSettings:
     difficulty: str = "normal"
     randomize: TrainingRobots = "none"
     opponents: TrainingOpponents = "level"
+    latency_s: tuple[float, float] = (0.0, 0.15)
+    """Range of the extra latency of varied robots [s]."""
+    warning_s: tuple[float, float] = (0.3, 1.0)
+    """Range of the warning time of varied opponents at the end of the curriculum [s]."""
+    first_warning_s: tuple[float, float] = (0.44, 0.58)
+    """The same at its beginning."""
+    curriculum: float = 0.0
+    """Share of the steps over which the range widens, at each checkpoint; 0: it is the last at once. A policy
+    that begins with short warnings learns to move as soon as the sword does, and stays with it."""
     senses: TrainingSenses = "off"
+    privileged: PrivilegedTo = "none"
+    teacher: str | None = None
+    """A policy to imitate at first: a file, the folder of a run, or the name of a bundled one; None: none."""
+    teacher_steps: int = 250_000
+    """Steps for which the teacher is imitated; PPO goes on from there."""
     start: str | None = None
     """Folder of a run to take the initial weights and normaliser from; None: new ones."""
     envs: int = 128
@@ -131,6 +149,9 @@ class TrainingSettings:
     reward_weights: Mapping[str, float] = field(default_factory=lambda: {"waiting": 0.05, "out": 5.0})
     """Weights of the reward that differ from the environment's. By default waiting costs more, so that a
     beginner soon offers an opening, and leaving the field so much that it is no way out of waiting."""
+    margin_weight: float = 0.0
+    """Weight of a further term: at the hit, the margin by which it misses or, if negative, hits, -1 to 1.
+    A beginner that is always hit learns from it in which direction the miss lies."""
     ppo: Ppo = field(default_factory=Ppo)
     sac: Sac = field(default_factory=Sac)
 
@@ -141,6 +162,7 @@ class TrainingSettings:
             "randomize": get_args(TrainingRobots),
             "opponents": get_args(TrainingOpponents),
             "senses": get_args(TrainingSenses),
+            "privileged": get_args(PrivilegedTo),
         }
         for name, known in choices.items():
             value = getattr(self, name)
@@ -152,6 +174,15 @@ class TrainingSettings:
         require_at_least(
             1, steps=self.steps, envs=self.envs, stack=self.stack, checkpoint_every=self.checkpoint_every
         )
+        for name in ("latency_s", "warning_s", "first_warning_s"):
+            _require_range(name, getattr(self, name))
+        if not 0.0 <= self.curriculum <= 1.0:
+            raise InputError(f"curriculum = {self.curriculum}, must be a number from 0 to 1")
+        if self.privileged != "none" and self.algo != "ppo":
+            raise InputError(f"privileged = {self.privileged!r}: only PPO has it")
+        if self.teacher is not None and self.algo != "ppo":
+            raise InputError(f"teacher = {self.teacher!r}: only PPO has one")
+        require_at_least(0, teacher_steps=self.teacher_steps)
         if not 0 <= self.seed <= _LARGEST_SEED:
             raise InputError(f"seed = {self.seed}, must be from 0 to {_LARGEST_SEED}")
         for name, weight in self.reward_weights.items():
@@ -172,6 +203,11 @@ class TrainingSettings:
     def gamma(self) -> float:
         """The discount of the algorithm."""
         return self.ppo.gamma if self.algo == "ppo" else self.sac.gamma
+
+
+def _require_range(name: str, ends: tuple[float, float]) -> None:
+    if len(ends) != 2 or not 0.0 <= ends[0] <= ends[1] < math.inf:
+        raise InputError(f"{name} = {ends}, must be two numbers of at least 0, the lower first")
 
 
 def _require_within(section: str, given: Ppo | Sac, ranges: Mapping[str, _Range]) -> None:
@@ -199,6 +235,9 @@ def settings_from_json(stored: Mapping[str, Any]) -> TrainingSettings:
             own = dict(values[name])
             own["layers"] = tuple(own["layers"])
             values[name] = kind(**own)
+        for name in ("latency_s", "warning_s", "first_warning_s"):
+            if name in values:
+                values[name] = tuple(values[name])
         return TrainingSettings(**values)
     except (KeyError, TypeError) as error:
         raise InputError(f"settings: not those of a training run, {error} is missing or wrong") from error

@@ -7,12 +7,13 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
-from mecanum_env.tankendo import Opponents
+from mecanum_env.tankendo import Opponent, Opponents
 from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import sampler_for
 from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, drive_metrics
 from training.certify.plants import GROUPS, realistic_sizes, robot_level, robot_variants, select_variants
 from training.certify.variations import certificate_variants
+from training.train.robots import level_models, varied_models
 
 
 @pytest.fixture
@@ -111,14 +112,27 @@ def test_opponents_and_senses_are_varied_as_plants_are(paper):
 def test_what_is_held_out_is_played_whatever_is_selected(paper):
     chosen = select_variants(certificate_variants(paper), ["latency"])
     names = [one.name for one in chosen]
-    assert names == ["nominal", "latency+0.1s", "late-and-slow", "sluggish", "quick", "deliberate"]
+    held_out = ["late-and-slow", "sluggish", "quick", "deliberate", "long-armed"]
+    assert names == ["nominal", "latency+0.1s", *held_out]
     for one in chosen:
         compile_model(one.model, one.physics)
 
 
 def test_held_out_opponents_lie_outside_the_ranges_that_are_trained_on(paper):
-    low, high = Opponents().ranges["warning_s"]
-    for one in certificate_variants(paper):
-        if one.group == "held-out" and one.opponent is not None:
-            first, last = one.opponent.warning_s
-            assert last <= low or first >= high
+    def outside(name: str, opponent: Opponent) -> bool:
+        low, high = Opponents().ranges[name]
+        number = np.asarray(getattr(opponent, name))
+        return bool((number < low).any() or (number > high).any())
+
+    names = [name for name in Opponents().ranges if name not in ("swing_scale", "warning_s")]
+    opponents = [one.opponent for one in certificate_variants(paper) if one.group == "held-out"]
+    assert [any(outside(name, one) for name in names) for one in opponents if one] == [True] * 3
+
+
+def test_held_out_robots_have_effects_that_no_training_draws(paper):
+    drawn = varied_models(paper, (0.0, 0.15), 200, np.random.default_rng(0))
+    trained = {name for one in (*drawn, *level_models(paper).values()) for name in one.effects}
+    robots = [
+        one.model for one in certificate_variants(paper) if one.group == "held-out" and not one.opponent
+    ]
+    assert all(set(one.effects) - trained for one in robots)

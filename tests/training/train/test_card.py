@@ -53,7 +53,12 @@ def test_a_card_without_episodes_is_refused(folder, capsys):
 def test_a_curve_is_drawn_from_what_was_watched(folder, tmp_path):
     points = [Point(**point) for point in json.loads((folder / "curve.json").read_text())]
     assert curve.read_curve(folder) == points
-    figure = curve.draw({"one": points, "two": points}, 0.5, ["one"])
+    runs = {name: TrainingSettings(seed=seed) for name, seed in (("one", 0), ("two", 1))}
+    assert curve.by_seed(runs) == {"one": ["one", "two"]}
+    alone = runs | {"two": TrainingSettings(seed=1, stack=6)}
+    groups = curve.by_seed(alone)
+    assert groups == {"one": ["one"], "two": ["two"]}
+    figure = curve.draw({"one": points, "two": points}, groups, 0.5, ["one"])
     retreat, success, worst, _ = figure.axes[0].lines
     assert list(retreat.get_ydata()) == [0.5, 0.5]
     assert list(success.get_ydata()) == [point.success for point in points]

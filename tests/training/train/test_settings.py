@@ -15,7 +15,8 @@ from mecanum_env.senses import VariedSenses
 from mecanum_env.tankendo import Opponents
 from training.train.__main__ import main
 from training.train.checkpoint import State
-from training.train.environments import bare_env, episode_seeds, level_models, training_env
+from training.train.environments import bare_env, episode_seeds, training_env
+from training.train.robots import level_models
 from training.train.run import DEVELOPMENT_SEEDS
 from training.train.settings import TrainingSettings, command_line, settings_from_json
 
@@ -53,6 +54,10 @@ def test_bad_settings_are_refused(capsys):
         (("--sac.buffer-size", "-1"), "sac.buffer_size = -1, must be at least 1"),
         (("--sac.layers", "0"), "sac.layers = 0, must be at least 1"),
         (("--reward-weights", "hit", "nan"), "reward_weights: hit = nan, must be a finite number"),
+        (("--warning-s", "0.9", "0.3"), "must be two numbers of at least 0, the lower first"),
+        (("--curriculum", "2"), "curriculum = 2.0, must be a number from 0 to 1"),
+        (("--privileged", "critic", "--algo", "sac"), "only PPO has it"),
+        (("--teacher", "robust", "--algo", "sac"), "only PPO has one"),
         (("--seed", "-1"), "seed = -1, must be from 0 to 4294967295"),
         (("--seed", str(2**32)), "seed = 4294967296, must be from 0 to 4294967295"),
     ],

@@ -1,0 +1,187 @@
+"""What training for late and unknown robots adds: drawn robots, a curriculum, a critic and a teacher."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+from mecanum_env.cli import run as cli_run
+from mecanum_env.effects.apply import drive_parameters
+from mecanum_env.errors import InputError
+from mecanum_env.senses import VariedSenses
+from training.controllers.mpc import Mpc
+from training.controllers.policy import load_network, load_policy
+from training.train import planned
+from training.train.agent import make_agent, network_of
+from training.train.environments import (
+    engine_for,
+    native_envs,
+    opponents_of,
+    training_env,
+    warning_range,
+)
+from training.train.planned import Adviser
+from training.train.privileged import PRIVILEGED
+from training.train.robots import level_models, varied_models
+from training.train.run import resume, train_policy
+from training.train.score import successes
+from training.train.settings import Ppo, TrainingSettings
+
+SMALL = TrainingSettings(
+    steps=256,
+    envs=4,
+    stack=3,
+    checkpoint_every=128,
+    randomize="varied",
+    opponents="varied",
+    senses="mixed",
+    privileged="critic",
+    ppo=Ppo(rollout_steps=16, batch_size=32, epochs=2, layers=(8,)),
+)
+WATCH = range(100_000, 100_004)
+
+
+def test_drawn_robots_are_as_late_as_the_range_says(paper):
+    drawn = varied_models(paper, (0.05, 0.15), 200, np.random.default_rng(0))
+    delays = np.array([drive_parameters(one).delay_s for one in drawn])
+    assert np.all((delays == 0.0) | ((delays >= 0.05) & (delays <= 0.15)))
+    assert 0.15 < np.mean(delays == 0.0) < 0.35
+    assert any("speed_saturation" in one.effects for one in drawn)
+
+
+def test_drawn_robots_come_from_the_intervals_of_the_gap(paper):
+    found = replace(
+        paper.with_effect("speed_gain", gain=0.9),
+        uncertainty={"effects": {"speed_gain": {"gain": {"low": 0.8, "high": 0.95}}}},
+    )
+    gains = [
+        one.effects["speed_gain"]["gain"]
+        for one in varied_models(found, (0.0, 0.1), 50, np.random.default_rng(1))
+    ]
+    assert min(gains) < 0.83 < 0.92 < max(gains)
+
+
+def test_the_range_of_the_warning_widens_with_the_steps():
+    settings = TrainingSettings(
+        steps=1000, opponents="varied", first_warning_s=(0.5, 0.6), warning_s=(0.3, 1.0), curriculum=0.5
+    )
+    assert warning_range(settings, 0) == (0.5, 0.6)
+    assert warning_range(settings, 250) == pytest.approx((0.4, 0.8))
+    assert warning_range(settings, 800) == (0.3, 1.0)
+    assert opponents_of(settings, 800).base.warning_s == (0.3, 1.0)
+    assert warning_range(replace(settings, curriculum=0.0), 0) == (0.3, 1.0)
+
+
+def test_mixed_senses_are_shared_out():
+    envs = native_envs(SMALL)
+    assert [env.num_envs for env in envs] == [2, 2]
+    assert envs[0].arena.setting.senses is None
+    assert isinstance(envs[1].arena.setting.senses, VariedSenses)
+
+
+def test_arrays_step_what_they_know(paper):
+    assert engine_for(paper, "planar") == "arrays"
+    assert engine_for(paper, "rollers") == "mujoco"
+
+
+def test_the_privileged_numbers_follow_the_features_and_know_the_strike():
+    env = training_env(SMALL).venv.venv
+    plain = training_env(replace(SMALL, privileged="none")).venv.venv
+    seen = env.reset()
+    assert seen.shape[1] == plain.observation_space.shape[0] + PRIVILEGED
+    arena = env.venv.envs[0].arena
+    assert seen[0, -PRIVILEGED] == pytest.approx(drive_parameters(arena.robots.model_of(0)).delay_s)
+    for _ in range(30):
+        seen, _, done, infos = env.step(np.zeros((4, 3), np.float32))
+        for row in np.flatnonzero(done):
+            assert infos[row]["terminal_observation"].shape == seen[row].shape
+
+
+def test_the_actor_is_blind_to_what_is_privileged():
+    env = training_env(SMALL)
+    agent = make_agent(SMALL, env)
+    seen = env.reset()
+    changed = seen.copy()
+    changed[:, -PRIVILEGED:] += 1.0
+    one, other = (agent.predict(x, deterministic=True)[0] for x in (seen, changed))
+    np.testing.assert_array_equal(one, other)
+    assert network_of(agent, env, SMALL).mean.shape == (seen.shape[1] - PRIVILEGED,)
+
+
+def test_an_interrupted_run_on_drawn_robots_ends_with_the_same_weights(tmp_path):
+    settings = replace(SMALL, senses="off")
+    train_policy(settings, tmp_path / "one", development_seeds=WATCH, quiet=True)
+    train_policy(settings, tmp_path / "two", stop_after=100, development_seeds=WATCH, quiet=True)
+    resume(tmp_path / "two", development_seeds=WATCH, quiet=True)
+    one, two = (load_policy(tmp_path / name).network.weights for name in ("one", "two"))
+    assert all(np.array_equal(a, b) for a, b in zip(one, two, strict=True))
+
+
+def test_a_student_learns_to_do_what_its_teacher_does(tmp_path):
+    wide = Ppo(rollout_steps=32, batch_size=64, epochs=20, layers=(32,), log_std=-2.0)
+    settings = replace(
+        SMALL, steps=4096, envs=32, checkpoint_every=4096, teacher="robust", teacher_steps=4096, ppo=wide
+    )
+    train_policy(settings, tmp_path / "run", development_seeds=WATCH, quiet=True)
+    student, (teacher, _) = load_policy(tmp_path / "run").network, load_network_of("robust")
+    env = training_env(settings).venv.venv
+    seen = env.reset()[:, :-PRIVILEGED]
+    wanted = teacher.actions(seen[:, -len(teacher.mean) :])
+    untaught = network_of(make_agent(settings, training_env(settings)), training_env(settings), settings)
+    error, before = (np.mean((one.actions(seen) - wanted) ** 2) for one in (student, untaught))
+    assert error < 0.2 * before
+
+
+def load_network_of(name):
+    from training.controllers.policy import bundled
+
+    return load_network(bundled(name))
+
+
+def test_a_teacher_that_sees_more_is_no_policy_and_teaches_one(tmp_path):
+    seeing = replace(SMALL, privileged="both", stack=2)
+    train_policy(seeing, tmp_path / "teacher", development_seeds=WATCH, quiet=True)
+    with pytest.raises(InputError, match="sees what no robot senses"):
+        load_policy(tmp_path / "teacher")
+    taught = replace(SMALL, teacher=str(tmp_path / "teacher"), teacher_steps=128)
+    train_policy(taught, tmp_path / "student", development_seeds=WATCH, quiet=True)
+    assert load_policy(tmp_path / "student").network.stack == 3
+    with pytest.raises(InputError, match="sees privileged numbers"):
+        make_agent(replace(taught, privileged="none"), training_env(replace(taught, privileged="none")))
+    with pytest.raises(InputError, match="give at least as long a --stack"):
+        make_agent(replace(taught, stack=1), training_env(replace(taught, stack=1)))
+
+
+def test_the_score_is_that_of_the_episodes_one_by_one(paper):
+    from training.controllers.policy import Policy, bundled
+    from training.evaluate import Setup, evaluate_controller
+
+    network, about = load_network(bundled("robust"))
+    late = level_models(paper)["late"]
+    won = successes(network, range(20), model=late, engine="arrays")
+    episodes = evaluate_controller(lambda *_: Policy(network, about), Setup(late), range(20)).episodes
+    # Rounding may decide a fight that is close.
+    assert np.mean(won != [one.success for one in episodes]) <= 0.1
+
+
+def test_an_adviser_predicts_with_the_commands_that_were_sent(paper):
+    observation = np.zeros(20)
+    observation[[0, 4, 6, 18]] = 1.7, 0.85, 0.58, 1.0
+    told, silent, alone = Adviser(paper), Adviser(paper), Mpc(paper)
+    for _ in range(3):
+        told.told(alone.act(observation))
+        told.act(observation)
+        silent.act(observation)
+    moved = [one._motion.own.twist(0.0) for one in (told, alone, silent)]
+    np.testing.assert_array_equal(moved[0], moved[1])
+    assert not np.any(moved[2])
+
+
+def test_a_policy_that_imitates_the_planner_teaches_another(tmp_path):
+    assert cli_run(planned.main, ["--out", str(tmp_path), "--steps", "64", "--rows", "4"]) == 0
+    network = load_policy(tmp_path).network
+    assert network.stack == 6
+    taught = replace(SMALL, stack=6, teacher=str(tmp_path), teacher_steps=128)
+    make_agent(taught, training_env(taught))

@@ -1,0 +1,58 @@
+"""PPO with a teacher: a new policy first imitates a trained one, then goes on by itself.
+
+The states are the student's own, with its noise, and the teacher says what it would have done in them
+(S. Ross, G. Gordon and D. Bagnell, "A reduction of imitation learning and structured prediction to no-regret
+online learning", AISTATS 2011). The critic learns the returns of the student all along.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.utils import obs_as_tensor
+
+from training.controllers.policy import EXTRA_FEATURES, Network
+
+
+class TaughtPpo(PPO):  # type: ignore[misc]
+    """PPO that imitates a teacher until `teacher_steps` steps are done.
+
+    The teacher must see no more observations than the student, and act in the same way. The first `features`
+    numbers of an observation are not privileged.
+    """
+
+    def __init__(
+        self, *args: Any, teacher: Network, teacher_steps: int, features: int, **kwargs: Any
+    ) -> None:
+        self._teacher, self._teacher_steps = teacher, teacher_steps
+        # The newest observations are the last of the features, and what is privileged follows them.
+        first = features - teacher.stack * (teacher.observation_size + EXTRA_FEATURES)
+        self._shown = slice(first, features + teacher.privileged)
+        super().__init__(*args, **kwargs)
+
+    def train(self) -> None:
+        """Learn from the rollout: the teacher's actions, or by PPO."""
+        if self.num_timesteps > self._teacher_steps:
+            super().train()
+            return
+        self.policy.set_training_mode(True)
+        self._update_learning_rate(self.policy.optimizer)
+        errors = []
+        for _ in range(self.n_epochs):
+            for batch in self.rollout_buffer.get(self.batch_size):
+                seen = self.get_env().unnormalize_obs(batch.observations.numpy())[:, self._shown]
+                wanted = obs_as_tensor(self._teacher.actions(seen).astype(np.float32), self.device)
+                acted = self.policy.get_distribution(batch.observations).distribution.mean
+                value = self.policy.predict_values(batch.observations).flatten()
+                error = torch.nn.functional.mse_loss(acted, wanted)
+                loss = error + self.vf_coef * torch.nn.functional.mse_loss(batch.returns, value)
+                self.policy.optimizer.zero_grad()
+                loss.backward()
+                torch.nn.utils.clip_grad_norm_(self.policy.parameters(), self.max_grad_norm)
+                self.policy.optimizer.step()
+                errors.append(error.item())
+            self._n_updates += 1
+        self.logger.record("train/imitation_error", float(np.mean(errors)))

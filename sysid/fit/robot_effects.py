@@ -51,17 +51,16 @@ _KNOWN: Final = (
     "body_acceleration_limit",
     "command_deadband",
     "speed_gain",
-    "wheel_gain_mismatch",
     "acceleration_limit",
     "acceleration_limit/s_curve",
     "coulomb_friction",
     "viscous_friction",
-    "mount_yaw",
     "sensor_latency/body",
     "sensor_latency/pose",
     "sensor_lowpass",
 )
-"""What any robot may have besides its law: not what belongs to a floor, or to what it carries."""
+"""What any robot may have besides its law: not what belongs to a floor or to what it carries, and nothing
+that slip, which the planar plant has not, may imitate."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@
 # make zoo-quick  the same with sixty cases
 # make gapbench   the benchmark's folder, the answers of all methods and the leaderboard, docs/results/gapbench.md
 # make fuzz       a night of mangled files for every reader
-# make soak       10,000 episodes and an hour of random driving on rollers with every effect
+# make soak       10,000 episodes and an hour of random driving on rollers with every effect (RESETS=N MINUTES=N: less)
 # make asan       the plugin and its tests under the address and undefined-behaviour sanitizers
 # make behaviour  what every program computes, recorded in out/behaviour; compare two records after a change
 PYTHON ?= python3
@@ -48,7 +48,8 @@ check: $(VENV)/installed
 	$(BIN)/mypy
 
 bench: $(VENV)/train
-	for name in imports plugin physics paper_drives replay fit gap online render env real_logs executor; do \
+	$(BIN)/pip install --quiet -c constraints.txt "mecanum-tankendo[peers]"
+	for name in imports plugin physics paper_drives replay fit gap online render env real_logs executor peers; do \
 	  $(BIN)/python benchmarks/$$name.py --out out/bench/$$name.json || exit 1; done
 
 # An interrupted run goes on where it was.
@@ -77,9 +78,11 @@ behaviour: $(VENV)/train
 fuzz: $(VENV)/installed
 	MECANUM_FUZZ=50 $(BIN)/python -m pytest -q tests/test_fuzz.py
 
-# Half an hour.
+# Half an hour; CI drives less.
+RESETS := 10000
+MINUTES := 60
 soak: $(VENV)/installed
-	$(BIN)/python tests/soak.py --resets 10000 --minutes 60
+	$(BIN)/python tests/soak.py --resets $(RESETS) --minutes $(MINUTES)
 
 asan: $(VENV)/installed
 	$(BIN)/python tests/sanitized.py

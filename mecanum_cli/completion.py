@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import operator
 from collections.abc import Callable, Mapping
@@ -10,9 +11,10 @@ from typing import Annotated, Any, Literal
 import tyro
 
 from mecanum_cli.table import COMMANDS, load
+from mecanum_env.programs import Done
 
 
-def completion(shell: tyro.conf.Positional[Literal["bash", "zsh"]], /) -> int:
+def completion(shell: tyro.conf.Positional[Literal["bash", "zsh"]], /) -> Done:
     """Print the script that completes commands and options in a shell.
 
     Example: mecanum completion bash > ~/.local/share/bash-completion/completions/mecanum
@@ -25,16 +27,14 @@ def completion(shell: tyro.conf.Positional[Literal["bash", "zsh"]], /) -> int:
     """
     loaded = {name: load(name) for name in COMMANDS}
     commands = {name: _group(one) if isinstance(one, Mapping) else one for name, one in loaded.items()}
-    try:
+    with contextlib.suppress(SystemExit):
         tyro.cli(
             _one_of(commands),
             prog="mecanum",
             args=["--tyro-print-completion", shell],
             config=(tyro.conf.OmitSubcommandPrefixes,),
         )
-    except SystemExit:
-        return 0
-    return 0
+    return Done()
 
 
 def _one_of(commands: Mapping[str, Callable[..., Any]]) -> Any:

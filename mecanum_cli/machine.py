@@ -11,8 +11,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any, Final
 
-from mecanum_env.cli import run
-from mecanum_env.errors import MecanumError
+from mecanum_env.cli import judged, run
 from mecanum_env.files import plain_json
 from mecanum_env.programs import Done
 
@@ -36,8 +35,8 @@ def run_for_machines(command: Callable[..., Any], args: Sequence[str], prog: str
     def kept(*given: Any, **options: Any) -> Any:
         try:
             ended[0] = command(*given, **options)
-        except MecanumError as error:
-            errors.append(str(error))
+        except Exception as error:
+            errors.append(judged(error)[1])
             raise
         return ended[0]
 
@@ -54,7 +53,7 @@ def run_for_machines(command: Callable[..., Any], args: Sequence[str], prog: str
     results = {path.name: _content(path) for path in done.wrote if path.suffix == ".json"}
     answer = {
         **{"format": FORMAT, "command": prog.split()[1:], "arguments": list(args), "exit_code": int(code)},
-        "error": errors[0] if errors else None,
+        "error": errors[0] if errors else done.error,
         **{"wrote": [str(path) for path in done.wrote], "results": results},
         **{"found": plain_json(done.found), "text": text.getvalue()},
     }

@@ -61,7 +61,7 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
     except Exception as error:
         if isinstance(error, BrokenPipeError) and _reader_has_gone():
             return 0
-        code, sentence = _judged(error)
+        code, sentence = judged(error)
         if code == _MACHINE:
             sentence += _kept(error, _place(command, given))
         # Notes say in which of many tasks it was; that of a fault is a traceback.
@@ -71,8 +71,8 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
     return result if isinstance(result, int) else 0
 
 
-def _judged(error: Exception) -> tuple[int, str]:
-    """Return the exit code for an error, and the sentence that says what it is."""
+def judged(error: Exception) -> tuple[int, str]:
+    """Return the exit code of a program that ends with an `error`, and the sentence that says what it is."""
     if isinstance(error, MecanumError):
         text = str(error)
         if len(text) > _LONGEST:

@@ -11,7 +11,7 @@ import math
 import os
 import tempfile
 from collections.abc import Iterator, Mapping
-from contextlib import ExitStack, contextmanager, nullcontext, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -64,19 +64,6 @@ def atomic_path(target: str | os.PathLike[str]) -> Iterator[Path]:
         raise
     finally:
         temporary.unlink(missing_ok=True)
-
-
-@contextmanager
-def atomic_paths(*targets: str | os.PathLike[str]) -> Iterator[list[Path]]:
-    """Yield a temporary path for each of several files, which are all renamed to the targets at the end.
-
-    None is renamed if the block raises. A process that dies between the renames leaves some files new and
-    some old, each whole; results in one folder go through `mecanum_env.outputs.output_folder` instead.
-    """
-    with ExitStack() as stack:
-        paths = [stack.enter_context(atomic_path(target)) for target in targets]
-        with errors_name(dict(zip(paths, map(Path, targets), strict=True))):
-            yield paths
 
 
 @contextmanager

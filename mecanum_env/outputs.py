@@ -24,14 +24,14 @@ import platform
 import shutil
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, nullcontext, suppress
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, Final
 
 from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError, write_error
-from mecanum_env.files import STAGED, as_os_error, begin_error, errors_name, sync, write_json
+from mecanum_env.files import STAGED, as_os_error, atomic_path, begin_error, errors_name, sync, write_json
 from mecanum_env.version import __version__
 
 MANIFEST: Final = "mecanum-output.json"
@@ -49,6 +49,7 @@ def output_folder(
     *,
     seed: int | None = None,
     locked: bool = False,
+    shared: bool = False,
 ) -> Iterator[Path]:
     """Yield an empty folder; what the block writes there becomes the target's at its end, in one step.
 
@@ -61,6 +62,8 @@ def output_folder(
             removed. A pattern such as "online_*.png" covers only files of an earlier run of the command.
         seed: of the run, for the manifest.
         locked: whether the caller holds the folder's lock already.
+        shared: whether others may write other files there while the block works; the lock is then held only
+            at its beginning and its end, and waited for.
 
     Raises:
         InputError: the target cannot be written, another program writes there, or a folder of the user has
@@ -70,29 +73,76 @@ def output_folder(
     folder = Path(target)
     made = _make(folder)
     try:
-        with nullcontext() if locked else lock_folder(folder):
-            finish_interrupted(folder, locked=True)
-            _refuse_obstacles(folder, files)
-            for stale in folder.glob(f"{STAGED}*"):
-                shutil.rmtree(stale, ignore_errors=True)
-            try:
-                staged = Path(tempfile.mkdtemp(dir=folder, prefix=STAGED))
-            except OSError as error:
-                raise begin_error(folder, error) from error
-            try:
-                with errors_name({staged: folder}):
-                    yield staged
+        with ExitStack() as stack:
+            if not locked and not shared:
+                stack.enter_context(lock_folder(folder))
+            with _alone(folder) if shared else nullcontext():
+                finish_interrupted(folder, locked=True)
+                _refuse_obstacles(folder, files)
+                _remove_left_behind(folder)
+                try:
+                    staged = Path(tempfile.mkdtemp(dir=folder, prefix=STAGED))
+                except OSError as error:
+                    raise begin_error(folder, error) from error
+                stack.callback(shutil.rmtree, staged, ignore_errors=True)
+                # Held as long as somebody works in it.
+                stack.enter_context(lock_folder(staged))
+            with errors_name({staged: folder}):
+                yield staged
+            with _alone(folder) if shared else nullcontext():
+                finish_interrupted(folder, locked=True)
                 try:
                     _commit(staged, folder, command, files, seed)
                 except OSError as error:
                     raise write_error(folder, error) from error
-            finally:
-                shutil.rmtree(staged, ignore_errors=True)
     finally:
         for one in made:
             # Those that hold results stay.
             with suppress(OSError):
                 one.rmdir()
+
+
+@contextmanager
+def output_files(
+    command: str, *targets: str | os.PathLike[str], seed: int | None = None
+) -> Iterator[list[Path]]:
+    """Yield a temporary path for each of several files, which all appear at the end, or none.
+
+    Those in the folder of the first target appear in one step, and a manifest there names them. Each in
+    another folder, such as a page among documents, is renamed whole right after. Meanwhile other programs may
+    write other files there.
+
+    Args:
+        command: name of the program, for the manifest.
+        targets: the files, the most important one first.
+        seed: of the run, for the manifest.
+
+    Raises:
+        InputError: a target cannot be written, or is a folder.
+        MachineError: the disk is full or broken.
+    """
+    paths = [Path(target) for target in targets]
+    folder = paths[0].parent
+    here = [path for path in paths if path.parent.resolve() == folder.resolve()]
+    with ExitStack() as stack:
+        # What is entered first ends last.
+        found = {path: stack.enter_context(atomic_path(path)) for path in paths if path not in here}
+        stack.enter_context(errors_name({temporary: path for path, temporary in found.items()}))
+        names = [path.name for path in here]
+        staged = stack.enter_context(output_folder(folder, command, names, seed=seed, shared=True))
+        yield [found.get(path, staged / path.name) for path in paths]
+
+
+def _alone(folder: Path) -> AbstractContextManager[None]:
+    """Return the lock of a folder that others use, too, but never for long."""
+    return lock_folder(folder, wait=True)
+
+
+def _remove_left_behind(folder: Path) -> None:
+    """Remove what processes staged in a folder that ended since."""
+    for stale in folder.glob(f"{STAGED}*"):
+        with suppress(InputError, OSError), lock_folder(stale):
+            shutil.rmtree(stale, ignore_errors=True)
 
 
 @contextmanager
@@ -163,6 +213,17 @@ def finish_interrupted(folder: Path, *, locked: bool = False) -> None:
             f"{folder}: a command was interrupted when it wrote its results, and they cannot be finished "
             f"({error.strerror}); make the folder writable and try again"
         ) from error
+
+
+def require_empty(folder: Path) -> None:
+    """Refuse a folder of results that has something in it already; finish an interrupted write first.
+
+    Raises:
+        InputError: it is not empty, or no folder.
+    """
+    finish_interrupted(folder)
+    if os.path.lexists(folder) and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(f"{folder}: is not an empty folder; choose another --out")
 
 
 def read_manifest(folder: Path) -> Mapping[str, Any]:

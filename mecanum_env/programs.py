@@ -17,11 +17,15 @@ class Done(int):
     """Files, in the order of their importance."""
     found: Any
     """What the program found, in JSON's types; None if it is in one of the files."""
+    error: str | None
+    """What went wrong, where that is no exception."""
 
-    def __new__(cls, code: int = 0, *, wrote: Sequence[Path] = (), found: Any = None) -> Self:
+    def __new__(
+        cls, code: int = 0, *, wrote: Sequence[Path] = (), found: Any = None, error: str | None = None
+    ) -> Self:
         """Return the exit code with what was written and found."""
         done = super().__new__(cls, code)
-        done.wrote, done.found = tuple(wrote), found
+        done.wrote, done.found, done.error = tuple(wrote), found, error
         return done
 
 

@@ -59,7 +59,8 @@ def render(
     backend = use_backend()
     from tqdm import tqdm
 
-    from mecanum_env.files import atomic_paths, require_writable
+    from mecanum_env.files import require_writable
+    from mecanum_env.outputs import output_files
     from mecanum_env.rendering import video
     from mecanum_env.simulator import drive
 
@@ -70,7 +71,7 @@ def render(
         video.check_suffix(out, (".mp4",))
     if still is not None:
         video.check_suffix(still, video.STILL_SUFFIXES)
-    targets = [path for path in (still, out) if path is not None]
+    targets = [path for path in (out, still) if path is not None]
     require_writable(*targets)
     chosen = paper_model() if model == "paper" and not Path(model).exists() else read_model(model)
     sent, length = _commands(commands)
@@ -79,20 +80,20 @@ def render(
         raise InputError(f"still_time = {still_time}, must be within the drive, 0 to {length:g} s")
     trajectory = drive(chosen, sent, length, plant=plant)
     said = []
-    with atomic_paths(*targets) as paths:
+    with output_files("mecanum_env.render", *targets) as paths:
         if still is not None:
             row = video.nearest_rows(trajectory.time_s, length / 2 if still_time is None else still_time)
             (frame,) = video.render_frames(trajectory, view, [int(row)])
-            video.write_still(paths[0], frame)
+            video.write_still(paths[-1], frame)
             said = [f"{still}: {width} x {height} at {trajectory.time_s[row]:.2f} s, drawn with {backend}"]
         if out is not None:
             rows = video.frame_rows(trajectory.time_s, fps)
             bar = tqdm(rows, desc="drawing", unit="frame", disable=None)
-            count = video.write_video(paths[-1], video.render_frames(trajectory, view, bar), fps)
+            count = video.write_video(paths[0], video.render_frames(trajectory, view, bar), fps)
             size = f"{width} x {height}"
             said += [f"{out}: {count} frames, {length:.1f} s, {size}, drawn with {backend}"]
     print("\n".join(said))
-    return Done(wrote=[path for path in (out, still) if path is not None])
+    return Done(wrote=targets)
 
 
 def _commands(name: str) -> tuple[Commands, float]:

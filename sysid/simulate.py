@@ -10,7 +10,6 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.effects.definition import RobotPlant
-from mecanum_env.errors import InputError
 from mecanum_env.programs import Done
 
 
@@ -38,18 +37,19 @@ def simulate(
     from tqdm import tqdm
 
     from mecanum_env.model import read_model
+    from mecanum_env.outputs import output_folder, require_empty
     from sysid.compare.prediction import Study, predict
     from sysid.logs import read_dataset
     from sysid.logs.writer import write_dataset
 
-    if out.exists() and any(out.iterdir()):
-        raise InputError(f"{out}: is not empty; choose another --out")
+    require_empty(out)
     dataset, simulated = read_dataset(logs), read_model(model)
     runs = []
     for one in tqdm(dataset.runs, unit="run", disable=None):
         found = predict(simulated, one, study=Study(plant=plant))
         runs.append(replace(one, channels={**one.channels, **found}))
-    write_dataset(replace(dataset, name=f"{dataset.name}, simulated", runs=tuple(runs)), out)
+    with output_folder(out, "sysid.simulate") as staged:
+        write_dataset(replace(dataset, name=f"{dataset.name}, simulated", runs=tuple(runs)), staged)
     print(f"wrote {len(runs)} runs to {out}")
     return Done(wrote=[out / one.file for one in runs])
 

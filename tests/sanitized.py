@@ -12,6 +12,8 @@ from pathlib import Path
 
 import mujoco
 
+from mecanum_env.plugin import sources_sha256
+
 ROOT = Path(__file__).parents[1]
 FLAGS = [
     "-std=c11",
@@ -40,9 +42,9 @@ def main(arguments: list[str]) -> int:
         plugin = copy / "mecanum_env" / "plugin"
         target = plugin / f"mecanum_wheel-mujoco-{mujoco.__version__}.so"
         sources = sorted(map(str, plugin.glob("*.c")))
+        built = [f'-DSOURCES_SHA256="{sources_sha256()}"', f"-I{package / 'include'}"]
         subprocess.run(
-            [compiler, *FLAGS, f"-I{package / 'include'}", *sources, str(library), "-lm", "-o", str(target)],
-            check=True,
+            [compiler, *FLAGS, *built, *sources, str(library), "-lm", "-o", str(target)], check=True
         )
         preload = [
             subprocess.run(

@@ -3,13 +3,14 @@
 The work of each command is replaced by something quick; what writes is the command's own.
 """
 
+import ast
 import importlib
-import importlib.util
+import json
 import shutil
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from types import SimpleNamespace
+from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
@@ -17,10 +18,10 @@ import pytest
 from mecanum_env.cli import run
 from mecanum_env.files import asset_path, write_text
 from mecanum_env.outputs import finish_interrupted, require_whole
-
-_SPEC = importlib.util.spec_from_file_location("crash", Path(__file__).with_name("crash.py"))
-crash = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(crash)
+from sysid.studies.gapbench.__main__ import make
+from sysid.studies.gapbench.__main__ import run as answer
+from sysid.studies.gapbench.cases import Answer
+from tests import crash
 
 PAPER = str(asset_path("models/paper.json"))
 text = ["old"]
@@ -46,6 +47,16 @@ def file_at(place: int, name: str = "") -> Callable[..., bool]:
         target = Path(args[place]) / name if name else Path(args[place])
         write_text(target, text[0])
         return True
+
+    return write
+
+
+def datasets(*names: str) -> Callable[..., None]:
+    """Return a writer of files in the folder that is its second argument."""
+
+    def write(_data, folder: Path, *_options) -> None:
+        for name in names:
+            write_text(folder / name, text[0])
 
     return write
 
@@ -146,20 +157,72 @@ COMMANDS = {
         "sysid.studies.zoo.page.summary_text": words,
         "sysid.studies.zoo.page.short_text": words,
     }),
+    "compare": ("training.compare.__main__", "main", ["p", "--markdown", "OUT/a.md", "--out", "OUT/a.json"], {
+        "training.compare.comparison.compare_controllers": lambda *_, **__: Found(text[0]),
+        "training.compare.comparison.comparison_table": words,
+        "training.compare.comparison.comparison_markdown": words,
+    }),
+    "render": ("mecanum_env.render", "render", ["paper", "--still", "OUT/a.png", "--out", "OUT/a.mp4"], {
+        "mecanum_env.simulator.drive": lambda *_, **__: SimpleNamespace(time_s=np.arange(3.0)),
+        "mecanum_env.rendering.video.render_frames": lambda *_: [None],
+        "mecanum_env.rendering.video.write_still": file_at(0),
+        "mecanum_env.rendering.video.write_video": file_at(0),
+    }),
+    "record": ("training.record.__main__", "main", ["still", "--still", "OUT/a.png", "--out", "OUT/a.mp4"], {
+        "training.certify.plants.robot_variants": nothing,
+        "training.certify.plants.select_variants": lambda *_: [
+            SimpleNamespace(name="nominal", group="", model=None, physics="rollers", randomize="none")],
+        "mecanum_env.tankendo.env.TankendoEnv": lambda **_: SimpleNamespace(
+            arena=SimpleNamespace(time_limit_s=1.0)),
+        "training.controllers.named.make_controller": nothing,
+        "training.record.rollout.rollout_frames": lambda *_, **__: [None],
+        "training.record.rollout.outcome": words,
+        "mecanum_env.rendering.video.write_still": file_at(0),
+        "mecanum_env.rendering.video.write_video": lambda path, frames, _: [*frames] and file_at(0)(path),
+    }),
+    "policy": ("training.export.__main__", "export", ["robust", "--formats", "c"], {
+        "training.export.write.contract_of": lambda *_: SimpleNamespace(to_json=figures),
+        "training.export.write.c_header": words,
+    }),
+    "simulate": ("sysid.simulate", "simulate", ["logs", "--model", PAPER], {
+        "sysid.logs.read_dataset": lambda *_: SimpleNamespace(name="logs", runs=()),
+        "sysid.logs.writer.write_dataset": datasets("a.csv", "dataset.toml"),
+        "sysid.simulate.replace": lambda one, **_: one,
+    }),
+    "export": ("sysid.logs.__main__", "export", ["logs", "--to", "lerobot"], {
+        "sysid.logs.reader.read_dataset": lambda *_: SimpleNamespace(runs=()),
+        "sysid.logs.formats.lerobot.write_lerobot": datasets("meta/info.json", "data/a.parquet"),
+    }),
 }  # fmt: skip
+FRESH = ("plan", "import", "simulate", "export")
+"""Commands that write into new folders only."""
+
+
+def load_what_is_imported_late(program: ModuleType) -> None:
+    """Import what a program imports when it runs, lest a module keep for good what is replaced here."""
+    for node in ast.walk(ast.parse(Path(program.__file__).read_text(encoding="utf-8"))):
+        if isinstance(node, ast.ImportFrom) and node.module != "__future__":
+            imported = importlib.import_module(node.module)
+            for alias in node.names:
+                getattr(imported, alias.name, None)
 
 
 @pytest.fixture
 def command(request, monkeypatch):
     """Return a function that runs a command, its work replaced, with the output that it is given."""
     module, name, arguments, replaced = request.param
-    main = getattr(importlib.import_module(module), name)
-    for target, instead in replaced.items():
-        place, attribute = target.rsplit(".", 1)
-        monkeypatch.setattr(importlib.import_module(place), attribute, instead)
+    program = importlib.import_module(module)
+    load_what_is_imported_late(program)
+    places = [
+        (importlib.import_module(place), rest) for place, rest in (one.rsplit(".", 1) for one in replaced)
+    ]
+    for (place, attribute), instead in zip(places, replaced.values(), strict=True):
+        monkeypatch.setattr(place, attribute, instead)
+    main = getattr(program, name)
 
-    def work(out: Path, *more: str) -> None:
-        assert run(main, [*arguments, "--out", str(out), *more]) == 0
+    def work(out: Path) -> None:
+        given = [*arguments, *([] if "--out" in arguments else ["--out", "OUT"])]
+        assert run(main, [word.replace("OUT", str(out)) for word in given]) == 0
 
     return work
 
@@ -167,83 +230,96 @@ def command(request, monkeypatch):
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS, indirect=True)
 def test_a_crash_of_a_command_mixes_nothing(command, tmp_path, request, capsys):
     out = tmp_path / "out"
-    fresh = request.node.callspec.id in ("plan", "import")  # these write into new folders only
-    states = {}
-    for kind in ("old", "new"):
-        text[0] = kind
-        if not (fresh and kind == "new"):
-            command(out)
-        if kind == "old":
-            (out / "mine.txt").write_text("the user's")
-        states[kind] = crash.contents(out)
-    if fresh:
-        states = {"old": {}, "new": {n: data for n, data in states["old"].items() if n != "mine.txt"}}
-    kept = tmp_path / "kept"
-    shutil.rmtree(out)
-    text[0] = "old"
+    fresh = request.node.callspec.id in FRESH
+    states, text[0] = {"old": {}}, "old"
     if not fresh:
-        command(kept)
-        (kept / "mine.txt").write_text("the user's")
-    seen = set()
+        command(out)
+        (out / "mine.txt").write_text("the user's")
+        states["old"] = crash.contents(out)
+    text[0] = "new"
+    found: list[dict[str, bytes]] = []
 
-    def prepare() -> None:
-        shutil.rmtree(out, ignore_errors=True)
-        if not fresh:
-            shutil.copytree(kept, out)
-        text[0] = "old" if fresh else "new"
-
-    def check(at: int) -> None:
+    def check(_at: int) -> None:
         finish_interrupted(out)
-        found = crash.contents(out)
-        assert found in states.values(), at
-        seen.add(next(kind for kind, state in states.items() if state == found))
-        for name in found:
+        found.append(crash.contents(out))
+        for name in found[-1]:
             require_whole(out / name)
 
-    assert crash.crash_everywhere(prepare, lambda: command(out), check) > 10
-    assert seen == {"old", "new"}
+    def work() -> None:
+        command(out)
+        states["new"] = crash.contents(out)
+
+    assert crash.crash_everywhere(work, check, out) > 10
+    assert states["new"] != states["old"]
+    assert all(one in states.values() for one in found)
+    assert all(one in found for one in states.values())
     capsys.readouterr()
 
 
-FILES = {
-    "compare": ("training.compare.__main__", "main", ["still"], {
-        "training.compare.comparison.compare_controllers": lambda *_, **__: Found(text[0] * 2000),
-        "training.compare.comparison.comparison_table": words,
-        "training.compare.comparison.comparison_markdown": lambda *_: text[0] * 2000,
-    }, ("a.json", "--markdown", "a.md")),
-    "render": ("mecanum_env.render", "render", ["paper"], {
-        "mecanum_env.simulator.drive": lambda *_, **__: SimpleNamespace(time_s=np.arange(3.0)),
-        "mecanum_env.rendering.video.render_frames": lambda *_: [None],
-        "mecanum_env.rendering.video.write_still": file_at(0),
-        "mecanum_env.rendering.video.write_video": file_at(0),
-    }, ("a.mp4", "--still", "a.png")),
-}  # fmt: skip
+CASES = ("case_000", "case_001")
 
 
-@pytest.mark.parametrize("kind", FILES)
-def test_a_crash_of_a_command_leaves_whole_files(kind, tmp_path, monkeypatch, capsys):
-    module, name, arguments, replaced, (first, option, second) = FILES[kind]
-    main = getattr(importlib.import_module(module), name)
-    for target, instead in replaced.items():
-        place, attribute = target.rsplit(".", 1)
-        monkeypatch.setattr(importlib.import_module(place), attribute, instead)
-    out, other = tmp_path / "out" / first, tmp_path / "out" / second
-    given = [*arguments, "--out", str(out), option, str(other)]
-    whole = {}
-    for one in ("old", "new"):
-        text[0] = one
-        assert run(main, given) == 0
-        whole[one] = crash.contents(out.parent)
+def test_a_crash_of_gapbench_leaves_whole_cases(tmp_path, monkeypatch, capsys):
+    """Making goes on after a crash: what is there is whole, and the next run adds what is missing."""
+    module = "sysid.studies.gapbench.bench"
+    monkeypatch.setattr(f"{module}.simulated_case", lambda _, name: SimpleNamespace(name=name, nominal=None))
+    monkeypatch.setattr(f"{module}.fit_dataset", nothing)
+    monkeypatch.setattr(f"{module}.fitted_model", nothing)
+    monkeypatch.setattr(f"{module}.write_fixtures", file_at(0, "score.py"))
 
-    def prepare() -> None:
-        shutil.rmtree(out.parent)
-        text[0] = "old"
-        assert run(main, given) == 0
-        text[0] = "new"
+    def write_case(material, _model, bench: Path) -> None:
+        for part in ("cases/{}/case.json", "truth/{}/truth.json"):
+            write_text(bench / part.format(material.name), material.name)
 
-    def check(at: int) -> None:
-        for path in (out, other):
-            assert path.read_bytes() in [whole[one][path.name] for one in ("old", "new")], at
+    monkeypatch.setattr(f"{module}.write_case", write_case)
+    out = tmp_path / "out"
+    text[0] = "fixed"
 
-    assert crash.crash_everywhere(prepare, lambda: run(main, given), check) > 4
+    def work() -> None:
+        assert run(make, ["--out", str(out), "--bench", str(len(CASES))]) == 0
+
+    def check(_at: int) -> None:
+        finish_interrupted(out)
+        found = crash.contents(out)
+        whole = [f"cases/{name}/case.json" in found for name in CASES]
+        assert whole == [f"truth/{name}/truth.json" in found for name in CASES]
+        # Other seeds are refused as soon as there is a case.
+        assert "gapbench.json" in found or not any(whole)
+        if whole not in begun:
+            begun.append(whole)
+            work()
+            assert crash.contents(out).keys() == complete
+
+    begun: list[list[bool]] = []
+    work()
+    complete = crash.contents(out).keys()
+    shutil.rmtree(out)
+    assert crash.crash_everywhere(work, check, out) > 50
+    assert begun == [[False, False], [True, False], [True, True]]
+    capsys.readouterr()
+
+
+def test_a_crash_of_a_method_of_gapbench_leaves_whole_answers(tmp_path, monkeypatch, capsys):
+    module, answers = "sysid.studies.gapbench.run", tmp_path / "answers" / "always_no_gap"
+    monkeypatch.setattr(f"{module}.read_case", lambda folder: SimpleNamespace(name=folder.name))
+    monkeypatch.setattr(f"{module}.load", lambda _: lambda _: Answer("no_gap"))
+    monkeypatch.setattr(f"{module}.write_predictions", lambda *given: write_text(given[2] / "a.csv", "0"))
+    for name in CASES:
+        write_text(tmp_path / "cases" / name / "case.json", "{}")
+
+    def work() -> None:
+        given = ["--cases", str(tmp_path / "cases"), "--out", str(answers.parent)]
+        assert run(answer, [*given, "--adapters", answers.name]) == 0
+
+    def check(_at: int) -> None:
+        finish_interrupted(answers)
+        found = crash.contents(answers)
+        whole = [f"cases/{name}.json" in found for name in CASES]
+        assert whole == [f"predictions/{name}/a.csv" in found for name in CASES]
+        assert all(whole) or "answers.json" not in found
+        for name in found:
+            require_whole(answers / name)
+
+    assert crash.crash_everywhere(work, check, answers) > 50
+    assert set(json.loads((answers / "answers.json").read_text())["cases"]) == set(CASES)
     capsys.readouterr()

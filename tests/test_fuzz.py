@@ -1,6 +1,6 @@
 """Random and mangled files: every reader reads or refuses in one sentence, within a cap of time and memory.
 
-1,000 inputs here; `make fuzz` tries fifty times as many.
+2,000 inputs here; `make fuzz` tries fifty times as many.
 """
 
 import os
@@ -109,7 +109,7 @@ def test_a_reader_survives_any_file(kind, tmp_path):
     if name == "dataset.toml":
         (tmp_path / "a.csv").write_bytes(LOG)
 
-    @settings(max_examples=90 * TIMES, suppress_health_check=list(HealthCheck))
+    @settings(max_examples=180 * TIMES, suppress_health_check=list(HealthCheck))
     @given(mangled(whole))
     def attempt(data: bytes) -> None:
         (tmp_path / name).write_bytes(data)
@@ -119,7 +119,7 @@ def test_a_reader_survives_any_file(kind, tmp_path):
     attempt()
 
 
-@settings(max_examples=100 * TIMES)
+@settings(max_examples=200 * TIMES)
 @given(st.text(alphabet=string.ascii_letters + string.digits + "+-*/(),. _^[]", max_size=60))
 def test_a_formula_is_compiled_or_refused(text):
     reads_or_refuses(lambda: compile_formula(text), "")

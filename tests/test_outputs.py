@@ -1,6 +1,5 @@
 """The folder of a command's results: whole, unmixed, with one writer, and the user's files kept."""
 
-import importlib.util
 import json
 import os
 import shutil
@@ -10,11 +9,15 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_text
-from mecanum_env.outputs import MANIFEST, finish_interrupted, output_folder, read_manifest, require_whole
-
-_SPEC = importlib.util.spec_from_file_location("crash", Path(__file__).with_name("crash.py"))
-crash = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(crash)
+from mecanum_env.outputs import (
+    MANIFEST,
+    finish_interrupted,
+    output_files,
+    output_folder,
+    read_manifest,
+    require_whole,
+)
+from tests import crash
 
 FILES = ("a.txt", "sub/b.txt", "c.txt")
 
@@ -34,11 +37,8 @@ def swap_in(trace) -> int:
 def test_every_crash_leaves_the_old_results_or_the_new_ones(tmp_path):
     out = tmp_path / "out"
 
-    def prepare() -> None:
-        shutil.rmtree(out, ignore_errors=True)
-        write(out, "old")
-        (out / "mine.txt").write_text("the user's")
-
+    write(out, "old")
+    (out / "mine.txt").write_text("the user's")
     old = dict.fromkeys(FILES, b"old") | {"mine.txt": b"the user's"}
     new = {"a.txt": b"new", "sub/b.txt": b"new", "mine.txt": b"the user's"}
     seen = []
@@ -53,7 +53,7 @@ def test_every_crash_leaves_the_old_results_or_the_new_ones(tmp_path):
         write(out, "next")
         assert sorted(os.listdir(out)) == ["a.txt", "c.txt", "mecanum-output.json", "mine.txt", "sub"]
 
-    points = crash.crash_everywhere(prepare, lambda: write(out, "new", FILES[:2]), check)
+    points = crash.crash_everywhere(lambda: write(out, "new", FILES[:2]), check, out)
     assert points > 20
     assert old in seen
     assert new in seen
@@ -67,31 +67,27 @@ def test_every_crash_of_a_first_run_leaves_nothing_or_everything(tmp_path):
         finish_interrupted(out)
         assert crash.contents(out) in ({}, dict.fromkeys(FILES, b"new")), at
 
-    crash.crash_everywhere(
-        lambda: shutil.rmtree(tmp_path / "deep", ignore_errors=True), lambda: write(out, "new"), check
-    )
+    crash.crash_everywhere(lambda: write(out, "new"), check, tmp_path / "deep")
 
 
 def test_a_crash_while_finishing_is_finished_later(tmp_path):
     out = tmp_path / "out"
 
-    def prepare() -> None:
-        shutil.rmtree(out, ignore_errors=True)
-        write(out, "old")
-        with crash.disk_of() as disk:
-            write(out, "new")
-        swapped = disk.trace[swap_in(disk.trace)][2]
-        shutil.rmtree(out)
-        write(out, "old")
-        with crash.disk_of(swapped), pytest.raises(crash.Killed):
-            write(out, "new")
-        assert (out / ".mecanum-commit").is_dir()
+    write(out, "old")
+    with crash.disk_of() as disk:
+        write(out, "new")
+    swapped = disk.trace[swap_in(disk.trace)][2]
+    shutil.rmtree(out)
+    write(out, "old")
+    with crash.disk_of(swapped), pytest.raises(crash.Killed):
+        write(out, "new")
+    assert (out / ".mecanum-commit").is_dir()
 
     def check(_at: int) -> None:
         finish_interrupted(out)
         assert set(crash.contents(out).values()) == {b"new"}
 
-    assert crash.crash_everywhere(prepare, lambda: finish_interrupted(out), check) > 10
+    assert crash.crash_everywhere(lambda: finish_interrupted(out), check, out) > 10
 
 
 def test_everything_is_on_the_disk_before_the_swap(tmp_path):
@@ -111,6 +107,66 @@ def test_a_second_writer_is_refused(tmp_path):
         ):
             pass
     assert (tmp_path / "a.txt").read_text() == "first"
+
+
+def test_files_of_two_programs_in_one_folder_are_no_conflict(tmp_path):
+    with output_files("one", tmp_path / "a.txt") as (first,):
+        with output_files("two", tmp_path / "b.txt", tmp_path / "c.txt") as others:
+            for path in others:
+                path.write_text("two")
+        # Whoever begins to write removes only what the dead have left.
+        write(tmp_path / "sub", "x")
+        first.write_text("one")
+    assert crash.contents(tmp_path) == {
+        **{"a.txt": b"one", "b.txt": b"two", "c.txt": b"two"},
+        **{f"sub/{name}": b"x" for name in FILES},
+    }
+    runs = read_manifest(tmp_path)["runs"].values()
+    assert sorted(run["command"] for run in runs) == ["one", "two"]
+
+
+def test_a_writer_leaves_alone_what_another_has_staged(tmp_path):
+    with output_files("one", tmp_path / "a.txt") as (first,):
+        first.write_text("one")
+        write(tmp_path, "x", FILES[1:])
+        (tmp_path / ".mecanum-staged-of-the-dead").mkdir()
+        write(tmp_path, "y", FILES[1:])
+    assert (tmp_path / "a.txt").read_text() == "one"
+    assert not list(tmp_path.glob(".mecanum-staged-*"))
+
+
+def test_a_file_for_another_folder_is_written_whole_beside_the_results(tmp_path):
+    out, page = tmp_path / "out" / "a.json", tmp_path / "pages" / "a.md"
+
+    def work() -> None:
+        with output_files("test", out, page) as paths:
+            for path in paths:
+                path.write_text("new")
+
+    def check(_at: int) -> None:
+        finish_interrupted(out.parent)
+        found = crash.contents(tmp_path)
+        seen.append([found.get(name, b"") == b"new" for name in ("out/a.json", "pages/a.md")])
+
+    seen: list[list[bool]] = []
+    crash.crash_everywhere(work, check, tmp_path)
+    assert [True, True] in seen
+    assert [False, True] not in seen
+    work()
+    assert set(read_manifest(out.parent)["files"]) == {"a.json"}
+
+
+def test_no_file_is_replaced_if_the_block_fails(tmp_path):
+    targets = [tmp_path / "a.txt", tmp_path / "b.txt", tmp_path / "elsewhere" / "c.txt"]
+
+    def fail() -> None:
+        with output_files("test", *targets) as paths:
+            paths[0].write_text("half")
+            raise RuntimeError
+
+    with pytest.raises(RuntimeError):
+        fail()
+    assert [path for path in tmp_path.rglob("*") if path.is_file()] == []
 
 
 def test_the_manifest_says_what_wrote_the_files(tmp_path):

@@ -1,11 +1,6 @@
 """A short version of the soak (`make soak`): memory stays, nothing warns."""
 
-import importlib.util
-from pathlib import Path
-
-_SPEC = importlib.util.spec_from_file_location("soak", Path(__file__).with_name("soak.py"))
-soak = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(soak)
+from tests import soak
 
 MIB = 2**20
 

@@ -39,10 +39,9 @@ class Latches(OnArrays):
         """Number of commands latched so far, shape (n,)."""
         self._is_late = self._any_jitter = self._any_loss = False
 
-    def restart(self, rows: npt.NDArray[np.intp], link: Mapping[str, FloatArray]) -> None:
-        """Forget the commands of some `rows` (m,), whose `link` has what `LINK` lists, shape (m,) each."""
+    def take(self, rows: npt.NDArray[np.intp], link: Mapping[str, FloatArray]) -> None:
+        """Take over the `link` of some `rows` (m,), which has what `LINK` lists, shape (m,) each."""
         if all(np.array_equal(self._numbers[name][rows], link[name]) for name in LINK):
-            self._clear(rows)
             return
         for name in LINK:
             self._numbers[name][rows] = link[name]
@@ -57,9 +56,9 @@ class Latches(OnArrays):
         while len(self._kept) < math.ceil(longest / self.period_s + EPS) + 2 and self._is_late:
             self._kept.append(self._kept[-1])
             self._arrivals.append(self._arrivals[-1])
-        self._clear(rows)
 
-    def _clear(self, rows: npt.NDArray[np.intp]) -> None:
+    def restart(self, rows: npt.NDArray[np.intp]) -> None:
+        """Forget the commands of some `rows` (m,)."""
         at = self._array(rows)
         for one in (*self._kept, *self._arrivals, self._sent):
             one[:, at] = 0.0

@@ -37,7 +37,8 @@ class BatchLimits(OnArrays):
         """
         if any(robot.limits.keys() != self._values.keys() for robot in robots):
             raise InputError("robots of one batch must have the same limits on the body's command")
-        self._latches.restart(rows, {name: np.array([one.link[name] for one in robots]) for name in LINK})
+        self._latches.take(rows, {name: np.array([one.link[name] for one in robots]) for name in LINK})
+        self._latches.restart(rows)
         for effect, values in self._values.items():
             for name, kept in values.items():
                 kept[rows] = [robot.limits[effect][name] for robot in robots]

@@ -61,6 +61,7 @@ class PlanarBatch(OnArrays):
         self._steps = np.zeros(n)
         self._pose, self._velocity = array(np.zeros((3, n))), array(np.zeros((3, n)))
         self._mixing = array(body_to_wheels(np.eye(3)).T)  # (4, 3)
+        self._take_over(np.arange(n), [common] * n)
         self.restart_rows(np.arange(n), np.zeros((3, n)))
 
     def restart(self, row: int, pose: Sequence[float], compiled: PlanarRobot | None = None) -> None:
@@ -86,22 +87,16 @@ class PlanarBatch(OnArrays):
             InputError: a robot that does not go with the common one.
         """
         new = [self._common] * len(rows) if robots is None else robots
-        for robot in new:
+        changed = [i for i, row in enumerate(rows.tolist()) if new[i] is not self._of[row]]
+        for robot in (new[i] for i in changed):
             if robot.clocks != self.clocks or bool(robot.limits) != (self._limits is not None):
                 raise InputError(
                     "robots of one batch must have the same command period, sample period and physics step, "
                     "and all or none limits on the body's command"
                 )
-        changed = [i for i, row in enumerate(rows.tolist()) if new[i] is not self._of[row]]
-        if changed:
-            self._store.put(rows[changed], [new[i] for i in changed])
-            for i in changed:
-                self._of[int(rows[i])] = new[i]
-        links = np.stack([robot.drives[_LINK, 0] for robot in new], axis=-1)
-        self._set_points.latches.restart(rows, dict(zip(LINK, links, strict=True)))
         self._set_points.restart(rows)
-        if changed or not self._steps.any():
-            self._set_points.take(self._store.p)
+        if changed:
+            self._put(rows[changed], [new[i] for i in changed])
         if self._limits is not None:
             self._limits.restart(rows, new)
         at = self._array(rows)
@@ -109,6 +104,19 @@ class PlanarBatch(OnArrays):
             getattr(self._drives, name)[:, at] = 0.0
         self._steps[rows] = 0.0
         self._pose[:, at], self._velocity[:, at] = self._array(poses), 0.0
+
+    def _put(self, rows: np.ndarray[Any, Any], robots: list[PlanarRobot]) -> None:
+        """Give some `rows` (m,) other `robots`, one for each."""
+        self._store.put(rows, robots)
+        for row, robot in zip(rows.tolist(), robots, strict=True):
+            self._of[row] = robot
+        self._take_over(rows, robots)
+
+    def _take_over(self, rows: np.ndarray[Any, Any], robots: list[PlanarRobot]) -> None:
+        """Bring the set-points up to date with the parameters of `robots` that are new in some `rows`."""
+        links = np.stack([robot.drives[_LINK, 0] for robot in robots], axis=-1)
+        self._set_points.latches.take(rows, dict(zip(LINK, links, strict=True)))
+        self._set_points.take(self._store.p)
 
     def step(self, commands: FloatArray) -> None:
         """Simulate one command period with rounded commands V [rpm], theta [deg], VC [rpm], shape (n, 3).

@@ -46,8 +46,9 @@ class SetPoints(OnArrays):
         self._bounds: tuple[Any, ...] | None = None
 
     def restart(self, rows: npt.NDArray[np.intp]) -> None:
-        """Start the clocks of some `rows` anew."""
+        """Start the clocks of some `rows` anew, and forget the commands there."""
         self._ticks[rows] = 0.0
+        self.latches.restart(rows)
 
     def take(self, p: Mapping[str, Any]) -> None:
         """Take over the parameters `p`, arrays (4, n), which have changed."""

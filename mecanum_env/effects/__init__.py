@@ -3,7 +3,7 @@
 `mecanum_env.effects.apply` puts a model's effects into a simulation; `register` adds an effect of one's own.
 """
 
-from mecanum_env.effects.catalogue import CATALOGUE, catalogue_table, register, registered
+from mecanum_env.effects.catalogue import CATALOGUE, catalogue_json, catalogue_table, register, registered
 from mecanum_env.effects.definition import PLANTS, Effect, Load, Parameter, PlantKind
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "Load",
     "Parameter",
     "PlantKind",
+    "catalogue_json",
     "catalogue_table",
     "register",
     "registered",

@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 
 
-def main() -> None:
+def main() -> Done:
     """Print the catalogue of effects as a table in Markdown.
 
     Example: python -m mecanum_env.effects
     """
-    from mecanum_env.effects import catalogue_table
+    from mecanum_env.effects import catalogue_json, catalogue_table
 
     print(catalogue_table())
+    return Done(found=catalogue_json())
 
 
 if __name__ == "__main__":

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from types import MappingProxyType
-from typing import Final
+from typing import Any, Final
 
 from mecanum_env.effects import body, command, drive, friction, load, motor, sensor
 from mecanum_env.effects.definition import PLANTS, Effect, Parameter, PlantKind
@@ -66,6 +66,28 @@ def catalogue_table() -> str:
     """Return the catalogue as a table in Markdown, one row for each effect."""
     head = ["effect", "acts on", "parameters (unit; neutral; range)", "what it is", "in data", *PLANTS]
     return markdown_table(head, [_row(effect) for effect in CATALOGUE.values()])
+
+
+def catalogue_json() -> dict[str, Any]:
+    """Return the catalogue in JSON's types: what an effect is, by its name, with its parameters."""
+    return {
+        effect.name: {
+            "acts_on": effect.acts_on,
+            "summary": effect.summary,
+            "signature": effect.signature,
+            "plants": {plant: _plant(effect, plant) for plant in PLANTS},
+            "parameters": {
+                parameter.name: {
+                    "unit": parameter.unit,
+                    "neutral": parameter.neutral,
+                    "default": parameter.default,
+                    "bounds": list(parameter.bounds),
+                }
+                for parameter in effect.parameters
+            },
+        }
+        for effect in CATALOGUE.values()
+    }
 
 
 def _row(effect: Effect) -> list[str]:

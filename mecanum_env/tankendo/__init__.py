@@ -2,6 +2,7 @@
 
     constants     all numbers of the sport, the opponent, the sensors and the rewards, and their checks
     actions       an action of the policy <-> the command V, theta, VC that the robot takes
+    numbers       the same formulas for floats of one episode and for arrays of many
     scene         poses and velocities of robot and opponent, now and a short while ago
     chance        what is random in an episode, drawn at its start
     sword         how the opponent's sword moves

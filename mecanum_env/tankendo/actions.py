@@ -6,13 +6,16 @@ V and VC to its quantum (1 rpm).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from math import isfinite
 from typing import Final, Literal, get_args
 
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, require_one_of
-from mecanum_env.kinematics import round_command
+from mecanum_env.kinematics import rounded
+from mecanum_env.tankendo.numbers import Many, Mathematics, Number
 from mecanum_env.units import FloatArray
 
 ActionMode = Literal["cartesian", "polar", "command"]
@@ -21,6 +24,8 @@ FULL_V_RPM = 135.0
 """V at full action [rpm]: the ceiling of the paper's robot."""
 FULL_VC_RPM = 100.0
 """VC at full action [rpm]; this project's choice: 2.1 rad/s for the packaged robot."""
+
+_DEG_PER_RAD, _RAD_PER_DEG = 180.0 / np.pi, np.pi / 180.0
 
 
 def check_mode(mode: str) -> None:
@@ -44,7 +49,8 @@ def checked_action(action: npt.ArrayLike, shape: tuple[int, ...]) -> FloatArray:
         raise InputError(f"action must be numbers, an array of shape {shape}: {error}") from error
     if array.shape != shape:
         raise InputError(f"action has shape {array.shape}, must be {shape}")
-    if not np.isfinite(array).all():
+    # The sum of squares is finite with its numbers, and a tenth of the time.
+    if not isfinite(np.vdot(array, array)) and not np.isfinite(array).all():
         at = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
         index = ", ".join(map(str, at))
         raise InputError(f"action[{index}] = {array[at]}, must be a finite number, -1 .. 1")
@@ -59,19 +65,37 @@ def action_to_command(actions: npt.ArrayLike, mode: ActionMode, quantum_rpm: flo
         mode: how actions are read, see `TankendoEnv`.
         quantum_rpm: V and VC are rounded to multiples of this [rpm]; 0: not rounded.
     """
-    within = np.minimum(np.maximum(np.asarray(actions, float), -1.0), 1.0)
-    a, b, c = within[..., 0], within[..., 1], within[..., 2]
+    given = np.asarray(actions, float)
+    command = np.empty(given.shape)
+    v, theta, vc = command_numbers(Many(0), [*np.moveaxis(given, -1, 0)], mode, quantum_rpm)
+    command[..., 0], command[..., 1], command[..., 2] = v, theta, vc
+    return command
+
+
+def command_numbers(
+    math: Mathematics, action: Sequence[Number], mode: ActionMode, quantum_rpm: float
+) -> tuple[Number, Number, Number]:
+    """Return what `action_to_command` does of the three numbers of an action in a mode, by their `math`."""
+    a, b, c = (math.minimum(math.maximum(number, -1.0), 1.0) for number in action)
     if mode == "cartesian":
-        v = FULL_V_RPM * np.minimum(np.sqrt(a * a + b * b), 1.0)
+        v = FULL_V_RPM * math.minimum(math.sqrt(a * a + b * b), 1.0)
         # Adding 0.0 turns -0.0, for which arctan2 returns 180 degrees, into 0.0.
-        theta = np.rad2deg(np.arctan2(b + 0.0, a + 0.0))
+        theta = math.arctan2(b + 0.0, a + 0.0) * _DEG_PER_RAD
     elif mode == "polar":
         v, theta = FULL_V_RPM * 0.5 * (a + 1.0), 180.0 * b
     else:
         v, theta = FULL_V_RPM * a, 180.0 * b
-    command = np.empty(within.shape)
-    command[..., 0], command[..., 1], command[..., 2] = round_command(v, theta, FULL_VC_RPM * c, quantum_rpm)
-    return command
+    numbers: tuple[Number, Number, Number] = rounded(math.rint, v, theta, FULL_VC_RPM * c, quantum_rpm)
+    return numbers
+
+
+def command_shares(math: Mathematics, command: Sequence[Number]) -> tuple[Number, Number, Number]:
+    """Return a command, V [rpm], theta [deg], VC [rpm], as shares of the full one: forward, left, turn.
+
+    The `math` is that of the command's numbers.
+    """
+    v, angle = command[0] / FULL_V_RPM, command[1] * _RAD_PER_DEG
+    return v * math.cos(angle), v * math.sin(angle), command[2] / FULL_VC_RPM
 
 
 def command_to_action(command: npt.ArrayLike, mode: ActionMode = "command") -> npt.NDArray[np.float32]:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -16,21 +16,25 @@ from mecanum_env.batch import PlanarBatch, PlanarRobot
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.senses import Senses, VariedSenses
-from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode, action_to_command, check_mode
+from mecanum_env.tankendo.actions import ActionMode, check_mode, command_numbers, command_shares
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
 from mecanum_env.tankendo.judge import TERMS, Dodge, Duel, Judge, Track
-from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, Instruments
+from mecanum_env.tankendo.numbers import Number, mathematics, wrapped
+from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, SIZE, Instruments
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
-from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, wrapped
+from mecanum_env.tankendo.scene import RowArray, Scenes
 from mecanum_env.tankendo.sensing import Sensing, longest_delay_s
+from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
 
 Robot = Compiled | PlanarRobot
 TaskName = Literal["dodge", "track", "duel"]
 _JUDGES: Final[Mapping[TaskName, type[Judge]]] = {"dodge": Dodge, "track": Track, "duel": Duel}
+
+_REWARDS: Final = tuple(f"reward_{name}" for name in TERMS)
 
 
 @dataclass(frozen=True)
@@ -59,15 +63,17 @@ class TaskSetting:
         return np.concatenate([LIMITS, extra]).astype(np.float32)
 
 
-@dataclass(frozen=True)
-class Step:
-    """The result of a step; the first axis of each array is the episode."""
+class Step(NamedTuple):
+    """The result of a step; the first axis of each array is the episode.
+
+    `Arena.step` gives arrays, `Arena.advance` numbers of one episode or of many.
+    """
 
     observation: npt.NDArray[np.float32]
-    reward: FloatArray
-    terminated: BoolArray
-    truncated: BoolArray
-    info: dict[str, npt.NDArray[Any]]
+    reward: Number
+    terminated: Number
+    truncated: Number
+    info: dict[str, Number]
 
 
 class Arena:
@@ -87,6 +93,7 @@ class Arena:
         self, setting: TaskSetting, compiled: Robot, n: int, threads: int = 1, device: str | None = None
     ) -> None:
         self.setting, self.n = setting, n
+        self._math = mathematics(n)
         self.step_s = compiled.model.wheel.command_period_s
         self._quantum_rpm = compiled.model.wheel.command_quantum_rpm
         self.time_limit_s: float = getattr(setting.rules, f"{setting.task}_time_s")
@@ -109,7 +116,7 @@ class Arena:
         )
         judge = self._judges[setting.task]
         self.judge = judge(n, setting.rules, setting.weights, self.fighter, self.scenes, self.chance)
-        self.instruments = Instruments(setting.sensors, self.step_s, self.judge.extra_observations)
+        self.instruments = Instruments(n, setting.sensors, self.step_s, self.judge.extra_observations)
         age_s = setting.sensors.delay_s
         self.sensing: Sensing | None = None
         if setting.senses is not None:
@@ -119,7 +126,10 @@ class Arena:
         """Steps since each episode began, shape (n,)."""
         self.commands = np.zeros((n, 3))
         """The last commands: V [rpm], theta [deg], VC [rpm]."""
-        self._shares = np.zeros((3, n))  # the same as shares of the full command
+        self._shares = np.zeros((3, n))
+        """The same as shares of the full command."""
+        self.observed = np.zeros((n, SIZE + self.judge.extra_observations), np.float32)
+        """What the sensors showed last, shape (n, k)."""
         self.begun = np.zeros(n, bool)
         """Whether an episode has ever begun in each row."""
         self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
@@ -174,11 +184,9 @@ class Arena:
         poses = self.chance.start_pose[:, at]
         self.robots.restart_rows(at, poses, given)  # type: ignore[arg-type]
         self.scenes.restart(at, self._first_scenes(at))
-        for row, opponent in zip(at.tolist(), opponents, strict=True):
-            self.fighter.restart(row, opponent)
+        self.fighter.restart(at, opponents)
         self.judge.restart(at)
-        for row, robot in zip(at.tolist(), given, strict=True):
-            self.instruments.restart(row, robot.model)
+        self.instruments.restart(at.tolist(), [robot.model for robot in given])
         self.begun[at] = True
         self.step_count[at] = 0
         self._shares[:, at], self.commands[at] = 0.0, 0.0
@@ -191,72 +199,111 @@ class Arena:
         scenes[6] += self.chance.start_distance[at]
         return scenes
 
-    def _opponents(self, start_s: FloatArray) -> FloatArray:
-        """Return the opponents one step after `start_s` (n,), shape (5, n): here they follow their script.
+    def _opponents(self, start_s: Number, seen: list[Number]) -> Sequence[Number]:
+        """Return the five numbers of the opponents one step after a time: here they follow their script.
 
-        The robots have moved by then; the newest scene is still that of the start.
+        The robots have moved by then; the newest scene is still that of the start, as `seen` by opponents.
         """
         judge = self.judge
-        return self.fighter.walk(start_s, judge.stands(), judge.walk_velocity(start_s))
+        return self.fighter.walk(start_s, judge.stands(), seen, judge.walk_velocity(start_s))
 
     def step(self, actions: npt.NDArray[np.floating]) -> Step:
         """Send one command to each robot by its action, shape (n, 3), and simulate one command period."""
-        start_s = self.time_s()
-        fighter, judge = self.fighter, self.judge
-        commands = action_to_command(actions, self.setting.action_mode, self._quantum_rpm)
-        fighter.decide(start_s, judge.may_strike(start_s))
-        self.robots.step(commands)
-        motion = self.robots.motion()
-        opponent = self._opponents(start_s)
-        before = self.scenes.now[2].copy()
-        newest = self.scenes.push()
-        newest[:6], newest[6:] = motion, opponent
-        newest[2] = before + wrapped(motion[2] - before)
+        step, array = self.advance(actions), self._math.array
+        ends = array(step.terminated), array(step.truncated)
+        return Step(step.observation, array(step.reward), *ends, self._arrays(step.info))
+
+    def advance(self, actions: npt.NDArray[np.floating]) -> Step:
+        """Do what `step` does with `actions`; rewards, ends and info are numbers of one or many episodes."""
+        math, fighter, judge = self._math, self.fighter, self.judge
+        start_s = self._now_s()
+        command = command_numbers(
+            math, math.of(np.asarray(actions, float).T), self.setting.action_mode, self._quantum_rpm
+        )
+        seen = fighter.seen()
+        fighter.decide(start_s, judge.may_strike(start_s), seen)
+        self.commands = math.table(command).T
+        self.robots.step(self.commands)
+        motion = math.of(self.robots.motion())
+        opponents = self._opponents(start_s, seen)
+        before = math.of(self.scenes.now[2])
+        turned = before + wrapped(motion[2] - before)
+        self.scenes.push()[:] = math.table([*motion[:2], turned, *motion[3:], *opponents])
         self.step_count += 1
-        end_s = self.time_s()
+        end_s = self._now_s()
         fighter.aim(end_s)
-        shares = _command_shares(commands)
-        change = shares - self._shares
-        effort = np.sqrt(change[0] ** 2 + change[1] ** 2 + change[2] ** 2)
-        self._shares, self.commands = shares, commands
-        verdict = judge.judge(end_s, effort)
+        shares = command_shares(math, command)
+        forward, left, turn = (new - old for new, old in zip(shares, math.of(self._shares), strict=True))
+        self._shares = math.table(shares)
+        verdict = judge.judge(end_s, math.sqrt(forward**2 + left**2 + turn**2))
         outcome = verdict.outcome
-        truncated = ~outcome.terminated & (self.step_count >= self._steps)
-        self.hit, self.succeeded = outcome.hit.copy(), outcome.success.copy()
-        self.ended = outcome.terminated | truncated
-        info = {f"reward_{name}": term for name, term in zip(TERMS, verdict.terms, strict=True)}
-        info |= {"is_success": outcome.success, "hit": outcome.hit} | self.state_info()
-        return Step(self.observe(), verdict.reward, outcome.terminated, truncated, info)
+        truncated = math.no(outcome.terminated) & (math.of(self.step_count) >= self._steps)
+        self.hit[:], self.succeeded[:] = outcome.hit, outcome.success
+        self.ended[:] = outcome.terminated | truncated
+        info = dict(zip(_REWARDS, verdict.terms, strict=True))
+        info |= {"is_success": outcome.success, "hit": outcome.hit, **self.state()}
+        self.observed = self.observe()
+        return Step(self.observed, verdict.reward, outcome.terminated, truncated, info)
 
     def time_s(self) -> FloatArray:
         """Return the time since each episode began, shape (n,) [s]."""
         return np.asarray(self.step_count * self.step_s, float)
 
+    def _now_s(self) -> Number:
+        return self._math.of(self.step_count) * self.step_s
+
     def observe(self) -> npt.NDArray[np.float32]:
         """Return what the sensors show now, shape (n, k)."""
-        noise = self.chance.noise.at(self.step_count)
-        sword, extra = self.fighter.sword, self.judge.observe()
+        now_s, sword, extra = self._now_s(), self.fighter.sword, self.judge.observe()
+        noise = self.chance.noise.at(self._math.of(self.step_count))
+        shares = self._math.of(self._shares)
         if self.sensing is None:
-            return self.instruments.observe(self.scenes, self.time_s(), sword, self._shares, noise, extra)
-        truth = self.instruments.observe(
-            self.scenes, self.time_s(), sword, self._shares, np.zeros_like(noise), extra
-        )
+            return self.instruments.observe(self.scenes, now_s, sword, shares, noise, extra)
+        truth = self.instruments.observe(self.scenes, now_s, sword, shares, np.zeros_like(noise), extra)
         return self.sensing.observe(truth, self.scenes, self.time_s(), sword)
 
-    def state_info(self) -> dict[str, npt.NDArray[Any]]:
-        """Return what `info` says of the present state: arrays (n,) by name."""
-        distance, bearing = self.scenes.separation()
-        sword = self.fighter.sword
+    def observe_first(self, rows: RowArray) -> None:
+        """Bring `observed` up to date with episodes that have just begun in some rows (m,)."""
+        self.observed = self.observed.copy()
+        self.observed[rows] = self._first_seen(rows)
+
+    def _first_seen(self, rows: RowArray) -> npt.NDArray[np.float32]:
+        """Return what the sensors show of episodes that have just begun in some rows (m,), shape (m, k)."""
+        if self.sensing is not None or self.instruments.acts_on(rows):
+            return self.observe()[rows]
+        # Players at rest and swords on guard, as any episode begins.
+        m = len(rows)
+        of, everybody = mathematics(m).of, np.arange(m)
+        scenes = Scenes(m, self.step_s, self.setting.sensors.delay_s)
+        scenes.restart(everybody, self.scenes.now[:, rows])
+        instruments = Instruments(m, self.setting.sensors, self.step_s, self.judge.extra_observations)
+        extra = [of(self._math.array(number)[rows]) for number in self.judge.observe()]
+        start_s, shares = of(np.zeros(m)), of(np.zeros((3, m)))
+        noise = self.chance.noise.first(rows)
+        return instruments.observe(scenes, start_s, Sword(m), shares, noise, extra)
+
+    def tip(self, row: int, ago_s: float = 0.0) -> FloatArray:
+        """Return the tip of the opponent's sword in a row a time before now: x, y, z [m], shape (3,)."""
+        tip, _ = self.fighter.sword.tip_and_velocity(self._now_s() - ago_s, self.scenes.seen(ago_s))
+        return self._math.table(tip)[:, row]
+
+    def state(self) -> dict[str, Number]:
+        """Return what `info` says of the present state by name, as numbers of one episode or of many."""
+        math, sword = self._math, self.fighter.sword
+        distance, bearing = self.scenes.apart()
+        is_feint = math.of(sword.is_feint)
+        warning_s = math.of(sword.land_s) - math.of(sword.raise_s)
         return {
             "distance_m": distance,
             "bearing_rad": bearing,
-            "technique": np.where(sword.is_feint, -1, self.fighter.technique()),
-            "warning_s": np.where(sword.is_feint, 0.0, sword.land_s - sword.raise_s),
+            "technique": math.where(is_feint, -1, self.fighter.current(self.chance.technique)),
+            "warning_s": math.where(is_feint, 0.0, warning_s),
             **self.judge.report(),
         }
 
+    def state_info(self) -> dict[str, npt.NDArray[Any]]:
+        """Return what `state` does as arrays (n,)."""
+        return self._arrays(self.state())
 
-def _command_shares(commands: FloatArray) -> FloatArray:
-    """Return commands (n, 3) as shares of the full ones: forward, left, turn, shape (3, n)."""
-    v, angle = commands[:, 0] / FULL_V_RPM, np.deg2rad(commands[:, 1])
-    return np.array([v * np.cos(angle), v * np.sin(angle), commands[:, 2] / FULL_VC_RPM])
+    def _arrays(self, numbers: Mapping[str, Number]) -> dict[str, npt.NDArray[Any]]:
+        return {name: self._math.array(number) for name, number in numbers.items()}

@@ -19,10 +19,11 @@ from mecanum_env.tankendo.arena import Arena, Robot, TaskName, TaskSetting
 from mecanum_env.tankendo.build import ModelLike, TaskArguments, model_of, setting_of
 from mecanum_env.tankendo.constants import require_number
 from mecanum_env.tankendo.judge import ForPoints, Judge, Outcome
+from mecanum_env.tankendo.numbers import Number, wrapped
 from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.pair import PairBatch, compile_pair, others, turned
 from mecanum_env.tankendo.plant import Compiled
-from mecanum_env.tankendo.scene import BoolArray, RowArray, wrapped
+from mecanum_env.tankendo.scene import BoolArray, RowArray
 from mecanum_env.units import FloatArray
 
 Result = Literal["first", "second", "draw"]
@@ -42,13 +43,10 @@ class Swordsman(Fighter):
     is when its sword starts forward, and not from where it was when the sword rose.
     """
 
-    def aim(self, end_s: FloatArray) -> None:
-        """Fix the aim of the swords that started forward in the step that ended at `end_s`, shape (n,)."""
-        rows = np.flatnonzero(self.pending & ~self.aimed & (self.sword.cut_s <= end_s))
-        if len(rows):
-            then = self._scenes.ago_of(rows, end_s[rows] - self.sword.cut_s[rows])
-            self.sword.origin[:, rows] = then[6:8]
-        super().aim(end_s)
+    def _fix_aim(self, rows: RowArray, end_s: FloatArray) -> None:
+        then = self._scenes.ago_of(rows, end_s[rows] - self.sword.cut_s[rows])
+        self.sword.origin[:, rows] = then[6:8]
+        super()._fix_aim(rows, end_s)
 
 
 class Bout(ForPoints):
@@ -63,7 +61,8 @@ class Bout(ForPoints):
     def may_strike(self, time_s: FloatArray) -> BoolArray:
         """Return where the opponent may begin a strike at times (n,), shape (n,)."""
         _, bearing = self.scenes.separation()
-        return super().may_strike(time_s) & (others(np.abs(bearing)) <= self.rules.facing_rad)
+        faces = others(np.abs(bearing)) <= self.rules.facing_rad
+        return np.asarray(super().may_strike(time_s) & faces)
 
     def own_strikes(self) -> BoolArray:
         """Return where the player's own strike is under way, shape (n,)."""
@@ -155,11 +154,11 @@ class DuelArena(Arena):
         other = others(turned(motion))[:, at]
         return np.concatenate([motion[:, at], other[:2], wrapped(other[2])[None], np.zeros((2, len(at)))])
 
-    def _opponents(self, start_s: FloatArray) -> FloatArray:
-        """Return the opponents one step after `start_s` (n,), shape (5, n): they are the other robots."""
-        other, before = others(turned(self.robots.motion())), self.scenes.now[8]
-        heading = before + wrapped(other[2] - before)
-        return np.concatenate([other[:2], heading[None], other[3:5]])
+    def _opponents(self, start_s: Number, seen: list[Number]) -> Sequence[Number]:
+        """Return the five numbers of the opponents one step after a time: they are the other robots."""
+        x, y, yaw, vx, vy, _ = others(turned(self.robots.motion()))
+        before = self.scenes.now[8]
+        return [x, y, before + wrapped(yaw - before), vx, vy]
 
     def results(self) -> list[Result | None]:
         """Return who has won each bout that ended with the last step, and None for the others."""

@@ -66,12 +66,12 @@ class Episodes:
             gymnasium.error.ResetNeeded: a row in which no episode has begun, or it is over.
         """
         arena = self.arena
-        if not arena.begun.all():
+        if np.count_nonzero(arena.begun) < arena.n:
             raise gymnasium.error.ResetNeeded("step() before an episode has begun; call reset() first")
         over = arena.ended if ignored is None else arena.ended & ~ignored
-        if over.any():
+        if np.count_nonzero(over):
             raise gymnasium.error.ResetNeeded("step() after an episode is over; call reset() first")
-        return arena.step(actions)
+        return arena.advance(actions)
 
     def start_of(self, options: Mapping[str, Any] | None, *others: str) -> Start:
         """Return what the options of a reset fix; `others` are names of options that the caller reads itself.

@@ -14,11 +14,8 @@ from dataclasses import dataclass, fields, replace
 from numbers import Real
 from typing import TYPE_CHECKING, Any, Final, Literal, get_args
 
-import numpy as np
-
 from mecanum_env.errors import InputError, did_you_mean, require_one_of
-from mecanum_env.tankendo.scene import BoolArray
-from mecanum_env.units import FloatArray
+from mecanum_env.tankendo.numbers import Number
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -272,10 +269,10 @@ class Rules:
         positive = ("maai_m", "band_m", "facing_rad", "field_m", "duel_points", *times)
         _require_numbers(self, positive=positive, shares=("track_share",))
 
-    def at_maai(self, distance_m: FloatArray, bearing_rad: FloatArray) -> BoolArray:
-        """Return whether the robot is at maai and faces the opponent, in the shape of the arguments."""
-        is_near: BoolArray = np.abs(distance_m - self.maai_m) <= self.band_m
-        return is_near & (np.abs(bearing_rad) <= self.facing_rad)
+    def at_maai(self, distance_m: Number, bearing_rad: Number) -> Number:
+        """Return whether the robot is at maai and faces the opponent."""
+        is_near = abs(distance_m - self.maai_m) <= self.band_m
+        return is_near & (abs(bearing_rad) <= self.facing_rad)
 
 
 @dataclass(frozen=True)

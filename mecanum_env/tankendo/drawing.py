@@ -18,6 +18,7 @@ from mecanum_env.rendering.view import Frame, draw_caption
 from mecanum_env.simulator import RobotPlant, compile_plant
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.tankendo.constants import GUARD_TIP_M
+from mecanum_env.tankendo.numbers import One
 from mecanum_env.tankendo.scene import separation
 from mecanum_env.units import FloatArray
 
@@ -65,10 +66,11 @@ def opponent_shapes(arena: Arena, row: int = 0, ago_s: float = 0.0) -> list[Shap
     """
     scenes, sword, rules = arena.scenes.ago(ago_s), arena.fighter.sword, arena.setting.rules
     scene, now = scenes[:, row], float(arena.time_s()[row]) - ago_s
-    tip = sword.tip_and_velocity(arena.time_s() - ago_s, scenes)[0][:, row]
+    tip = arena.tip(row, ago_s)
     striking = bool(not sword.is_feint[row] and sword.cut_s[row] <= now < sword.land_s[row] + SHOWN_S)
     shapes = _body(scene[6:9], tip, STRIKING if striking else BAMBOO)
-    ring = _OPEN if rules.at_maai(*separation(scene)) else _CLOSED
+    apart = separation(One(), scene[6] - scene[0], scene[7] - scene[1], scene[2])
+    ring = _OPEN if rules.at_maai(*apart) else _CLOSED
     for angle in 2.0 * np.pi * np.arange(_RING_DOTS) / _RING_DOTS:
         dot = scene[6:8] + rules.maai_m * np.array([np.cos(angle), np.sin(angle)])
         shapes.append(Shape("ellipsoid", ring, np.append(dot, 0.004), (0.022, 0.022, 0.003)))
@@ -133,7 +135,7 @@ def score_lines(arena: Arena, row: int = 0) -> list[str]:
     now, sword, setting = float(arena.time_s()[row]), arena.fighter.sword, arena.setting
     distance, bearing = (float(value[row]) for value in arena.scenes.separation())
     v, theta, vc = arena.commands[row] + 0.0
-    report = {name: values[row] for name, values in arena.judge.report().items()}
+    report = {name: values[row] for name, values in arena.state_info().items()}
     score = ""
     if "points" in report:
         score = f"   robot {report['points']} : {report['points_against']} opponent"

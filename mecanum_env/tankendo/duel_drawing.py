@@ -48,7 +48,7 @@ def sword_shapes(arena: DuelArena, player: int, ago_s: float = 0.0) -> list[Shap
     # The sword of a player is that of the opponent in the other's row, in the other's frame.
     row, scenes, sword = 1 - player, arena.scenes.ago(ago_s), arena.fighter.sword
     scene, now = scenes[:, row], float(arena.time_s()[row]) - ago_s
-    tip = sword.tip_and_velocity(arena.time_s() - ago_s, scenes)[0][:, row]
+    tip = arena.tip(row, ago_s)
     striking = bool(not sword.is_feint[row] and sword.cut_s[row] <= now < sword.land_s[row] + drawing.SHOWN_S)
     heading = np.array([np.cos(scene[8]), np.sin(scene[8])])
     grip = np.append(scene[6:8] + _GRIP_AHEAD_M * heading, _GRIP_HEIGHT_M)

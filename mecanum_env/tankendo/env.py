@@ -12,7 +12,7 @@ from mecanum_env.errors import BackendError, InputError
 from mecanum_env.rendering.backend import display_answers, has_display
 from mecanum_env.rendering.view import Frame
 from mecanum_env.tankendo.actions import checked_action
-from mecanum_env.tankendo.build import Arguments, build, row_info
+from mecanum_env.tankendo.build import Arguments, build
 
 if TYPE_CHECKING:
     from mecanum_env.tankendo.drawing import Painter, Window
@@ -195,7 +195,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
             self.close()
         if self.render_mode == "human":
             self.render()
-        return self.arena.observe()[0], row_info(self.arena.state_info(), 0)
+        return self.arena.observe()[0], self.arena.state()
 
     def step(self, action: npt.NDArray[np.float32]) -> tuple[Observation, float, bool, bool, dict[str, Any]]:
         """Send an action, shape (3,); return observation, reward, terminated, truncated, info.
@@ -207,8 +207,7 @@ class TankendoEnv(gymnasium.Env[Observation, npt.NDArray[np.float32]]):
         step = self._episodes.step(checked_action(action, (3,))[None])
         if self.render_mode == "human":
             self.render()
-        ends = bool(step.terminated[0]), bool(step.truncated[0])
-        return step.observation[0], float(step.reward[0]), *ends, row_info(step.info, 0)
+        return step.observation[0], step.reward, step.terminated, step.truncated, step.info
 
     def render(self) -> Frame | None:
         """Return a picture, shape (480, 640, 3), in the mode "rgb_array"; draw into the window in "human".

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.law.link import hashed
+from mecanum_env.tankendo.numbers import Number, mathematics
 from mecanum_env.units import FloatArray
 
 _STEPS: Final = 16
@@ -25,23 +26,34 @@ class Noise:
         self._seeds = np.zeros(n, np.uint64)
         self._made = np.zeros((n, _STEPS, channels), np.float32)
         self._block = np.full(n, -1)  # which steps are made
-        self._all = np.arange(n)
+        self._math = mathematics(n)
+        self._all = slice(None) if n == 1 else np.arange(n)
         self._silent = True  # until an episode has begun
 
-    def restart(self, row: int, seed: int) -> None:
-        """Begin an episode in a row, whose noise follows from a seed from 0 to 2^53."""
-        self._seeds[row], self._block[row], self._silent = seed, -1, False
+    def restart(self, rows: npt.NDArray[np.intp], seeds: FloatArray) -> None:
+        """Begin episodes in some rows (m,), whose noise follows from whole numbers `seeds` from 0 to 2^53."""
+        self._seeds[rows], self._block[rows], self._silent = seeds, -1, False
 
-    def at(self, step: npt.NDArray[np.intp]) -> FloatArray:
-        """Return the noise at steps (n,) of the episodes, shape (channels, n)."""
+    def at(self, step: Number) -> FloatArray:
+        """Return the noise at a step of the episodes, shape (channels, n)."""
         block = step // _STEPS
-        late = block != self._block
-        if late.any() and not self._silent:
+        late = block != self._math.of(self._block)
+        if self._math.any(late) and not self._silent:
             rows = np.flatnonzero(late)
-            shape = (len(rows), *self._made.shape[1:])
-            self._made[rows] = _normal(self._seeds[rows], block[rows], shape[1] * shape[2]).reshape(shape)
-            self._block[rows] = block[rows]
+            self._make(rows, self._math.array(block)[rows])
         return np.asarray(self._made[self._all, step - _STEPS * block].T, float)
+
+    def first(self, rows: npt.NDArray[np.intp]) -> FloatArray:
+        """Return the noise at the start of the episodes in some rows (m,), shape (channels, m)."""
+        self._make(rows, np.zeros(len(rows), np.intp))
+        return np.asarray(self._made[rows, 0].T, float)
+
+    def _make(self, rows: npt.NDArray[np.intp], blocks: npt.NDArray[np.intp]) -> None:
+        """Make the steps of some rows (m,) that are in their `blocks` (m,)."""
+        _, steps, channels = self._made.shape
+        made = _normal(self._seeds[rows], blocks, steps * channels)
+        self._made[rows] = made.reshape(-1, steps, channels)
+        self._block[rows] = blocks
 
 
 def _normal(

@@ -7,6 +7,7 @@ its velocity (10-12) and its pose in the field (16-19).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -16,6 +17,7 @@ import numpy.typing as npt
 from mecanum_env.effects.apply import active_effects, measured
 from mecanum_env.model import Model
 from mecanum_env.tankendo.constants import Sensors
+from mecanum_env.tankendo.numbers import Number, mathematics
 from mecanum_env.tankendo.scene import Scenes
 from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
@@ -30,8 +32,6 @@ LIMITS: Final = np.repeat(
 """Largest absolute value of each number, to which observations are clipped, shape (20,)."""
 EXTRA_LIMIT: Final = 10.0
 """Largest absolute value of the numbers that a task appends."""
-_AHEAD = [0, 2, 4, 7, 10]  # opponent, its velocity, tip, its velocity, own velocity
-_LEFT = [index + 1 for index in _AHEAD]
 _OWN = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
 _WINDOW = 40  # steps that a sensor effect sees: several times its longest delay or time constant
 
@@ -90,71 +90,86 @@ def noise_sizes(sensors: Sensors) -> FloatArray:
 class Instruments:
     """The sensors of n robots, read every `step_s` [s]; the task appends `extra` numbers."""
 
-    def __init__(self, sensors: Sensors, step_s: float, extra: int) -> None:
+    def __init__(self, n: int, sensors: Sensors, step_s: float, extra: int) -> None:
+        self._math = mathematics(n)
         self._delay_s, self._step_s = sensors.delay_s, step_s
         self._sizes = noise_sizes(sensors)[:, None]
-        self._limits = np.concatenate([LIMITS, np.full(extra, EXTRA_LIMIT)])[:, None]
+        highest = np.concatenate([LIMITS, np.full(extra, EXTRA_LIMIT)])[:, None]
+        self._lowest, self._highest = -highest, highest
         # Rows whose model has sensor effects: the model, and the samples of the past.
         self._affected: dict[int, tuple[Model, list[FloatArray]]] = {}
         self._known: Model | None = None  # the last model, and whether it has any
         self._acts = False
 
-    def restart(self, row: int, model: Model) -> None:
-        """Begin an episode in one row, in which the sensor effects of the robot's model act."""
-        self._affected.pop(row, None)
-        if model is not self._known:
-            acting = (effect.change_channels for effect, _ in active_effects(model))
-            self._known, self._acts = model, any(change is not None for change in acting)
-        if self._acts:
-            self._affected[row] = (model, [])
+    def restart(self, rows: Sequence[int], models: Sequence[Model]) -> None:
+        """Begin an episode in some rows, in which the sensor effects of the robots' models act."""
+        for row, model in zip(rows, models, strict=True):
+            self._affected.pop(row, None)
+            if model is not self._known:
+                acting = (effect.change_channels for effect, _ in active_effects(model))
+                self._known, self._acts = model, any(change is not None for change in acting)
+            if self._acts:
+                self._affected[row] = (model, [])
+
+    def acts_on(self, rows: npt.NDArray[np.intp]) -> bool:
+        """Return whether sensor effects act in any of some rows (m,)."""
+        return bool(self._affected) and any(row in self._affected for row in rows.tolist())
 
     def observe(
         self,
         scenes: Scenes,
-        time_s: FloatArray,
+        time_s: Number,
         sword: Sword,
-        shares: FloatArray,
+        shares: Sequence[Number],
         noise: FloatArray,
-        extra: FloatArray,
+        extra: Sequence[Number],
     ) -> npt.NDArray[np.float32]:
         """Return observations, shape (n, 20 + k).
 
         Args:
             scenes: poses and velocities, now and before.
-            time_s: now, shape (n,).
+            time_s: now.
             sword: the opponents' swords.
-            shares: the command now held, as shares of the full one, shape (3, n).
+            shares: the command now held, as shares of the full one: forward, left, turn.
             noise: standard normal noise, shape (17, n).
-            extra: what the task appends, shape (k, n).
+            extra: the k numbers that the task appends.
         """
-        seen = scenes.ago(self._delay_s)
-        cos, sin = np.cos(seen[2]), np.sin(seen[2])
-        tip, tip_velocity = sword.tip_and_velocity(time_s - self._delay_s, seen)
-        shown = np.empty((SIZE + len(extra), len(time_s)))
-        vectors = np.empty((2, len(_AHEAD), len(time_s)))
-        vectors[:, 0], vectors[:, 1], vectors[:, 2] = seen[6:8] - seen[:2], seen[9:11], tip[:2] - seen[:2]
-        vectors[:, 3], vectors[:, 4] = tip_velocity[:2], seen[3:5]
-        # From the field's frame into the body's.
-        shown[_AHEAD] = cos * vectors[0] + sin * vectors[1]
-        shown[_LEFT] = cos * vectors[1] - sin * vectors[0]
-        shown[6], shown[9], shown[12] = tip[2], tip_velocity[2], seen[5]
-        shown[13:16], shown[16:18] = shares, seen[:2]
-        shown[18], shown[19] = cos, sin
+        scene = scenes.seen(self._delay_s)
+        x, y, yaw, vx, vy, rate, other_x, other_y, _, other_vx, other_vy = scene
+        tip, tip_velocity = sword.tip_and_velocity(time_s - self._delay_s, scene)
+        cos, sin = self._math.cos(yaw), self._math.sin(yaw)
+
+        def on_robot(along_x: Number, along_y: Number) -> tuple[Number, Number]:
+            """Return a vector's components ahead of the robot and to its left."""
+            return cos * along_x + sin * along_y, cos * along_y - sin * along_x
+
+        shown = self._math.table(
+            [
+                *on_robot(other_x - x, other_y - y),
+                *on_robot(other_vx, other_vy),
+                *(*on_robot(tip[0] - x, tip[1] - y), tip[2]),
+                *(*on_robot(tip_velocity[0], tip_velocity[1]), tip_velocity[2]),
+                *(*on_robot(vx, vy), rate),
+                *shares,
+                *(x, y, cos, sin),
+                *extra,
+            ]
+        )
         for row in self._affected:
-            self._apply_effects(row, shown, seen, float(time_s[row]))
+            pose = np.array([self._math.array(number)[row] for number in (x, y, yaw)])
+            self._apply_effects(row, shown, pose, float(self._math.array(time_s)[row]))
         noise = self._sizes * noise
         shown[:13] += noise[:13]
         shown[16:20] += noise[13:]
-        shown[20:] = extra
-        np.minimum(np.maximum(shown, -self._limits, out=shown), self._limits, out=shown)
+        np.minimum(np.maximum(shown, self._lowest, out=shown), self._highest, out=shown)
         return shown.T.astype(np.float32)
 
-    def _apply_effects(self, row: int, shown: FloatArray, seen: FloatArray, now_s: float) -> None:
-        """Write into `shown` what the sensors of one row measure of its own motion."""
+    def _apply_effects(self, row: int, shown: FloatArray, pose: FloatArray, now_s: float) -> None:
+        """Write into `shown` what the sensors of one row measure of its own motion; `pose` is exact, (3,)."""
         model, past = self._affected[row]
         if past and past[-1][0] == now_s:
             past.pop()  # observed a second time in this step, since another row was reset
-        sample = np.array([now_s, *shown[10:13, row], *seen[:3, row]])
+        sample = np.array([now_s, *shown[10:13, row], *pose])
         if not past:
             past.append(np.array([-np.inf, *sample[1:]]))  # at rest before; a filter needs two samples
         past.append(sample)

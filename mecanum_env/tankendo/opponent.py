@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields
 
 import numpy as np
 
 from mecanum_env.tankendo.chance import EXCHANGES, Chance
 from mecanum_env.tankendo.constants import Opponent, Rules, Technique
-from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation, wrapped
+from mecanum_env.tankendo.numbers import Number, State, mathematics, wrapped
+from mecanum_env.tankendo.scene import BoolArray, RowArray, Scenes, separation
 from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
 
@@ -18,6 +20,7 @@ _NUMBERS = (
     *("sight_delay_s", "lead", "habit", "extra_reach_m", "extra_size_m", "lower_s", "step_m", "recovery_s"),
     *("walk_m_s", "walk_m_s2", "turn_rad_s", "wander_m_s"),
 )
+_NO_ROWS, _NO_HITS = np.zeros(0, np.intp), np.zeros(0, bool)
 _TECHNIQUE_NUMBERS = [field for field in fields(Technique) if field.name != "name"]
 
 
@@ -31,6 +34,7 @@ class Fighter:
         """The opponent of each episode."""
         self._rules = rules
         self._chance, self._scenes, self._step_s = chance, scenes, step_s
+        self._math = mathematics(n)
         self.sword = Sword(n)
         self.exchange = np.zeros(n, np.intp)
         """Strikes of the episode so far, shape (n,)."""
@@ -44,20 +48,20 @@ class Fighter:
         """Whether the aim of this strike is fixed."""
         self.waiting = np.zeros((2, n))
         """Velocity of the robot when the sword rose last: vx, vy, shape (2, n) [m/s]."""
-        self._all = np.arange(n)
         self._numbers = {name: np.zeros(n) for name in _NUMBERS}
         self._table = {field.name: np.zeros((len(opponent.techniques), n)) for field in _TECHNIQUE_NUMBERS}
         for row in range(n):
             self._meet(row, opponent)
 
-    def restart(self, row: int, opponent: Opponent) -> None:
-        """Begin an episode in one row against an opponent with as many techniques as the others."""
-        if opponent is not self.opponents[row]:
-            self._meet(row, opponent)
-        self.sword.clear(np.array([row]))
-        self.waiting[:, row] = 0.0
-        self.exchange[row], self.open_s[row] = 0, 0.0
-        self.feinted[row] = self.pending[row] = self.aimed[row] = False
+    def restart(self, rows: RowArray, opponents: Sequence[Opponent]) -> None:
+        """Begin episodes in some rows (m,) against `opponents` with as many techniques as the others."""
+        for row, opponent in zip(rows.tolist(), opponents, strict=True):
+            if opponent is not self.opponents[row]:
+                self._meet(row, opponent)
+        self.sword.clear(rows)
+        self.waiting[:, rows] = 0.0
+        self.exchange[rows], self.open_s[rows] = 0, 0.0
+        self.feinted[rows] = self.pending[rows] = self.aimed[rows] = False
 
     def _meet(self, row: int, opponent: Opponent) -> None:
         self.opponents[row] = opponent
@@ -80,41 +84,50 @@ class Fighter:
         """Root mean square speed of each opponent's walk in the tracking task, shape (n,) [m/s]."""
         return self._numbers["wander_m_s"]
 
-    def _seen(self) -> FloatArray:
-        """Return the scenes as the opponents see them now, shape (11, n)."""
-        return self._scenes.ago_of(self._all, self.sight_delay_s)
+    def seen(self) -> list[Number]:
+        """Return the numbers of the scenes as the opponents see them now."""
+        return self._scenes.seen_by(self._math.of(self.sight_delay_s))
 
-    def drawn(self, draws: FloatArray) -> FloatArray:
+    def drawn(self, draws: State) -> State:
         """Return the draws, shape (exchanges, n), of the exchange that each episode is in, shape (n,)."""
-        return draws[self.exchange % EXCHANGES, self._all]
+        return self._math.array(self.current(draws))
+
+    def current(self, draws: State) -> Number:
+        """Return what `drawn` does as a number."""
+        return self._math.chosen(draws, self._math.of(self.exchange) % EXCHANGES)
 
     def technique(self) -> RowArray:
         """Return the index of the technique of the exchange that each episode is in, shape (n,)."""
-        return np.asarray(self._chance.technique[self.exchange % EXCHANGES, self._all])
+        return self.drawn(self._chance.technique)
 
     def has_struck(self, time_s: FloatArray) -> BoolArray:
         """Return where a strike has hit or missed at times (n,), shape (n,)."""
         return np.asarray(~self.sword.is_feint & (time_s >= self.sword.land_s))
 
-    def sees_opening(self) -> BoolArray:
-        """Return where the robot, as seen late, is at maai, facing and slow, shape (n,)."""
-        now, seen = self._scenes.now, self._seen()
-        scene = seen.copy()
-        scene[6:] = now[6:]
-        is_slow: BoolArray = seen[3] * seen[3] + seen[4] * seen[4] <= self._rules.slow_m_s**2
-        return self._rules.at_maai(*separation(scene)) & is_slow
+    def sees_opening(self, seen: list[Number]) -> Number:
+        """Return where the robot, as `seen` late, is at maai, facing and slow."""
+        x, y, yaw, vx, vy, *_ = seen
+        own_x, own_y = self._math.of(self._scenes.now[6:8])
+        is_slow = vx * vx + vy * vy <= self._rules.slow_m_s**2
+        return self._rules.at_maai(*separation(self._math, own_x - x, own_y - y, yaw)) & is_slow
 
-    def decide(self, time_s: FloatArray, may_strike: BoolArray) -> None:
+    def decide(self, time_s: Number, may_strike: Number, seen: list[Number]) -> None:
         """Start a feint or strike where the robot has offered an opening for long enough.
 
-        The time is now, and `may_strike` says where the task allows a strike, shape (n,) each.
+        The time is now, `may_strike` says where the task allows a strike, and the scenes are as `seen` now.
         """
+        math = self._math
         ready = may_strike & self.sword.idle(time_s)
-        self.open_s = np.where(ready & self.sees_opening(), self.open_s + self._step_s, 0.0)
-        starts = self.open_s > self.drawn(self._chance.patience)
-        if not starts.any():
-            return
-        rows = np.flatnonzero(starts)
+        if math.any(ready):
+            ready = ready & self.sees_opening(seen)
+        open_s = math.where(ready, math.of(self.open_s) + self._step_s, 0.0)
+        self.open_s[:] = open_s
+        starts = open_s > self.current(self._chance.patience)
+        if math.any(starts):
+            self._start(np.flatnonzero(starts), math.array(time_s))
+
+    def _start(self, rows: RowArray, time_s: FloatArray) -> None:
+        """Start a feint or strike in some rows (m,) in the step that begins at `time_s` (n,)."""
         exchange = self.exchange[rows] % EXCHANGES
         feint = self._chance.feints[exchange, rows] & ~self.feinted[rows]
         sword, technique = self.sword, self._chance.technique[exchange, rows]
@@ -137,63 +150,85 @@ class Fighter:
         self.feinted[rows] = feint
         self.pending[rows], self.aimed[rows] = ~feint, False
 
-    def walk(self, time_s: FloatArray, stands: BoolArray, wanted: FloatArray | None = None) -> FloatArray:
-        """Return position [m], heading [rad] and velocity [m/s] one step after `time_s` (n,), shape (5, n).
+    def walk(
+        self, time_s: Number, stands: Number, seen: list[Number], wanted: tuple[Number, Number] | None = None
+    ) -> list[Number]:
+        """Return position x, y [m], heading [rad] and velocity x, y [m/s] one step after a time.
 
-        Who `stands`, shape (n,), does not walk; the others keep maai, or aim for the velocities `wanted`,
-        shape (2, n) [m/s].
+        Who `stands` does not walk; the others keep maai, or aim for the velocity `wanted` [m/s]. The scenes
+        are as `seen` when the step began.
         """
-        numbers, step = self._numbers, self._step_s
-        seen, now = self._seen(), self._scenes.now
-        dx, dy = seen[0] - now[6], seen[1] - now[7]
-        distance = np.maximum(np.sqrt(dx * dx + dy * dy), 1e-6)
+        math, numbers, step = self._math, self._numbers, self._step_s
+        x, y, heading, vx, vy = math.of(self._scenes.now[6:])
+        dx, dy = seen[0] - x, seen[1] - y
         if wanted is None:
+            distance, most = math.maximum(math.sqrt(dx * dx + dy * dy), 1e-6), math.of(numbers["walk_m_s"])
             closing = _APPROACH_PER_S * (distance - self._rules.maai_m)
-            speed = np.minimum(np.maximum(closing, -numbers["walk_m_s"]), numbers["walk_m_s"])
-            across = self._chance.drift
-            wanted = np.array([(speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance])
-        fights = ~self.sword.idle(time_s)
+            speed, across = math.minimum(math.maximum(closing, -most), most), math.of(self._chance.drift)
+            wanted = (speed * dx - across * dy) / distance, (speed * dy + across * dx) / distance
+        fights = math.no(self.sword.idle(time_s))
         busy = stands | fights
-        change = np.where(busy, 0.0, wanted) - now[9:11]
-        size = np.sqrt(change[0] * change[0] + change[1] * change[1])
-        most = numbers["walk_m_s2"] * step
-        velocity = now[9:11] + change * np.minimum(1.0, most / np.maximum(size, 1e-9))
-        turn = wrapped(np.arctan2(dy, dx) - now[8])
-        largest = numbers["turn_rad_s"] * step
-        heading = now[8] + np.where(busy, 0.0, np.minimum(np.maximum(turn, -largest), largest))
-        position = now[6:8] + step * velocity
-        strikes = fights & ~self.sword.is_feint
-        if strikes.any():
-            # In a strike, the step of the technique replaces the walk.
-            forward = numbers["step_m"] * self.sword.step_share(time_s + step)
-            stepped = self.sword.origin + forward * np.stack([np.cos(now[8]), np.sin(now[8])])
-            position = np.where(strikes, stepped, position)
-            velocity = np.where(strikes, (stepped - now[6:8]) / step, velocity)
-        return np.concatenate([position, heading[None], velocity])
+        change_x = math.where(busy, 0.0, wanted[0]) - vx
+        change_y = math.where(busy, 0.0, wanted[1]) - vy
+        size = math.sqrt(change_x * change_x + change_y * change_y)
+        share = math.minimum(1.0, math.of(numbers["walk_m_s2"]) * step / math.maximum(size, 1e-9))
+        turn = wrapped(math.arctan2(dy, dx) - heading)
+        largest = math.of(numbers["turn_rad_s"]) * step
+        turned = math.where(busy, 0.0, math.minimum(math.maximum(turn, -largest), largest))
+        velocity = vx + change_x * share, vy + change_y * share
+        moved = [x + step * velocity[0], y + step * velocity[1], heading + turned, *velocity]
+        strikes = fights & math.no(math.of(self.sword.is_feint))
+        return self._stepped(time_s + step, strikes, moved) if math.any(strikes) else moved
 
-    def aim(self, end_s: FloatArray) -> None:
-        """Fix the aim of the swords that started forward in the step that ended at `end_s`, shape (n,)."""
-        rose = self.pending & (self.sword.raise_s > end_s - self._step_s) & (self.sword.raise_s <= end_s)
-        if rose.any():
-            rows = np.flatnonzero(rose)
-            then = self._scenes.ago_of(rows, end_s[rows] - self.sword.raise_s[rows])
-            self.waiting[:, rows] = then[3:5]
-        starts = self.pending & ~self.aimed & (self.sword.cut_s <= end_s)
-        if not starts.any():
+    def _stepped(self, time_s: Number, strikes: Number, moved: list[Number]) -> list[Number]:
+        """Return what `walk` does at a time, where the opponent `strikes`; elsewhere what it `moved`."""
+        math = self._math
+        x, y, heading = math.of(self._scenes.now[6:9])
+        origin_x, origin_y = math.of(self.sword.origin)
+        # In a strike, the step of the technique replaces the walk.
+        forward = math.of(self._numbers["step_m"]) * self.sword.step_share(time_s)
+        to_x = origin_x + forward * math.cos(heading)
+        to_y = origin_y + forward * math.sin(heading)
+        velocity = (to_x - x) / self._step_s, (to_y - y) / self._step_s
+        stepped = [to_x, to_y, moved[2], *velocity]
+        return [math.where(strikes, one, other) for one, other in zip(stepped, moved, strict=True)]
+
+    def aim(self, end_s: Number) -> None:
+        """Fix the aim of the swords that started forward in the step that ended at a time."""
+        math, sword = self._math, self.sword
+        pending = math.of(self.pending)
+        if not math.any(pending):
             return
-        rows, sword = np.flatnonzero(starts), self.sword
+        raised = math.of(sword.raise_s)
+        rose = pending & (raised > end_s - self._step_s) & (raised <= end_s)
+        if math.any(rose):
+            self._note(np.flatnonzero(rose), math.array(end_s))
+        starts = pending & math.no(math.of(self.aimed)) & (math.of(sword.cut_s) <= end_s)
+        if math.any(starts):
+            self._fix_aim(np.flatnonzero(starts), math.array(end_s))
+
+    def _note(self, rows: RowArray, end_s: FloatArray) -> None:
+        """Note the velocities with which the robots in some rows (m,) waited for swords that rose."""
+        then = self._scenes.ago_of(rows, end_s[rows] - self.sword.raise_s[rows])
+        self.waiting[:, rows] = then[3:5]
+
+    def _fix_aim(self, rows: RowArray, end_s: FloatArray) -> None:
+        """Fix the aim in some rows (m,) in the step that ended at `end_s` (n,)."""
+        sword = self.sword
         late = self.sight_delay_s[rows]
         seen = self._scenes.ago_of(rows, end_s[rows] - sword.cut_s[rows] + late)
         sword.end[:, rows] = self.aim_at(rows, seen)
         self.aimed[rows] = True
 
-    def land(self, end_s: FloatArray) -> tuple[RowArray, BoolArray]:
-        """Return the rows (m,) whose strike ended in the step until `end_s` (n,), and which hit, (m,)."""
-        lands = self.pending & (self.sword.land_s <= end_s)
-        if not lands.any():
-            return np.zeros(0, np.intp), np.zeros(0, bool)
-        rows, sword = np.flatnonzero(lands), self.sword
-        hit = self.hits(rows, self._scenes.ago_of(rows, end_s[rows] - sword.land_s[rows]), sword.end[:, rows])
+    def land(self, end_s: Number) -> tuple[RowArray, BoolArray]:
+        """Return the rows (m,) whose strike ended in the step until a time, and which hit, (m,)."""
+        math, sword = self._math, self.sword
+        pending = math.of(self.pending)
+        if not math.any(pending):
+            return _NO_ROWS, _NO_HITS
+        rows = np.flatnonzero(pending & (math.of(sword.land_s) <= end_s))
+        ago_s = math.array(end_s)[rows] - sword.land_s[rows]
+        hit = self.hits(rows, self._scenes.ago_of(rows, ago_s), sword.end[:, rows])
         self.pending[rows] = self.feinted[rows] = False
         return rows, hit
 
@@ -233,7 +268,8 @@ class Fighter:
         `robot` are the scenes when the strikes end, shape (6 or more, m), `end` is where the tips end, shape
         (2, m) [m].
         """
-        technique, extra_m = self.technique()[rows], self._numbers["extra_size_m"][rows]
+        technique = self.technique()[rows]
+        extra_m = self._numbers["extra_size_m"][rows]
         table = {name: values[technique, rows] for name, values in self._table.items()}
         offset = table["target_m"]
         x, y = robot[0] + offset * np.cos(robot[2]) - end[0], robot[1] + offset * np.sin(robot[2]) - end[1]

@@ -15,7 +15,7 @@ from mujoco.batch import Batch
 
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError, require_one_of
-from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.kinematics import command_to_wheels, command_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import seed_links
@@ -134,10 +134,10 @@ class RobotBatch:
         Raises:
             InputError: a model has other bodies or joints than the common one.
         """
-        of = list(self._of)
-        for row, new in zip(rows.tolist(), robots, strict=True):
-            of[row] = new
-        if any(new is not old for new, old in zip(of, self._of, strict=True)):
+        if any(new is not self._of[row] for row, new in zip(rows.tolist(), robots, strict=True)):
+            of = list(self._of)
+            for row, new in zip(rows.tolist(), robots, strict=True):
+                of[row] = new
             self._take(of, rows)
         self._batch.reset(rows.tolist(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for row, pose, new in zip(rows.tolist(), poses.T, robots, strict=True):
@@ -177,7 +177,10 @@ class RobotBatch:
         Raises:
             SimulationDivergedError: a state is no longer finite or plausible.
         """
-        wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
+        if len(commands) == 1:
+            wheels = np.array([command_wheels(*commands[0].tolist())])
+        else:
+            wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
         if any(limits is not None for limits in self._limits):
             control = np.repeat(wheels[:, None], self._substeps, axis=1)
             for row, limits in enumerate(self._limits):
@@ -187,7 +190,7 @@ class RobotBatch:
         else:
             self._ctrl[:] = self._controls(wheels)
             self._batch.step(nstep=self._substeps)
-        if self._batch.warning.any():
+        if np.count_nonzero(self._batch.warning):
             row = int(np.argmax(self._batch.warning.any(axis=(1, 2))))
             raise SimulationDivergedError(
                 f"robot {row} diverged; use a shorter timestep or a less stiff servo"

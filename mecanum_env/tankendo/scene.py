@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.tankendo.numbers import Mathematics, Number, mathematics, wrapped
 from mecanum_env.units import FloatArray
 
 BoolArray = npt.NDArray[np.bool_]
@@ -20,8 +21,8 @@ class Scenes:
     """The scenes of n episodes, one every `step_s`, up to the age `oldest_s` [s]; interpolated linearly."""
 
     def __init__(self, n: int, step_s: float, oldest_s: float) -> None:
-        self._step_s = step_s
-        self._separation: tuple[FloatArray, FloatArray] | None = None
+        self._step_s, self._math = step_s, mathematics(n)
+        self._apart: tuple[Number, Number] | None = None
         self._past = np.zeros((int(np.ceil(oldest_s / step_s)) + 3, 11, n))
 
     @property
@@ -32,25 +33,43 @@ class Scenes:
     def restart(self, rows: RowArray, scenes: FloatArray) -> None:
         """Begin episodes in some rows (m,); the players have always been at rest in `scenes`, (11, m)."""
         self._past[:, :, rows] = scenes
-        self._separation = None
+        self._apart = None
 
     def push(self) -> FloatArray:
         """Shift all scenes by one step; return the newest, a copy of the last that is to be overwritten."""
         self._past[1:] = self._past[:-1].copy()
-        self._separation = None
+        self._apart = None
         return self.now
 
+    def apart(self) -> tuple[Number, Number]:
+        """Return distance [m] and bearing [rad] of the opponent from the robot now."""
+        if self._apart is None:
+            x, y, yaw, _, _, _, other_x, other_y, *_ = self._math.of(self._past[0])
+            self._apart = separation(self._math, other_x - x, other_y - y, yaw)
+        return self._apart
+
     def separation(self) -> tuple[FloatArray, FloatArray]:
-        """Return distance [m] and bearing [rad] of the opponent from the robot now, shape (n,) each."""
-        if self._separation is None:
-            self._separation = separation(self.now)
-        return self._separation
+        """Return what `apart` does as arrays, shape (n,) each."""
+        distance, bearing = self.apart()
+        return self._math.array(distance), self._math.array(bearing)
 
     def ago(self, delay_s: float) -> FloatArray:
         """Return the scene `delay_s` before now, in all episodes, shape (11, n)."""
+        return self._math.table(self.seen(delay_s))
+
+    def seen(self, delay_s: float) -> list[Number]:
+        """Return the numbers of the scene `delay_s` before now."""
         whole, share = divmod(delay_s / self._step_s, 1.0)
-        newer, older = self._past[int(whole)], self._past[int(whole) + 1]
-        return np.asarray(newer + share * (older - newer))
+        newer = self._past[int(whole)]
+        if share == 0.0:
+            return list(self._math.of(newer))
+        return list(self._math.between(newer, self._past[int(whole) + 1], share))
+
+    def seen_by(self, delays_s: Number) -> list[Number]:
+        """Return the numbers of the scenes before now, in each episode its own delay [s]."""
+        if isinstance(delays_s, float):
+            return self.seen(min(delays_s, self._step_s * (len(self._past) - 2)))
+        return list(self.ago_of(np.arange(self._past.shape[2]), delays_s))
 
     def ago_of(self, rows: RowArray, delays_s: FloatArray) -> FloatArray:
         """Return scenes of some rows (m,), each with its own delay before now (m,) [s], shape (11, m).
@@ -63,15 +82,9 @@ class Scenes:
         return newer + (age - whole) * (older - newer)
 
 
-def wrapped(angle_rad: FloatArray) -> FloatArray:
-    """Return angles within [-pi, pi)."""
-    return np.asarray((angle_rad + np.pi) % (2.0 * np.pi) - np.pi)
+def separation(math: Mathematics, dx: Number, dy: Number, yaw: Number) -> tuple[Number, Number]:
+    """Return distance [m] and bearing [rad] of a point that is dx, dy [m] away, from a heading `yaw` [rad].
 
-
-def separation(scene: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return distance [m] and bearing [rad] of the opponent from the robot, (n,), in a scene (11, n).
-
-    The bearing is 0 straight ahead and positive to the left.
+    The `math` is that of these numbers. The bearing is 0 straight ahead and positive to the left.
     """
-    dx, dy = scene[6] - scene[0], scene[7] - scene[1]
-    return np.sqrt(dx * dx + dy * dy), wrapped(np.arctan2(dy, dx) - scene[2])
+    return math.sqrt(dx * dx + dy * dy), wrapped(math.arctan2(dy, dx) - yaw)

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.senses import CameraFrame, Estimate, Estimator, OwnReading, Senses, VariedSenses
+from mecanum_env.tankendo.numbers import mathematics
 from mecanum_env.tankendo.observation import LIMITS, SIZE
 from mecanum_env.tankendo.scene import BoolArray, Scenes
 from mecanum_env.tankendo.sword import Sword
@@ -71,7 +72,7 @@ class Sensing:
         self._uniform = np.zeros((steps + 1, 2 * self._frames + 1, n))
         self._lost = np.zeros((2, n), bool)
         self._done_s = np.full(n, np.nan)
-        self._all = np.arange(n)
+        self._all, self._math = np.arange(n), mathematics(n)
         self._shown = np.zeros((SIZE, n))
 
     def restart(self, row: int, rng: np.random.Generator) -> None:
@@ -149,7 +150,9 @@ class Sensing:
         numbers = self._numbers
         age_s = numbers["camera_delay_s"] + (self._frames - 1 - k) * self._step_s / self._frames
         seen = scenes.ago_of(self._all, age_s)
-        tip = sword.tip(time_s - age_s, seen[6], seen[7], seen[8])
+        then, x, y, heading = map(self._math.of, (time_s - age_s, *seen[6:9]))
+        facing = self._math.cos(heading), self._math.sin(heading)
+        tip = self._math.table(sword.tip(then, (x, y), facing))
         cos, sin = np.cos(seen[2]), np.sin(seen[2])
         places = []
         for x, y in ((seen[6] - seen[0], seen[7] - seen[1]), (tip[0] - seen[0], tip[1] - seen[1])):

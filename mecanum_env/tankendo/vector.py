@@ -109,7 +109,7 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
             if seeds[row] is not None:
                 self._rngs[row], _ = gymnasium.utils.seeding.np_random(seeds[row])
         self._restart(mask, start)
-        return self.arena.observe(), _with_masks(self.arena.state_info(), mask)
+        return self.arena.observed.copy(), _with_masks(self.arena.state_info(), mask)
 
     def _seeds(self, seed: int | Sequence[int | None] | Array | None) -> list[int | None]:
         if seed is None:
@@ -153,18 +153,18 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         reward = np.where(was_over, 0.0, step.reward)
         resets = terminated | truncated if mode is AutoresetMode.SAME_STEP else was_over
         if not resets.any():
-            return step.observation, reward, terminated, truncated, _with_masks(step.info, everybody)
+            return step.observation.copy(), reward, terminated, truncated, _with_masks(step.info, everybody)
+        last = step.observation[resets]
         self._restart(resets, DRAWN)
-        observation = np.where(resets[:, None], self.arena.observe(), step.observation)
         # The info of a reset lacks what a step adds.
         info = _with_masks(step.info, ~resets) | _with_masks(self.arena.state_info(), everybody)
         if mode is AutoresetMode.SAME_STEP:
-            last = np.full(self.num_envs, None, object)
-            for row in np.flatnonzero(resets):
-                last[row] = step.observation[row]
-            info |= {"final_obs": last, "final_info": _with_masks(step.info, resets)}
+            final = np.full(self.num_envs, None, object)
+            for row, observation in zip(np.flatnonzero(resets), last, strict=True):
+                final[row] = observation
+            info |= {"final_obs": final, "final_info": _with_masks(step.info, resets)}
             info |= {"_final_obs": resets, "_final_info": resets.copy()}
-        return observation, reward, terminated, truncated, info
+        return self.arena.observed.copy(), reward, terminated, truncated, info
 
     def render(self) -> tuple[Frame, ...] | None:
         """Return a picture of the first environment, shape (480, 640, 3), alone in a tuple."""
@@ -195,8 +195,9 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
         return row_info({name: info[name] for name in names if info[f"_{name}"][row]}, row)
 
     def _restart(self, rows: BoolArray, start: Start) -> None:
-        chosen = np.flatnonzero(rows).tolist()
-        self._episodes.restart(chosen, [self._rngs[row] for row in chosen], start)
+        chosen = np.flatnonzero(rows)
+        self._episodes.restart(chosen.tolist(), [self._rngs[row] for row in chosen.tolist()], start)
+        self.arena.observe_first(chosen)
 
 
 def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:

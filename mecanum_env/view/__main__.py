@@ -12,6 +12,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.model import paper_model, read_model
+from mecanum_env.programs import Done
 from mecanum_env.rendering.backend import has_display, use_backend
 
 
@@ -22,7 +23,7 @@ def view(
     plant: Literal["rollers", "planar"] = "rollers",
     port: int | None = None,
     browser: bool = True,
-) -> None:
+) -> Done:
     """Show a model as a live robot in a browser page on this machine, driven by keyboard, gamepad or mouse.
 
     The page draws commanded against actual wheel speeds and switches effects on and off. With --log it shows
@@ -58,6 +59,7 @@ def view(
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
     except KeyboardInterrupt:
         print("stopped")
+    return Done()
 
 
 if __name__ == "__main__":

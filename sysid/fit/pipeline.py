@@ -33,6 +33,7 @@ from sysid.fit.metrics import MethodMetrics, Runs, method_metrics
 from sysid.fit.robot_effects import find_robot_effects
 from sysid.fit.robot_parameters import RobotFit, robot_of, wheels_at_rest
 from sysid.fit.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
+from sysid.fit.weights import weighted_beside_error
 from sysid.fit.wheel_data import wheel_columns
 from sysid.logs import Dataset
 from sysid.logs.noise import noise_from_repeats
@@ -125,7 +126,8 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         require_mecanum(options.robot, "robot logs are")
     if not dataset.split("fit"):
         raise InputError(f'{dataset.name}: no run has split = "fit"; set one in dataset.toml')
-    dataset, tails = weighted_down(dataset)
+    plain = dataset
+    dataset, tails = weighted_down(plain)
     path = infer_command_path(
         dataset,
         sample_period_s=options.sample_period_s,
@@ -133,6 +135,8 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
         quantum_rpm=options.quantum_rpm,
         saturation_rpm=options.saturation_rpm,
     )
+    search = Search(options.methods[0], options.seed, options.unit_gain, path, 1.0)
+    dataset = weighted_beside_error(plain, dataset, tails, search)
     found = _fit_behind(path, dataset, options, progress)
     if dataset.level == "bench" and options.delay_s is None:
         found = _through_late_link(path, found, progress)

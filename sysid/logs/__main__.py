@@ -111,6 +111,7 @@ def export(
             digits; lerobot: one dataset (v3), resampled.
         fps: Frames per second of a LeRobot dataset.
     """
+    from mecanum_env.outputs import output_folder, require_empty
     from mecanum_env.tables import table_stem
     from sysid.logs.formats.lerobot import INFO, write_lerobot
     from sysid.logs.formats.mcap_files import write_mcap
@@ -118,21 +119,21 @@ def export(
     from sysid.logs.writer import write_dataset
 
     require_at_least(1, fps=fps)
+    if to == "lerobot":
+        require_empty(out)
     dataset = read_dataset(logs)
     names = [f"{table_stem(Path(run.file))}.{to}" for run in dataset.runs]
-    if to == "lerobot":
-        write_lerobot(dataset, out, fps)
-        wrote = [out / INFO]
-    elif to == "parquet":
-        runs = tuple(replace(run, file=name) for run, name in zip(dataset.runs, names, strict=True))
-        write_dataset(replace(dataset, runs=runs), out)
-        wrote = [out / name for name in names]
-    else:
-        for run, name in zip(dataset.runs, names, strict=True):
-            write_mcap(run, out / name)
-        wrote = [out / name for name in names]
+    with output_folder(out, "sysid.logs export") as staged:
+        if to == "lerobot":
+            write_lerobot(dataset, staged, fps)
+        elif to == "parquet":
+            runs = tuple(replace(run, file=name) for run, name in zip(dataset.runs, names, strict=True))
+            write_dataset(replace(dataset, runs=runs), staged)
+        else:
+            for run, name in zip(dataset.runs, names, strict=True):
+                write_mcap(run, staged / name)
     print(f"wrote {len(names)} runs to {out}")
-    return Done(wrote=wrote)
+    return Done(wrote=[out / INFO] if to == "lerobot" else [out / name for name in names])
 
 
 def plan(
@@ -146,7 +147,7 @@ def plan(
     minutes: float | None = None,
     room: float = Size.room_m,
     robot: Path | None = None,
-) -> None:
+) -> Done:
     """Plan a recording session for your robot: commands as CSV files, a dataset.toml and PROTOCOL.md.
 
     Example: python -m sysid.logs plan --top-speed 200 --rise 0.15 --out plan
@@ -179,6 +180,13 @@ def plan(
     )
     print(f"expected error {worst:.2g} % with a noise of {made.noise_rpm:.3g} rpm")
     print(f"wrote {out}; read {out / PROTOCOL}")
+    found = {
+        "runs": [name for name, _ in recordings(made)],
+        "minutes": made.minutes,
+        "noise_rpm": made.noise_rpm,
+        "errors_percent": made.errors_percent,
+    }
+    return Done(wrote=[out / PROTOCOL], found=found)
 
 
 def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> Done:
@@ -199,7 +207,7 @@ def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> D
     return Done(wrote=[out])
 
 
-def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path | None = None) -> None:
+def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path | None = None) -> Done:
     """Read a robot on any number of omni wheels, wheel by wheel, and say how its body moves.
 
     Example: python -m sysid.logs body logs --robot robot.json --out wheels
@@ -212,7 +220,7 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
     """
     from mecanum_env.kinematics import mecanum_wheels
     from mecanum_env.model import read_robot
-    from mecanum_env.outputs import finish_interrupted, output_folder
+    from mecanum_env.outputs import output_folder, require_empty
     from sysid.logs.bodies import (
         DIRECTIONS,
         body_runs,
@@ -221,20 +229,20 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
         read_measured,
         read_wheel_logs,
     )
+    from sysid.logs.settings import FILE_NAME
     from sysid.logs.writer import write_dataset
 
     if not logs:
         raise InputError("no logs given; give a folder with all wheels, or one for each wheel")
     wheels = mecanum_wheels(read_robot(robot))
     if out is not None:
-        finish_interrupted(out)
-    if out is not None and out.exists() and any(out.iterdir()):
-        raise InputError(f"{out}: is not empty; choose another --out")
+        require_empty(out)
     datasets = read_wheel_logs(logs, wheels)
     runs = body_runs(datasets, wheels, read_measured(logs[0]) if len(logs) == 1 else {})
     print(body_table(runs))
+    found = {"runs": [run.wheels[0].file for run in runs]}
     if out is None:
-        return
+        return Done(found=found)
     named = {f"wheel_{wheel.name}": dataset for wheel, dataset in zip(wheels, datasets, strict=True)}
     for index, name in enumerate(DIRECTIONS):
         made = direction_dataset(runs, index, wheels, f"the body's motion: {name}")
@@ -244,6 +252,7 @@ def body(logs: tyro.conf.Positional[tuple[Path, ...]], /, robot: Path, out: Path
             write_dataset(dataset, staged / name)
     print(f"wrote bench logs to {out}: {', '.join(named)}; study each with python -m sysid.fit and sysid.gap")
     print("not supported: one study of all wheels and the body at once, which knows four Mecanum wheels only")
+    return Done(wrote=[out / name / FILE_NAME for name in named], found=found)
 
 
 COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {

@@ -74,11 +74,14 @@ class Tails:
         return f"{channel}: {', and '.join(said)}"
 
 
-def weighted_down(dataset: Dataset) -> tuple[Dataset, Mapping[str, Tails]]:
+def weighted_down(dataset: Dataset, error_rpm: float = 0.0) -> tuple[Dataset, Mapping[str, Tails]]:
     """Return the dataset with weights of samples where noise is not normal, and channel -> what it is like.
 
     Without such a channel the dataset is returned as it is, and so are robot logs: a body takes longer than a
     wheel to settle, and what it does meanwhile would count as an outlier.
+
+    `error_rpm` is what a model that is fitted to it misses beside the noise [rpm]: the more that is, the less
+    matters by how much the noise grows.
     """
     if dataset.level != "bench":
         return dataset, {}
@@ -98,7 +101,7 @@ def weighted_down(dataset: Dataset) -> tuple[Dataset, Mapping[str, Tails]]:
         found[name] = tails
         for own, run, part in zip(weights, dataset.runs, parts, strict=True):
             if name in run.channels:
-                own[name] = _weights(_with_spikes(run, name, part[0], tails), part[1], tails)
+                own[name] = _weights(_with_spikes(run, name, part[0], tails), part[1], tails, error_rpm)
     if not found:
         return dataset, found
     runs = (replace(run, weights=own) for run, own in zip(dataset.runs, weights, strict=True))
@@ -114,11 +117,12 @@ def _hidden(run: Run, step: float, index: int) -> FloatArray:
     return np.random.default_rng(index).uniform(-0.5 * step, 0.5 * step, run.time_s.size)
 
 
-def _weights(differences: FloatArray, level: FloatArray, tails: Tails) -> FloatArray:
+def _weights(differences: FloatArray, level: FloatArray, tails: Tails, error_rpm: float) -> FloatArray:
     scale = tails.at(level)
     square = (differences / scale) ** 2 / (1.0 + _MEDIAN_OF_FOUR)
     heavy = np.where(np.isfinite(square), _counts(square, tails.freedom), 1.0)
-    return np.asarray(heavy * (tails.scale / scale) ** 2)
+    at_rest = math.hypot(tails.scale, error_rpm)
+    return np.asarray(heavy * (at_rest / np.hypot(scale, error_rpm)) ** 2)
 
 
 def _counts(square: FloatArray, freedom: float) -> FloatArray:

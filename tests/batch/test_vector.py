@@ -120,18 +120,17 @@ def test_what_it_does_not_do_is_refused(arguments, message):
 
 def test_noise_is_that_of_its_seed_whenever_it_is_made():
     one, two = Noise(3, 17), Noise(1, 17)
-    for row, seed in enumerate((4, 9, 7)):
-        one.restart(row, seed)
-    two.restart(0, 9)
-    early = [two.at(np.array([step])) for step in range(40)]
+    one.restart(np.arange(3), np.array([4.0, 9.0, 7.0]))
+    two.restart(np.arange(1), np.array([9.0]))
+    early = [two.at(step) for step in range(40)]
     late = one.at(np.array([0, 35, 3]))
     np.testing.assert_array_equal(late[:, 1:2], early[35])
+    np.testing.assert_array_equal(one.first(np.array([1])), early[0])
 
 
 def test_noise_is_standard_normal():
     noise = Noise(200, 17)
-    for row in range(200):
-        noise.restart(row, row)
+    noise.restart(np.arange(200), np.arange(200.0))
     drawn = np.concatenate([noise.at(np.full(200, step)).ravel() for step in range(40)])
     assert abs(drawn.mean()) < 0.02
     assert drawn.std() == pytest.approx(1.0, abs=0.01)

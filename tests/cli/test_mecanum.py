@@ -3,14 +3,18 @@
 import json
 import subprocess
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mecanum_cli import doctor as doctor_module
 from mecanum_cli.__main__ import main
 from mecanum_cli.doctor import Check
+from mecanum_cli.machine import run_for_machines
 from mecanum_cli.table import COMMANDS, load, overview
+from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError
 from mecanum_env.files import asset_path
 from mecanum_env.samples import SAMPLES, with_samples
@@ -76,6 +80,52 @@ def test_json_has_the_error(capsys, tmp_path):
     code, said = answer(capsys, "fit", "--nonsense")
     assert code == 2
     assert "see stderr" in said["error"]
+
+
+def programs() -> dict[str, Callable[..., Any]]:
+    """Return every program by its words."""
+    found = {}
+    for name in COMMANDS:
+        one = load(name)
+        parts = one if isinstance(one, Mapping) else {"": one}
+        found |= {f"{name} {word}".strip(): each for word, each in parts.items()}
+    return found
+
+
+def test_every_program_says_what_it_wrote_and_found():
+    ends = {name: program.__annotations__["return"] for name, program in programs().items()}
+    assert {name for name, end in ends.items() if end != "Done"} == {"simulated-robot"}  # never ends
+
+
+def test_json_has_the_catalogue_of_effects(capsys):
+    code, said = answer(capsys, "effects")
+    assert (code, said["found"].keys()) == (0, CATALOGUE.keys())
+    latency = said["found"]["command_latency"]["parameters"]["delay_s"]
+    assert (latency["unit"], latency["neutral"]) == ("s", 0.0)
+
+
+def test_json_has_a_plan(capsys, tmp_path):
+    code, said = answer(capsys, "logs", "plan", "--minutes", "12", "--out", str(tmp_path / "plan"))
+    assert (code, said["wrote"]) == (0, [str(tmp_path / "plan" / "PROTOCOL.md")])
+    assert said["found"]["runs"]
+    assert 0.0 < said["found"]["minutes"] <= 12.0
+
+
+def test_json_has_a_script_of_completion(capsys):
+    code, said = answer(capsys, "completion", "bash")
+    assert (code, said["error"]) == (0, None)
+    assert "complete" in said["text"]
+
+
+def test_json_has_the_sentence_of_a_fault(capsys, tmp_path, monkeypatch):
+    def divide() -> None:
+        """Fail."""
+        raise ZeroDivisionError("division by zero")
+
+    monkeypatch.chdir(tmp_path)
+    assert run_for_machines(divide, [], "mecanum divide") == 3
+    said = json.loads(capsys.readouterr().out)
+    assert said["error"] == "ZeroDivisionError: division by zero; a fault of the program, please report it"
 
 
 def test_packaged_inputs_have_names():

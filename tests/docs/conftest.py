@@ -1,18 +1,59 @@
-"""A desk as a reader of the documents has it: files of the checkout, and models where pages expect them."""
+"""A desk as a reader of the documents has it: files of the checkout, and models where pages expect them.
 
+Many pages begin with the same fit and the same study. What these compute is computed once for each input;
+reading, writing and printing are the commands' own every time. Films end after their first frames.
+"""
+
+import functools
+import json
 import shutil
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from itertools import islice
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from mecanum_env.effects.catalogue import _EFFECTS
+from mecanum_env.files import plain_json
 from mecanum_env.model.effect_names import remove_from_schema
+from mecanum_env.rendering import video
+from sysid.fit import pipeline
+from sysid.gap import workflow
 from tests.docs.blocks import ROOT, call
 
 MODELS = ("fit", "out", "out/fit", ".")
 """Folders in which pages expect a fit of the bundled logs."""
 IMPROVED = ("gap", "out/gap")
+FRAMES = 10
+"""Length of a film here."""
+
+
+def once(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a function that computes each result only once; who is told of progress makes no difference."""
+    known: dict[str, Any] = {}
+
+    @functools.wraps(function)
+    def remembering(*given: Any, **options: Any) -> Any:
+        inputs = [one for one in (*given, *options.items()) if not callable(one)]
+        key = json.dumps(plain_json(inputs), default=str)
+        if key not in known:
+            known[key] = function(*given, **options)
+        return known[key]
+
+    return remembering
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _quick() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(pipeline, "fit_dataset", once(pipeline.fit_dataset))
+        patch.setattr(workflow, "analyse", once(workflow.analyse))
+        whole = video.write_video
+        patch.setattr(
+            video, "write_video", lambda path, frames, *fps: whole(path, islice(frames, FRAMES), *fps)
+        )
+        yield
 
 
 @pytest.fixture(scope="session")

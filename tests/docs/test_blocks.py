@@ -14,6 +14,16 @@ BLOCKS = {page: list(blocks(page)) for page in PAGES}
 RUNS = [page for page in PAGES if any(not block.not_run for block in BLOCKS[page])]
 
 
+EPISODES = "3"
+"""Instead of as many as a page asks for; with fewer everything is done as with more."""
+
+
+def shorter(words: list[str]) -> list[str]:
+    """Return a command with fewer episodes."""
+    pairs = zip(["", *words], words, strict=False)
+    return [EPISODES if before == "--episodes" else word for before, word in pairs]
+
+
 def name_of(page: Path) -> str:
     return str(page.relative_to(ROOT))
 
@@ -29,7 +39,7 @@ def test_the_blocks_of_a_page_run_in_their_order(page: Path) -> None:
         if block.kind == "python":
             exec(compile(block.text, place, "exec"), names)
             continue
-        for words in commands(block):
+        for words in map(shorter, commands(block)):
             code, said = call(words)
             program = words[2] if words[1] == "-m" else words[1]
             assert code in ENDS.get(program, (0,)), f"{place}: {' '.join(words)}\n{said}"

@@ -43,19 +43,21 @@ def test_the_example_logs_become_a_model(
     assert speed[-1] == pytest.approx(80.0, abs=0.5)
 
 
-def test_a_robot_file_fills_the_model(examples: Path, tmp_path: Path) -> None:
+def test_a_robot_file_fills_the_model(bench: Callable[..., Dataset], tmp_path: Path) -> None:
+    write_dataset(bench(), tmp_path / "logs")
     known = tmp_path / "robot.json"
     known.write_text('{"mass_kg": 31.5, "servo_n_m_s_rad": 3.0}')
     out = tmp_path / "out"
-    assert run(fit, [str(examples), "--robot", str(known), "--out", str(out), "--starts", "1"]) == 0
+    quick = ["--starts", "1", "--effects", "off"]
+    assert run(fit, [str(tmp_path / "logs"), "--robot", str(known), "--out", str(out), *quick]) == 0
     robot = read_model(out / "model.json").robot
     assert (robot.mass_kg, robot.servo_n_m_s_rad, robot.wheel_radius_m) == (31.5, 3.0, 0.0762)
 
 
 def test_free_gain_is_free(bench: Callable[..., Dataset], tmp_path: Path) -> None:
     write_dataset(bench(), tmp_path / "logs")
-    arguments = [str(tmp_path / "logs"), "--free-gain", "--starts", "1", "--out", str(tmp_path / "out")]
-    assert run(fit, arguments) == 0
+    arguments = [str(tmp_path / "logs"), "--free-gain", "--out", str(tmp_path / "out")]
+    assert run(fit, [*arguments, "--starts", "1", "--effects", "off"]) == 0
     gain = read_model(tmp_path / "out" / "model.json").wheel.law.dc_gain
     assert gain == pytest.approx(1.0, abs=0.01)
     assert gain != 1.0

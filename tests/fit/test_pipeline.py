@@ -12,6 +12,8 @@ from sysid.fit.estimators import METHODS
 from sysid.logs import BenchCommand, Dataset, Finding, Run
 
 QUICK = FitOptions(starts=2)
+ALONE = replace(QUICK, effects="off")
+"""Without a search for effects, which has no part in what is promised."""
 
 
 def changed(data: Dataset, change: Callable[[Run], np.ndarray]) -> Dataset:
@@ -40,7 +42,7 @@ def test_a_delay_is_found_and_written_as_command_latency(bench: Callable[..., Da
 
 
 def test_a_delay_that_is_given_is_kept(bench: Callable[..., Dataset]) -> None:
-    fit = fit_dataset(bench(delay_s=0.06), replace(QUICK, delay_s=0.05))
+    fit = fit_dataset(bench(delay_s=0.06), replace(ALONE, delay_s=0.05))
     assert fit.estimate.delay_s == pytest.approx(0.05)
 
 
@@ -53,7 +55,7 @@ def test_a_ceiling_is_found_where_commands_go_beyond(bench: Callable[..., Datase
 def test_another_gain_is_pointed_out_and_fitted_on_request(bench: Callable[..., Dataset]) -> None:
     data = changed(bench(largest_rpm=100.0), lambda run: 1.2 * run.channels["speed_rpm"])
     assert any("--free-gain" in note for note in fit_dataset(data, QUICK).notes)
-    free = fit_dataset(data, replace(QUICK, unit_gain=False))
+    free = fit_dataset(data, replace(ALONE, unit_gain=False))
     assert free.law.dc_gain == pytest.approx(1.2, abs=0.01)
 
 
@@ -68,7 +70,7 @@ def test_a_run_may_start_moving(bench: Callable[..., Dataset]) -> None:
         )
         for run in data.runs
     ]
-    fit = fit_dataset(replace(data, runs=tuple(late)), QUICK)
+    fit = fit_dataset(replace(data, runs=tuple(late)), ALONE)
     assert any(run.initial_rpm != 0.0 for run in fit.runs["fit"]["wheel"])
     assert fit.estimate.rms_rpm < 2.0
 
@@ -80,7 +82,7 @@ def test_missing_samples_are_left_out(bench: Callable[..., Dataset]) -> None:
         speed[40:80] = np.nan
         return speed
 
-    assert fit_dataset(changed(bench(), gaps), QUICK).estimate.rms_rpm < 0.5
+    assert fit_dataset(changed(bench(), gaps), ALONE).estimate.rms_rpm < 0.5
 
 
 def test_held_samples_do_not_count_twice(bench: Callable[..., Dataset], plain: Fit) -> None:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from mecanum_cli.__main__ import main as mecanum
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from sysid.logs import read_dataset
@@ -28,7 +29,11 @@ def test_every_name_that_can_be_hidden_has_an_equation():
 
 
 def test_answers_become_a_leaderboard(made, tmp_path, capsys):
-    run_adapters(made / "cases", tmp_path / "answers", TRIVIAL)
+    given = ["gapbench", "run", "--cases", str(made / "cases"), "--out", str(tmp_path / "answers")]
+    assert mecanum([*given, "--adapters", *TRIVIAL, "--json"]) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert set(said["found"]["seconds"]) == set(TRIVIAL)
+    assert set(said["results"]["answers.json"]["cases"]) == {"case_000", "case_001", "case_002"}
     page = tmp_path / "page.md"
     answers = ["--answers", str(tmp_path / "answers")]
     assert main(["leaderboard", "--bench", str(made), *answers, "--markdown", str(page)]) == 0
@@ -36,6 +41,9 @@ def test_answers_become_a_leaderboard(made, tmp_path, capsys):
     text = page.read_text(encoding="utf-8")
     assert "Not run: ours" in text
     assert "| most_frequent_name |" in text
+    assert mecanum(["gapbench", "leaderboard", "--bench", str(made), *answers, "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)["found"]
+    assert found["always_no_gap"]["right answers"]["value"] == pytest.approx(1 / 3)
 
 
 def test_an_answer_is_kept_and_an_error_is_an_answer(made, tmp_path, monkeypatch):

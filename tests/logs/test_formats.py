@@ -211,7 +211,7 @@ def test_a_lerobot_dataset_has_the_layout_of_version_3(tmp_path: Path) -> None:
     assert set(info["features"]) == set(frames.column_names)
     (episode,) = pq.read_table(data / "meta/episodes/chunk-000/file-000.parquet").to_pylist()
     assert (episode["length"], episode["dataset_to_index"], episode["tasks"]) == (3, 3, ["drive"])
-    with pytest.raises(InputError, match="exists already"):
+    with pytest.raises(InputError, match="is not an empty folder"):
         export(tmp_path / "logs", out=data, to="lerobot")
 
 

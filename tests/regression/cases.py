@@ -57,10 +57,13 @@ CASES = {
 }
 
 
-def logs_of(case: Case, folder: Path) -> Dataset:
-    """Write the logs of a case to a folder, as CSV files alone, and read them as a user's logs are read."""
+def logs_of(case: Case, folder: Path, sequences: int | None = None) -> Dataset:
+    """Write the logs of a case to a folder, as CSV files alone, and read them as a user's logs are read.
+
+    With a number of `sequences` only the first ones are driven.
+    """
     rng = np.random.default_rng(zlib.crc32(case.name.encode()))
-    for number, rows in enumerate(_straight(rng) if case.gentle else _rich(rng)):
+    for number, rows in enumerate((_straight(rng) if case.gentle else _rich(rng))[:sequences]):
         time_s, repeats = simulate(case.changes, rows, rng.spawn(REPEATS))
         held = rows[np.minimum(np.floor(time_s / COMMAND_S + 1e-6).astype(int), COMMANDS - 1)]
         for k, channels in enumerate(repeats, 1):

@@ -8,24 +8,25 @@ from mecanum_env.model import paper_model
 from mecanum_env.rendering.backend import library_loads
 
 
+def require(there: object, missing: str) -> None:
+    """Skip what this machine cannot do; fail where CI runs, which installs it."""
+    if not there:
+        (pytest.fail if os.environ.get("CI") else pytest.skip)(missing)
+
+
 @pytest.fixture(scope="session")
 def osmesa():
-    """Skip without libOSMesa; fail where CI runs, which installs it."""
-    if not library_loads("osmesa"):
-        reason = "libOSMesa is not installed: apt-get install libosmesa6"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    """Skip without libOSMesa."""
+    require(library_loads("osmesa"), "libOSMesa is not installed: apt-get install libosmesa6")
 
 
 @pytest.fixture(scope="session")
 def drawing():
-    """Skip without any library to draw with in this process; fail where CI runs."""
-    if not os.environ.get("MUJOCO_GL"):
-        reason = "neither a display nor libOSMesa nor EGL: apt-get install libosmesa6"
-        if os.environ.get("CI"):
-            pytest.fail(reason)
-        pytest.skip(reason)
+    """Skip without any library to draw with in this process."""
+    require(
+        os.environ.get("MUJOCO_GL"),
+        "neither a display nor libOSMesa nor EGL: apt-get install libosmesa6",
+    )
 
 
 @pytest.fixture(scope="session")

@@ -45,7 +45,7 @@ def test_noise_is_as_large_as_documented(begin):
 
 def test_noise_differs_from_step_to_step(begin):
     arena = begin(sensors=Sensors())
-    first, second = (arena.chance.noise.at(np.array([step])) for step in (0, 1))
+    first, second = (arena.chance.noise.at(step) for step in (0, 1))
     assert not np.array_equal(first, second)
 
 

@@ -198,6 +198,6 @@ def test_a_random_link_leaves_the_rest_of_the_episode_as_it_is(paper):
     for env in arenas:
         env.reset(seed=3)
     perfect, lossy = (env.arena.chance for env in arenas)
-    for step in (np.array([0]), np.array([20])):
+    for step in (0, 20):
         np.testing.assert_array_equal(perfect.noise.at(step), lossy.noise.at(step))
     np.testing.assert_array_equal(perfect.start_pose, lossy.start_pose)

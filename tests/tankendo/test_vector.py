@@ -108,6 +108,19 @@ def test_a_mask_resets_some():
     np.testing.assert_array_equal(changed, [False, True, False])
 
 
+def test_a_reset_shows_the_other_rows_as_they_were_seen_last():
+    """Also where the arena itself was stepped, as evaluations do it."""
+    env = TankendoVectorEnv(3)
+    env.reset(seed=0)
+    step = env.arena.step(np.full((3, 3), 0.2))
+    after, _ = env.reset(options={"reset_mask": np.array([False, True, False])})
+    np.testing.assert_array_equal(after[[0, 2]], step.observation[[0, 2]])
+    alone, _ = TankendoEnv().reset(seed=1)
+    assert not np.array_equal(after[1], alone)
+    after, _ = env.reset(seed=1, options={"reset_mask": np.array([True, False, False])})
+    np.testing.assert_array_equal(after[0], alone)
+
+
 def test_the_wrong_number_of_seeds_is_refused():
     with pytest.raises(InputError, match="2 seeds, must be 3"):
         TankendoVectorEnv(3).reset(seed=[1, 2])

@@ -41,8 +41,9 @@ def main(
     # Imported here, so that --help does not wait for the library.
     from tqdm import tqdm
 
-    from mecanum_env.files import atomic_paths, require_writable, write_json, write_text
+    from mecanum_env.files import require_writable, write_json, write_text
     from mecanum_env.model import paper_model, read_model
+    from mecanum_env.outputs import output_files
     from training.compare.comparison import compare_controllers, comparison_markdown, comparison_table
     from training.controllers.named import CONTROLLERS
 
@@ -67,7 +68,7 @@ def main(
             progress=progress,
         )
     written = [out] if markdown is None else [out, markdown]
-    with atomic_paths(*written) as (result, *page):
+    with output_files("training.compare", *written) as (result, *page):
         write_json(result, {"format": "mecanum-comparison/1", **asdict(found)})
         if page:
             given = shlex.join(["python", "-m", "training.compare", *sys.argv[1:]])

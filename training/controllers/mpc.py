@@ -13,9 +13,10 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Opponent, Rules, read_observation
 from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
+from training.controllers.identified_motion import IdentifiedPredictor
 from training.controllers.interface import Command, twist_command
 from training.controllers.motion_model import received_wheels
-from training.controllers.observed_motion import ObservationPredictor, integrated_path, seen_from
+from training.controllers.observed_motion import integrated_path, seen_from
 from training.controllers.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
 from training.controllers.tracking import Proportional, opponent_place
 
@@ -43,6 +44,8 @@ class Planning:
     """Probability of a strike above which it evades."""
     wait_margin_m: float = 0.1
     """Distance beyond maai while it waits [m]."""
+    creep_m_s: float = 0.2
+    """Speed across the line to the opponent while it waits, towards the middle of the field [m/s]."""
     return_gain_per_s: float = 4.0
     """Gain of distance and bearing once the strike is over [1/s]."""
     distance_weight_per_m: float = 0.6
@@ -90,7 +93,7 @@ class Mpc:
         self._speed_m_s = self._planning.speed_share * float(
             wheels_to_twist(np.full(4, self._limit_rpm), model.robot)[0]
         )
-        self._motion = ObservationPredictor(model)
+        self._motion = IdentifiedPredictor(model)
         self._strike = StrikePhase(self._opponent, self._period_s)
         # Only the twists of these two are used, not their commands.
         self._wait = Proportional(self._maai_m + self._planning.wait_margin_m)
@@ -105,6 +108,8 @@ class Mpc:
         self._plan: _Plan | None = None
         self._origin: FloatArray | None = None
         self._origins = 0
+        self._side = 0.0
+        self._waiting = np.zeros(2)
 
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
         """Return the command for an observation, shape (20 or more,)."""
@@ -120,7 +125,8 @@ class Mpc:
             self._plan = None
             if estimate is None:
                 self._origin = None
-            return np.array(self._wait.twist(seen))
+                self._waiting = _turned(np.array([float(seen.vx), float(seen.vy)]), seen)
+            return self._waiting_twist(seen)
         origin = self._follow_origin(seen, estimate)
         acts_s = self._motion.command_s
         if estimate.land_s - acts_s < 0.5 * self._motion.own.model.tick_s:
@@ -130,6 +136,16 @@ class Mpc:
             return np.array(self._return.twist(back))
         self._plan = self._best_plan(seen, estimate, origin, acts_s)
         return self._plan.first
+
+    def _waiting_twist(self, seen: Observed) -> FloatArray:
+        """Return the twist that keeps the distance and creeps to one side, the same in all of an episode."""
+        x, y, distance = opponent_place(seen)
+        if not self._side:
+            middle = -_turned_back(np.array([float(seen.x), float(seen.y)]), seen)
+            self._side = 1.0 if x * middle[1] - y * middle[0] >= 0.0 else -1.0
+        vx, vy, turn = self._wait.twist(seen)
+        creep = self._side * self._planning.creep_m_s / distance
+        return np.array([vx - creep * y, vy + creep * x, turn])
 
     def _follow_origin(self, seen: Observed, estimate: StrikeEstimate) -> FloatArray:
         """Return the mean estimate of where the opponent stood when the strike began, as seen from now."""
@@ -141,7 +157,8 @@ class Mpc:
         if self._origin is None:
             self._origin, self._origins = new, 1
             return new
-        old = np.array(seen_from(self._motion.own.moved(self._period_s), *self._origin))
+        moved = self._motion.share * self._motion.own.moved(self._period_s)
+        old = np.array(seen_from(moved, *self._origin))
         self._origins += 1
         self._origin = old + (new - old) / self._origins
         return self._origin
@@ -168,7 +185,8 @@ class Mpc:
 
         landed = at(land_s)
         seen_then = at(cut_s - self._opponent.sight_delay_s)
-        margin = miss_margin(self._opponent, technique[:, None], origin, seen_then, landed)
+        waiting = _turned_back(self._waiting, seen)
+        margin = miss_margin(self._opponent, technique[:, None], origin, seen_then, landed, waiting)
         off = np.abs(np.hypot(landed.x - origin[0], landed.y - origin[1]) - self._maai_m)
         score = weight @ (ndtr(margin / planning.spread_m) - planning.distance_weight_per_m * off)
         if self._plan is not None:
@@ -218,19 +236,33 @@ class Mpc:
             wheels = np.where(command < switch, wheels_first, wheels_second)
             played, state = own.model.play(state, wheels, own.model.ticks(own.commands + command))
             twists.append(played)
-        return _path_states(np.concatenate(twists) + self._motion.velocity_error[:, None], own.model.tick_s)
+        reached = self._motion.share[:, None] * np.concatenate(twists)
+        return _path_states(reached + self._motion.velocity_error[:, None], own.model.tick_s)
 
     def _past(self, tick_s: float) -> FloatArray:
         """Return x, y, yaw, vx, vy of the robot until now in the present frame, shape (m, 5)."""
         own = self._motion.own
         twists = own.recent(round((self._opponent.sight_delay_s + _HISTORY_S) / tick_s))
-        path = _path_states((twists + self._motion.velocity_error)[:, :, None], tick_s)[:, :, 0]
+        reached = self._motion.share * twists + self._motion.velocity_error
+        path = _path_states(reached[:, :, None], tick_s)[:, :, 0]
         path[:, :3] -= path[-1, :3].copy()
         # The yaw of the start in the present frame is minus the total turn.
         cos, sin = np.cos(path[0, 2]), np.sin(path[0, 2])
         for x, y in ((0, 1), (3, 4)):
             path[:, x], path[:, y] = cos * path[:, x] - sin * path[:, y], sin * path[:, x] + cos * path[:, y]
         return path
+
+
+def _turned(vector: FloatArray, seen: Observed) -> FloatArray:
+    """Return a vector of the robot's frame, as its heading was `seen`, in the field's, shape (2,)."""
+    cos, sin = float(seen.heading_cos), float(seen.heading_sin)
+    return np.array([cos * vector[0] - sin * vector[1], sin * vector[0] + cos * vector[1]])
+
+
+def _turned_back(vector: FloatArray, seen: Observed) -> FloatArray:
+    """Return a vector of the field's frame in the robot's, as its heading was `seen`, shape (2,)."""
+    cos, sin = float(seen.heading_cos), float(seen.heading_sin)
+    return np.array([cos * vector[0] + sin * vector[1], cos * vector[1] - sin * vector[0]])
 
 
 def _path_states(twists: FloatArray, tick_s: float) -> FloatArray:

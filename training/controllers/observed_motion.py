@@ -61,6 +61,12 @@ class OwnMotion:
         """Return the twist `ago_s` before now: ahead, left [m/s], turn [rad/s], shape (3,)."""
         return np.asarray(self._past(ago_s)[0], float)
 
+    def twists(self, ago_s: FloatArray) -> FloatArray:
+        """Return what `twist` does for k times before now, shape (k, 3)."""
+        kept = np.array(self._twists)
+        ages = self.model.tick_s * np.arange(len(kept) - 1.0, -1.0, -1.0)
+        return np.stack([np.interp(-ago_s, -ages, one) for one in kept.T], axis=1)
+
     def recent(self, ticks: int) -> FloatArray:
         """Return the twists of the last law ticks until now, oldest first, shape (ticks + 1, 3)."""
         return np.array(list(self._twists)[-1 - ticks :])
@@ -130,7 +136,10 @@ class ObservationPredictor:
     def __init__(self, model: Model, horizon_s: float | None = None) -> None:
         self.command_s = drive_parameters(model).delay_s
         """Time from sending a command until it acts [s]."""
-        self._horizon_s = Sensors.delay_s + self.command_s if horizon_s is None else horizon_s
+        self.horizon_s = Sensors.delay_s + self.command_s if horizon_s is None else horizon_s
+        """Time from what an observation shows until the answer acts [s]."""
+        self.share = np.ones(3)
+        """Share of the predicted twist that the robot reaches: ahead, left, turn, shape (3,)."""
         self.own = OwnMotion(model)
         self.reset()
 
@@ -151,9 +160,9 @@ class ObservationPredictor:
         The opponent's place and smoothed velocity are given in the frame of the robot at that time; the sword
         stays as it was `seen`.
         """
-        horizon = self._horizon_s
+        horizon = self.horizon_s
         measured = np.array([float(seen.vx), float(seen.vy), float(seen.yaw_rate)])
-        innovation = measured - self.own.twist(horizon) - self.velocity_error
+        innovation = measured - self.share * self.own.twist(horizon) - self.velocity_error
         self.velocity_error = self.velocity_error + _CORRECTION * innovation
         # The velocity is smoothed in the world frame.
         cos, sin = float(seen.heading_cos), float(seen.heading_sin)
@@ -165,7 +174,7 @@ class ObservationPredictor:
         size = cos * cos + sin * sin
         vx = (cos * self._opponent[0] + sin * self._opponent[1]) / size
         vy = (cos * self._opponent[1] - sin * self._opponent[0]) / size
-        moved = self.own.moved(horizon) + self.velocity_error * horizon
+        moved = self.share * self.own.moved(horizon) + self.velocity_error * horizon
         x, y = seen_from(moved, float(seen.opponent_x) + vx * horizon, float(seen.opponent_y) + vy * horizon)
         cos, sin = np.cos(moved[2]), np.sin(moved[2])
         return replace(

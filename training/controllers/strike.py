@@ -262,12 +262,13 @@ def miss_margin(
     origin: FloatArray,
     seen: RobotStates,
     landed: RobotStates,
+    waiting: FloatArray,
 ) -> FloatArray:
     """Return by how much strikes miss the robots [m], negative for a hit, in the shape of the robots' arrays.
 
-    The opponent aims at the robot's target as it saw it, moved on with the velocity that it saw, within its
-    reach: `mecanum_env.tankendo.opponent` without the noise of the aim, for a robot that waited at rest. Then
-    an adaptive opponent leads as one that extrapolates the velocity.
+    The opponent aims at the robot's target as it saw it, moved on with the velocity that it expects, within
+    its reach: `mecanum_env.tankendo.opponent` without the noise of the aim. An adaptive opponent expects of
+    the velocity with which the robot waited only the share `habit` to go on.
 
     Args:
         opponent: its reach, lead, sight delay and techniques are used.
@@ -275,16 +276,18 @@ def miss_margin(
         origin: position x, y of the opponent when the strike began [m], shape (2,).
         seen: the robots when they were last seen, one sight delay before the sword goes forward.
         landed: the robots when the strikes land.
+        waiting: velocity of the robot when the sword rose: vx, vy [m/s], shape (2,) or (2, n).
     """
     table = {
         name: np.array([getattr(t, name) for t in opponent.techniques])[technique]
         for name in ("swing_s", "reach_m", "width_m", "depth_m", "blade_m", "target_m")
     }
     lead = 0.0 if opponent.lead_form == "none" else opponent.lead
+    past = (1.0 - opponent.habit) * waiting if opponent.lead_form == "adaptive" else np.zeros(2)
     ahead_s = lead * (table["swing_s"] + opponent.sight_delay_s)
     offset = table["target_m"]
-    dx = seen.x + offset * np.cos(seen.yaw) + ahead_s * seen.vx - origin[0]
-    dy = seen.y + offset * np.sin(seen.yaw) + ahead_s * seen.vy - origin[1]
+    dx = seen.x + offset * np.cos(seen.yaw) + ahead_s * (seen.vx - past[0]) - origin[0]
+    dy = seen.y + offset * np.sin(seen.yaw) + ahead_s * (seen.vy - past[1]) - origin[1]
     wanted = np.maximum(np.hypot(dx, dy), 1e-6)
     reach = np.maximum(table["reach_m"] + opponent.extra_reach_m, _SHORTEST_M)
     length = np.minimum(np.maximum(wanted, _SHORTEST_M), reach)

@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Final
 
-from mecanum_env.files import atomic_path, require_writable, write_json, write_text
+from mecanum_env.files import require_writable, write_json, write_text
 from mecanum_env.model import Model
+from mecanum_env.outputs import output_folder
 from training.controllers.policy import load_policy
 from training.export.c_header import c_header
 from training.export.contract import contract_of
 from training.export.onnx_graph import onnx_model
+
+_FILES: Final = ("policy.json", "policy.h", "policy.onnx")
 
 
 def export_policy(
@@ -33,14 +37,12 @@ def export_policy(
         BackendError: onnx is not installed.
     """
     contract = contract_of(load_policy(Path(policy)), os.fspath(policy), model)
-    names = ("policy.json", "policy.h", *(("policy.onnx",) if onnx else ()))
+    names = _FILES if onnx else _FILES[:2]
     paths = tuple(Path(folder) / name for name in names)
     require_writable(*paths)
-    # All is made before anything is written.
-    header, graph = c_header(contract), onnx_model(contract).SerializeToString() if onnx else b""
-    write_json(paths[0], contract.to_json())
-    write_text(paths[1], header)
-    if onnx:
-        with atomic_path(paths[2]) as path:
-            path.write_bytes(graph)
+    with output_folder(folder, "training.export", _FILES) as staged:
+        write_json(staged / _FILES[0], contract.to_json())
+        write_text(staged / _FILES[1], c_header(contract))
+        if onnx:
+            (staged / _FILES[2]).write_bytes(onnx_model(contract).SerializeToString())
     return paths

@@ -63,8 +63,9 @@ def main(
     backend = use_backend()
     from tqdm import tqdm
 
-    from mecanum_env.files import atomic_paths, require_writable
+    from mecanum_env.files import require_writable
     from mecanum_env.model import paper_model, read_model
+    from mecanum_env.outputs import output_files
     from mecanum_env.rendering import video
     from mecanum_env.tankendo.env import TankendoEnv
     from training.certify.plants import robot_variants, select_variants
@@ -115,7 +116,7 @@ def main(
                 kept[:] = [frame]
             yield frame
 
-    with atomic_paths(*targets) as (film, *picture):
+    with output_files("training.record", *targets, seed=seed) as (film, *picture):
         count = video.write_video(film, frames(), fps)
         for path in picture:
             video.write_still(path, kept[0])
@@ -123,7 +124,7 @@ def main(
     print(f"{width} x {height}, drawn with {backend}")
     if still is not None:
         print(f"{still}: {width} x {height}")
-    return Done(wrote=[path for path in (out, still) if path is not None])
+    return Done(wrote=targets)
 
 
 if __name__ == "__main__":

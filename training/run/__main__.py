@@ -9,6 +9,7 @@ from typing import Final
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.programs import Done
 from training.drivers.interface import SILENCE_S
 
 SILENT: Final = 3
@@ -23,7 +24,7 @@ def drive(
     fights: int = 1,
     out: Path = Path("out/run"),
     silence: float = SILENCE_S,
-) -> int:
+) -> Done:
     """Fight on a robot, ten commands a second, and log every fight in our own format for python -m sysid.gap.
 
     A policy that was not trained for the model is refused. When nothing is heard of the robot for 0.3 s, it
@@ -69,13 +70,13 @@ def drive(
         play_series(driver, player, fights, out / "logs", note, silence)
     except RobotSilentError as error:
         print(f"error: {error}", file=sys.stderr)
-        return SILENT
+        return Done(SILENT, wrote=[out / FILE_NAME], error=str(error))
     finally:
         driver.close()
         write_summary(out / FILE_NAME, controller, robot, done)
     print(f"success {share_text(success_of(done))}; {timing_text(done)}")
     print(f"wrote {out / FILE_NAME} and {out / 'logs'}")
-    return 0
+    return Done(wrote=[out / FILE_NAME])
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Final
+from typing import Final, NoReturn
 
 import numpy as np
 
@@ -150,7 +150,7 @@ class RobotSide:
                 self._journal(self._began_s + self._quarters * self._quarter_s, _STILL, self._outcome)
 
 
-def serve(robot: RobotSide, transport: Transport, quality: LinkQuality, rng: np.random.Generator) -> None:
+def serve(robot: RobotSide, transport: Transport, quality: LinkQuality, rng: np.random.Generator) -> NoReturn:
     """Let a robot hear and report for ever over a transport, through links of a quality and its `rng`."""
     to_robot, from_robot = Link(quality, rng), Link(quality, rng)
     while True:
@@ -165,7 +165,7 @@ def serve(robot: RobotSide, transport: Transport, quality: LinkQuality, rng: np.
 
 def serve_in_step(
     robot: RobotSide, transport: Transport, quality: LinkQuality, rng: np.random.Generator
-) -> None:
+) -> NoReturn:
     """Do the same in a time of its own, which stands still while the controller computes its answer.
 
     Each report of a fight under way is answered, so the robot waits for that before it lets time pass.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from pathlib import Path
-from typing import Literal
+from typing import Literal, NoReturn
 
 from mecanum_env.cli import run
 
@@ -23,7 +23,7 @@ def simulated_robot(
     seed: int = 0,
     in_step: bool = False,
     journal: Path | None = None,
-) -> None:
+) -> NoReturn:
     """Simulate a robot that only its packets show, until it is killed.
 
     It prints one line with the name that python -m training.run --robot takes.

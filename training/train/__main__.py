@@ -112,7 +112,7 @@ def main(
         minutes = f"{point.wall_s / 60:7.1f}  {point.processor_s / 60:7.1f}"
         print(f"{point.steps:8d}  {point.success:7.3f}  {minutes}")
     print(f"\nwrote {folder / 'policy.npz'}; watch with: tensorboard --logdir {folder}")
-    return Done(wrote=[folder / "policy.npz"])
+    return Done(wrote=[folder / "policy.npz", folder / "curve.json"])
 
 
 if __name__ == "__main__":

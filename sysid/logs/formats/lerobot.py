@@ -84,11 +84,8 @@ def write_lerobot(dataset: Dataset, out: Path, fps: int) -> None:
     floats. The `out` folder must not exist, or be empty.
 
     Raises:
-        InputError: runs of different columns, a folder that is not empty or cannot be written, or `pyarrow`
-            is not installed.
+        InputError: runs of different columns, a folder that cannot be written, or `pyarrow` is not installed.
     """
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out}: exists already; choose another --out")
     pq = _parquet(out)
     import pyarrow as pa
 

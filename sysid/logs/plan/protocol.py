@@ -7,10 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.errors import InputError
 from mecanum_env.files import write_text
 from mecanum_env.markdown import markdown_table
-from mecanum_env.outputs import finish_interrupted, output_folder
+from mecanum_env.outputs import output_folder, require_empty
 from mecanum_env.units import FloatArray
 from sysid.logs.plan.layout import SAMPLE_S, Plan
 from sysid.logs.plan.sequences import Sequence, Size
@@ -31,9 +30,7 @@ def write_plan(plan: Plan, folder: Path) -> None:
     Raises:
         InputError: the folder is not empty, or cannot be written.
     """
-    finish_interrupted(folder)
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise InputError(f"{folder}: is not an empty folder; choose another --out")
+    require_empty(folder)
     with output_folder(folder, "sysid.logs plan", (PROTOCOL,)) as staged:
         for sequence in plan.sequences:
             write_columns(command_columns(sequence, plan.size), staged / COMMANDS / f"{sequence.name}.csv")

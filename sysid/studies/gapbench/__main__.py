@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Mapping
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
 from mecanum_env.errors import require_at_least
-from mecanum_env.programs import run_one_of
+from mecanum_env.programs import Done, run_one_of
 
 _FIRST_SEED: Final = 400
 
@@ -21,7 +22,7 @@ def make(
     parquet: bool = False,
     real: tuple[Path, ...] = (),
     jobs: int = 1,
-) -> None:
+) -> Done:
     """Write a benchmark's folder: cases as plain CSV, their truths apart, a scorer, an example and a page.
 
     Cases that the folder has already are kept: an interrupted run continues from there.
@@ -40,7 +41,7 @@ def make(
     require_at_least(1, jobs=jobs)
     require_at_least(0, bench=bench)
     # Imported here, so that --help does not wait for the library.
-    from sysid.studies.gapbench.bench import make_bench
+    from sysid.studies.gapbench.bench import MANIFEST, make_bench
     from sysid.studies.zoo.sealed import claim_seeds, finish_seeds
     from sysid.studies.zoo.seeds import development_seeds
 
@@ -54,10 +55,12 @@ def make(
         finish_seeds(block)
     for error in failed:
         print(f"not made: {error}", file=sys.stderr)
-    print(f"wrote {out}: {len(list((out / 'cases').iterdir()))} cases; its README.md says how to use it")
+    cases = sorted(path.name for path in (out / "cases").glob("*"))
+    print(f"wrote {out}: {len(cases)} cases; its README.md says how to use it")
+    return Done(wrote=[out / MANIFEST], found={"cases": cases, "not_made": list(failed)})
 
 
-def run(cases: Path, out: Path, adapters: tuple[str, ...] = ("all",), jobs: int = 1) -> None:
+def run(cases: Path, out: Path, adapters: tuple[str, ...] = ("all",), jobs: int = 1) -> Done:
     """Let methods answer the cases of a benchmark; print the seconds per case that each takes.
 
     Answers that a method has given already are kept; remove its folder to have it answer again.
@@ -71,13 +74,15 @@ def run(cases: Path, out: Path, adapters: tuple[str, ...] = ("all",), jobs: int 
         jobs: Number of worker processes; the result does not depend on it.
     """
     require_at_least(1, jobs=jobs)
-    from sysid.studies.gapbench.run import run_adapters
+    from sysid.studies.gapbench.run import ANSWERS, run_adapters
 
-    for name, seconds in run_adapters(cases, out, adapters, jobs).items():
-        print(f"{name}: {seconds:.1f} s per case in the median; {out / name / 'answers.json'}")
+    taken = run_adapters(cases, out, adapters, jobs)
+    for name, seconds in taken.items():
+        print(f"{name}: {seconds:.1f} s per case in the median; {out / name / ANSWERS}")
+    return Done(wrote=[out / name / ANSWERS for name in taken], found={"seconds": taken})
 
 
-def leaderboard(bench: Path, answers: Path, markdown: Path | None = None) -> None:
+def leaderboard(bench: Path, answers: Path, markdown: Path | None = None) -> Done:
     """Score all answers and print the leaderboard.
 
     Example: python -m sysid.studies.gapbench leaderboard --bench out/gapbench --answers out/gapbench/answers
@@ -95,6 +100,8 @@ def leaderboard(bench: Path, answers: Path, markdown: Path | None = None) -> Non
     if markdown is not None:
         write_text(markdown, leaderboard_page(boards, bench))
         print(f"\nwrote {markdown}")
+    found = {one.name: {metric.name: asdict(metric) for metric in one.metrics.values()} for one in boards}
+    return Done(wrote=[] if markdown is None else [markdown], found=found)
 
 
 COMMANDS: Final[Mapping[str, Callable[..., Any]]] = {"make": make, "run": run, "leaderboard": leaderboard}

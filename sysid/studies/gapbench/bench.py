@@ -15,6 +15,7 @@ import mecanum_env
 from mecanum_env.checkout import commit
 from mecanum_env.errors import BackendError, InputError, install_command
 from mecanum_env.files import atomic_path, write_json, write_text
+from mecanum_env.outputs import finish_interrupted, output_folder
 from mecanum_env.parallel import Task, Workers, run_tasks
 from sysid.fit import fit_dataset, fitted_model
 from sysid.logs import read_dataset
@@ -30,6 +31,8 @@ FOLDER: Final = Path(__file__).parent / "folder"
 _VERBATIM: Final = ("truth.schema.json", "answers.schema.json", "example_adapter.py")
 """Files of it that are copied as they are."""
 MANIFEST: Final = "gapbench.json"
+COMMAND: Final = "sysid.studies.gapbench make"
+"""Name of what writes the folder."""
 
 
 def make_bench(
@@ -56,7 +59,12 @@ def make_bench(
             cases.
     """
     manifest = _manifest(seeds, sealed)
+    finish_interrupted(out)
     _require_same(out, manifest)
+    # Before the cases, so that a run with other seeds is refused even if this one does not come to its end.
+    with output_folder(out, COMMAND, shared=True) as staged:
+        write_fixtures(staged)
+        write_json(staged / MANIFEST, manifest)
     todo = [(s, n) for s, n in ((s, f"case_{i:03d}") for i, s in enumerate(seeds)) if not _is_made(out, n)]
     tasks = [Task(name, _make, (seed, name, out)) for seed, name in todo]
     errors: list[str] = run_tasks(tasks, Workers(jobs=jobs))
@@ -65,11 +73,10 @@ def make_bench(
         for material in real_cases(folder):
             if not _is_made(out, material.name):
                 failed += filter(None, [_written(material, out)])
-    write_fixtures(out)
-    write_json(out / MANIFEST, manifest)
     if parquet:
-        for case in sorted((out / "cases").iterdir()):
-            write_parquet(case, out / "parquet" / case.name)
+        with output_folder(out, COMMAND, shared=True) as staged:
+            for case in sorted((out / "cases").iterdir()):
+                write_parquet(case, staged / "parquet" / case.name)
     return tuple(failed)
 
 
@@ -93,16 +100,16 @@ def _make(seed: int, name: str, out: Path) -> str:
 def _written(material: Material, out: Path) -> str:
     """Write a case; return an error in words, empty if there was none."""
     try:
-        write_case(material, fitted_model(fit_dataset(material.nominal)), out)
+        model = fitted_model(fit_dataset(material.nominal))
+        # Other processes write other cases meanwhile.
+        with output_folder(out, COMMAND, shared=True) as staged:
+            write_case(material, model, staged)
     except (InputError, BackendError) as error:
-        shutil.rmtree(out / "cases" / material.name, ignore_errors=True)
-        shutil.rmtree(out / "truth" / material.name, ignore_errors=True)
         return f"{material.name}: {error}"
     return ""
 
 
 def _is_made(out: Path, name: str) -> bool:
-    # The truth is written last.
     return (out / "truth" / name / "truth.json").is_file()
 
 

@@ -13,6 +13,7 @@ from typing import Any, Final
 from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError
 from mecanum_env.markdown import markdown_table
+from mecanum_env.outputs import require_whole
 from sysid.studies.gapbench.adapters.registry import ADAPTERS
 from sysid.studies.gapbench.bench import MANIFEST
 from sysid.studies.score import WORDS, AnswerError, Metric, Scored, metrics, score_folder
@@ -45,10 +46,11 @@ def read_boards(bench: Path, answers: Path) -> tuple[Board, ...]:
         answers: has one folder per method.
 
     Raises:
-        InputError: no answers, or some that do not follow their format.
+        InputError: no answers, some that do not follow their format, or a file of another run.
     """
     boards = []
     for path in sorted(answers.glob("*/answers.json")):
+        require_whole(path)
         try:
             scored = tuple(score_folder(path.parent, bench))
         except AnswerError as error:

@@ -8,16 +8,21 @@ import statistics
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from tqdm import tqdm
 
 from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.files import write_json
+from mecanum_env.outputs import finish_interrupted, output_folder
 from mecanum_env.parallel import Task, Workers, run_tasks
 from sysid.studies.gapbench.adapters.registry import ADAPTERS, load
 from sysid.studies.gapbench.cases import Answer, answer_json, answers_json, read_case, write_predictions
+
+ANSWERS: Final = "answers.json"
+"""All answers of a method, in its folder."""
+_COMMAND: Final = "sysid.studies.gapbench run"
 
 
 def run_adapters(cases: Path, out: Path, names: Sequence[str], jobs: int = 1) -> dict[str, float]:
@@ -37,15 +42,17 @@ def run_adapters(cases: Path, out: Path, names: Sequence[str], jobs: int = 1) ->
         raise InputError(f"{cases}: no CASE/case.json in it; give the folder cases of a benchmark")
     seconds = {}
     for name in _wanted(names):
-        todo = [folder for folder in folders if not _saved(out, name, folder.name).is_file()]
+        finish_interrupted(out / name)
+        todo = [folder for folder in folders if not (out / name / _saved(folder.name)).is_file()]
         tasks = [Task(f"{name}, {folder.name}", answer_case, (name, folder, out)) for folder in todo]
         with tqdm(total=len(todo), desc=name, unit="case") as bar:
             run_tasks(tasks, Workers(jobs=jobs), functools.partial(_count, bar))
         answers = {
-            folder.name: json.loads(_saved(out, name, folder.name).read_text(encoding="utf-8"))
+            folder.name: json.loads((out / name / _saved(folder.name)).read_text(encoding="utf-8"))
             for folder in folders
         }
-        write_json(out / name / "answers.json", answers_json(ADAPTERS[name].words, answers))
+        with output_folder(out / name, _COMMAND, shared=True) as staged:
+            write_json(staged / ANSWERS, answers_json(ADAPTERS[name].words, answers))
         seconds[name] = statistics.median(answer["seconds"] for answer in answers.values())
     return seconds
 
@@ -61,17 +68,20 @@ def answer_case(name: str, folder: Path, out: Path) -> None:
         # Whatever a user of the method would have seen is an answer: one case must not stop the others.
         answer = Answer("error", message=f"{type(error).__name__}: {' '.join(str(error).split())}")
     seconds = time.perf_counter() - began
-    write_predictions(answer, case, out / name / "predictions" / case.name)
     made_by = {"commit": commit() or "unknown"}
-    write_json(_saved(out, name, case.name), answer_json(answer, seconds) | made_by)
+    # Other processes write other answers meanwhile.
+    with output_folder(out / name, _COMMAND, shared=True) as staged:
+        write_predictions(answer, case, staged / "predictions" / case.name)
+        write_json(staged / _saved(case.name), answer_json(answer, seconds) | made_by)
 
 
 def _count(bar: Any, _index: int, _done: object) -> None:
     bar.update()
 
 
-def _saved(out: Path, name: str, case: str) -> Path:
-    return out / name / "cases" / f"{case}.json"
+def _saved(case: str) -> Path:
+    """Return where the answer to a case is in the folder of a method."""
+    return Path("cases", f"{case}.json")
 
 
 def _wanted(names: Sequence[str]) -> list[str]:

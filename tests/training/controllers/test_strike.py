@@ -118,10 +118,10 @@ def test_margin_is_negative_exactly_where_the_simulator_hits():
     seen = robots()
     landed = seen.copy()
     landed[:2] += 0.3 * seen[3:5] + 0.12 * rng.standard_normal((2, n))
+    fighter.waiting[:] = 0.2 * rng.standard_normal((2, n))
     hits = fighter.hits(rows, landed, fighter.aim_at(rows, seen))
-    margin = miss_margin(
-        Opponent(), technique, sword.origin, RobotStates(*seen[:5]), RobotStates(*landed[:5])
-    )
+    robots_then = RobotStates(*seen[:5]), RobotStates(*landed[:5])
+    margin = miss_margin(Opponent(), technique, sword.origin, *robots_then, fighter.waiting)
     assert 0.2 < np.mean(hits) < 0.8
     np.testing.assert_array_equal(margin <= 0.0, hits)
 

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 
 import pytest
 
+from mecanum_cli.__main__ import main
 from mecanum_env.model import paper_model, write_model
 from sysid.logs import read_dataset
 from training.drivers.interface import STOPPED_S
@@ -104,18 +105,18 @@ def test_killing_the_robot_ends_the_loop_with_one_sentence(tmp_path):
     assert re.fullmatch(r"error: fight \d+: nothing heard of the robot for \S+ s; a stop was sent\n", errors)
 
 
-def test_a_robot_that_is_not_there_ends_the_loop_the_same_way(tmp_path):
-    options = ("--robot", "udp:127.0.0.1:9", "--out", tmp_path / "run")
-    with process("training.run", "nominal", *options) as controller:
-        _, errors = controller.communicate(timeout=PATIENCE_S)
-    assert controller.returncode == SILENT
-    assert "nothing heard of the robot for 2 s" in errors
+def test_a_robot_that_is_not_there_ends_the_loop_the_same_way(tmp_path, capsys):
+    out = tmp_path / "run"
+    assert main(["run", "nominal", "--robot", "udp:127.0.0.1:9", "--out", str(out), "--json"]) == SILENT
+    printed = capsys.readouterr()
+    said = json.loads(printed.out)
+    assert "nothing heard of the robot for 2 s" in said["error"]
+    assert f"error: {said['error']}" in printed.err
+    assert said["results"]["fights.json"]["fights"] == []
 
 
-def test_a_policy_is_refused_on_a_robot_that_it_was_not_trained_for(tmp_path):
+def test_a_policy_is_refused_on_a_robot_that_it_was_not_trained_for(tmp_path, capsys):
     write_model(paper_model().with_effect("command_latency", delay_s=0.1), tmp_path / "late.json")
-    options = ("--robot", "udp:127.0.0.1:9", "--model", tmp_path / "late.json", "--out", tmp_path / "run")
-    with process("training.run", "nominal", *options) as controller:
-        _, errors = controller.communicate(timeout=PATIENCE_S)
-    assert controller.returncode == 2
-    assert "effect command_latency, must be none; add +compensated" in errors
+    options = ["--robot", "udp:127.0.0.1:9", "--model", str(tmp_path / "late.json")]
+    assert main(["run", "nominal", *options, "--out", str(tmp_path / "run")]) == 2
+    assert "effect command_latency, must be none; add +compensated" in capsys.readouterr().err

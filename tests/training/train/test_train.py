@@ -2,14 +2,12 @@
 
 import base64
 import contextlib
-import importlib.util
 import io
 import json
 import pickle
 import shutil
 import zipfile
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,6 +16,7 @@ pytest.importorskip("stable_baselines3")
 
 from mecanum_env.errors import InputError
 from mecanum_env.outputs import lock_folder, output_folder
+from tests import crash
 from training.controllers.policy import load_policy
 from training.train import checkpoint
 from training.train.agent import make_agent, network_of
@@ -34,10 +33,6 @@ from training.train.checkpoint import (
 from training.train.environments import training_env
 from training.train.run import resume, train_policy
 from training.train.settings import Ppo, Sac, TrainingSettings, command_line, settings_from_json
-
-_SPEC = importlib.util.spec_from_file_location("crash", Path(__file__).parents[2] / "crash.py")
-crash = importlib.util.module_from_spec(_SPEC)
-_SPEC.loader.exec_module(crash)
 
 WATCH = range(100_000, 100_002)
 SMALL = {
@@ -277,19 +272,14 @@ def test_every_crash_of_a_checkpoint_is_mended_by_the_next_resume(trained, tmp_p
     monkeypatch.setattr(checkpoint, "about", lambda _, steps, __: facts | {"steps_done": steps})
     run_folder = tmp_path / "run"
 
-    def prepare():
-        shutil.rmtree(run_folder, ignore_errors=True)
-        copy_of(folder, run_folder)
-        state = read_state(newest_checkpoint(run_folder))
-        shutil.rmtree(newest_checkpoint(run_folder))
-        export_newest(run_folder)
-        state_now[0] = replace(state, curve=state.curve)
-
-    state_now = [None]
+    copy_of(folder, run_folder)
+    state = read_state(newest_checkpoint(run_folder))
+    shutil.rmtree(newest_checkpoint(run_folder))
+    export_newest(run_folder)
     agent, normaliser = learner(folder, settings)
 
     def work():
-        write_checkpoint(Run(settings, run_folder, ["train"], agent, normaliser, state_now[0]))
+        write_checkpoint(Run(settings, run_folder, ["train"], agent, normaliser, state))
 
     def check(at):
         export_newest(run_folder)
@@ -299,7 +289,7 @@ def test_every_crash_of_a_checkpoint_is_mended_by_the_next_resume(trained, tmp_p
         seen.add(steps)
 
     seen = set()
-    assert crash.crash_everywhere(prepare, work, check) > 20
+    assert crash.crash_everywhere(work, check, run_folder) > 20
     assert seen == {256, 384}
 
 

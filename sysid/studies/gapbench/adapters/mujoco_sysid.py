@@ -55,7 +55,7 @@ _EXPLAINED: Final = 0.8
 
 
 @dataclass(frozen=True)
-class _Free:
+class Free:
     """A parameter of the wheel, in units of its usual size."""
 
     start: float
@@ -65,13 +65,13 @@ class _Free:
     """What a change of it stands for, as candidates."""
 
 
-_FREE: Final[Mapping[str, _Free]] = {
-    "inertia": _Free(0.05, 0.002, 1.0, (("load_inertia",), ("sensor_lowpass",))),
-    "gain": _Free(1.0, 0.3, 1.7, (("speed_gain",), ("sensor_scale",), ("viscous_friction",))),
-    "friction": _Free(0.1, 0.0, 5.0, (("coulomb_friction",),)),
-    "delay": _Free(0.05, 0.0, 0.4, (("command_latency",), ("sensor_latency",))),
-    "torque": _Free(20.0, 0.2, 30.0, (("acceleration_limit",),)),
-    "ceiling": _Free(20.0, 1.0, 30.0, (("speed_saturation",),)),
+FREE: Final[Mapping[str, Free]] = {
+    "inertia": Free(0.05, 0.002, 1.0, (("load_inertia",), ("sensor_lowpass",))),
+    "gain": Free(1.0, 0.3, 1.7, (("speed_gain",), ("sensor_scale",), ("viscous_friction",))),
+    "friction": Free(0.1, 0.0, 5.0, (("coulomb_friction",),)),
+    "delay": Free(0.05, 0.0, 0.4, (("command_latency",), ("sensor_latency",))),
+    "torque": Free(20.0, 0.2, 30.0, (("acceleration_limit",),)),
+    "ceiling": Free(20.0, 1.0, 30.0, (("speed_saturation",),)),
 }
 """Name -> parameter: kg m2, 1, N m, s, N m, rad/s, for a servo of 1 N m s/rad."""
 
@@ -80,19 +80,19 @@ def answer(case: BenchCase) -> Answer:
     """Return what the largest significant change between both fits stands for."""
     if not has_changed(case):
         return Answer("no_gap")
-    nominal, changed = (_Recordings(Logs(logs.runs).chosen[:_RUNS]) for logs in (case.nominal, case.changed))
-    before = nominal.fit({name: free.start for name, free in _FREE.items()})
+    nominal, changed = (Recordings(Logs(logs.runs).chosen[:_RUNS]) for logs in (case.nominal, case.changed))
+    before = nominal.fit({name: free.start for name, free in FREE.items()})
     after = changed.fit(before.values)
-    predictions = tuple(_Recordings((_at_rest(run),)).predictions(after.values)[0] for run in case.test)
+    predictions = tuple(Recordings((_at_rest(run),)).predictions(after.values)[0] for run in case.test)
     sizes = {
         name: abs(after.values[name] - before.values[name]) / (free.high - free.low)
-        for name, free in _FREE.items()
+        for name, free in FREE.items()
         if abs(after.values[name] - before.values[name])
         > _SIGNIFICANT * math.hypot(before.deviations[name], after.deviations[name])
     }
     if not sizes or after.rms_rpm > _EXPLAINED * changed.rms_error(before.values):
         return Answer("unexplained", predictions=predictions)
-    names = _FREE[max(sizes, key=lambda name: sizes[name])].names
+    names = FREE[max(sizes, key=lambda name: sizes[name])].names
     if len(names) > 1:
         return Answer("ambiguous", candidates=names, predictions=predictions)
     return Answer("named", {names[0][0]: {}}, predictions=predictions)
@@ -104,7 +104,7 @@ def _at_rest(run: Run) -> Run:
 
 
 @dataclass(frozen=True)
-class _Fit:
+class WheelFit:
     """Parameters fitted to some recordings."""
 
     values: Mapping[str, float]
@@ -112,7 +112,7 @@ class _Fit:
     rms_rpm: float
 
 
-class _Recordings:
+class Recordings:
     """Runs as mujoco.sysid takes them."""
 
     def __init__(self, runs: Sequence[Run]) -> None:
@@ -134,7 +134,7 @@ class _Recordings:
             models_sequences=sequences, modify_residual=_delayed, n_threads=1
         )
 
-    def fit(self, start: Mapping[str, float]) -> _Fit:
+    def fit(self, start: Mapping[str, float]) -> WheelFit:
         """Return the parameters that fit best, searched from a start, with their standard deviations."""
         parameters = _parameters(start).move_off_bounds()
         # The optimiser prints its iterations, and there is no way to tell it not to.
@@ -152,9 +152,9 @@ class _Recordings:
         errors = np.concatenate(residuals)
         # The interval takes all samples for independent.
         wider = math.sqrt(errors.size / independent(errors))
-        spread = dict(zip(_FREE, (np.asarray(halves) * wider).tolist(), strict=True))
-        values = {name: float(best[name].value[0]) for name in _FREE}
-        return _Fit(values, spread, rms(errors) / RAD_S_PER_RPM)
+        spread = dict(zip(FREE, (np.asarray(halves) * wider).tolist(), strict=True))
+        values = {name: float(best[name].value[0]) for name in FREE}
+        return WheelFit(values, spread, rms(errors) / RAD_S_PER_RPM)
 
     def predictions(self, values: Mapping[str, float]) -> list[FloatArray]:
         """Return the speeds [rpm] that parameters of some values give at the samples of each run, (n,)."""
@@ -172,7 +172,7 @@ class _Recordings:
 def _parameters(values: Mapping[str, float]) -> Any:
     """Return parameters of mujoco.sysid with some values."""
     made = sysid.ParameterDict()
-    for name, free in _FREE.items():
+    for name, free in FREE.items():
         made.add(sysid.Parameter(name, values[name], free.low, free.high, modifier=_MODIFIERS.get(name)))
     return made
 

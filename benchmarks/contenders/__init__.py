@@ -1,0 +1,1 @@
+"""What `benchmarks/peers.py` compares: this project's parts and what a user would pick instead."""

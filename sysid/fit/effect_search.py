@@ -53,7 +53,7 @@ def searched(
     """Return the sets of effects that were the best ones while they grew from starts, the last one first.
 
     Each start belongs to one of the searches. There are at most so many `rounds`, in each of which
-    `width` sets grow; `pruned` is as in `EffectSearch.pruned`.
+    `width` sets grow; `pruned` is as in `EffectSearch.pruned`. `tell` is called before each round.
     """
     beam, best, stale = list(began), began[0], 0
     bests = [best]

@@ -44,6 +44,7 @@ from sysid.gap.wording import (
     place_name,
     set_name,
     sizes,
+    sizes_in,
     unit_of,
     verdict_sentence,
     with_share,
@@ -58,12 +59,6 @@ SECONDS = {"bench": 60.0, "robot": 40.0}
 """Duration of the runs that decide [s], for which a study takes a minute or two of processor time."""
 FIT_S = 40.0
 """Duration of the runs that a law is fitted to [s], if those with small commands do not suffice."""
-PAIRS = (
-    ("robotino/bench_with_integral", "robotino/bench_without_integral", "the drive's integral term is off: "
-     "Coulomb friction as a droop"),
-    ("robotino/floor_table", "robotino/floor_gray", "another floor: 2.5 rpm more of Coulomb friction"),
-)  # fmt: skip
-"""Recordings before and after one known change: two folders with the same motors, and what changed."""
 SHOWN = 6
 """Number of sets in the table of evidence."""
 
@@ -136,39 +131,19 @@ def main(
         model, how = fitted(data, folder / name / "robot.json", starts)
         took = process_time() - began
         done = studies(data, model, options, rounds)
-        shown = [f"## {name}", f"{how} {took:.0f} s.", *page(done)]
+        had = "; ".join(f"{set_name([one])} {sizes_in(model, one)}" for one in model.effects)
+        beside = f" Beside the law it has {had}." if had else ""
+        shown = [f"## {name}", f"{how} {took:.0f} s.{beside}", *page(done)]
         print("\n\n".join(shown), flush=True)
         parts += shown
         results[name] = [
             {"error": one.error} if one.report is None else {"seconds": one.seconds, **gap_json(one.report)}
             for one in done
         ]
-    if names == DATASETS and (folder / "robotino").is_dir():
-        shown = list(known_changes(folder, starts, jobs))
-        print("\n\n".join(shown), flush=True)
-        parts += shown
     if markdown is not None:
         write_text(markdown, "\n\n".join(parts) + "\n")
     if out is not None:
         write_json(out, results)
-
-
-def known_changes(folder: Path, starts: int, jobs: int) -> Iterator[str]:
-    """Yield the paragraphs on recordings before and after a known change: a table of what is found."""
-    yield "## robotino, before and after a known change"
-    yield "A law is fitted to each motor's recording before the change, and compared with the one after it."
-    rows = []
-    for before, after, changed in PAIRS:
-        for motor in sorted(path.name for path in (folder / before).iterdir() if path.is_dir()):
-            old, new = (read_dataset(folder / name / motor) for name in (before, after))
-            model = fitted_model(fit_dataset(old, FitOptions(starts=starts)))
-            options = GapOptions(fitted_on=old, jobs=jobs, next_experiment=False)
-            report = analyse(new, model, options)
-            found = " or ".join(set_name(names) for names in report.candidates) or report.verdict
-            gap = report.gap
-            closed = f"{gap.before:.3g} -> {gap.after:.3g} rpm ({1.0 - gap.after / gap.before:.0%})"
-            rows.append((Path(after).name, motor, changed, report.verdict, found, closed))
-    yield markdown_table(("after", "motor", "what changed", "verdict", "found", "test rms"), rows)
 
 
 def fitted(data: Dataset, robot: Path, starts: int) -> tuple[Model, str]:

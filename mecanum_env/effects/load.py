@@ -47,6 +47,8 @@ EFFECTS: Final = (
         direct_check="how much a wheel slows down under a known torque",
         realistic=lambda model: {"servo_n_m_s_rad": 0.2 * model.robot.servo_n_m_s_rad},
         understated_by=("planar",),
+        # What friction takes from a free wheel is torque over stiffness: it is told as friction there.
+        unsearched_on=("bench",),
         undone_by="command",
         change_model=lambda model, values: replace(
             model, robot=replace(model.robot, servo_n_m_s_rad=values["servo_n_m_s_rad"])

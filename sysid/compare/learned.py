@@ -26,6 +26,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.adopted import as_fitted
+from sysid.compare.familiar import are_familiar
 from sysid.compare.model_error import FACTORS, ModelError, Residual, estimate_model_error
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.nuisance import adopted_variants, fitted_variants
@@ -73,7 +74,7 @@ class Learned:
     root: FloatArray
     """Root of their posterior covariance, shape (q, q)."""
     error: ModelError
-    """What no factor explains, in logs of other commands than those of the fit."""
+    """What no factor explains, in the commands of the logs of the fit."""
     prior: FloatArray
     """Standard deviation of each factor before the logs of the fit were seen, shape (q,)."""
     simulators: Simulators
@@ -85,6 +86,16 @@ class Learned:
     def is_bench(self) -> bool:
         """Whether the logs of the fit are of a wheel on the bench."""
         return self.simulators.full.observations.situations[0].runs[0].level == "bench"
+
+    def knows(self, observations: Observations) -> bool:
+        """Return whether the commands of bench logs are among those of the logs of the fit."""
+        return self.is_bench and are_familiar(observations, self.whitener.observations)
+
+    def error_in(self, observations: Observations) -> ModelError:
+        """Return what no factor explains in other logs."""
+        if self.knows(observations):
+            return self.error
+        return self.error.scaled(_OTHER_COMMANDS["bench" if self.is_bench else "robot"])
 
     def before(self) -> Learned:
         """Return what is known of the factors without the logs of the fit."""
@@ -127,11 +138,10 @@ def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned
         found = _Posterior.of(r, k, group_of, variance=1.0)
         if found.left_out_cost(r, k, folds) <= r.size:
             break
-    elsewhere = scaled.scaled(_OTHER_COMMANDS[dataset.level])
     values, vectors = np.linalg.eigh(found.covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     prior = found.precision**-0.5
-    return Learned(model, basis, keys, scale, found.mean, root, elsewhere, prior, simulators, whitener)
+    return Learned(model, basis, keys, scale, found.mean, root, scaled, prior, simulators, whitener)
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,9 +20,9 @@ _STATIONS: Final = ("set_point", "law", "load", "transmission")
 _TIMING: Final = ("command_latency", "sensor_lowpass", "sensor_lowpass/window")
 """Effects of the link and the sensor that are searched, too: a law of third order has no room for a delay, a
 lag and a counter's window beside the loop."""
-_LEFT_OUT: Final = ("battery_sag", "warm_up", "torque_ripple", "weak_servo", "load_inertia")
+_LEFT_OUT: Final = ("battery_sag", "warm_up", "torque_ripple", "load_inertia")
 """Causes that are not searched: those that change during a run, unless a logged column tells how, a ripple
-whose phase differs from run to run, and what the law and the frictions already are on a free wheel."""
+whose phase differs from run to run, and what the law already is on a free wheel."""
 _PROBES: Final = (0.03, 0.3)
 """Steps from neutral at which a parameter without a scan is tried, on its scale from 0 to 1."""
 TRIED: Final[Mapping[str, tuple[float, ...]]] = {

@@ -11,6 +11,10 @@ therefore starting points: that of the fit, and one with a free gain, which beco
 pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
 law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
 Where the law leaves much more than the noise, a simple drive is a start, too (`sysid.fit.drive_global`).
+
+A dead zone that subtracts and friction on a drive without integral action take the same speed from a wheel
+that turns, and differ only while it starts and stops. Where the logs do not tell them apart, it is friction:
+every motor has some. A later study of the same motor then does not take its friction for news.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
-from mecanum_env.units import FloatArray
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.compare.coordinates import Coordinate, EffectSet, coordinate, effect_set
 from sysid.compare.descent import compass_search, descend_steeply
 from sysid.compare.fitted import Fitted, RefittedLaw, marginal_function
@@ -24,7 +24,7 @@ from sysid.compare.problem import SMOOTH_STEP, ResidualProblem
 from sysid.compare.whitening import Whitener
 from sysid.fit.drive_candidates import TRIED, starts
 from sysid.fit.drive_global import SIMPLE_DRIVE, simple_drive
-from sysid.fit.drive_reached import HeldOut, Reached
+from sysid.fit.drive_reached import EVIDENCE, HeldOut, Reached
 from sysid.progress import Progress
 
 ROUNDS: Final = 6
@@ -40,6 +40,10 @@ _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
 _LARGEST_GAIN: Final = 5.0
 """Largest gain of a drive beside its effects, and inverse of the smallest. Assumed."""
+_SUBTRACTING: Final = "command_deadband/subtract"
+_FRICTION: Final = "coulomb_friction"
+_FRICTIONS: Final = frozenset(("coulomb_friction", "stiction"))
+"""A dead zone that subtracts, what looks the same while the wheel turns, and causes that include it."""
 
 
 def searched(
@@ -75,8 +79,9 @@ def searched(
         if not beam:
             break
     best = min([best, *beam], key=lambda one: one.price(best.inflation))
-    smaller = next(search for search in searches if search.base is best.base).pruned(best, pruned)
-    return list(dict.fromkeys([smaller, best, *reversed(bests)]))
+    search = next(search for search in searches if search.base is best.base)
+    smaller = search.pruned(best, pruned)
+    return list(dict.fromkeys([search.rubbing(smaller), smaller, best, *reversed(bests)]))
 
 
 class EffectSearch:
@@ -139,6 +144,31 @@ class EffectSearch:
             return reached
         best, search = min(smaller, key=lambda one: one[0].price(inflation))
         return search.pruned(best, tried)
+
+    def rubbing(self, reached: Reached) -> Reached:
+        """Return the set with friction for a dead zone that subtracts, unless that explains the logs better.
+
+        Better is a gain of more than `EVIDENCE` in BIC, at which the logs tell the two apart.
+        """
+        old = reached.fitted.candidate
+        names = old.effects.names
+        if _SUBTRACTING not in names or {cause_of(name) for name in names} & _FRICTIONS:
+            return reached
+        without, place = _without(reached, _SUBTRACTING)
+        torque, answer = self._set([_FRICTION]).coordinates
+        effects = EffectSet(
+            (*without.effects.names, _FRICTION),
+            (*without.effects.coordinates, torque),
+            # A time of answer would be one number more than the dead zone has.
+            (*without.effects.fixed, (_FRICTION, answer.parameter, 0.0)),
+        )
+        threshold_rpm = reached.model.effects[_SUBTRACTING]["threshold_rpm"]
+        start = torque.unit(threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad)
+        search = self._beside_none_of(_SUBTRACTING)
+        found = search._reached(LawWithEffects(old.law, effects), np.append(place, start))
+        if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
+            return reached
+        return found
 
     def _beside_none_of(self, name: str) -> EffectSearch:
         """Return this search with a starting law that comes without an effect."""

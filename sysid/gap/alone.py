@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 from mecanum_env.errors import InputError
-from mecanum_env.model import Model
+from mecanum_env.model import Model, cause_of
 from sysid.compare.subset import select_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.result import GapOptions
@@ -16,7 +16,7 @@ from sysid.logs import Dataset, Split
 from sysid.progress import Progress, silent
 
 _TIMING: Final = ("command_latency", "sensor_latency")
-"""Effects that a fit of the law estimates with it, whatever else it looks for."""
+"""Causes, in any form, that a fit of the law estimates with it, whatever else it looks for."""
 
 _SECONDS: Final[Mapping[Split, float]] = {"fit": 120.0, "validation": 60.0, "test": 60.0}
 """Duration of the runs that a law is fitted to, and that are held out of the fit [s]."""
@@ -47,7 +47,7 @@ def law_of(dataset: Dataset, options: GapOptions, progress: Progress = silent) -
         InputError: logs to which no law can be fitted.
     """
     whole = fitted_model(fit_dataset(_selected(dataset), FitOptions(seed=options.seed), progress))
-    kept = {name: values for name, values in whole.effects.items() if name in _TIMING}
+    kept = {name: values for name, values in whole.effects.items() if cause_of(name) in _TIMING}
     beyond = [name for name in whole.effects if name not in kept]
     uncertainty = {key: value for key, value in whole.uncertainty.items() if key not in ("effects", "joint")}
     note = "the law was fitted to these very logs, together with what it lacks: " + (

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from typing import Final
 
 from mecanum_env.effects import CATALOGUE
-from mecanum_env.model import cause_of, form_of
+from mecanum_env.effects.friction import TORQUES, droop_rpm
+from mecanum_env.model import Model, cause_of, form_of
 from sysid.gap.result import CustomProposal, Difference, GapReport, Interval, Region
 
 NEXT_FILE: Final = "next_experiment.csv"
@@ -222,6 +223,14 @@ def unit_of(effect: str, parameter: str) -> str:
 def sizes(effect: str, values: Mapping[str, float]) -> str:
     """Return the values of an effect's parameters with their units in a line, such as "gap_deg 2.1 deg"."""
     return ", ".join(f"{name} {amount(value, unit_of(effect, name))}" for name, value in values.items())
+
+
+def sizes_in(model: Model, effect: str) -> str:
+    """Return the parameters of an effect of a model; of a torque the speed that it takes from the drive."""
+    values = model.effects[effect]
+    if TORQUES.get(cause_of(effect), "") in values:
+        return amount(droop_rpm(effect, values, model), "rpm")
+    return sizes(effect, values)
 
 
 def with_share(value: float, gap: Difference) -> str:

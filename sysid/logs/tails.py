@@ -4,8 +4,8 @@ A sample is compared with its neighbours while a command is held: with the media
 two after. If these differences have heavier tails than normal noise at that number of samples, they are
 taken for Student's t, whose maximum likelihood is least squares with the weight (n + 1) / (n + z^2), with n
 its degrees of freedom and z the sample's distance in units of the scale (Lange, Little and Taylor, J. Am.
-Stat. Assoc. 84:881, 1989). Soon after a change of command neighbours differ by motion: there only a sample
-that is far off four steady neighbours counts less.
+Stat. Assoc. 84:881, 1989). Near a change of command neighbours differ by motion: there only a sample that is
+far off steady neighbours counts less.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def weighted_down(dataset: Dataset, error_rpm: float = 0.0) -> tuple[Dataset, Ma
         found[name] = tails
         for own, run, part in zip(weights, dataset.runs, parts, strict=True):
             if name in run.channels:
-                own[name] = _weights(_with_spikes(run, name, part[0], tails), part[1], tails, error_rpm)
+                own[name] = _weights(_with_spikes(run, name, *part, tails), part[1], tails, error_rpm)
     if not found:
         return dataset, found
     runs = (replace(run, weights=own) for run, own in zip(dataset.runs, weights, strict=True))
@@ -154,16 +154,21 @@ def _differences(run: Run, name: str, hidden: FloatArray | None = None) -> tuple
     return found, level
 
 
-def _with_spikes(run: Run, name: str, differences: FloatArray, tails: Tails) -> FloatArray:
-    """Return the differences with those of single samples soon after a change, between steady neighbours."""
+def _with_spikes(run: Run, name: str, differences: FloatArray, level: FloatArray, tails: Tails) -> FloatArray:
+    """Return the differences with those of single samples near a change, between steady neighbours.
+
+    Steady are the two nearest neighbours with one of the next two: a change may follow a spike, or go before
+    it. `level` (n,) is the speed that the scale of the noise goes with.
+    """
     found, rows = differences.copy(), np.flatnonzero(run.finite(name))
     if rows.size < 5:
         return found
     values = run.channels[name][rows]
     around = np.stack([values[:-4], values[1:-3], values[3:-1], values[4:]])
-    own, steady = rows[2:-2], np.ptp(around, axis=0) < _STEADY * tails.scale
+    own, scale = rows[2:-2], tails.at(level[rows[2:-2]])
+    steady = np.minimum(np.ptp(around[:3], axis=0), np.ptp(around[1:], axis=0)) < _STEADY * scale
     off = values[2:-2] - np.median(around, axis=0)
-    spikes = np.isnan(found[own]) & steady & (np.abs(off) > _OUTLYING * tails.scale)
+    spikes = np.isnan(found[own]) & steady & (np.abs(off) > _OUTLYING * scale)
     found[own[spikes]] = off[spikes]
     return found
 

@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.simulator import replay_bench
+from mecanum_env.units import RAD_S_PER_RPM
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.result import fit_json
 from sysid.logs import BenchCommand, Dataset, Run
@@ -132,3 +134,28 @@ def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(pap
     assert model.effects["command_latency"]["delay_s"] == pytest.approx(0.12, abs=0.02)
     assert model.effects["acceleration_limit"]["limit_rpm_s"] == pytest.approx(350.0, rel=0.05)
     assert fit.drive_effects.after_rpm < 0.2 * fit.drive_effects.before_rpm
+
+
+def steps_from_rest(model, sample_s: float = 0.03) -> Dataset:
+    """Return steps of a model from rest and back, with noise, in samples as far apart as a rise takes."""
+    rng = np.random.default_rng(0)
+    time_s = np.arange(round(1.8 / sample_s)) * sample_s
+    runs = []
+    for number, level in enumerate((20.0, -35.0, 110.0, -95.0, 65.0, -50.0)):
+        command = np.where((time_s > 0.2) & (time_s < 1.4), level, 0.0)
+        speed = replay_bench(model, time_s, command) + 3.0 * NOISE_RPM * rng.standard_normal(time_s.size)
+        name, split = f"run_{number}", ("fit", "validation")[number > 3]
+        runs.append(Run(f"{name}.csv", name, split, time_s, BenchCommand(command), {"speed_rpm": speed}))
+    return Dataset("steps", tuple(runs), ())
+
+
+def test_a_motor_s_friction_is_fitted_as_friction_and_not_as_a_dead_zone(paper_module):
+    law = replace(paper_module.wheel.law, A=0.3, B=0.0, C=0.0, D=0.7, E=0.0, F=0.0)
+    fast = replace(paper_module, wheel=replace(paper_module.wheel, law=law))
+    torque = 3.0 * RAD_S_PER_RPM * fast.robot.servo_n_m_s_rad
+    logs = steps_from_rest(fast.with_effect("coulomb_friction", torque_n_m=torque))
+    found = fit_dataset(logs, FitOptions(starts=1)).drive_effects
+    assert found is not None
+    assert "command_deadband/subtract" not in found.model.effects
+    friction = found.model.effects["coulomb_friction"]
+    assert droop_rpm("coulomb_friction", friction, found.model) == pytest.approx(3.0, abs=0.3)

@@ -18,7 +18,7 @@ from sysid.gap.search.terms import Extent, Formula, Term, tables_at, terms_at
 EXTENT = Extent(
     120.0, 2.0, (("command_rpm", -120.0, 120.0), ("speed_rpm", -118.0, 119.0), ("time_s", 0.0, 2.0))
 )
-FEW = GapOptions(only=("weak_servo", "battery_sag"), next_experiment=False)
+FEW = GapOptions(only=("battery_sag",), next_experiment=False)
 
 
 @pytest.fixture(scope="module")

@@ -61,3 +61,8 @@ def test_what_is_random_or_the_same_as_another_form_is_not_tried():
         assert not {"command_latency/jitter", "command_loss"} & set(effects)
     assert "sensor_latency/wheels" not in known_effects("bench")
     assert "sensor_latency/wheels" in known_effects("robot")
+
+
+def test_a_softer_drive_is_no_news_on_the_bench_where_only_its_friction_shows() -> None:
+    assert "weak_servo" not in known_effects("bench")
+    assert "weak_servo" in known_effects("robot")

@@ -4,14 +4,17 @@ from pathlib import Path
 
 import pytest
 
+from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.mjcf.masses import robot_masses
-from mecanum_env.model import read_robot
+from mecanum_env.model import Model, read_robot
 from sysid.compare.subset import small_command_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
-from sysid.gap.result import GapOptions
+from sysid.gap.alone import law_of
+from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import read_dataset
 
+MOTORS = ("motor1", "motor2", "motor3")
 ROW_S = 0.05
 """Between the rows of the husky's logs."""
 
@@ -46,3 +49,62 @@ def test_files_with_different_controllers_get_no_name(real_logs: Path) -> None:
     assert report.effects == ()
     assert report.gap.after == report.gap.before
     assert any("fitted to these very logs" in note for note in report.notes)
+
+
+def change_of(folder: Path, before: str, after: str, motor: str) -> GapReport:
+    """Return the study of a motor's recording after a change, with the model fitted to the one before."""
+    if not folder.is_dir():
+        pytest.skip(f"no {folder.name} among the real logs")
+    old, new = (read_dataset(folder / name / motor) for name in (before, after))
+    model = fitted_model(fit_dataset(old, FitOptions(starts=5)))
+    return analyse(new, model, GapOptions(fitted_on=old, next_experiment=False))
+
+
+def friction_rpm(model: Model) -> float:
+    """Return what Coulomb friction takes from a motor's speed [rpm]."""
+    return droop_rpm("coulomb_friction", model.effects.get("coulomb_friction", {}), model)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motor", MOTORS)
+def test_a_drive_without_its_integral_term_shows_more_of_the_friction_it_had(
+    real_logs: Path, motor: str
+) -> None:
+    report = change_of(real_logs / "robotino", "bench_with_integral", "bench_without_integral", motor)
+    # The motor's own friction is in the model that was fitted, as friction.
+    assert friction_rpm(report.base) == pytest.approx(2.3, abs=0.5)
+    assert "command_deadband/subtract" not in report.base.effects
+    assert "coulomb_friction" in report.candidates[0]
+    # 3.2 rpm at every speed without the integral term, 1.3 to 2.5 with it.
+    assert friction_rpm(report.model) == pytest.approx(3.4, abs=0.6)
+    assert report.gap.after < 0.95 * report.gap.before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("motor", MOTORS)
+def test_another_floor_takes_more_friction(real_logs: Path, motor: str) -> None:
+    report = change_of(real_logs / "robotino", "floor_table", "floor_gray", motor)
+    assert ("coulomb_friction",) in report.candidates
+    assert set(report.candidates) <= {("coulomb_friction",), ("command_deadband",)}
+    assert report.gap.after < 0.9 * report.gap.before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["micromouse/duty_left", "micromouse/duty_right"])
+def test_the_micromouse_has_a_ceiling(real_logs: Path, name: str) -> None:
+    data = read_dataset(real_logs / name)
+    part = small_command_runs(data, min(run.median_interval_s for run in data.runs))
+    model = fitted_model(fit_dataset(part, FitOptions(starts=5)))
+    report = analyse(data, model, GapOptions(seconds=60.0, next_experiment=False))
+    assert "speed_saturation" in report.candidates[0]
+    assert report.gap.after < 0.6 * report.gap.before
+
+
+@pytest.mark.slow
+def test_the_law_of_one_recording_keeps_the_delays_of_its_link(real_logs: Path) -> None:
+    folder = real_logs / "robotino/bench_with_integral/motor1"
+    if not folder.is_dir():
+        pytest.skip("no robotino among the real logs")
+    law, options = law_of(read_dataset(folder), GapOptions(next_experiment=False))
+    assert set(law.effects) == {"command_latency/jitter"}
+    assert any("coulomb_friction" in note for note in options.notes)

@@ -28,6 +28,7 @@ def a_set(score: float, *names: str) -> ScoredSet:
 
 UNKNOWN = Floor(1e4, trusted=False)
 COMPARED = Floor(1e4, trusted=True, compared=True)
+FAMILIAR = Floor(1e4, trusted=True, compared=True, familiar=True)
 RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
 NAMED = Facts(
@@ -64,6 +65,9 @@ NAMED = Facts(
         ({"floor": COMPARED, "chosen": None, "is_plain": False, "adequate": False}, "no_gap", "own error"),
         ({"floor": COMPARED, "gain": 0.04}, "named", ""),
         ({"floor": COMPARED, "gain": 0.26, "is_plain": False}, "named", ""),
+        ({"floor": COMPARED, "gain": 0.12, "is_plain": False}, "no_gap", "by 12% only"),
+        ({"floor": FAMILIAR, "gain": 0.12, "is_plain": False}, "named", ""),
+        ({"floor": FAMILIAR, "gain": 0.09, "is_plain": False}, "no_gap", "by 9% only"),
         ({"gain": 0.04, "is_plain": False}, "named", ""),
         (
             {"floor": RANDOM},

@@ -44,6 +44,18 @@ def test_a_single_wild_sample_soon_after_a_change_counts_little_too() -> None:
     assert found.runs[0].weights["speed_rpm"][16] < 0.02
 
 
+def test_a_wild_sample_near_a_change_is_seen_beside_the_noise_of_its_speed() -> None:
+    rng = np.random.default_rng(5)
+    slow, fast = bench_run(rng.normal(size=600), 10.0), bench_run(4.0 * rng.normal(size=600), 100.0)
+    fast.command.wheels_rpm[500:] = 0.0
+    fast.channels["speed_rpm"][500:] -= 100.0
+    # Soon after the start, and the last but one before the stop: one of its four neighbours is at rest.
+    fast.channels["speed_rpm"][[15, 498]] -= 90.0
+    found, _ = weighted_down(dataset(slow, fast))
+    weights = found.runs[1].weights["speed_rpm"]
+    assert np.all(weights[[15, 498]] < 0.2 * np.median(weights[50:450]))
+
+
 def test_noise_that_grows_with_the_speed_counts_less_at_speed() -> None:
     rng = np.random.default_rng(3)
     slow, fast = bench_run(rng.normal(size=600), 10.0), bench_run(4.0 * rng.normal(size=600), 100.0)

@@ -51,6 +51,8 @@ class Floor:
     """Whether repeats differ by no more than noise; if not, something random acts on the wheel."""
     false_alarm: float = THRESHOLDS.false_alarm
     """Probability with which noise alone may be taken for an effect, after earlier studies of these logs."""
+    familiar: bool = False
+    """Whether the logs of the fit hold the commands of these logs, too."""
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""
@@ -221,6 +223,9 @@ def untestable(
             found.append(Untestable(name, f"these logs have no {missing}, which it follows: log it", {}))
         elif effect.simulated and level == "bench" and "bench" in effect.absent_from:
             found.append(Untestable(name, f"a bench log has no {effect.acts_on}: record a robot log", {}))
+        elif level == "bench" and name == effect.cause and effect.unsearched_on == ("bench",):
+            reason = "a bench log does not tell it from the friction that it makes larger: record a robot log"
+            found.append(Untestable(name, reason, {}))
     return tuple(found)
 
 

@@ -155,7 +155,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
             )
     if fitted_on is not None and not same_logs:
         learned = learn(model, fitted_on, Study(options.plant, options.jobs))
-        error, noise = learned.error, noise.beside(learned.whitener.noise)
+        error, noise = learned.error_in(observations), noise.beside(learned.whitener.noise)
         notes.append(
             f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
         )
@@ -188,7 +188,14 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         # Whatever acts at random did so in the logs of the fit, too.
         repeatable = True
     compared = learned is not None
-    floor = Floor(noise.degrees_of_freedom, trusted, compared, compared and not bench, repeatable)
+    floor = Floor(
+        noise.degrees_of_freedom,
+        trusted,
+        compared,
+        compared and not bench,
+        repeatable,
+        familiar=learned is not None and learned.knows(observations),
+    )
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 
 

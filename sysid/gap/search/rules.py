@@ -95,8 +95,9 @@ def _not_significant(facts: Facts) -> Outcome | None:
 def _within_own_error(facts: Facts) -> Outcome | None:
     """No gap: beside the logs of the fit the residual is about as large as expected, and no set lowers it."""
     gain = facts.gain if facts.chosen else 0.0
+    least = THRESHOLDS.least_familiar_gain if facts.floor.familiar else THRESHOLDS.least_gain
     compared = facts.floor.compared and not facts.floor.knows_all
-    if not compared or facts.is_plain or gain >= THRESHOLDS.least_gain:
+    if not compared or facts.is_plain or gain >= least:
         return None
     if facts.chosen is None:
         return Outcome("no_gap", ("the difference is no larger than the model's own error may be",))

@@ -51,7 +51,12 @@ def reaches(base: Model, pool: Executor) -> list[Reach]:
     names = [
         name
         for name, effect in CATALOGUE.items()
-        if not (name in LEFT_OUT or name != effect.cause or effect.unsearched_on or effect.search_from)
+        if not (
+            name in LEFT_OUT
+            or name != effect.cause
+            or "rollers" in effect.unsearched_on
+            or effect.search_from
+        )
     ]
     return pool.run([Task(name, _reach, (base, name)) for name in names])
 

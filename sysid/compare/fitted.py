@@ -311,3 +311,13 @@ class RefittedLaw:
         f = gain * (1.0 - float(np.sum(abc))) - d - e
         values = dict(zip(COEFFICIENTS, [*abc.tolist(), float(d), float(e), float(f)], strict=True))
         return replace(base, wheel=replace(base.wheel, law=replace(law, **values)))
+
+
+def robot_deviations(law: RefittedLaw, covariance: FloatArray) -> FloatArray:
+    """Return the standard deviations of the logarithms of a law's robot parameters, (r,).
+
+    `covariance` is that of a place of which the law's parameters are the first.
+    """
+    first = len(_LAW_RANGE)
+    own = np.diag(covariance)[first : first + len(law.robot)]
+    return np.asarray(2.0 * math.log(_ROBOT_RANGE) * np.sqrt(own), float)

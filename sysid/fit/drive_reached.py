@@ -8,12 +8,15 @@ from typing import Final
 
 import numpy as np
 
+from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.model import Model
 from mecanum_env.statistics import rms
+from mecanum_env.units import FloatArray
 from sysid.compare.fitted import Fitted
-from sysid.compare.joint import LawWithEffects
+from sysid.compare.joint import LawWithEffects, joint_covariance
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
+from sysid.compare.prediction import Study
 from sysid.compare.simulator import Simulator
 from sysid.compare.whitening import Whitener
 from sysid.logs import Dataset
@@ -76,26 +79,41 @@ class Reached:
                     found.setdefault(effect, {})[parameter] = values
         return found
 
+    def stated(self) -> tuple[Model, FloatArray]:
+        """Return the model with all that is known of its uncertainty, and the covariance (6, 6) of A-F."""
+        names, covariance = joint_covariance(self.fitted, self.base, self.inflation)
+        of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
+        stated = {
+            "wheel": {"names": list(COEFFICIENTS), "covariance": of_law.tolist()},
+            "effects": self.intervals(),
+            "joint": {"names": names, "covariance": covariance.tolist()},
+        }
+        return replace(self.model, uncertainty={**self.model.uncertainty, **stated}), of_law
+
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
     """The validation runs, or the fit runs if there are none."""
 
     whitener: Whitener
+    study: Study
 
     @classmethod
-    def of(cls, dataset: Dataset) -> HeldOut:
-        """Return those of bench logs."""
+    def of(cls, dataset: Dataset, study: Study | None = None) -> HeldOut:
+        """Return those of a dataset, simulated as in a `study`."""
         observations = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
-        return cls(Whitener(observations, measure_noise(dataset, observations), None))
+        return cls(Whitener(observations, measure_noise(dataset, observations), None), study or Study())
 
     def errors(self, model: Model) -> tuple[float, float]:
-        """Return the rms error of a model in sigmas, weighted as in a fit, and that in rpm.
+        """Return the rms error of a model in sigmas, weighted as in a fit, and that of wheel speeds in rpm.
 
         Both are over the means of repeats. Samples after a change of command, which may be timed a little
         differently each time, would outweigh all others in rpm.
         """
         blocks = self.whitener.observations.blocks
-        predicted = Simulator(self.whitener.observations).predictions(model)
+        predicted = Simulator(self.whitener.observations, self.study).predictions(model)
         parts = [block.value - p for block, p in zip(blocks, predicted, strict=True)]
-        return rms(self.whitener.whiten(parts)), rms(np.concatenate(parts))
+        wheels = [
+            part for block, part in zip(blocks, parts, strict=True) if block.channel.startswith("speed_")
+        ]
+        return rms(self.whitener.whiten(parts)), rms(np.concatenate(wheels))

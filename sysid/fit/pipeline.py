@@ -30,7 +30,8 @@ from sysid.fit.drive_effects import DriveEffects, find_drive_effects
 from sysid.fit.estimators import DEFAULT_METHOD, Estimate
 from sysid.fit.late_links import LINK_TURNS, LateLink, late_link, link_is_worth_having
 from sysid.fit.metrics import MethodMetrics, Runs, method_metrics
-from sysid.fit.robot_parameters import RobotFit, robot_of
+from sysid.fit.robot_effects import find_robot_effects
+from sysid.fit.robot_parameters import RobotFit, robot_of, wheels_at_rest
 from sysid.fit.statistics import ResidualTests, Uncertainty, residual_tests, uncertainty
 from sysid.fit.weights import weighted_beside_error
 from sysid.fit.wheel_data import wheel_columns
@@ -142,6 +143,8 @@ def fit_dataset(dataset: Dataset, options: FitOptions | None = None, progress: P
     if dataset.level == "bench" and options.effects == "auto":
         # Beside the delays of the link, if it has such, since these are no effect of the drive.
         found = _with_drive_effects(found, progress)
+    if dataset.level == "robot":
+        found = _with_robot(found, progress)
     heavy = tuple(one.note(channel) for channel, one in tails.items())
     return replace(found, tails=tails, notes=(*heavy, *found.notes))
 
@@ -216,19 +219,6 @@ def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progre
             )
     progress("uncertainty")
     notes += gain_notes(runs, search, found)
-    robot = None
-    if dataset.level == "robot" and options.per_wheel:
-        notes.append(
-            "with a law for each wheel the robot is not fitted: servo stiffness, yaw inertia and grip are "
-            "left as given (fit without --per-wheel to have them)"
-        )
-    if dataset.level == "robot" and not options.per_wheel:
-        progress(stage := "servo, inertia and grip")
-        known_robot = Model(wheel_model(path, found), options.robot, latency(found))
-        robot, note = robot_of(
-            dataset, runs, known_robot, options.robot_given, sigma, known, within(progress, stage)
-        )
-        notes.append(note)
     data = pooled(runs["fit"])
     return Fit(
         dataset=dataset,
@@ -242,7 +232,6 @@ def _fit_behind(path: CommandPath, dataset: Dataset, options: FitOptions, progre
         methods=methods,
         wheels=wheels,
         runs=runs,
-        robot=robot,
         notes=tuple(notes),
     )
 
@@ -275,6 +264,43 @@ def _with_drive_effects(fit: Fit, progress: Progress) -> Fit:
     if effects is None:
         return fit
     return replace(fit, drive_effects=effects, notes=(*fit.notes, effects.note))
+
+
+def _with_robot(fit: Fit, progress: Progress) -> Fit:
+    """Return a fit to robot logs with servo stiffness, yaw inertia and grip, and the law behind the servo."""
+    options = fit.options
+    if options.per_wheel:
+        note = (
+            "with a law for each wheel the robot is not fitted: servo stiffness, yaw inertia and grip are "
+            "left as given (fit without --per-wheel to have them)"
+        )
+        return replace(fit, notes=(*fit.notes, note))
+    progress(stage := "servo, inertia and grip")
+    tell, given = within(progress, stage), options.robot_given
+    model = Model(wheel_model(fit.path, fit.estimate), options.robot, latency(fit.estimate))
+    noise = fit.sigma_rpm, fit.sigma_from_repeats
+    robot, note = robot_of(fit.dataset, fit.runs, model, given, *noise, tell)
+    alone = replace(fit, robot=robot, notes=(*fit.notes, note))
+    data = wheels_at_rest(fit.dataset, fit.runs, *noise)
+    if options.effects == "off" or data is None:
+        return alone
+    if robot is not None:
+        model = replace(model, wheel=replace(model.wheel, law=robot.law), robot=robot.robot)
+    found = find_robot_effects(fit.dataset, model, given, data, tell)
+    if found is None:
+        return alone
+    # The grip is that of the first fit: on the planar plant nothing shows it.
+    grip = [p for p in robot.parameters if p.name == "friction"] if robot else []
+    together = RobotFit(
+        law=found.drive.model.wheel.law,
+        robot=found.drive.model.robot,
+        parameters=(*found.parameters, *grip),
+        covariance=found.drive.covariance,
+        residual_before=found.before,
+        residual_after=found.after,
+    )
+    notes = (*fit.notes, found.note, found.drive.note)
+    return replace(fit, drive_effects=found.drive, robot=together, notes=notes)
 
 
 def wheel_model(path: CommandPath, found: Estimate) -> Wheel:

@@ -30,14 +30,12 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
     default the one that the fit was given.
     """
     found, path = fit.estimate, fit.path
-    wheel = wheel_model(path, found)
     around = fit.options.robot if robot is None else robot
     if fit.robot is not None:
-        wheel = replace(wheel, law=fit.robot.law)
         fitted: dict[str, Any] = {p.name: p.value for p in fit.robot.parameters if p.fitted}
         around = replace(around, **fitted)
     model = Model(
-        wheel=wheel,
+        wheel=wheel_model(path, found),
         wheels={wheel: estimate.law for wheel, estimate in fit.wheels.items()},
         robot=around,
         effects=latency(found),
@@ -57,6 +55,8 @@ def fitted_model(fit: Fit, robot: Robot | None = None) -> Model:
         stated = {**model.uncertainty, **{key: together.uncertainty[key] for key in ("effects", "joint")}}
         stated["wheel"] = {**stated["wheel"], **together.uncertainty["wheel"]}
         model = replace(model, wheel=together.wheel, effects=together.effects, uncertainty=stated)
+    if fit.robot is not None:
+        model = replace(model, wheel=replace(model.wheel, law=fit.robot.law))
     if fit.dataset.level == "robot" and not fit.wheels:
         model, note = on_rollers(model, fit.dataset, list(_robot_errors(fit)))
         notes = [*model.provenance["notes"], note]

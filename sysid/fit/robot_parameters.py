@@ -24,7 +24,9 @@ import numpy as np
 from mecanum_env.law import WheelLaw
 from mecanum_env.model import Model, Robot
 from mecanum_env.units import FloatArray
+from sysid.compare.coordinates import effect_set
 from sysid.compare.fitted import RefittedLaw, fit
+from sysid.compare.joint import LawWithEffects
 from sysid.compare.noise import measure_noise
 from sysid.compare.observations import observe
 from sysid.compare.problem import ResidualProblem
@@ -117,6 +119,18 @@ def robot_of(
 def _starting_at_rest(dataset: Dataset, runs: Runs, split: Split) -> tuple[Run, ...]:
     moving = {run.name.split(" ")[0] for wheel in runs[split].values() for run in wheel if run.initial_rpm}
     return tuple(run for run in dataset.split(split) if run.file not in moving)
+
+
+def wheels_at_rest(
+    dataset: Dataset, runs: Runs, sigma_rpm: Mapping[str, float], sigma_known: bool
+) -> PlantData | None:
+    """Return the wheel speeds of the fit runs that start at rest; None if none does. See `robot_of`."""
+    at_rest = _starting_at_rest(dataset, runs, "fit")
+    if not at_rest:
+        return None
+    return PlantData(
+        largest_command_runs(at_rest, _PLANAR_SECONDS), tuple(sigma_rpm), dict(sigma_rpm), sigma_known
+    )
 
 
 def _with_body_velocities(dataset: Dataset, data: PlantData, model: Model) -> PlantData:
@@ -237,10 +251,12 @@ def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Mo
     and a note.
     """
     runs = dataset.split("fit")
-    candidate = RefittedLaw(model, tuple(robot))
+    law = RefittedLaw(model, tuple(robot))
     plain = replace(model, uncertainty={})
     with without_engine_warnings():
         problem = _problem(plain, dataset, runs)
+        effects = effect_set(plain, list(model.uncertainty.get("effects") or {}), scale=problem.study.scale)
+        candidate = LawWithEffects(law, effects)
         found = fit(problem, candidate, candidate.start(), most=_SIMULATIONS)
         if found is None:
             return model, "the law was not fitted on the rollers: they cannot be simulated with it"

@@ -124,7 +124,11 @@ def _starting_at_rest(dataset: Dataset, runs: Runs, split: Split) -> tuple[Run, 
 def wheels_at_rest(
     dataset: Dataset, runs: Runs, sigma_rpm: Mapping[str, float], sigma_known: bool
 ) -> PlantData | None:
-    """Return the wheel speeds of the fit runs that start at rest; None if none does. See `robot_of`."""
+    """Return the wheel speeds of the fit runs that start at rest; None if none does.
+
+    The `dataset`, its `runs`, the noise `sigma_rpm` and whether that is known (`sigma_known`) are as in
+    `robot_of`.
+    """
     at_rest = _starting_at_rest(dataset, runs, "fit")
     if not at_rest:
         return None

@@ -135,7 +135,7 @@ def test_an_episode_that_ended_by_itself_is_not_truncated(make):
         ({"reward_weights": {"hits": 1}}, 'did you mean "hit"'),
         ({"model": "nowhere.json"}, "cannot be read"),
         ({"randomize": "posterior"}, "holds no uncertainty"),
-        ({"randomize": "all"}, 'must be "none", "posterior" or ranges'),
+        ({"randomize": "all"}, 'must be "none", "posterior", ranges by name or models'),
         ({"render_mode": "ansi"}, 'must be "rgb_array", "human"'),
         ({"task": "fight"}, "must be dodge, track, duel"),
     ],

@@ -112,13 +112,21 @@ class Mpc:
         self._waiting = np.zeros(2)
 
     def act(self, observation: npt.NDArray[np.floating]) -> Command:
-        """Return the command for an observation, shape (20 or more,)."""
+        """Return the command for an observation, shape (20 or more,), which is then sent."""
+        command = self.advise(observation)
+        self.sent(command)
+        return command
+
+    def advise(self, observation: npt.NDArray[np.floating]) -> Command:
+        """Return the command for an observation, shape (20 or more,); `sent` tells which one was sent."""
         raw = read_observation(observation)
         estimate = self._strike.update(raw)
         vx, vy, turn = (float(value) for value in self._twist(self._motion.predict(raw), estimate))
-        command = twist_command(vx, vy, turn, self._robot, self._limit_rpm)
+        return twist_command(vx, vy, turn, self._robot, self._limit_rpm)
+
+    def sent(self, command: Command) -> None:
+        """Take note of the `command` that was sent after the last observation."""
         self._motion.send(command)
-        return command
 
     def _twist(self, seen: Observed, estimate: StrikeEstimate | None) -> FloatArray:
         if estimate is None or estimate.strike_probability < self._planning.least_probability:

@@ -12,7 +12,7 @@ from __future__ import annotations
 import itertools
 import sys
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -47,20 +47,6 @@ _FIRST_SEED: Final = 2**41
 """Seeds of the episodes begin here, above those of `episode_seeds`."""
 
 
-class Adviser(Mpc):
-    """The planner, which says what it would do while another drives."""
-
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
-        super().__init__(*args, **kwargs)
-        self.told = self._motion.send
-        """Takes note of the command that was sent."""
-        vars(self._motion)["send"] = _ignored
-
-
-def _ignored(command: Command) -> None:
-    """Do nothing: the advice is not the command that is sent."""
-
-
 class Imitation:
     """Episodes with the planner's advice, and the network that is fitted to it."""
 
@@ -91,7 +77,7 @@ class Imitation:
         arena = env.arena
         observation, _ = env.reset(seed=self._seeds())
         begun, planner = np.ones(rows, bool), np.ones(rows, bool)
-        advisers: list[Adviser] = []
+        advisers: list[Mpc] = []
         memory = np.zeros(0)
         for step in range(max(steps // rows, 1)):
             newest = features(observation)
@@ -100,10 +86,10 @@ class Imitation:
             memory[begun] = first[begun]
             for row in np.flatnonzero(begun).tolist():
                 robot, opponent = arena.robots.model_of(row), arena.fighter.opponents[row]
-                advisers[row : row + 1] = [Adviser(robot, opponent=opponent)]
+                advisers[row : row + 1] = [Mpc(robot, opponent=opponent)]
                 planner[row] = rng.random() < planner_share
             advice = np.array(
-                [_as_action(one.act(seen)) for one, seen in zip(advisers, observation, strict=True)]
+                [_as_action(one.advise(seen)) for one, seen in zip(advisers, observation, strict=True)]
             )
             self.seen.append(memory.copy())
             self.advice.append(advice)
@@ -115,7 +101,7 @@ class Imitation:
             disturbed = rng.random((rows, 1)) < _NOISY
             acted = np.clip(acted + disturbed * noise * rng.standard_normal((rows, 3)), -1.0, 1.0)
             for one, sent in zip(advisers, action_to_command(acted, "cartesian"), strict=True):
-                one.told((round(float(sent[0])), round(float(sent[1])), round(float(sent[2]))))
+                one.sent((round(float(sent[0])), round(float(sent[1])), round(float(sent[2]))))
             result = arena.step(acted.astype(np.float32))
             observation, begun = result.observation, result.terminated | result.truncated
             if begun.any():

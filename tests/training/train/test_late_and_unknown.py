@@ -22,7 +22,6 @@ from training.train.environments import (
     training_env,
     warning_range,
 )
-from training.train.planned import Adviser
 from training.train.privileged import PRIVILEGED
 from training.train.robots import level_models, varied_models
 from training.train.run import resume, train_policy
@@ -166,14 +165,14 @@ def test_the_score_is_that_of_the_episodes_one_by_one(paper):
     assert np.mean(won != [one.success for one in episodes]) <= 0.1
 
 
-def test_an_adviser_predicts_with_the_commands_that_were_sent(paper):
+def test_advice_predicts_with_the_commands_that_were_sent(paper):
     observation = np.zeros(20)
     observation[[0, 4, 6, 18]] = 1.7, 0.85, 0.58, 1.0
-    told, silent, alone = Adviser(paper), Adviser(paper), Mpc(paper)
+    told, silent, alone = Mpc(paper), Mpc(paper), Mpc(paper)
     for _ in range(3):
-        told.told(alone.act(observation))
-        told.act(observation)
-        silent.act(observation)
+        told.advise(observation)
+        told.sent(alone.act(observation))
+        silent.advise(observation)
     moved = [one._motion.own.twist(0.0) for one in (told, alone, silent)]
     np.testing.assert_array_equal(moved[0], moved[1])
     assert not np.any(moved[2])

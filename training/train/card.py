@@ -73,7 +73,10 @@ def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, 
 
 
 def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
-    """Return a policy's card as Markdown, with its measured success and the command that measured it."""
+    """Return a policy's card as Markdown, with its measured success and the command that measured it.
+
+    The entry `history` of what a policy file says about itself, if any, tells what its commands do not.
+    """
     about, network, settings = policy.about, policy.network, policy.about["settings"]
     algorithm = settings[settings["algo"]]
     weights = sum(layer.size for layer in (*network.weights, *network.biases))
@@ -90,6 +93,7 @@ def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
         f"{', '.join(map(str, algorithm['layers']))}, {network.activation}; {weights:,} weights",
         "output": f"{network.action_mode}: whole numbers V, theta, VC, ten times a second",
         "trained with": ", then ".join(f"`{command}`" for command in about["commands"]),
+        **({"history": about["history"]} if "history" in about else {}),
         "hyperparameters": _pairs(algorithm),
         "weights of the reward": _pairs(settings["reward_weights"]) or "those of the environment",
         "versions": _pairs(about["versions"]),

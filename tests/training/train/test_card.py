@@ -45,6 +45,14 @@ def test_a_card_says_what_was_measured(folder, tmp_path, capsys):
     assert "worst" in text.lower()
 
 
+def test_a_card_says_what_the_commands_of_its_policy_do_not(folder):
+    policy = load_policy(folder)
+    rows = card.measure(policy, paper_model(), 1, 0, lambda: None)
+    assert "history" not in card.card("one", policy, rows, "command")
+    told = Policy(policy.network, {**policy.about, "history": "Stopped once."})
+    assert "| history | Stopped once. |" in card.card("one", told, rows, "command")
+
+
 def test_a_card_without_episodes_is_refused(folder, capsys):
     assert run(card.main, [str(folder), "--episodes", "0"]) == 2
     assert "episodes = 0, must be at least 1" in capsys.readouterr().err

@@ -46,6 +46,10 @@ _WASHOUT: Final = Parameter(
 )
 
 
+COULOMB: Final = "coulomb_friction"
+DEAD_ZONE_LIKE_IT: Final = "command_deadband/subtract"
+"""A dead zone that takes the same speed from a wheel that turns as Coulomb friction does on a drive without
+integral action. Every motor rubs, and floors and loads change that; a dead zone is a number in a drive."""
 TORQUES: Final[Mapping[str, str]] = MappingProxyType(
     {
         "coulomb_friction": "torque_n_m",

@@ -13,6 +13,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE, Effect
+from mecanum_env.effects.friction import COULOMB, DEAD_ZONE_LIKE_IT
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model, cause_of
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -40,10 +41,8 @@ _SHORTEST_RISE_S: Final = 0.005
 """Bounds of what logs can show [s]: about the shortest time between rows."""
 _LARGEST_GAIN: Final = 5.0
 """Largest gain of a drive beside its effects, and inverse of the smallest. Assumed."""
-_SUBTRACTING: Final = "command_deadband/subtract"
-_FRICTION: Final = "coulomb_friction"
-_FRICTIONS: Final = frozenset(("coulomb_friction", "stiction"))
-"""A dead zone that subtracts, what looks the same while the wheel turns, and causes that include it."""
+_FRICTIONS: Final = frozenset((COULOMB, "stiction"))
+"""Causes that include Coulomb friction."""
 
 
 def searched(
@@ -152,19 +151,19 @@ class EffectSearch:
         """
         old = reached.fitted.candidate
         names = old.effects.names
-        if _SUBTRACTING not in names or {cause_of(name) for name in names} & _FRICTIONS:
+        if DEAD_ZONE_LIKE_IT not in names or {cause_of(name) for name in names} & _FRICTIONS:
             return reached
-        without, place = _without(reached, _SUBTRACTING)
-        torque, answer = self._set([_FRICTION]).coordinates
+        without, place = _without(reached, DEAD_ZONE_LIKE_IT)
+        torque, answer = self._set([COULOMB]).coordinates
         effects = EffectSet(
-            (*without.effects.names, _FRICTION),
+            (*without.effects.names, COULOMB),
             (*without.effects.coordinates, torque),
             # A time of answer would be one number more than the dead zone has.
-            (*without.effects.fixed, (_FRICTION, answer.parameter, 0.0)),
+            (*without.effects.fixed, (COULOMB, answer.parameter, 0.0)),
         )
-        threshold_rpm = reached.model.effects[_SUBTRACTING]["threshold_rpm"]
+        threshold_rpm = reached.model.effects[DEAD_ZONE_LIKE_IT]["threshold_rpm"]
         start = torque.unit(threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad)
-        search = self._beside_none_of(_SUBTRACTING)
+        search = self._beside_none_of(DEAD_ZONE_LIKE_IT)
         found = search._reached(LawWithEffects(old.law, effects), np.append(place, start))
         if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
             return reached

@@ -19,7 +19,7 @@ from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import with_fewer
+from sysid.gap.search.ties import friction_first, with_fewer
 
 from .conftest import MakeLogs
 
@@ -56,6 +56,18 @@ def test_a_pair_that_takes_the_residual_to_the_noise_is_alone(
     monkeypatch.setattr(ties, "formula_error", lambda *_: THRESHOLDS.exact_formula)
     pair, near = a_set(100.0, *PAIR), a_set(110.0, "backlash")
     assert with_fewer(search, FLOOR, (pair,), (pair, near), 1.0) == (pair,)
+
+
+def test_friction_comes_before_a_dead_zone_that_looks_like_it() -> None:
+    dead, rubbing = (
+        a_set(99.0, "command_deadband/subtract", "backlash"),
+        a_set(101.0, "backlash", "coulomb_friction"),
+    )
+    other = a_set(100.0, "backlash", "stiction")
+    assert friction_first((dead, other, rubbing)) == (rubbing, dead, other)
+    assert friction_first((dead, other)) == (dead, other)
+    assert friction_first((other, dead, rubbing)) == (other, dead, rubbing)
+    assert friction_first(()) == ()
 
 
 def test_harmful_and_doubtful_effects_are_not_listed(search: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -30,7 +30,15 @@ from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import formula_error, in_first_forms, is_description, tied, with_causes, with_fewer
+from sysid.gap.search.ties import (
+    formula_error,
+    friction_first,
+    in_first_forms,
+    is_description,
+    tied,
+    with_causes,
+    with_fewer,
+)
 
 _CLEARLY: Final = 4.0
 """Ratio of a gain to the needed one above which a better fit of the smaller set would change nothing."""
@@ -96,8 +104,8 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
     chosen = in_first_forms(chosen, harmless)
     as_good = tied(search, floor, chosen, harmless, inflation)
-    if causal := with_causes(search, floor, as_good, judged, inflation):
-        chosen, as_good = causal[0], causal
+    as_good = friction_first(with_causes(search, floor, as_good, judged, inflation) or as_good)
+    chosen = as_good[0] if as_good else chosen
     as_good = with_fewer(search, floor, as_good, judged, inflation)
     rival = free_term(problem, base.residual, inflation) if problem.bench else None
     return replace(

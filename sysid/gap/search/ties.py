@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.friction import COULOMB, DEAD_ZONE_LIKE_IT
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
 from sysid.compare.coordinates import EffectSet
@@ -34,6 +35,17 @@ def tied(
             kept.append(one)
     kept.sort(key=lambda j: (j is not chosen, j.score, j.names))
     return tuple(kept)
+
+
+def friction_first(as_good: Sequence[ScoredSet]) -> tuple[ScoredSet, ...]:
+    """Return the sets `as_good` with friction before a dead zone that subtracts, which looks the same.
+
+    The first one is added to the model; all are reported.
+    """
+    if not as_good or DEAD_ZONE_LIKE_IT not in as_good[0].names:
+        return tuple(as_good)
+    wanted = {COULOMB if name == DEAD_ZONE_LIKE_IT else name for name in as_good[0].names}
+    return tuple(sorted(as_good, key=lambda one: set(one.names) != wanted))
 
 
 def with_causes(

@@ -221,6 +221,7 @@ POLICIES = {
     "mode list": lambda _, about: about.update(action_mode=["polar"]),
     "squashes text": lambda _, about: about.update(squashes="no"),
     "quantum text": lambda _, about: about.update(command_quantum_rpm="x"),
+    "quantum list": lambda _, about: about.update(command_quantum_rpm=[1.0]),
     "quantum NaN": lambda _, about: about.update(command_quantum_rpm=float("nan")),
     "scale 0": lambda arrays, _: arrays["scale"].fill(0.0),
     "scale infinite": lambda arrays, _: arrays["scale"].fill(np.inf),

@@ -7,7 +7,9 @@ reading, writing and printing are the commands' own every time. Films end after 
 import functools
 import json
 import shutil
+import sys
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -44,20 +46,45 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return remembering
 
 
-@pytest.fixture(scope="session", autouse=True)
-def _quick() -> Iterator[None]:
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(pipeline, "fit_dataset", once(pipeline.fit_dataset))
-        patch.setattr(workflow, "analyse", once(workflow.analyse))
-        whole = video.write_video
-        patch.setattr(
-            video, "write_video", lambda path, frames, *fps: whole(path, islice(frames, FRAMES), *fps)
-        )
+Quick = Callable[[], AbstractContextManager[None]]
+"""What makes commands quick as long as it is entered."""
+
+
+@pytest.fixture(scope="session")
+def quick() -> Quick:
+    """Return a context in which no fit and no study is computed twice, and films are short."""
+    whole = video.write_video
+    stand_ins = (
+        (pipeline, "fit_dataset", once(pipeline.fit_dataset)),
+        (workflow, "analyse", once(workflow.analyse)),
+        (video, "write_video", lambda path, frames, *fps: whole(path, islice(frames, FRAMES), *fps)),
+    )
+
+    @contextmanager
+    def quickly() -> Iterator[None]:
+        originals = [getattr(module, name) for module, name, _ in stand_ins]
+        for module, name, stand_in in stand_ins:
+            setattr(module, name, stand_in)
+        try:
+            yield
+        finally:
+            # A module that was imported meanwhile may hold a stand-in, too.
+            for module in list(sys.modules.values()):
+                for (_, name, stand_in), original in zip(stand_ins, originals, strict=True):
+                    if vars(module).get(name) is stand_in:
+                        setattr(module, name, original)
+
+    return quickly
+
+
+@pytest.fixture(autouse=True)
+def _quickly(quick: Quick) -> Iterator[None]:
+    with quick():
         yield
 
 
 @pytest.fixture(scope="session")
-def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def studied(tmp_path_factory: pytest.TempPathFactory, quick: Quick) -> Path:
     """Return a folder with a fit of the bundled logs and the study of the changed ones."""
     folder = tmp_path_factory.mktemp("studied")
     for arguments in (
@@ -71,7 +98,8 @@ def studied(tmp_path_factory: pytest.TempPathFactory) -> Path:
             f"{folder}/gap",
         ],
     ):
-        code, said = call(["python", "-m", *arguments])
+        with quick():
+            code, said = call(["python", "-m", *arguments])
         assert code == 0, said
     return folder
 

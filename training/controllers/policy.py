@@ -219,10 +219,10 @@ def load_policy(path: Path, rules: Rules | None = None) -> Policy:
     network, about = load_network(path)
     if network.privileged:
         raise InputError(f"{path}: a teacher, which sees what no robot senses; give a policy it has taught")
-    policy = Policy(network, about, rules)
     try:
+        policy = Policy(network, about, rules)
         _try_out(policy)
-    except (ValueError, OverflowError, MemoryError) as error:
+    except (TypeError, ValueError, OverflowError, MemoryError) as error:
         raise InputError(f"{path}: no policy that can act ({error}); {_HINT}") from error
     return policy
 

@@ -22,7 +22,7 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.rendering.backend import use_backend
 
 # Waiting for the disk takes most of the time of tests that write many small files, and proves nothing here.
-os.fsync = lambda handle: None  # noqa: ARG005
+os.fsync = lambda _: None
 
 # Before any test imports mujoco, which picks its graphics library then. Without one, only drawing is amiss.
 with contextlib.suppress(BackendError):

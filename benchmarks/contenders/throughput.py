@@ -10,6 +10,7 @@ from typing import Any, Final
 
 import gymnasium
 import numpy as np
+from gymnasium.envs.mujoco import MujocoEnv
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from tqdm import tqdm
 
@@ -53,7 +54,8 @@ def rows(many: int, few: int, steps: int, workers: int) -> list[Row]:
     with ExitStack() as stack:
         task = stock()
         stack.callback(task.close)
-        period_s = float(task.unwrapped.dt)  # type: ignore[attr-defined]
+        assert isinstance(task.unwrapped, MujocoEnv)
+        period_s = float(task.unwrapped.dt)
     return [
         Row(OURS, many, lambda: TankendoVectorEnv(many, engine="arrays"), steps, 0.1),
         Row("ours: arrays, few robots", few, lambda: TankendoVectorEnv(few, engine="arrays"), steps, 0.1),
@@ -77,8 +79,9 @@ def player(env: VectorEnv, robots: int, steps: int) -> Callable[[], float]:
     """
     env.reset(seed=0)
     space = env.single_action_space
-    low, high = np.maximum(space.low, -0.3), np.minimum(space.high, 0.3)  # type: ignore[attr-defined]
-    drawn = np.random.default_rng(0).uniform(low, high, (steps, robots, *space.shape))  # type: ignore[misc]
+    assert isinstance(space, gymnasium.spaces.Box)
+    low, high = np.maximum(space.low, -0.3), np.minimum(space.high, 0.3)
+    drawn = np.random.default_rng(0).uniform(low, high, (steps, robots, *space.shape))
     actions = drawn.astype(np.float32)
 
     def play() -> float:

@@ -66,29 +66,45 @@ class Reached:
         agrees = self.held_out < (1.0 - WORTH) ** more * other.held_out
         return gain - price > EVIDENCE and agrees
 
-    def intervals(self) -> dict[str, dict[str, dict[str, float]]]:
-        """Return effect -> parameter -> value and 90 % interval, as a model file states them."""
-        effects, count = self.fitted.candidate.effects, self.fitted.candidate.law.parameter_count
-        spread = np.sqrt(np.diag(self.fitted.covariance(self.inflation)))[count:] * _NORMAL_90
-        place = self.fitted.place[count:]
-        found: dict[str, dict[str, dict[str, float]]] = {}
-        for effect, intervals in effects.intervals(place, place - spread, place + spread).items():
-            for parameter, ends in intervals.items():
-                if all(map(math.isfinite, ends)):
-                    values = dict(zip(("value", "low", "high"), ends, strict=True))
-                    found.setdefault(effect, {})[parameter] = values
-        return found
-
     def stated(self) -> tuple[Model, FloatArray]:
         """Return the model with all that is known of its uncertainty, and the covariance (6, 6) of A-F."""
-        names, covariance = joint_covariance(self.fitted, self.base, self.inflation)
-        of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
-        stated = {
-            "wheel": {"names": list(COEFFICIENTS), "covariance": of_law.tolist()},
-            "effects": self.intervals(),
-            "joint": {"names": names, "covariance": covariance.tolist()},
-        }
-        return replace(self.model, uncertainty={**self.model.uncertainty, **stated}), of_law
+        return with_uncertainty(self.base, self.fitted, self.inflation)
+
+
+def with_uncertainty(
+    base: Model, fitted: Fitted[LawWithEffects], inflation: float
+) -> tuple[Model, FloatArray]:
+    """Return the fitted model with the uncertainty of law and effects, and the covariance (6, 6) of A-F.
+
+    `base` is the model that was fitted, and `inflation` the variance of the residual relative to the noise.
+    """
+    names, covariance = joint_covariance(fitted, base, inflation)
+    of_law = covariance[: len(COEFFICIENTS), : len(COEFFICIENTS)]
+    stated = {
+        "wheel": {
+            **base.uncertainty.get("wheel", {}),
+            "names": list(COEFFICIENTS),
+            "covariance": of_law.tolist(),
+        },
+        "effects": _intervals(fitted, inflation),
+        "joint": {"names": names, "covariance": covariance.tolist()},
+    }
+    model = fitted.candidate.model(base, fitted.place)
+    return replace(model, uncertainty={**base.uncertainty, **stated}), of_law
+
+
+def _intervals(fitted: Fitted[LawWithEffects], inflation: float) -> dict[str, dict[str, dict[str, float]]]:
+    """Return effect -> parameter -> value and 90 % interval, as a model file states them."""
+    effects, count = fitted.candidate.effects, fitted.candidate.law.parameter_count
+    spread = np.sqrt(np.diag(fitted.covariance(inflation)))[count:] * _NORMAL_90
+    place = fitted.place[count:]
+    found: dict[str, dict[str, dict[str, float]]] = {}
+    for effect, intervals in effects.intervals(place, place - spread, place + spread).items():
+        for parameter, ends in intervals.items():
+            if all(map(math.isfinite, ends)):
+                values = dict(zip(("value", "low", "high"), ends, strict=True))
+                found.setdefault(effect, {})[parameter] = values
+    return found
 
 
 @dataclass(frozen=True, eq=False)

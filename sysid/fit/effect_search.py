@@ -163,7 +163,8 @@ class EffectSearch:
         )
         threshold_rpm = reached.model.effects[DEAD_ZONE_LIKE_IT]["threshold_rpm"]
         start = torque.unit(threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad)
-        search = self._beside_none_of(DEAD_ZONE_LIKE_IT)
+        # The set may have lost effects that this search began with.
+        search = self._from(reached.base)._beside_none_of(DEAD_ZONE_LIKE_IT)
         found = search._reached(LawWithEffects(old.law, effects), np.append(place, start))
         if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
             return reached
@@ -174,10 +175,14 @@ class EffectSearch:
         if name not in self.base.effects:
             return self
         effects = {other: values for other, values in self.base.effects.items() if other != name}
-        start = replace(self.base, effects=effects)
-        return EffectSearch(
-            start, self.problem.whitener, self.held_out, self.largest_pole, self.known, self.robot
-        )
+        return self._from(replace(self.base, effects=effects))
+
+    def _from(self, start: Model) -> EffectSearch:
+        """Return this search with another starting law."""
+        if start is self.base:
+            return self
+        whitener = self.problem.whitener
+        return EffectSearch(start, whitener, self.held_out, self.largest_pole, self.known, self.robot)
 
     def _use(self, reached: Reached, name: str) -> float:
         """Return by how much least squares expects the cost to rise without an effect."""

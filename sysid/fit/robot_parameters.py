@@ -33,6 +33,7 @@ from sysid.compare.problem import ResidualProblem
 from sysid.compare.simulator import without_engine_warnings
 from sysid.compare.subset import most_active_runs
 from sysid.compare.whitening import Whitener
+from sysid.fit.drive_reached import with_uncertainty
 from sysid.fit.grip import EVIDENCE, ROLLER_SECONDS, SHOWN, RobotParameter, profile_grip, scan_grip
 from sysid.fit.metrics import Runs
 from sysid.fit.robot_search import BODY_VELOCITY, FoundRobot, PlantData, RobotSearch, largest_command_runs
@@ -249,7 +250,7 @@ def _parameter(name: str, robot: Robot, fitted: bool, given: bool, log_error: fl
 
 
 def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Model, str]:
-    """Fit the law and some parameters of the `robot` again on the rollers (stage 3).
+    """Fit the law, effects fitted with it, and some parameters of the `robot` again on the rollers (stage 3).
 
     Return the model fitted to the fit runs, or the given one if that predicts the validation runs as well,
     and a note.
@@ -270,7 +271,11 @@ def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Mo
     if after is None or float(after @ after) >= float(check.base_residual @ check.base_residual):
         return model, "law and servo fitted again on the rollers predict validation runs no better: left"
     share = float(np.linalg.norm(after) / np.linalg.norm(check.base_residual))
-    return replace(fitted, uncertainty=model.uncertainty), (
+    fitted = replace(fitted, uncertainty=model.uncertainty)
+    if effects.names:
+        # The rollers have moved the effects, so what was stated on the planar plant holds no more.
+        fitted, _ = with_uncertainty(model, found, max(1.0, found.cost / problem.size))
+    return fitted, (
         f"law{''.join(', ' + name for name in robot)} fitted again on the rollers: there the error on "
         f"validation runs is {share:.0%} of what it is with the planar plant's"
     )

@@ -4,13 +4,13 @@ A drive on the floor carries the robot. Where its torque is limited, or its loop
 step of the command rises differently driving straight and turning, and a law that was fitted to the wheels
 describes neither. A lag, a delay and a gain, a servo with integral action and a torque limit, yaw inertia and
 the friction of the wheels have so few numbers that least squares finds them from a handful of places; law,
-robot and effects are then fitted together from there (`sysid.fit.robot_parameters.on_rollers`).
+robot and effects are then fitted together from there (`sysid.fit.robot_effects`).
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any, Final
@@ -112,8 +112,13 @@ def simple_robot(model: Model, given: Sequence[str], data: PlantData, tell: Prog
 
 
 def _descended(
-    residual: Any, base: Model, place: FloatArray, step: float, most: int
+    residual: Callable[[FloatArray, Model], FloatArray],
+    base: Model,
+    place: FloatArray,
+    step: float,
+    most: int,
 ) -> tuple[float, FloatArray]:
+    """Return the least cost near a place, and where, after `most` steps with differences over a `step`."""
     found = least_squares(residual, place, bounds=(0.0, 1.0), diff_step=step, max_nfev=most, args=(base,))
     return float(found.cost), found.x
 

@@ -7,11 +7,13 @@ import gymnasium
 import numpy as np
 import pytest
 
-import mecanum_env  # noqa: F401  (registers the environments)
+import mecanum_env
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from mecanum_env.tankendo.noise import Noise
 from mecanum_env.tankendo.vector import TankendoVectorEnv
+
+gymnasium.register_envs(mecanum_env)
 
 RANGES = {"robot.mass_kg": (18, 24), "effects.speed_gain.gain": (0.9, 1.0)}
 

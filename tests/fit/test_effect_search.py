@@ -31,3 +31,19 @@ def test_effects_of_the_start_that_the_logs_do_not_show_are_not_in_the_model(tri
     assert began is not None
     assert set(began.model.effects) == {"speed_gain", "coulomb_friction", "command_latency"}
     assert set(search.pruned(began, tried).model.effects) == {"speed_gain"}
+
+
+def test_friction_for_a_dead_zone_brings_no_effect_back_that_was_pruned() -> None:
+    true = paper_model().with_effect("coulomb_friction", torque_n_m=0.4)
+    true = replace(true, robot=replace(true.robot, servo_n_m_s_rad=0.5))
+    data = logs(true)
+    start = replace(true, effects={}).with_effect("command_deadband/subtract", threshold_rpm=7.6)
+    start = start.with_effect("command_latency", delay_s=0.001)
+    observations = observe(replace(data, runs=data.split("fit")))
+    whitener = Whitener(observations, measure_noise(data, observations), None)
+    search = EffectSearch(start, whitener, HeldOut.of(data), POLE_LIMIT, drive_candidates(data.columns))
+    began = search.begin()
+    assert began is not None
+    smaller = search.pruned(began)
+    assert set(smaller.model.effects) == {"command_deadband/subtract"}
+    assert set(search.rubbing(smaller).model.effects) == {"coulomb_friction"}

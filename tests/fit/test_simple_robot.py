@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model, paper_model
-from sysid.fit import robot_effects
+from sysid.fit import robot_effects, robot_parameters
 from sysid.fit.robot_effects import RobotWithEffects, find_robot_effects
 from sysid.fit.robot_search import PlantData
 from sysid.fit.simple_robot import ROBOT_NUMBERS, simple_robot
@@ -97,3 +97,17 @@ def test_the_model_states_one_covariance_of_law_and_effects(found: RobotWithEffe
 def test_a_robot_that_its_law_explains_has_no_effects(robot_logs: Callable[..., Dataset]) -> None:
     data = robot_logs(paper_model(), runs=3, seconds=1.5)
     assert find_robot_effects(data, paper_model(), (), wheels_of(data)) is None
+
+
+def test_what_the_rollers_move_is_stated_where_it_is(
+    logs: Dataset, found: RobotWithEffects | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found is not None
+    monkeypatch.setattr(robot_parameters, "_SIMULATIONS", 3)
+    late = found.drive.model.with_effect("command_latency", delay_s=0.1)
+    model, note = robot_parameters.on_rollers(late, logs, ())
+    assert "there the error on validation runs is" in note
+    assert model.effects["command_latency"]["delay_s"] < 0.09
+    for name, parameters in model.uncertainty["effects"].items():
+        for parameter, ends in parameters.items():
+            assert ends["value"] == pytest.approx(model.effects[name][parameter])

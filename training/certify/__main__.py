@@ -27,8 +27,8 @@ def main(
     out: Path = Path("certificate"),
     physics: Literal["planar", "rollers"] = "planar",
     difficulty: str = "normal",
-    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
-    thresholds: Thresholds = Thresholds(),  # noqa: B008  (frozen; its values are the help's defaults)
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
+    thresholds: Thresholds = Thresholds(),
     bound: bool = True,
 ) -> Done:
     """Play a controller on many plants; write its metrics and whether they meet the thresholds.

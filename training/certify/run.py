@@ -49,9 +49,9 @@ class CertifyOptions:
     """Names and groups of plants, to which the nominal one and those held out are added; empty: all."""
     physics: RobotPlant = "planar"
     difficulty: str = "normal"
-    workers: Workers = Workers()  # noqa: RUF009  (frozen)
+    workers: Workers = Workers()
     """Where the episodes are played, which does not change the result."""
-    thresholds: Thresholds = Thresholds()  # noqa: RUF009  (frozen)
+    thresholds: Thresholds = Thresholds()
     bound: bool = True
     """Whether the oracle plays every planar plant as well, so that results are shares of its success."""
     search: Search = Search()  # noqa: RUF009  (frozen)

@@ -21,7 +21,7 @@ def main(
     model: Path | None = None,
     episodes: int = 200,
     rollers: bool = True,
-    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
 ) -> Done:

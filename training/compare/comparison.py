@@ -66,7 +66,7 @@ def compare_controllers(
     *,
     episodes: int = 200,
     rollers: bool = True,
-    workers: Workers = Workers(),  # noqa: B008  (frozen)
+    workers: Workers = Workers(),
     progress: Progress | None = None,
 ) -> Comparison:
     """Play every controller in every setting, with the seeds 0, 1, ...

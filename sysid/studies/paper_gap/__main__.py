@@ -13,7 +13,7 @@ from mecanum_env.parallel import Workers
 
 def main(
     out: Path = Path("paper_gap"),
-    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
     markdown: Path | None = None,
 ) -> None:
     """Search for the effects that reproduce the six numbers of the paper's robot; write tables.

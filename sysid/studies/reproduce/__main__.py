@@ -20,7 +20,7 @@ def main(
     out: Path = Path("reproduce"),
     quick: bool = False,
     seed: int = 0,
-    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
     markdown: Path | None = None,
 ) -> Done:
     """Run every method of the paper on a target system and write reproduce.json, report.html and pictures.

@@ -29,7 +29,7 @@ def main(
     robot: int | None = None,
     first_seed: int | None = None,
     sealed: bool = False,
-    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),  # noqa: B008  (frozen)
+    workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
     only: str = "*",
     settle: bool = False,
     out: Path = Path("out/zoo"),

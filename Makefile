@@ -26,12 +26,12 @@ export OMP_NUM_THREADS := 1
 demo: $(VENV)/installed
 	$(BIN)/mecanum demo --out out
 
-# A file stays with one worker, so that what its tests share is computed once.
+# A file stays with one worker, so that what its tests share is computed once; tests/conftest.py says which come first.
 test: $(VENV)/train
-	$(BIN)/python -m pytest -n auto --dist loadfile -m "not slow"
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder -m "not slow"
 
 test-all: $(VENV)/train
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --dist loadfile --no-loadscope-reorder
 
 test-wheel: $(VENV)/installed
 	$(BIN)/python tests/run_on_wheel.py

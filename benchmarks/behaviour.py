@@ -13,7 +13,6 @@ from __future__ import annotations
 import filecmp
 import hashlib
 import json
-import os
 import re
 import shutil
 import subprocess
@@ -23,10 +22,10 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+from recordings import FOLDER
 from tqdm import tqdm
 
 ROOT: Final = Path(__file__).resolve().parents[1]
-REAL_LOGS: Final = Path(os.environ.get("MECANUM_REAL_LOGS", ROOT.parent / "shared" / "data"))
 ENVIRONMENTS: Final = ("MecanumTankendo-v0", "MecanumTankendoTrack-v0", "MecanumTankendoDuel-v0")
 MEASURED: Final = re.compile(
     r"seconds|_ms$|peak_memory|version|_us$|commit|python|sha256|timing|processor_s|wall_s|costs|comparisons"
@@ -63,20 +62,20 @@ def programs(out: Path) -> dict[str, list[str]]:
         "command_latency", "direction_asymmetry", "sensor_latency", "payload", "wheel_radius", "coulomb_friction",
     ]  # fmt: skip
     commands["robot_fit"] = ["sysid.fit", str(loop / "robot"), "--out", str(out / "robot_fit")]
-    if (REAL_LOGS / "robotino").is_dir():
+    if (FOLDER / "robotino").is_dir():
         for name in ("micromouse/duty_right", "robotino/bench_without_integral/motor1", "husky/left"):
             short = name.replace("/", "_")
             commands[f"fit_{short}"] = [
                 "sysid.fit",
-                str(REAL_LOGS / name),
+                str(FOLDER / name),
                 "--out",
                 str(out / f"fit_{short}"),
             ]
             commands[f"gap_{short}"] = [
-                "sysid.gap", str(REAL_LOGS / name), "--model", str(out / f"fit_{short}" / "model.json"),
+                "sysid.gap", str(FOLDER / name), "--model", str(out / f"fit_{short}" / "model.json"),
                 "--out", str(out / f"gap_{short}"), "--seconds", "30", "--max-effects", "2",
             ]  # fmt: skip
-        husky, fitted = REAL_LOGS / "husky" / "body", str(out / "fit_husky_body" / "model.json")
+        husky, fitted = FOLDER / "husky" / "body", str(out / "fit_husky_body" / "model.json")
         commands["fit_husky_body"] = [
             "sysid.fit", str(husky), "--robot", str(husky / "robot.json"), "--out", str(out / "fit_husky_body"),
         ]  # fmt: skip

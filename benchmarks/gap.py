@@ -37,7 +37,8 @@ from mecanum_env.files import write_json
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model, write_model
 from mecanum_env.units import FloatArray
-from sysid.compare.prediction import Start, predict
+from sysid.compare.measured import Start
+from sysid.compare.predicted import predict
 from sysid.fit import fit_dataset, fitted_model
 from sysid.logs import BodyCommand, Dataset, Run, Split, read_dataset
 from sysid.logs.writer import write_dataset

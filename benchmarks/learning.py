@@ -1,175 +1,234 @@
-"""What a policy needs to meet late and unknown robots: history, memory, a privileged critic, a teacher.
+"""How much of the past a policy needs to meet late and unknown robots: observations in a row, or a memory.
 
-Example: python benchmarks/learning.py --teacher out/teacher --out out/bench/learning.json
+Example: python benchmarks/learning.py --markdown docs/results/learning.md
 
-Every way is trained with the same seeds for the same steps on drawn robots, opponents and senses, and scored
-on held-out rows of the certificate. The recurrent policy is sb3-contrib's, which must be installed:
-`pip install sb3-contrib`. Finished runs are not trained again.
+The planner's advice (`training.train.imitation`) is collected once for each seed, by the recipe's own network
+of sixteen observations. Networks that see the last 2, 6 or 16 of them, and a recurrent one (a gated recurrent
+unit that reads the sixteen one after the other), are fitted to the same advice with the same number of passes
+and play held-out rows of a certificate.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import torch
+from learning_page import page
+from reachable import play
+from recordings import print_page
 
+from mecanum_env.checkout import commit
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
 from mecanum_env.model import paper_model
 from mecanum_env.reading import read_json
 from mecanum_env.tankendo import opponent_for
-from mecanum_env.tankendo.vector import TankendoVectorEnv
+from mecanum_env.tankendo.actions import ActionMode
+from mecanum_env.units import FloatArray
+from training.certify.plants import RobotVariant
 from training.certify.variations import certificate_variants
-from training.controllers.policy import features, load_policy
-from training.evaluate import mean
-from training.train.environments import episode_seeds, training_env
-from training.train.run import train_policy
+from training.train.imitation import Imitation, fit_to_advice, new_layers, scale_of, scaled
+from training.train.mirror import ACTION_SIGNS, FEATURE_SIGNS
+from training.train.planned import ROUNDS
 from training.train.score import successes
 from training.train.settings import Ppo, TrainingSettings
 
 ROWS: Final = ("nominal", "latency+0.1s", "late-and-slow", "sluggish", "quick", "deliberate", "long-armed")
 """Rows of the certificate that are played."""
-_BASE: Final = TrainingSettings(
-    randomize="varied",
-    opponents="varied",
-    senses="mixed",
-    curriculum=0.0,
-    margin_weight=0.7,
-    envs=256,
-    checkpoint_every=10_000_000,
-    ppo=Ppo(epochs=8, entropy_weight=0.003, renewed_at=1.0),
-)
-WAYS: Final[Mapping[str, TrainingSettings]] = {
-    "2 observations": replace(_BASE, stack=2),
-    "6 observations": replace(_BASE, stack=6),
-    "6, privileged critic": replace(_BASE, stack=6, privileged="critic"),
-    "6, privileged critic, teacher": replace(_BASE, stack=6, privileged="critic"),
-    "recurrent, 1 observation": replace(_BASE, stack=1),
-}
-"""What is compared; the teacher and the recurrent learner are added by name."""
-
-Wins = Callable[[range, Mapping[str, Any]], float]
-"""Share of successes in the episodes with these seeds, in an environment with these arguments."""
+_STACK: Final = 16
+_FEATURES: Final = len(FEATURE_SIGNS)
+_UNITS: Final = 96
+WAYS: Final = ("2 observations", "6 observations", "16 observations", "recurrent")
+"""What is compared."""
 
 
-def rows(wins: Wins, episodes: int) -> dict[str, float]:
+@dataclass(frozen=True, eq=False)
+class Learner:
+    """A network that can be fitted."""
+
+    act: Callable[[torch.Tensor], torch.Tensor]
+    """Scaled features of all sixteen observations, shape (n, k), to actions, shape (n, 3)."""
+    parameters: Sequence[torch.nn.Parameter]
+
+
+@dataclass(frozen=True, eq=False)
+class Student:
+    """A fitted network as `successes` plays it."""
+
+    learner: Learner
+    scale: FloatArray
+    stack: int = _STACK
+    privileged: int = 0
+    action_mode: ActionMode = "cartesian"
+
+    def actions(self, stacked: FloatArray) -> FloatArray:
+        """Return the actions, shape (n, 3), for stacked features."""
+        with torch.no_grad():
+            acted: FloatArray = self.learner.act(scaled(stacked, self.scale)).numpy().astype(float)
+        return np.clip(acted, -1.0, 1.0)
+
+
+def new_learner(way: str) -> Learner:
+    """Return the learner of one of `WAYS`."""
+    return _recurrent() if way == "recurrent" else _last_few(int(way.split()[0]))
+
+
+def _last_few(count: int) -> Learner:
+    """Return two hidden layers on the last `count` observations."""
+    size = count * _FEATURES
+    layers = new_layers((size, _UNITS, _UNITS, len(ACTION_SIGNS)))
+    return Learner(lambda seen: layers(seen[:, -size:]), list(layers.parameters()))
+
+
+def _recurrent() -> Learner:
+    """Return a gated recurrent unit that reads the observations one after the other."""
+    unit = torch.nn.GRU(_FEATURES, _UNITS, batch_first=True)
+    last = torch.nn.Linear(_UNITS, len(ACTION_SIGNS))
+
+    def act(seen: torch.Tensor) -> torch.Tensor:
+        states, _ = unit(seen.unflatten(1, (_STACK, _FEATURES)))
+        actions: torch.Tensor = last(states[:, -1])
+        return actions
+
+    return Learner(act, [*unit.parameters(), *last.parameters()])
+
+
+def fit(way: str, imitation: Imitation, passes: int, seed: int) -> Student:
+    """Fit the learner of a way to all advice of an imitation."""
+    torch.manual_seed(seed)
+    learner, samples = new_learner(way), imitation.samples()
+    scale = scale_of(samples[0])
+    fit_to_advice(learner.act, learner.parameters, samples, scale, passes)
+    return Student(learner, scale)
+
+
+def advice_of(seed: int, steps: int) -> Imitation:
+    """Return an imitation of plain sensors that has collected its advice; its own network drives."""
+    settings = TrainingSettings(
+        seed=seed,
+        stack=_STACK,
+        steps=steps,
+        envs=48,
+        randomize="varied",
+        opponents="varied",
+        ppo=Ppo(layers=(_UNITS, _UNITS)),
+    )
+    imitation = Imitation(settings)
+    for number, (share, noise) in enumerate(ROUNDS, start=1):
+        imitation.collect(steps // len(ROUNDS), share, noise)
+        if number < len(ROUNDS):
+            imitation.fit(4)
+    return imitation
+
+
+def variants() -> list[RobotVariant]:
+    """Return the rows of the certificate that are played."""
+    every = certificate_variants(paper_model(), "planar", opponent_for("normal"))
+    return [one for one in every if one.name in ROWS]
+
+
+def rows(student: Student, episodes: int) -> dict[str, float]:
     """Return the success on each of `ROWS`."""
     found = {}
-    for one in certificate_variants(paper_model(), "planar", opponent_for("normal")):
-        if one.name in ROWS:
-            given = {"model": one.model, "opponent": one.opponent, "senses": one.senses, "engine": "arrays"}
-            found[one.name] = wins(range(episodes), given)
+    for one in variants():
+        won = successes(
+            student,
+            range(episodes),
+            model=one.model,
+            opponent=one.opponent,
+            senses=one.senses,
+            engine="arrays",
+        )
+        found[one.name] = float(won.mean())
     return found
 
 
-def feed_forward(settings: TrainingSettings, folder: Path, episodes: int) -> dict[str, Any]:
-    """Train with these settings into a folder; return the success on each row and the processor time."""
-    state = train_policy(settings, folder, quiet=True)
-    network = load_policy(folder).network
-    return {
-        "success": rows(lambda seeds, given: float(successes(network, seeds, **given).mean()), episodes),
-        "processor_s": state.processor_s,
-    }
+@dataclass(frozen=True)
+class Plan:
+    """Sizes of the comparison; what was measured with others is not mixed with it."""
+
+    steps: int
+    passes: int
+    episodes: int
 
 
-def recurrent(settings: TrainingSettings, episodes: int) -> dict[str, Any]:
-    """Train sb3-contrib's recurrent PPO with these settings; return the same."""
-    import torch
-    from sb3_contrib import RecurrentPPO
+def measure(out: Path, seeds: Sequence[int], plan: Plan) -> dict[str, Any]:
+    """Return what is in `out` after all seeds are in it, which is what is measured here.
 
-    torch.set_num_threads(1)
-    env = training_env(settings)
-    ppo, begin = settings.ppo, time.process_time()
-    env.unwrapped._seeds = episode_seeds(settings, 0)
-    agent = RecurrentPPO(
-        "MlpLstmPolicy",
-        env,
-        learning_rate=lambda left: (
-            ppo.last_learning_rate + (ppo.learning_rate - ppo.last_learning_rate) * left
-        ),
-        n_steps=ppo.rollout_steps,
-        batch_size=ppo.batch_size,
-        n_epochs=ppo.epochs,
-        gamma=ppo.gamma,
-        ent_coef=ppo.entropy_weight,
-        seed=settings.seed,
-        device="cpu",
-        policy_kwargs={
-            "lstm_hidden_size": 64,
-            "net_arch": list(ppo.layers),
-            "log_std_init": ppo.log_std,
-        },
+    Raises:
+        InputError: the file was written with other sizes.
+    """
+    found: dict[str, Any] = {"plan": asdict(plan), "commit": commit() or "unknown", "planner": {}, "runs": {}}
+    if out.exists():
+        found = read_json(out)
+        if found.get("plan") != asdict(plan):
+            raise InputError(f"{out}: of other sizes ({found.get('plan')}); name another --out")
+    for seed in seeds:
+        if all(str(seed) in found["runs"].get(way, {}) for way in WAYS):
+            continue
+        begun = time.process_time()
+        imitation = advice_of(seed, plan.steps)
+        print(f"seed {seed}: advice after {_minutes(begun):.1f} processor minutes", flush=True)
+        for way in WAYS:
+            begun = time.process_time()
+            student = fit(way, imitation, plan.passes, seed)
+            spent = _minutes(begun)
+            won = rows(student, plan.episodes)
+            found["runs"].setdefault(way, {})[str(seed)] = {"rows": won, "fit_minutes": spent}
+            write_json(out, found)
+            print(f"seed {seed}, {way}: {np.mean(list(won.values())):.3f}", flush=True)
+    for one in variants():
+        if one.name not in found["planner"]:
+            found["planner"][one.name] = play("told", one, plan.episodes)["won"] / plan.episodes
+            write_json(out, found)
+    return found
+
+
+def about(plan: Plan) -> str:
+    """Return how the networks were fitted, in words."""
+    return (
+        f"For each seed the planner's advice in {plan.steps:,} steps is collected once, on drawn robots and "
+        "against drawn opponents with plain sensors. Four networks are fitted to this same advice, each in "
+        f"{plan.passes} passes: two hidden layers of {_UNITS} units on the last 2, 6 or 16 observations, and "
+        f"one gated recurrent layer with a state of {_UNITS} that reads the sixteen one after the other. In "
+        "collecting, the network of 16 observations drives, so the states are those that it meets. Each then "
+        f"plays {plan.episodes} episodes of each row of a [certificate](../certify.md), the same for all."
     )
-    agent.learn(settings.steps)
-    spent = time.process_time() - begin
 
-    def wins(seeds: range, given: Mapping[str, Any]) -> float:
-        native = TankendoVectorEnv(len(seeds), autoreset_mode="Disabled", **given)
-        observation, _ = native.reset(seed=list(seeds))
-        won, over, state = np.zeros(len(seeds), bool), np.zeros(len(seeds), bool), None
-        while not over.all():
-            seen = env.normalize_obs(features(observation))
-            action, state = agent.predict(seen, state, np.zeros(len(seeds), bool), deterministic=True)
-            step = native.arena.step(action)
-            observation, ended = step.observation, step.terminated | step.truncated
-            won |= step.info["is_success"] & ended & ~over
-            over |= ended
-        return float(won.mean())
 
-    return {"success": rows(wins, episodes), "processor_s": spent}
+def _minutes(begun: float) -> float:
+    return (time.process_time() - begun) / 60.0
 
 
 def main(
     out: Path = Path("out/bench/learning.json"),
-    teacher: Path | None = None,
     seeds: tuple[int, ...] = (0, 1, 2),
-    steps: int = 600_000,
+    steps: int = 72_000,
+    passes: int = 24,
     episodes: int = 200,
-    ways: tuple[str, ...] = tuple(WAYS),
+    markdown: Path | None = None,
 ) -> None:
-    """Compare ways to learn for late and unknown robots.
+    """Compare how much of the past students of the planner see.
+
+    Example: python benchmarks/learning.py --markdown docs/results/learning.md
 
     Args:
-        out: JSON file to write; the runs are in a folder of the same name beside it.
-        teacher: Folder of a run with --privileged both, which the way with a teacher imitates for two thirds
-            of the steps.
-        seeds: Seeds of the runs.
-        steps: Number of steps of each run.
+        out: JSON file to write; what is in it already is not done again.
+        seeds: Seeds of the advice and of the weights.
+        steps: Steps with advice for each seed.
+        passes: Passes over the advice.
         episodes: Number of episodes of each row, with the seeds 0, 1, ...
-        ways: What is compared.
+        markdown: Markdown file to write the page to.
     """
-    results: dict[str, dict[str, Any]] = read_json(out) if out.exists() else {}
-    for way in ways:
-        for seed in seeds:
-            if str(seed) in results.get(way, {}):
-                continue
-            settings = replace(WAYS[way], seed=seed, steps=steps)
-            folder = out.with_suffix("") / f"{way.replace(', ', '-').replace(' ', '-')}-{seed}"
-            if way.startswith("recurrent"):
-                found = recurrent(settings, episodes)
-            elif way.endswith("teacher"):
-                if teacher is None:
-                    raise InputError("--teacher: none is given; train one with --privileged both")
-                taught = replace(settings, teacher=str(teacher), teacher_steps=2 * steps // 3)
-                found = feed_forward(replace(taught, ppo=replace(taught.ppo, log_std=-1.5)), folder, episodes)
-            else:
-                found = feed_forward(settings, folder, episodes)
-            results.setdefault(way, {})[str(seed)] = found
-            write_json(out, results)
-    print(f"{'way, ' + str(steps) + ' steps':32}{'mean':>22}  " + "  ".join(f"{row:>13}" for row in ROWS))
-    for way, runs in results.items():
-        shares = {row: [one["success"][row] for one in runs.values()] for row in ROWS}
-        over = mean([float(np.mean(list(one["success"].values()))) for one in runs.values()])
-        minutes = np.mean([one["processor_s"] for one in runs.values()]) / 60.0
-        cells = "  ".join(f"{np.mean(shares[row]):13.2f}" for row in ROWS)
-        text = "-" if over is None else f"{over.value:.2f} ({over.low:.2f} .. {over.high:.2f})"
-        print(f"{way:32}{text:>22}  {cells}  {minutes:.1f} processor minutes")
-    print(f"wrote {out}")
+    torch.set_num_threads(1)
+    plan = Plan(steps, passes, episodes)
+    print_page(page(measure(out, seeds, plan), WAYS, about(plan)), markdown)
 
 
 if __name__ == "__main__":

@@ -50,7 +50,7 @@ def main(
         first_seed: development seed of the first of them.
         quick: small sizes, which show that all works and measure little.
         out: JSON file to write.
-        markdown: page to write.
+        markdown: page to write; with `only`, this part of a page that exists is written anew, and says so.
     """
     parts: dict[Part, Callable[[], list[Table]]] = {
         "physics": lambda: [_physics(repeats, quick)],
@@ -69,7 +69,12 @@ def main(
             found = [table.json() for table in tables]
             write_json(out, {"commit": code, "machine": machine, "versions": versions, "tables": found})
         if markdown is not None:
-            write_text(markdown, _page(tables, f"Commit {code[:12]}; {machine}.", versions))
+            where = f"Commit {code[:12]}; {machine}"
+            if only is not None and markdown.exists():
+                page = _with_parts(markdown.read_text(encoding="utf-8"), tables, where, versions)
+            else:
+                page = _page(tables, f"{where}.", versions)
+            write_text(markdown, page)
     print("\n\n".join(table.markdown() for table in tables))
 
 
@@ -108,6 +113,21 @@ def _page(tables: list[Table], where: str, versions: dict[str, str]) -> str:
     )
     used = markdown_table(tuple(versions), [tuple(versions.values())])
     return head + used + "\n\n" + "\n\n".join(table.markdown() for table in tables) + "\n"
+
+
+def _with_parts(page: str, tables: list[Table], where: str, versions: dict[str, str]) -> str:
+    """Return a page whose sections of these tables are new, and say where they were measured."""
+    used = ", ".join(f"{name} {release}" for name, release in versions.items())
+    sections = [section.strip() for section in page.split("\n## ")]
+    titles = [section.partition("\n")[0] for section in sections]
+    for table in tables:
+        title, _, rest = table.markdown().removeprefix("## ").partition("\n\n")
+        text = f"{title}\n\n*This part was measured apart. {where}; {used}.*\n\n{rest}"
+        if title in titles:
+            sections[titles.index(title)] = text
+        else:
+            sections.append(text)
+    return "\n\n## ".join(sections) + "\n"
 
 
 if __name__ == "__main__":

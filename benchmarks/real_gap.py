@@ -14,7 +14,6 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -24,6 +23,7 @@ from typing import Annotated, Any
 
 import numpy as np
 import tyro
+from recordings import recordings, written
 
 from mecanum_env.cli import run
 from mecanum_env.errors import MecanumError
@@ -31,7 +31,7 @@ from mecanum_env.files import write_json, write_text
 from mecanum_env.law import WheelLaw
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model, read_robot
-from sysid.compare.subset import select_runs, small_command_runs
+from sysid.compare.measured import select_runs, small_command_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.fit.pipeline import Fit
 from sysid.gap.report.output import gap_json
@@ -52,7 +52,6 @@ from sysid.gap.wording import (
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
 
-DEFAULT_FOLDER = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/body", "micromouse/duty_left", "micromouse/duty_right",
             "micromouse/closed_loop_left", "micromouse/closed_loop_right")  # fmt: skip
 SECONDS = {"bench": 60.0, "robot": 40.0}
@@ -102,13 +101,12 @@ def main(
         out: JSON file to write.
         markdown: Markdown file to write the page to.
     """
-    folder = Path(os.environ.get("MECANUM_REAL_LOGS", DEFAULT_FOLDER))
-    if not (folder / "husky").is_dir():
-        print("no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/")
+    folder = recordings("husky", "micromouse")
+    if folder is None:
         return
     parts = [
         "# Results of `python benchmarks/real_gap.py`",
-        "Written by the command itself; do not edit. Recordings of real robots, whose true effects "
+        f"{written()} Recordings of real robots, whose true effects "
         "are not known: what the gap workflow finds, and what is left. A law is fitted to a part of each "
         "recording, and pieces of its fit and validation runs that cover the speeds decide; test runs take "
         "part in neither and are shown whole. Times are of one processor. The robot is simulated on the "

@@ -7,12 +7,12 @@ The recordings are not part of the repository: MECANUM_REAL_LOGS names their fol
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path
 from typing import Annotated
 
 import tyro
+from recordings import recordings
 from tqdm import tqdm
 
 from mecanum_env.cli import run
@@ -23,7 +23,6 @@ from sysid.fit.pipeline import Fit
 from sysid.logs import read_dataset
 from sysid.progress import seconds_of
 
-BESIDE_THE_CHECKOUT = Path(__file__).parents[1].parent / "shared" / "data"
 DATASETS = ("husky/left", "husky/right", "husky/body", "micromouse/closed_loop_left",
             "micromouse/closed_loop_right", "micromouse/duty_left", "micromouse/duty_right")  # fmt: skip
 HEAD = ("logs", "rms fit", "validation", "test rpm", "rise s", "order", "delay ms", "ceiling rpm", "white",
@@ -45,9 +44,8 @@ def main(
         starts: number of starting points of each fit.
         out: JSON file to write, with the results of all fits.
     """
-    folder = Path(os.environ.get("MECANUM_REAL_LOGS", BESIDE_THE_CHECKOUT))
-    if not (folder / "husky").is_dir():
-        print("no real logs here; set MECANUM_REAL_LOGS to the folder that holds husky/ and micromouse/")
+    folder = recordings("husky", "micromouse")
+    if folder is None:
         return
     rows, notes, results = [], [], {}
     for name in tqdm(names, desc="recordings", leave=False, disable=None):

@@ -11,16 +11,15 @@ The recordings are not part of the repository: MECANUM_REAL_LOGS names their fol
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
 from time import process_time
 
 import numpy as np
+from recordings import print_page, recordings, written
 
 from mecanum_env.cli import run
-from mecanum_env.files import write_text
 from mecanum_env.markdown import markdown_table
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.result import GapOptions
@@ -30,7 +29,6 @@ from sysid.logs import read_dataset
 from sysid.studies.free_correction import free_correction
 from sysid.studies.score import FOUND, WRONG_ANSWERS, word_of
 
-DEFAULT_FOLDER = Path(__file__).parents[1].parent / "shared" / "data"
 PAIRS = (
     ("robotino/bench_with_integral", "robotino/bench_without_integral", "the drive's integral term is off: "
      "Coulomb friction as a droop", "coulomb_friction"),
@@ -50,23 +48,16 @@ def main(starts: int = 5, jobs: int = 1, markdown: Path | None = None) -> None:
         jobs: Simulations at a time.
         markdown: Markdown file to write the page to.
     """
-    folder = Path(os.environ.get("MECANUM_REAL_LOGS", DEFAULT_FOLDER))
-    if not (folder / "robotino").is_dir():
-        print("no recordings of known changes here; set MECANUM_REAL_LOGS to the folder that holds robotino/")
-        return
-    parts = []
-    for part in page(folder, starts, jobs):
-        print(part, end="\n\n", flush=True)
-        parts.append(part)
-    if markdown is not None:
-        write_text(markdown, "\n\n".join(parts) + "\n")
+    folder = recordings("robotino")
+    if folder is not None:
+        print_page(page(folder, starts, jobs), markdown)
 
 
 def page(folder: Path, starts: int, jobs: int) -> Iterator[str]:
     """Yield the paragraphs of the page."""
     yield "# Results of `python benchmarks/real_pairs.py`"
     yield (
-        "Written by the command itself; do not edit. Recordings of a Robotino's motors before and after one "
+        f"{written()} Recordings of a Robotino's motors before and after one "
         "known change. A law and the effects of its drive are fitted to the recording before, and compared "
         "with the one after. Frictions are in rpm of droop. A free correction is a regression of the "
         "difference on smooth functions of command, speed and time: what could be removed at all on test "

@@ -51,6 +51,22 @@ def success(settings: TrainingSettings, factory: ControllerFactory, seeds: range
     return evaluate_controller(factory, setup, seeds).success.value
 
 
+def show(algo: Algorithm, one: dict[str, Any]) -> None:
+    """Print what came of one run of an algorithm."""
+    passed = one["passed_retreat"]
+    when = (
+        f"passed retreat after {passed['steps']:,} steps, {passed['wall_s'] / 60:.1f} minutes "
+        f"({passed['wall_s'] / BUDGET_S:.2f} of the budget; {passed['processor_s'] / 60:.1f} processor)"
+        if passed
+        else "did not pass retreat"
+    )
+    last = one["curve"][-1]
+    print(
+        f"{algo}, seed {one['seed']}: success {one['success']:.3f}; {when}; all {last['steps']:,} steps "
+        f"{last['wall_s'] / 60:.1f} minutes ({last['processor_s'] / 60:.1f} processor)"
+    )
+
+
 def main(
     out: Path = Path("out/bench/train.json"),
     algo: Algorithm = "ppo",
@@ -100,18 +116,7 @@ def main(
             },
         )
     for one in runs:
-        passed = one["passed_retreat"]
-        when = (
-            f"passed retreat after {passed['steps']:,} steps, {passed['wall_s'] / 60:.1f} minutes "
-            f"({passed['wall_s'] / BUDGET_S:.2f} of the budget; {passed['processor_s'] / 60:.1f} processor)"
-            if passed
-            else "did not pass retreat"
-        )
-        last = one["curve"][-1]
-        print(
-            f"{algo}, seed {one['seed']}: success {one['success']:.3f}; {when}; all {last['steps']:,} steps "
-            f"{last['wall_s'] / 60:.1f} minutes ({last['processor_s'] / 60:.1f} processor)"
-        )
+        show(algo, one)
     if over_seeds is not None:
         verdict = "ok" if over_seeds.value >= TARGET else "MISSED"
         print(

@@ -31,6 +31,7 @@ from loop_report import (
     summary,
     truth_text,
     warning_line,
+    write_loop_page,
 )
 
 from mecanum_env.cli import run
@@ -79,7 +80,7 @@ def close_the_loop(
 
     Args:
         out: folder to write.
-        controller: a bundled policy, nominal or robust, or a controller as for python -m training.certify.
+        controller: as for python -m training.certify.
         episodes: number of fights of each controller on each robot.
         fights: simulated system of the fights: planar, without slip, or rollers, ten times as slow.
         jobs: number of parallel processes, which does not change the result.
@@ -91,11 +92,9 @@ def close_the_loop(
     from mecanum_env.files import write_json
     from mecanum_env.model import read_model
     from training.certify.checks import share_text
-    from training.controllers.policy import bundled
 
     began = time.perf_counter()
     scale = Scale(episodes, fights, "planar" if quick else "rollers", jobs, quick)
-    controller = str(bundled(controller)) if controller in (NOMINAL, ROBUST) else controller
 
     print("1. Logs. One wheel on the bench, then the robot built with it, driven by hand.")
     hidden_robot.write_bench_logs(out / "bench")
@@ -125,8 +124,8 @@ def close_the_loop(
     for name, success in predicted.items():
         print(f"   {name:<28} {share_text(success)}")
     print(f"   {ITSELF:<28} {share_text(before)}")
-    print(f"   prediction by the improved model: {holds_text(predicted[IMPROVED], before)}")
-    print(f"   prediction by the fit:            {holds_text(promised, before)}")
+    print(f"   by the improved model: {holds_text(predicted[IMPROVED], before)}")
+    print(f"   by the fit:            {holds_text(promised, before)}")
 
     better = f"{controller}+compensated"
     print(f"\n7. {label(better)}: the effects compensated. Its certificate on the improved model.")
@@ -135,15 +134,14 @@ def close_the_loop(
     print(f"   success {share_text(hoped)}; {warning_line(second)}")
 
     print("\n8. The robot itself again.")
-    planner, robust = f"{PLANNER}+compensated", str(bundled(ROBUST))
-    again = (better, planner, robust, f"{robust}+compensated")
+    again = tuple(dict.fromkeys((better, f"{PLANNER}+compensated", ROBUST, f"{ROBUST}+compensated")))
     after = dict(zip(again, on_the_robot(dict.fromkeys(again, improved), scale), strict=True))
     print(f"   before: {label(controller):<20} {share_text(before)}")
     for name, success in after.items():
         print(
             f"   after:  {label(name):<20} {share_text(success)}, gained {difference_text(before, success)}"
         )
-    print(f"   prediction by the certificate: {holds_text(hoped, after[better])}")
+    print(f"   by the certificate: {holds_text(hoped, after[better])}")
 
     truth = hidden_robot.reveal()
     print(f"\nWhat had been hidden: {truth_text(truth)}.")
@@ -154,10 +152,16 @@ def close_the_loop(
         Row(better, IMPROVED, IMPROVED, hoped),
         *(Row(name, IMPROVED, ITSELF, success) for name, success in after.items()),
     )
-    pictures = draw(out, report, rows, (first, second))
-    write_json(out / "loop.json", summary(asdict(scale), fitted, report, rows, truth))
-    print(f"\nLook at {', '.join(str(path) for path in pictures)} and the pages named above.")
-    print(f"All results: {out / 'loop.json'}. It took {(time.perf_counter() - began) / 60.0:.1f} min.")
+    print(
+        f"In short: {promised.value:.2f} by the first certificate, {before.value:.2f} on the robot itself, "
+        f"{after[better].value:.2f} with what its logs say compensated."
+    )
+    draw(out, report, rows, (first, second))
+    story = summary(asdict(scale), fitted, report, rows, truth)
+    write_json(out / "loop.json", story)
+    page = write_loop_page(out / "loop.html", story, fit_text(fitted), gap_lines(report))
+    print(f"\nThe story: {page}, with pictures and the pages named above; all figures: {out / 'loop.json'}.")
+    print(f"It took {(time.perf_counter() - began) / 60.0:.1f} min.")
 
 
 def fit_bench(out: Path) -> Fit:

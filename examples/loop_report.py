@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from sysid.fit import Fit
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from training.certify.certificate import Certificate
     from training.evaluate import Share
 
+PAGE: Final = Path(__file__).with_name("close_the_loop.html")
 RED, GREEN, BLUE = "#c8102e", "#0b7a75", "#1f4e79"
 FIT, IMPROVED, ITSELF = "fit", "improved model", "the robot itself"
 """Models and robots of the story."""
@@ -62,11 +64,10 @@ def holds(predicted: Share, measured: Share) -> bool:
 
 def holds_text(predicted: Share, measured: Share) -> str:
     """Return in words whether a predicted success agrees with the measured one."""
-    place = "within" if predicted.low <= measured.value <= predicted.high else "outside"
-    verdict = "holds" if holds(predicted, measured) else "does not hold"
+    verdict = "contains 0: holds" if holds(predicted, measured) else "is without 0: does not hold"
     return (
-        f"{measured.value:.2f} is {place} {predicted.low:.2f} .. {predicted.high:.2f}; difference "
-        f"{difference_text(predicted, measured)}: {verdict}"
+        f"{predicted.value:.2f} predicted, {measured.value:.2f} on the robot; difference "
+        f"{difference_text(predicted, measured)} {verdict}"
     )
 
 
@@ -231,8 +232,13 @@ def summary(
             asdict(row) | {"controller": label(row.controller), "value": row.success.value} for row in rows
         ],
         "predictions": {
-            name: {"difference": difference(*pair), "holds": holds(*pair)}
-            for name, pair in predictions.items()
+            name: {
+                "predicted": predicted.value,
+                "measured": measured.value,
+                "difference": difference(predicted, measured),
+                "holds": holds(predicted, measured),
+            }
+            for name, (predicted, measured) in predictions.items()
         },
         "gained": {
             label(row.controller): difference(before, row.success)
@@ -240,3 +246,54 @@ def summary(
             if row.robot == ITSELF and row.knows == IMPROVED
         },
     }
+
+
+def write_loop_page(path: Path, story: Mapping[str, Any], fit: str, said: str) -> Path:
+    """Write the page of a story beside the pictures of `draw`, and return its path.
+
+    Args:
+        path: file to write, in the folder of the story.
+        story: as `summary` returns it.
+        fit: how well the bench logs were fitted, in words.
+        said: what the study of the gap found, in lines.
+    """
+    from mecanum_env.report import write_page
+
+    fights, gained = story["fights"], story["gained"]
+    real = [one for one in fights if one["robot"] == ITSELF]
+    first, before, after = fights[0], real[0], real[1]
+
+    def shown(one: Mapping[str, Any]) -> str:
+        return f"{one['value']:.2f} ({one['success']['low']:.2f} .. {one['success']['high']:.2f})"
+
+    def signed(change: Sequence[float]) -> str:
+        return "{:+.2f} ({:+.2f} .. {:+.2f})".format(*change)
+
+    write_page(
+        path,
+        PAGE,
+        {},
+        tiles=[
+            (f"{first['controller']}, certified on the fit", shown(first)),
+            ("the same on the robot itself", shown(before)),
+            (f"{after['controller']} on the robot itself", shown(after)),
+        ],
+        fit=fit,
+        said=textwrap.dedent(said),
+        predictions=[
+            (
+                name,
+                f"{one['predicted']:.2f}",
+                f"{one['measured']:.2f}",
+                signed(one["difference"]),
+                "holds" if one["holds"] else "does not hold",
+            )
+            for name, one in story["predictions"].items()
+        ],
+        rows=[
+            (one["controller"], shown(one), signed(gained[one["controller"]]) if number else "")
+            for number, one in enumerate(real)
+        ],
+        hidden=truth_text(story["hidden"]),
+    )
+    return path

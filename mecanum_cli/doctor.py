@@ -19,9 +19,10 @@ from mecanum_env.version import __version__
 _SECONDS: Final = 120
 _PACKAGES: Final = ("mujoco", "mujoco-core", "numpy", "scipy", "gymnasium", "matplotlib", "jinja2", "tyro")
 """Distributions whose versions matter in a report of a fault; those that are absent are not shown."""
-_EXTRAS: Final = {
+EXTRAS: Final = {
     **{"train": "stable_baselines3", "bag": "rosbags", "parquet": "pyarrow", "mcap": "mcap", "onnx": "onnx"},
-    **{"ray": "ray", "zoo": "numba", "gapbench": "cma"},
+    **{"view": "websockets", "duel": "pettingzoo", "ray": "ray", "zoo": "numba", "gapbench": "cma"},
+    **{"peers": "sippy_unipi", "docs": "furo"},
 }
 """Extra -> a module that it installs."""
 _PLUGIN: Final = """
@@ -72,7 +73,7 @@ def doctor() -> Done:
         _by_running("video", _VIDEO, "`pip install --force-reinstall imageio-ffmpeg`"),
     )
     versions = {"mecanum-tankendo": __version__, "python": platform.python_version(), **_versions()}
-    extras = {name: importlib.util.find_spec(module) is not None for name, module in _EXTRAS.items()}
+    extras = {name: importlib.util.find_spec(module) is not None for name, module in EXTRAS.items()}
     print(", ".join(f"{name} {version}" for name, version in versions.items()))
     print(f"{platform.platform()}, {'checkout' if checkout() else 'installed'} at {sys.prefix}")
     for check in checks:

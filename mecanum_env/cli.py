@@ -10,6 +10,8 @@ import errno
 import inspect
 import io
 import os
+import re
+import select
 import sys
 import tempfile
 import traceback
@@ -53,8 +55,13 @@ def run(command: Callable[..., Any], args: Sequence[str] | None = None, prog: st
     try:
         args = with_samples(given)
         _require_no_empty(args)
-        result = tyro.cli(command, args=args, prog=prog)
-        sys.stdout.flush()
+        # tyro would break the help's lines where the docstring's end.
+        command.__doc__ = _joined(inspect.getdoc(command) or "")
+        try:
+            result = tyro.cli(command, args=args, prog=prog)
+        finally:
+            # Here, since `--help | head` would else fail at the interpreter's end.
+            sys.stdout.flush()
     except KeyboardInterrupt:
         print("interrupted; nothing half-written was left behind", file=sys.stderr)
         return 130
@@ -88,15 +95,26 @@ def judged(error: Exception) -> tuple[int, str]:
     return _MACHINE, f"{what}; a fault of the program, please report it"
 
 
+def _joined(doc: str) -> str:
+    """Return a docstring with each argument's description in a line of its own."""
+    text, section, arguments = doc.partition("\nArgs:\n")
+    return text + section + re.sub(r"\n {8,}(?=\S)", " ", arguments)
+
+
 def _reader_has_gone() -> bool:
     """Return whether the reader of stdout (`| head`) has closed the pipe; nothing is printed from then on."""
     try:
-        sys.stdout.flush()
-    except BrokenPipeError:
+        place = sys.stdout.fileno()
+    except (OSError, ValueError):
+        return False
+    # Unbuffered, nothing may be left that would fail when it is flushed.
+    pipe = select.poll()
+    pipe.register(place, select.POLLOUT)
+    has_gone = any(event & (select.POLLERR | select.POLLHUP) for _, event in pipe.poll(0))
+    if has_gone:
         # Otherwise the interpreter fails again when it flushes.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return True
-    return False
+        os.dup2(os.open(os.devnull, os.O_WRONLY), place)
+    return has_gone
 
 
 def _place(command: Callable[..., Any], args: Sequence[str]) -> Path:

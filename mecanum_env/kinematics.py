@@ -32,6 +32,18 @@ from mecanum_env.omni import OmniWheel, speeds_to_twist, twist_to_speeds
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 WHEELS: Final = ("fl", "fr", "rl", "rr")
+BODY_COMMAND: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
+"""Columns of a command of the robot: V, theta, VC."""
+WHEEL_COMMAND: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
+"""Columns of a command of the four wheels."""
+WHEEL_SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
+"""Columns of the measured speeds of the four wheels."""
+TWIST: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
+"""Columns of a measured body twist."""
+POSE: Final = ("x_m", "y_m", "yaw_rad")
+"""Columns of a measured pose in the world."""
+ROBOT_CHANNELS: Final = (*WHEEL_SPEEDS, *TWIST, *POSE)
+"""All columns that may be measured of a robot's motion."""
 _COMMAND_GAIN: Final = 1.0
 """Wheel speed per V [rpm/rpm]; an assumption of this project, see the module docstring."""
 

@@ -124,7 +124,7 @@ def speeds_to_twist(speeds_rpm: npt.ArrayLike, wheels: Sequence[OmniWheel]) -> F
     """Return body twists (vx, vy [m/s], wz [rad/s]), shape (..., 3), of speeds of `wheels` [rpm], (..., N).
 
     With more than three wheels it is the twist with the least squared slip of the rims; motion of the wheels
-    against each other, which the body cannot follow, is dropped (`speeds_against`).
+    against each other, which the body cannot follow, is dropped.
 
     Raises:
         InputError: the wheels cannot drive all three motions.
@@ -132,15 +132,6 @@ def speeds_to_twist(speeds_rpm: npt.ArrayLike, wheels: Sequence[OmniWheel]) -> F
     require_all_motions(wheels)
     rim_m_s = np.asarray(speeds_rpm, float) * (_radii(wheels) * RAD_S_PER_RPM)
     return np.asarray(rim_m_s @ np.linalg.pinv(wheel_rows(wheels)).T)
-
-
-def speeds_against(speeds_rpm: npt.ArrayLike, wheels: Sequence[OmniWheel]) -> FloatArray:
-    """Return the part of wheel speeds [rpm] that no motion of the body explains, shape (..., N).
-
-    It is 0 for three `wheels`; with more it shows slip, or wheels of another size than stated.
-    """
-    speeds = np.asarray(speeds_rpm, float)
-    return np.asarray(speeds - twist_to_speeds(speeds_to_twist(speeds, wheels), wheels))
 
 
 def _radii(wheels: Sequence[OmniWheel]) -> FloatArray:

@@ -1,12 +1,21 @@
-"""Statistics that several programs report: root mean square, and the interval of a share."""
+"""Statistics that several programs need: root mean square, the interval of a share, two constants."""
 
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
 from mecanum_env.units import FloatArray
+
+VERY_STRONG: Final = 10.0
+"""Difference of BIC that is "very strong" evidence (Kass and Raftery, J. Am. Stat. Assoc. 90:773, 1995).
+
+That is twice the logarithm of the ratio of the likelihoods, less the price of the parameters.
+"""
+MEDIAN_OF_NORMAL: Final = 0.6745
+"""Median of the sizes of normal values, in their standard deviations."""
 
 
 def rms(values: FloatArray) -> float:

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from mecanum_env.errors import InputError, install_command
 from mecanum_env.reading import read_bytes
 from mecanum_env.separators import with_plain_separators
-from mecanum_env.units import FloatArray
+from mecanum_env.units import FloatArray, unit_of_stamps
 
 _MOST_BYTES: Final = 1 << 30
 """Largest text of a table [bytes]; a day at 100 Hz has about half of it."""
@@ -36,6 +36,8 @@ _LONGEST_JUMP_S: Final = 3600.0
 stamp could exhaust the memory."""
 _LONGEST_RUN_S: Final = 86400.0
 """Longest time from the first row to the last [s]: ten million ticks of the law still fit into memory."""
+_FEW_ROWS: Final = 20
+"""So few rows do not show the unit of their stamps."""
 _SPLIT: Final = "split the run into several files"
 
 SUFFIXES: Final = (".csv", ".csv.gz", ".parquet")
@@ -118,13 +120,20 @@ def check_stamps(table: Table, time_s: FloatArray) -> None:
             "the stamp before; cut the file where the clock jumps, and remove rows that appear twice"
         )
     far = np.flatnonzero(np.diff(time_s) > _LONGEST_JUMP_S)
+    late = np.flatnonzero(time_s - time_s[0] > _LONGEST_RUN_S)
+    usual = float(np.median(np.diff(time_s))) if len(time_s) > _FEW_ROWS else 0.0
+    if usual > _LONGEST_JUMP_S or (late.size and usual >= 1.0):
+        unit, scale = unit_of_stamps(usual)
+        raise InputError(
+            f"{table.header}: rows are {usual:g} s apart, {time_s[-1] - time_s[0]:g} s in all; is time_s in "
+            f"{unit}? (scale = {scale:g}); give it as the column's scale under [columns] in dataset.toml"
+        )
     if far.size:
         row = int(far[0]) + 1
         raise InputError(
             f"{table.where(row)}: time_s jumps from {time_s[row - 1]!s} to {time_s[row]!s} s, by more than "
             f"{_LONGEST_JUMP_S:g} s; split the run there, or correct the stamp"
         )
-    late = np.flatnonzero(time_s - time_s[0] > _LONGEST_RUN_S)
     if late.size:
         row = int(late[0])
         raise InputError(

@@ -25,7 +25,7 @@ def simulate(
     Each simulated run has the commands, stamps, columns and start of the logged one, and its supply voltage,
     which is no result.
 
-    Example: python -m sysid.simulate examples/logs --model fit/model.json --out simulated
+    Example: python -m sysid.simulate @examples/logs --model fit/model.json --out simulated
 
     Args:
         logs: Folder of bench or robot logs, or one file.
@@ -38,7 +38,7 @@ def simulate(
 
     from mecanum_env.model import read_model
     from mecanum_env.outputs import output_folder, require_empty
-    from sysid.compare.prediction import Study, predict
+    from sysid.compare.predicted import Study, predict
     from sysid.logs import read_dataset
     from sysid.logs.writer import write_dataset
 

@@ -33,6 +33,24 @@ settings.register_profile("deterministic", deadline=None, derandomize=True, max_
 settings.load_profile("deterministic")
 
 
+LONGEST = (
+    "docs/test_blocks.py",
+    "fit/effects/test_drive_effects.py",
+    "regression/test_own_robots.py",
+    "test_close_the_loop.py",
+    "test_onto_a_robot.py",
+)
+"""Files that take long, and start first: at the end the others would wait for one of them."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Put the tests of the longest files first; all others stay in their order."""
+    here = Path(__file__).parent
+    first = {here / name for name in LONGEST}
+    assert all(path.is_file() for path in first), "a file of LONGEST is gone"
+    items.sort(key=lambda item: item.path not in first)
+
+
 @pytest.fixture
 def paper() -> Model:
     """Return the packaged model of the paper."""

@@ -32,7 +32,7 @@ QUICK = (
     "tests/test_files.py",
     "tests/test_model.py",
     "tests/fit/test_command_line.py",
-    "tests/fit/test_fit_report.py",
+    "tests/fit/report/test_fit_report.py",
     "tests/gap/report",
     "tests/logs",
     "tests/tankendo/test_env.py",

@@ -75,10 +75,27 @@ ROOMS = {
         "tankendo",
     ),
     "sysid": ("logs", "compare", "fit", "gap", "studies"),
-    "sysid.gap": ("search", "design", "report", "workflow"),
+    "sysid.compare": (
+        "measured",
+        "links",
+        "predicted",
+        "noise",
+        "search_space",
+        "model_error",
+        "least_squares",
+    ),
+    "sysid.fit": ("estimators", "options", "statistics", "drive", "effects", "robot", "pipeline", "report"),
+    "sysid.gap": ("search", "link_faults", "design", "report", "workflow"),
     "training": ("controllers", "evaluate", "certify", "compare", "export", "drivers", "run"),
 }
 """The rooms of each package, from the ground floor up: a room imports only rooms before it."""
+
+
+WITH_DOORS = (
+    *(f"sysid.compare.{room}" for room in ROOMS["sysid.compare"]),
+    *(f"sysid.fit.{room}" for room in ("drive", "effects", "robot", "report")),
+)
+"""Rooms that show what is for others in their `__init__`."""
 
 
 def circles(needs: dict[str, set[str]]) -> dict[str, set[str]]:
@@ -145,6 +162,59 @@ def test_fit_and_gap_share_only_what_lies_below_both():
     assert {module for module in of_gap if module.startswith("sysid.gap")} == set()
     of_fit = {m for n, modules in IMPORTS.items() if n.startswith("sysid.gap") for m in modules}
     assert {module for module in of_fit if module.startswith("sysid.fit.")} == set()
+
+
+@pytest.mark.parametrize("room", WITH_DOORS)
+def test_a_room_is_entered_by_its_door(room):
+    wrong = [
+        f"{name} imports {module}"
+        for name, modules in IMPORTS.items()
+        for module in modules
+        if module.startswith(f"{room}.") and not f"{name}.".startswith(f"{room}.")
+    ]
+    assert wrong == []
+
+
+MAPPED = ("mecanum_env", "sysid", "sysid.compare", "sysid.fit", "sysid.gap")
+
+
+def rooms_on_the_map(package: str) -> list[str]:
+    """Return the rooms in the table of a package in CONTRIBUTING.md, in their order."""
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    table = text[text.index(f"\n`{package}`: ") :].split("\n|---|---|\n")[1].split("\n\n")[0]
+    return re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)
+
+
+@pytest.mark.skipif(not (ROOT / "CONTRIBUTING.md").exists(), reason="tests run against a built wheel")
+@pytest.mark.parametrize("package", MAPPED)
+def test_the_map_shows_every_room_above_those_that_import_it(package):
+    rooms, needs = rooms_on_the_map(package), children(package)
+    folders = {path.name for path in (ROOT / package.replace(".", "/")).iterdir() if path.is_dir()}
+    # The template of pages is no room, but one of the files beside them.
+    assert (folders & needs.keys()) - {"report"} <= {*rooms}
+    assert [room for room in rooms if room not in needs] == []
+    wrong = [
+        f"{room} imports {other}"
+        for floor, room in enumerate(rooms)
+        for other in rooms[floor + 1 :]
+        if other in needs[room]
+    ]
+    assert wrong == []
+
+
+@pytest.mark.parametrize("package", sorted(IS_PACKAGE))
+def test_the_list_of_a_room_names_its_files(package):
+    """A room that lists its files lists no others, and names each of them, if only beside another one."""
+    text = (ROOT / package.replace(".", "/") / "__init__.py").read_text(encoding="utf-8")
+    doc = ast.get_docstring(ast.parse(text)) or ""
+    rows = [row.split(", ") for row in re.findall(r"^ *(\w+(?:, \w+)*)  +\S", doc, re.MULTILINE)]
+    listed = {name for row in rows for name in row}
+    files = {name for name in children(package) if name not in ("__init__", "__main__")}
+    if len(rows) < 2:
+        return
+    assert listed - files == set()
+    unnamed = files - listed - {*re.findall(r"`(\w+)`", doc)}
+    assert unnamed == set()
 
 
 def test_a_circle_of_imports_is_found():

@@ -1,6 +1,9 @@
 """Command line programs: exit codes, and one sentence on stderr."""
 
 import importlib
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -33,6 +36,40 @@ def stop() -> None:
 def test_a_command_that_returns_exits_with_0(capsys):
     assert run(greet, ["--name", "world", "--times", "2"]) == 0
     assert capsys.readouterr().out == "hello world hello world \n"
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize("arguments", [["--help"], ["--name", "world"]])
+def test_output_whose_reader_has_gone_is_no_fault(arguments, unbuffered):
+    script = f"from tests.test_cli import greet, run; raise SystemExit(run(greet, {arguments}))"
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        stdout=writing,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONUNBUFFERED": unbuffered},
+        check=False,
+    )
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, b"")
+
+
+def test_the_help_of_an_argument_is_broken_where_the_terminal_ends(capsys, monkeypatch):
+    def tell(name: str = "") -> None:
+        """Tell.
+
+        Args:
+            name: whom to tell, in words that take more room than a line of the docstring has, which ends
+                here.
+        """
+
+    monkeypatch.setenv("COLUMNS", "200")
+    with pytest.raises(SystemExit):
+        run(tell, ["--help"])
+    assert "in words that take more room than a line of the docstring has, which ends here." in (
+        capsys.readouterr().out
+    )
 
 
 def test_a_verdict_is_the_exit_code():

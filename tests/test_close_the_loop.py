@@ -4,6 +4,7 @@ import contextlib
 import importlib
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -34,6 +35,16 @@ def few_variants(*given):
     return tuple(one for one in found if one not in held_out[1:])
 
 
+def few_fights(on_the_robot):
+    """Return what plays all fights of controllers of this story, and only some of those that go along."""
+
+    def play(controllers, scale):
+        asked = {n: scale if n.startswith("retreat") else replace(scale, episodes=4) for n in controllers}
+        return tuple(on_the_robot({n: controllers[n]}, asked[n])[0] for n in controllers)
+
+    return play
+
+
 @pytest.fixture(scope="module")
 def told(scripts, tmp_path_factory):
     """Return the folder, the figures and the words of one small run."""
@@ -47,6 +58,8 @@ def told(scripts, tmp_path_factory):
         # No figure of the story is of the plants that a certificate holds apart, or of many warnings.
         patch.setattr("training.certify.run.certificate_variants", few_variants)
         patch.setattr("training.certify.run.WARNING_FACTOR", 1)
+        loop = scripts.close_the_loop
+        patch.setattr(loop, "on_the_robot", few_fights(loop.on_the_robot))
         scripts.close_the_loop.close_the_loop(out, "retreat", episodes=60, jobs=1, quick=True)
     figures = json.loads((out / "loop.json").read_text(encoding="utf-8"))
     return SimpleNamespace(out=out, figures=figures, words=words.getvalue())
@@ -91,6 +104,14 @@ def test_the_story_has_its_eight_steps_and_its_pictures(told):
         picture = (told.out / f"close_the_loop_{name}.png").read_bytes()
         assert picture.startswith(b"\x89PNG")
         assert len(picture) > 5000
+
+
+def test_the_page_has_the_predictions_and_what_is_gained(told):
+    page = (told.out / "loop.html").read_text(encoding="utf-8")
+    for one in told.figures["predictions"].values():
+        assert f"<td>{one['predicted']:.2f}</td><td>{one['measured']:.2f}</td>" in page
+    for name in told.figures["gained"]:
+        assert f"<td>{name}</td>" in page
 
 
 def test_the_story_does_not_look_into_the_robot(scripts):

@@ -82,11 +82,11 @@ LOGS = {"sysid.logs.read_dataset": nothing, "sysid.logs.quantities.require_our_u
 COMMANDS = {
     "fit": ("sysid.fit.__main__", "fit", ["logs"], LOGS | {
         "sysid.fit.pipeline.fit_dataset": nothing,
-        "sysid.fit.result.fitted_model": lambda _: SimpleNamespace(),
+        "sysid.fit.report.fitted_model": lambda _: SimpleNamespace(),
         "sysid.logs.of_fit.with_logs": nothing,
         "mecanum_env.model.write_model": file_at(1),
-        "sysid.fit.result.fit_json": figures,
-        "sysid.fit.plots.write_fit_plots": file_at(1, "fit.png"),
+        "sysid.fit.report.fit_json": figures,
+        "sysid.fit.report.write_fit_plots": file_at(1, "fit.png"),
         "sysid.fit.report.write_fit_report": file_at(2),
         "sysid.fit.report.fit_table": words,
     }),
@@ -151,10 +151,10 @@ COMMANDS = {
         "sysid.studies.reproduce.tables.verdict": words,
     }),
     "zoo": ("sysid.studies.zoo.__main__", "main", ["--quick"], {
-        "sysid.studies.zoo.work.run_tasks": lambda *_: SimpleNamespace(outcomes=(1,), undrawn=()),
+        "sysid.studies.zoo.run.run_tasks": lambda *_: SimpleNamespace(outcomes=(1,), undrawn=()),
         "sysid.studies.zoo.page.provenance_of": nothing,
-        "sysid.studies.zoo.page.run_json": figures,
-        "sysid.studies.zoo.page.summary_text": words,
+        "sysid.studies.zoo.run.run_json": figures,
+        "sysid.studies.zoo.run.summary_text": words,
         "sysid.studies.zoo.page.short_text": words,
     }),
     "compare": ("training.compare.__main__", "main", ["p", "--markdown", "OUT/a.md", "--out", "OUT/a.json"], {
@@ -169,14 +169,14 @@ COMMANDS = {
         "mecanum_env.rendering.video.write_video": file_at(0),
     }),
     "record": ("training.record.__main__", "main", ["still", "--still", "OUT/a.png", "--out", "OUT/a.mp4"], {
-        "training.certify.plants.robot_variants": nothing,
-        "training.certify.plants.select_variants": lambda *_: [
+        "training.record.film.robot_variants": nothing,
+        "training.record.film.select_variants": lambda *_: [
             SimpleNamespace(name="nominal", group="", model=None, physics="rollers", randomize="none")],
-        "mecanum_env.tankendo.env.TankendoEnv": lambda **_: SimpleNamespace(
+        "training.record.film.TankendoEnv": lambda **_: SimpleNamespace(
             arena=SimpleNamespace(time_limit_s=1.0)),
-        "training.controllers.named.make_controller": nothing,
-        "training.record.rollout.rollout_frames": lambda *_, **__: [None],
-        "training.record.rollout.outcome": words,
+        "training.record.film.make_controller": nothing,
+        "training.record.film.rollout_frames": lambda *_, **__: [None],
+        "training.record.film.outcome": words,
         "mecanum_env.rendering.video.write_still": file_at(0),
         "mecanum_env.rendering.video.write_video": lambda path, frames, _: [*frames] and file_at(0)(path),
     }),

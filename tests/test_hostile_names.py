@@ -59,7 +59,7 @@ def test_a_page_shows_names_as_text(name, tmp_path):
 
 
 @pytest.mark.parametrize(
-    "package", ["sysid/fit", "sysid/gap/report", "training/certify", "sysid/studies/reproduce"]
+    "package", ["sysid/fit/report", "sysid/gap/report", "training/certify", "sysid/studies/reproduce"]
 )
 def test_no_template_turns_escaping_off(package):
     root = Path(__file__).parents[1]
@@ -75,3 +75,12 @@ def test_a_table_in_markdown_keeps_its_cells(name):
     assert len(table) == 3
     assert "<script" not in table[2]
     assert table[2].replace("\\|", "").count("|") == table[0].count("|")
+
+
+def test_what_is_between_backticks_is_code_and_nothing_else_is_markup(tmp_path: Path) -> None:
+    (tmp_path / "template.html").write_text("<p>{{ text | code }}</p>{{ plot('p') }}", encoding="utf-8")
+    drawn = figure([], title="t", x="x", y="y")
+    text = "or than `brake_rpm_s` `<b>` <i>"
+    write_page(tmp_path / "page.html", tmp_path / "template.html", {"p": drawn}, text=text)
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert page.startswith("<p>or than <code>brake_rpm_s</code> <code>&lt;b&gt;</code> &lt;i&gt;</p>")

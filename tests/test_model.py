@@ -372,3 +372,15 @@ def test_a_measured_robot_file_is_strict():
     assert robot_from_dict({"mass_kg": 3}).mass_kg == 3.0
     with pytest.raises(InputError, match=r"robot\.colour: unknown name; known: wheel_radius_m"):
         robot_from_dict({"colour": "red"})
+
+
+def test_the_folder_of_a_fit_is_refused_with_the_file_in_it(tmp_path):
+    write_model(paper_model(), tmp_path / "model.json")
+    with pytest.raises(InputError, match=r"is a folder, must be a file; did you mean .*model\.json\?"):
+        read_model(tmp_path)
+
+
+def test_a_model_of_another_version_is_refused_with_what_to_do(tmp_path):
+    (tmp_path / "old.json").write_text('{"format": "mecanum-model/0"}')
+    with pytest.raises(InputError, match=r"old\.json: .* `python -m sysid\.fit LOGS` writes: fit again"):
+        read_model(tmp_path / "old.json")

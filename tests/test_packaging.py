@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from mecanum_cli.doctor import EXTRAS
 from mecanum_env import checkout as checkout_module
 from mecanum_env.errors import install_command
 from mecanum_env.plugin import build_command
@@ -40,3 +41,11 @@ def test_advice_fits_how_the_package_was_installed(monkeypatch):
     monkeypatch.setattr(checkout_module, "checkout", lambda: None)
     assert install_command("train") == '`pip install "mecanum-tankendo[train]"`'
     assert "in the checkout" not in build_command()
+
+
+def test_the_doctor_and_the_page_name_every_extra_for_users():
+    extras = set(SETTINGS["project"]["optional-dependencies"]) - {"dev"}
+    assert set(EXTRAS) == extras
+    page = (Path(__file__).parents[1] / "docs" / "installation.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1] for line in page.splitlines() if line.startswith("| `")]
+    assert extras == {name.strip(" `") for row in rows for name in row.split(",")}

@@ -19,7 +19,7 @@ from scipy.optimize import least_squares
 from scipy.signal import cont2discrete, lfilter
 
 from mecanum_env.units import FloatArray
-from sysid.compare.prediction import start_of
+from sysid.compare.measured import start_of
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.logs import Dataset, Run
 from sysid.studies.gapbench.adapters.fitting import Logs

@@ -26,7 +26,7 @@ from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.mjcf.geometry import sideways_ratio
 from mecanum_env.model import Model, Robot, paper_model
 from mecanum_env.units import RAD_S_PER_RPM
-from sysid.studies.motion import Command, start
+from sysid.studies.motion import Command, settled_motion, start
 
 FORWARD, LEFT, DIAGONAL = (80.0, 0.0, 0.0), (80.0, 90.0, 0.0), (80.0, 45.0, 0.0)
 BUSY = (60.0, 30.0, 20.0)
@@ -136,15 +136,8 @@ def drive(contender: Contender, mj_model: mujoco.MjModel, command: Command, seco
 
     All figures are NaN if the physics diverged.
     """
-    data = start(mj_model)
-    data.ctrl[:] = contender.ctrl_per_rpm * command_to_wheels(*command)
-    mujoco.mj_step(mj_model, data, nstep=round(1.0 / mj_model.opt.timestep))
-    steps = round(seconds / mj_model.opt.timestep)
-    velocities, heights = np.empty((steps, 3)), np.empty(steps)
-    for i in range(steps):
-        mujoco.mj_step(mj_model, data)
-        velocities[i] = [*data.sensor("base_velocity").data[:2], data.sensor("base_gyro").data[2]]
-        heights[i] = data.body("base").xpos[2]
+    ctrl = contender.ctrl_per_rpm * command_to_wheels(*command)
+    data, velocities, heights = settled_motion(mj_model, ctrl, seconds)
     if not np.all(np.isfinite(velocities)) or any(warning.number for warning in data.warning):
         return Motion(math.nan, math.nan, math.nan, math.nan)
     ideal = command_to_twist(*command, contender.robot)

@@ -8,8 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, changed_model, check_effects, drive_parameters
-from mecanum_env.effects.planar import PlanarBody
+from mecanum_env.effects.apply import (
+    active_effects,
+    changed_model,
+    check_effects,
+    drive_parameters,
+    wheels_differ,
+)
+from mecanum_env.effects.definition import PlanarBody
 from mecanum_env.errors import EffectRefusedError
 from mecanum_env.kinematics import WHEELS, require_mecanum
 from mecanum_env.law.parameters import CHAIN, PROGRAMS
@@ -17,7 +23,7 @@ from mecanum_env.mjcf.geometry import no_slip_rows, wheels_on_body
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import chain_parameters
-from mecanum_env.simulator.body_limits import limits_body, wheel_side
+from mecanum_env.simulator.body_limits import behind_limits, limits_body
 from mecanum_env.units import FloatArray
 
 BODY: Final = (
@@ -30,6 +36,7 @@ BODY: Final = (
 that an implicit step moves; whether MuJoCo drops what couples the world's axes (`PlanarBatch`), and that
 inertia along each axis then; mass times the offset of its centre; mass that gravity pulls; gravity along the
 world's x and y; viscous friction along the axes and in turning."""
+_UPPER: Final = np.triu_indices(3)
 _TIMESTEP_S: Final = 1 / 120
 """Upper bound of the physics step [s], as that of the planar plant in `mecanum_env.tankendo`."""
 
@@ -93,7 +100,7 @@ def planar_robot(model: Model, timestep_s: float | None = None) -> PlanarRobot:
     check_effects(model, "planar")
     _require_forms(model)
     limited = limits_body(model)
-    after = changed_model(wheel_side(model) if limited else model, "planar")
+    after = changed_model(behind_limits(model), "planar")
     timestep = fitting_timestep(after, _TIMESTEP_S if timestep_s is None else timestep_s)
     period = model.wheel.command_period_s
     rows = _drive_rows(after)
@@ -138,10 +145,7 @@ def _require_forms(model: Model) -> None:
 def _drive_rows(model: Model) -> FloatArray:
     """Return the parameters and programs of the four drives, shape (P, 4)."""
     inertia = wheel_inertia(model.robot)
-    differ = bool(model.wheels) or any(
-        effect.change_drive is not None and any(p.name.endswith(WHEELS) for p in effect.parameters)
-        for effect, _ in active_effects(model)
-    )
+    differ = wheels_differ(model)
     wheels = WHEELS if differ else (None,)
     rows = [chain_parameters(model, wheel, inertia_kg_m2=inertia) for wheel in wheels]
     return np.array(rows if differ else rows * len(WHEELS)).T
@@ -171,7 +175,7 @@ def _body_numbers(model: Model, timestep_s: float, rotor_kg_m2: float) -> FloatA
     return np.array(
         [
             *rows[WHEELS.index("fr")],
-            *mobility[np.triu_indices(3)],
+            *mobility[_UPPER],
             *(is_simple, moving[0, 0], moving[1, 1]),
             *(x, y, weight, *gravity, damping, damping_turn),
         ]

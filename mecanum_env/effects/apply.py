@@ -13,6 +13,7 @@ import numpy as np
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.definition import Channels, Effect, Load, PlantKind
 from mecanum_env.errors import EffectRefusedError, InputError
+from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.law.program import Program, evaluate
 from mecanum_env.model import Model
@@ -29,9 +30,13 @@ Sensors = Callable[[FloatArray, Channels], dict[str, FloatArray]]
 
 def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
     """Yield the effects of a model that are not neutral, each with all its parameters."""
+    if not model.effects:
+        return
     for name, effect in CATALOGUE.items():
-        if name in model.effects and not effect.is_neutral(model.effects[name], model):
-            yield effect, effect.complete(model.effects[name], model)
+        if name in model.effects:
+            values = effect.acting(model.effects[name], model)
+            if values is not None:
+                yield effect, values
 
 
 def check_effects(model: Model, plant: PlantKind) -> None:
@@ -103,7 +108,8 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
         InputError: an effect needs something that a drive cannot do; the message names the effect.
     """
     law = model.wheel.law if wheel_name is None else model.law_of(wheel_name)
-    drive = replace(model.wheel, law=law).drive_parameters()
+    wheel = model.wheel if law is model.wheel.law else replace(model.wheel, law=law)
+    drive = wheel.drive_parameters()
     for effect, values in active_effects(model):
         if effect.change_drive is not None:
             with _named(effect):
@@ -115,6 +121,14 @@ def drive_parameters(model: Model, wheel_name: str | None = None) -> DriveParame
         command_program=program_at(model.custom, "command"),
         set_point_program=program_at(model.custom, "set_point"),
         load_program=program_at(model.custom, "load"),
+    )
+
+
+def wheels_differ(model: Model) -> bool:
+    """Return whether the drives of a model's four wheels may have different numbers."""
+    return bool(model.wheels) or any(
+        effect.change_drive is not None and any(p.name.endswith(WHEELS) for p in effect.parameters)
+        for effect, _ in active_effects(model)
     )
 
 
@@ -138,6 +152,8 @@ def without_sensors(model: Model) -> Model:
     known = {name: CATALOGUE[name] for name in model.effects}
     kept = [name for name, effect in known.items() if effect.changes_motion or not effect.simulated]
     custom = tuple(effect for effect in model.custom if effect.station != "sensor")
+    if len(kept) == len(model.effects) and len(custom) == len(model.custom):
+        return model
     return replace(model, effects={name: model.effects[name] for name in kept}, custom=custom)
 
 

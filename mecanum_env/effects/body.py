@@ -6,8 +6,7 @@ import math
 from dataclasses import replace
 from typing import TYPE_CHECKING, Final
 
-from mecanum_env.effects.definition import Effect, Load, Parameter, PlantKind, Values
-from mecanum_env.effects.planar import PlanarBody
+from mecanum_env.effects.definition import Effect, Load, Parameter, PlanarBody, PlantKind, Values
 from mecanum_env.model import Model
 
 if TYPE_CHECKING:

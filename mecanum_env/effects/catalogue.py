@@ -58,8 +58,8 @@ def _fill(effects: Mapping[str, Effect]) -> None:
     _EFFECTS.update({name: effects[name] for name in EFFECT_PARAMETERS})
 
 
-_STATIONS: Final = (command, drive, motor, load, friction, body, sensor)
-_fill({effect.name: effect for station in _STATIONS for effect in station.EFFECTS})
+_FILES: Final = (command, drive, motor, load, friction, body, sensor)
+_fill({effect.name: effect for file in _FILES for effect in file.EFFECTS})
 
 
 def catalogue_table() -> str:

@@ -11,7 +11,6 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
-from mecanum_env.effects.planar import PlanarBody
 from mecanum_env.effects.scale import Scale
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
@@ -90,6 +89,29 @@ class Parameter:
         scan = None if self.scan is None else tuple(factor * value for value in self.scan)
         bounds = max(self.valid[0], factor * low), factor * high
         return replace(self, bounds=bounds, scan=scan, relative=False)
+
+
+@dataclass(frozen=True)
+class PlanarBody:
+    """Mass, damping and gravity of the planar plant (`mecanum_env.mjcf.planar_spec`), wheels not included.
+
+    It says what effects change of a robot without slip, without MuJoCo.
+    """
+
+    mass_kg: float
+    """Mass of the base."""
+    yaw_inertia_kg_m2: float
+    """Its moment about its centre of mass."""
+    com_x_m: float = 0.0
+    com_y_m: float = 0.0
+    """Its centre of mass, ahead of the middle of the wheels and to the left."""
+    middle_mass_kg: float = 0.0
+    """Further mass in the middle of the wheels."""
+    middle_yaw_inertia_kg_m2: float = 0.0
+    wheel_damping_n_m_s_rad: float = 0.0
+    """Viscous friction of each wheel."""
+    gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    """Gravity in the world's axes, MuJoCo's own on a level floor."""
 
 
 @dataclass(frozen=True)
@@ -237,8 +259,15 @@ class Effect:
 
     def is_neutral(self, values: Values, model: Model) -> bool:
         """Return whether the values change nothing in a model."""
+        return self.acting(values, model) is None
+
+    def acting(self, values: Values, model: Model) -> dict[str, float] | None:
+        """Return what `complete` does; None if the values change nothing in the model."""
         full = self.complete(values, model)
-        return all(full[p.name] == p.neutral_in(model) for p in self.parameters if p.neutral is not None)
+        for one in self.parameters:
+            if one.neutral is not None and full[one.name] != one.neutral_in(model):
+                return full
+        return None
 
 
 def usual_ceiling_rpm(model: Model) -> float:

@@ -117,15 +117,15 @@ EFFECTS: Final = (
         station="set_point",
         acts_on="drive",
         parameters=(
-            Parameter("share", "1", 0.0, (-0.5, 0.5), (-0.99, 0.99)),
+            Parameter("share", "1", 0.0, (-0.8, 0.8), (-0.99, 0.99)),
             Parameter(
                 "time_constant_s",
                 "s",
                 None,
-                (1.0, 600.0),
+                (0.5, 600.0),
                 POSITIVE,
                 default=60.0,
-                scan=(3, 10, 30, 100, 300),
+                scan=(1, 3, 10, 30, 100, 300),
             ),
         ),
         summary="As the drives warm up, their gain loses this share, most of it within the time constant; "
@@ -167,7 +167,7 @@ EFFECTS: Final = (
         acts_on="drive",
         parameters=(
             Parameter("limit_rpm", "rpm", "wheel.saturation_rpm", (10.0, 200.0), POSITIVE, scan=LIMITS_RPM),
-            Parameter("softness_rpm", "rpm", 0.0, (0.0, 60.0)),
+            Parameter("softness_rpm", "rpm", 0.0, (0.0, 100.0)),
         ),
         summary="Each wheel's command is clipped; a soft knee begins this far below the limit.",
         signature="An error at high speed only, wheel by wheel, so that the direction of motion changes.",

@@ -18,11 +18,11 @@ from mecanum_env.effects.definition import (
     Effect,
     Load,
     Parameter,
+    PlanarBody,
     PlantKind,
     Values,
     usual_ceiling_rpm,
 )
-from mecanum_env.effects.planar import PlanarBody
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.law.wheel_load import WheelLoad
@@ -150,7 +150,7 @@ EFFECTS: Final = (
         station="load",
         acts_on="wheel joint",
         parameters=(
-            Parameter("share", "1", 0.0, (0.0, 0.9), (0.0, 1.0)),
+            Parameter("share", "1", 0.0, (0.0, 0.98), (0.0, 1.0)),
             Parameter(
                 "time_constant_s", "s", None, (0.1, 300.0), (1e-3, 1e6), default=10.0, scan=(0.5, 3, 20, 120)
             ),

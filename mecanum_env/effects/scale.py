@@ -3,7 +3,8 @@
 The catalogue states its ranges for one reference drive. A search on the logs of another drive scales them:
 speeds with the largest speed of the logs, what would change nothing in them left out; rates with that speed
 over the time in which the drive rises, since a limit far above shows nothing and one far below never lets the
-wheel arrive; torques with the torque that would take all of that speed, so that any droop can be reached.
+wheel arrive; torques with the torque that would take all of that speed, so that any droop can be reached;
+drifts with the inverse length of the runs, since what is slow in minutes must be fast to show in seconds.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from typing import Final
 from mecanum_env.units import RAD_S_PER_RPM
 
 _TOP_RPM, _RISE_S = 135.0, 0.125  # of the reference drive
+_RUN_S: Final = 10.0  # of the reference logs
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class Scale:
     """Torque per speed that the drive loses [N m s/rad]. On the bench only ratios to it show."""
     torque_limit_n_m: float = math.inf
     """Largest torque of the drive on its wheel [N m], beyond which a load stops it."""
+    run_s: float = _RUN_S
+    """Length of the longest run [s]."""
 
     @property
     def torque_n_m(self) -> float:
@@ -40,12 +44,15 @@ class Scale:
     def factor(self, unit: str, *, relative: bool = False) -> float:
         """Return the factor on a range that the catalogue states in a `unit`.
 
-        It is a power of two for speeds and rates, about one step of the scan grids, and 1 for other units.
+        It is a power of two for speeds and rates, about one step of the scan grids, at least 1 for drifts
+        ("1/s"), which long runs show as well if they are fast, and 1 for other units.
         `relative`: the range is one of shares, in "N m" of the `torque_n_m`, in "N m s/rad" of the damping
         that takes this torque at the top speed.
         """
         if relative:
             return _SHARES_OF[unit](self)
+        if unit == "1/s":
+            return max(1.0, _RUN_S / self.run_s)
         power = _POWERS.get(unit)
         if power is None:
             return 1.0

@@ -10,16 +10,15 @@ import numpy as np
 
 from mecanum_env.effects.command import TIME_STAMPS
 from mecanum_env.effects.definition import ChangeChannels, Channels, Effect, Parameter, PlantKind, Values
-from mecanum_env.kinematics import WHEELS
+from mecanum_env.kinematics import POSE, TWIST, WHEEL_SPEEDS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-_SPEEDS: Final = ("speed_rpm", *(f"speed_{wheel}_rpm" for wheel in WHEELS))
-_TWIST: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-_SCALED: Final = dict(zip(_TWIST, ("linear", "linear", "yaw"), strict=True))
+_SPEEDS: Final = ("speed_rpm", *WHEEL_SPEEDS)
+_SCALED: Final = dict(zip(TWIST, ("linear", "linear", "yaw"), strict=True))
 _SENSORS: Final[Mapping[str, tuple[str, tuple[str, ...], tuple[PlantKind, ...]]]] = {
     "wheels": ("wheel speeds", _SPEEDS, ()),
-    "body": ("velocity and yaw rate", _TWIST, ("bench",)),
-    "pose": ("pose", ("x_m", "y_m", "yaw_rad"), ("bench",)),
+    "body": ("velocity and yaw rate", TWIST, ("bench",)),
+    "pose": ("pose", POSE, ("bench",)),
 }
 """Form of sensor_latency -> what is late, its channels, and the plants without them."""
 _ANY: Final = (-math.inf, math.inf)
@@ -107,7 +106,7 @@ def _eccentric(time_s: FloatArray, channels: Channels, values: Values) -> dict[s
 def _drift(time_s: FloatArray, values: Values) -> dict[str, FloatArray]:
     """Return the bias of each velocity at the times (n,), which grows with the time since the start."""
     grown = 1.0 + values["per_s"] * time_s
-    return {name: values[name] * grown for name in _TWIST}
+    return {name: values[name] * grown for name in TWIST}
 
 
 def _factor(name: str, values: Values) -> float:
@@ -169,7 +168,7 @@ EFFECTS: Final = (
         acts_on="encoder",
         parameters=(
             Parameter("per_turn", "1", None, (0.5, 30.0), default=1.0, searched=False),
-            Parameter("share", "1", 0.0, (0.0, 0.3), (0.0, 1.0), scan=(0.01, 0.03, 0.1)),
+            Parameter("share", "1", 0.0, (0.0, 0.5), (0.0, 1.0), scan=(0.01, 0.03, 0.1)),
             Parameter("phase_deg", "deg", None, (-180.0, 180.0), _ANY, searched=False),
         ),
         summary="Measured wheel speeds swing by this share of the speed, so often in each turn of the wheel.",

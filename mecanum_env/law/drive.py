@@ -29,6 +29,16 @@ RING: Final = 64
 """Number of latched commands that a drive remembers; it bounds the delay, see `longest_delay_s`."""
 
 
+_POSITIVE: Final = ("command_period_s", "gain", "reverse_ratio")
+_NOT_NEGATIVE: Final = (
+    *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s", "softness_rpm"),
+    *("brake_rpm_s", "drive_brake_rpm_s", "supply_s", "gain_per_volt", "supply_per_volt"),
+)
+_LIMITS: Final = (
+    *("saturation_rpm", "acceleration_rpm_s", "jerk_rpm_s2", "drive_acceleration_rpm_s", "supply_rpm"),
+)
+
+
 def longest_delay_s(command_period_s: float, timestep_s: float = 0.0) -> float:
     """Return the longest delay of a command [s] that a drive can represent, given the robot's command period.
 
@@ -108,33 +118,22 @@ class DriveParameters:
     """Speed that the wheel gains by a custom load, which is a torque of servo times this speed [rpm]."""
 
     def __post_init__(self) -> None:
-        for name in ("command_period_s", "gain", "reverse_ratio"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0.0):
+        for name in _POSITIVE:
+            if not 0.0 < getattr(self, name) < math.inf:
                 raise InputError(f"{name} = {getattr(self, name)}, must be a finite number above 0")
-        for name in (
-            *("command_quantum_rpm", "deadband_rpm", "subtracted_rpm", "drop_per_s", "warm_up_s"),
-            *(
-                "softness_rpm",
-                "brake_rpm_s",
-                "drive_brake_rpm_s",
-                "supply_s",
-                "gain_per_volt",
-                "supply_per_volt",
-            ),
-        ):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) >= 0.0):
+        for name in _NOT_NEGATIVE:
+            if not 0.0 <= getattr(self, name) < math.inf:
                 raise InputError(f"{name} = {getattr(self, name)}, must be finite and not below 0")
-        for name in (
-            *("saturation_rpm", "acceleration_rpm_s", "jerk_rpm_s2"),
-            *("drive_acceleration_rpm_s", "supply_rpm"),
-        ):
+        for name in _LIMITS:
             if not getattr(self, name) > 0.0:
                 raise InputError(f"{name} = {getattr(self, name)}, must be above 0 (infinite: no limit)")
         if not abs(self.warm_up_share) < 1.0:
             raise InputError(f"warm_up_share = {self.warm_up_share}, must lie between -1 and 1")
-        require_map(self.knots_rpm, self.values_rpm)
+        if self.knots_rpm or self.values_rpm:
+            require_map(self.knots_rpm, self.values_rpm)
         for program in (self.command_program, self.set_point_program, self.load_program):
-            require_runs(program)
+            if program:
+                require_runs(program)
         longest = longest_delay_s(self.command_period_s)
         if not 0.0 <= self.delay_s <= longest:
             raise InputError(
@@ -215,16 +214,13 @@ def received_command(
     parameters: DriveParameters,
     command_rpm: npt.ArrayLike,
     seconds: npt.ArrayLike = 0.0,
-    speed_rpm: npt.ArrayLike = 0.0,
-    angle_rad: npt.ArrayLike = 0.0,
 ) -> FloatArray:
-    """Return latched commands as the drive receives them [rpm], rounded and shaped; NaN counts as 0.
+    """Return latched commands as a drive at rest receives them [rpm], rounded and shaped; NaN counts as 0.
 
-    `seconds`, `speed_rpm` and `angle_rad` are as for `shaped_command`. Latency and loss come before
-    (`mecanum_env.law.inputs`).
+    `seconds` are as for `shaped_command`. Latency and loss come before (`mecanum_env.law.inputs`).
     """
     sent = rounded(command_rpm, parameters.command_quantum_rpm)
-    return shaped_command(parameters, sent, seconds, speed_rpm, angle_rad)
+    return shaped_command(parameters, sent, seconds)
 
 
 def require_open_loop(parameters: DriveParameters) -> None:

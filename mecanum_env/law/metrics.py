@@ -119,7 +119,7 @@ def law_step_metrics(law: WheelLaw, command_rpm: float = 1.0, duration_s: float 
 def step_response(law: WheelLaw, ticks: int) -> FloatArray:
     """Return w(0..`ticks`), shape (ticks + 1,), for a unit step at tick 0 from rest.
 
-    Equal to `WheelLaw.simulate` up to rounding, but in compiled code for long horizons.
+    It is that of `WheelLaw.simulate` up to rounding, computed by compiled code for long horizons.
     """
     zeros, poles = [0.0, law.D, law.E, law.F], [1.0, -law.A, -law.B, -law.C]
     return np.asarray(lfilter(zeros, poles, np.ones(ticks + 1)))

@@ -61,10 +61,11 @@ def robot_masses(robot: Robot) -> Masses:
     rocker = _box(_ROCKER_SHARE * total, thickness, robot.half_track_m, thickness)
     masses = Masses(hub, roller, rocker, Inertia(0.0, (0.0, 0.0, 0.0)))
     others = rocker.moments[2] + rocker.mass * robot.half_wheelbase_m**2
+    wheel_yaw = _wheel_yaw(masses, geometry)
     for wheel in WHEELS:
         distance2 = sum(v**2 for v in wheel_position(robot, wheel))
         others += (hub.mass + geometry.rollers * roller.mass) * distance2
-        others += _wheel_yaw(masses, geometry)
+        others += wheel_yaw
     left = robot.yaw_inertia_kg_m2 - others
     # The base's centre of mass is behind the robot's centre, where it balances the rocker.
     mass = total * (1 - _ROCKER_SHARE - 4 * (_HUB_SHARE + _ROLLERS_SHARE))

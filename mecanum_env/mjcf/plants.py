@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Final
+from typing import Final, NamedTuple
 
 import mujoco
 
@@ -33,6 +33,13 @@ from mecanum_env.mjcf.wheel import add_still_wheel, add_wheel, dress_bench, set_
 from mecanum_env.model import Model, Robot
 from mecanum_env.outputs import output_folder
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, rotor_inertia
+
+PLANAR_JOINTS: Final = (
+    ("base_x", mujoco.mjtJoint.mjJNT_SLIDE, [1, 0, 0]),
+    ("base_y", mujoco.mjtJoint.mjJNT_SLIDE, [0, 1, 0]),
+    ("base_yaw", mujoco.mjtJoint.mjJNT_HINGE, [0, 0, 1]),
+)
+"""Name, type and axis of the joints of the planar plant, in order."""
 
 
 def robot_spec(
@@ -123,18 +130,11 @@ def planar_spec(
     robot = model.robot
     # For a matrix of 3 by 3 dense is faster than the bookkeeping of sparse.
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    # The body does not roll or pitch; half the yaw inertia each is that of a flat body.
-    yaw = robot.yaw_inertia_kg_m2
-    set_inertia(base, Inertia(robot.mass_kg, (yaw / 2, yaw / 2, yaw)))
-    translation, rotation = wheel_armature(robot, rotor_inertia(robot, drive_parameters(model)))
-    for name, kind, axis, armature in (
-        ("base_x", mujoco.mjtJoint.mjJNT_SLIDE, [1, 0, 0], translation),
-        ("base_y", mujoco.mjtJoint.mjJNT_SLIDE, [0, 1, 0], translation),
-        ("base_yaw", mujoco.mjtJoint.mjJNT_HINGE, [0, 0, 1], rotation),
-    ):
+    numbers = planar_numbers(robot, rotor_inertia(robot, drive_parameters(model)))
+    set_inertia(base, numbers.inertia)
+    for (name, kind, axis), armature in zip(PLANAR_JOINTS, numbers.armature, strict=True):
         base.add_joint(name=name, type=kind, axis=axis, armature=armature)
-    for wheel, (x, y, turn) in zip(WHEELS, no_slip_rows(robot), strict=True):
-        gear = [float(x), float(y), 0.0, 0.0, 0.0, float(turn)]
+    for wheel, gear in zip(WHEELS, numbers.gears, strict=True):
         add_drive(spec, model, f"wheel_{wheel}", drive, wheel_quantum, wheel, gear)
     _add_sensors(spec)
     change_spec(spec, model, "planar")
@@ -145,6 +145,27 @@ def planar_spec(
         for wheel in WHEELS:
             add_still_wheel(base, wheel, geometry, (*wheel_position(robot, wheel), 0.0))
     return spec
+
+
+class PlanarNumbers(NamedTuple):
+    """What a robot's dimensions and masses are in the planar plant."""
+
+    inertia: Inertia
+    """That of the body."""
+    armature: tuple[float, float, float]
+    """That of the joints in `PLANAR_JOINTS`."""
+    gears: list[list[float]]
+    """Gear (6,) of each wheel's actuator."""
+
+
+def planar_numbers(robot: Robot, rotor_kg_m2: float) -> PlanarNumbers:
+    """Return the numbers of the planar plant of a robot, given the inertia of each drive's rotor."""
+    # The body does not roll or pitch; half the yaw inertia each is that of a flat body.
+    yaw = robot.yaw_inertia_kg_m2
+    translation, rotation = wheel_armature(robot, rotor_kg_m2)
+    gears = [[x, y, 0.0, 0.0, 0.0, turn] for x, y, turn in no_slip_rows(robot).tolist()]
+    inertia = Inertia(robot.mass_kg, (yaw / 2, yaw / 2, yaw))
+    return PlanarNumbers(inertia, (translation, translation, rotation), gears)
 
 
 def wheel_armature(robot: Robot, rotor_kg_m2: float = 0.0) -> tuple[float, float]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import mujoco
 import numpy as np
 
@@ -12,6 +14,8 @@ FIELD_M = 9.0
 """Side of the square field [m]."""
 _LINE_M = 0.05
 """Width of the lines on the mat [m]."""
+_SHADOWS: Final = hasattr(mujoco.MjsGeom, "castshadow")
+"""Whether lights cast shadows. In MuJoCo 3 the mat casts one, too, which falls on it as dark specks."""
 
 
 def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
@@ -30,10 +34,8 @@ def add_scene(spec: mujoco.MjSpec, *, visuals: bool) -> None:
     add_appearance(spec)
     floor.material = "mat"
     ground = shapes.add_visual(world, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05), (0, 0, -0.01))
-    for flat in (floor, ground):
-        # MuJoCo 3 has no such switch for a geom.
-        if hasattr(flat, "castshadow"):
-            flat.castshadow = 0
+    if _SHADOWS:
+        floor.castshadow = ground.castshadow = 0
     edge = half - _LINE_M / 2
     wide, up = _LINE_M / 2, 0.001 / 2  # half the width and height of a line
     edges = ((half, wide, 0, edge), (half, wide, 0, -edge), (wide, half, edge, 0), (wide, half, -edge, 0))
@@ -89,7 +91,7 @@ def add_views(spec: mujoco.MjSpec, base: mujoco.MjsBody, robot: Robot) -> None:
         dir=_unit((-0.9, 1.8, -4.0)),
         diffuse=[0.65, 0.64, 0.60],
         specular=[0.3, 0.3, 0.3],
-        castshadow=True,
+        castshadow=_SHADOWS,
     )
     for name, position, target, fovy in (
         ("track", (1.25 * s, -1.55 * s, 0.90 * s), (0.08 * s, 0.0, 0.23 * s), 36.0),
@@ -114,7 +116,7 @@ def add_bench_view(spec: mujoco.MjSpec, radius: float) -> None:
         pos=[4.0 * radius, -9.0 * radius, 20 * radius],
         dir=_unit((-0.2, 0.45, -1.0)),
         diffuse=[0.65, 0.64, 0.60],
-        castshadow=True,
+        castshadow=_SHADOWS,
     )
     shapes.add_visual(spec.worldbody, mujoco.mjtGeom.mjGEOM_PLANE, "ground", (0, 0, 0.05))
     position, target = (4.0 * radius, -5.5 * radius, 4.0 * radius), (0.0, 0.7 * radius, 1.5 * radius)

@@ -5,6 +5,7 @@ from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_n
 from mecanum_env.model.file import (
     FORMAT,
     model_from_dict,
+    model_sha256,
     model_to_dict,
     paper_model,
     read_model,
@@ -28,6 +29,7 @@ __all__ = [
     "form_of",
     "forms_of",
     "model_from_dict",
+    "model_sha256",
     "model_to_dict",
     "paper_model",
     "read_model",

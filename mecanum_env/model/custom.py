@@ -133,6 +133,8 @@ def program_at(effects: Iterable[CustomEffect], station: str) -> Program:
         InputError: together they are too long.
     """
     acting = [effect.program for effect in effects if effect.station == station]
+    if not acting:
+        return ()
     program = joined(acting)
     if len(acting) > 1:
         try:

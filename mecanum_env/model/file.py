@@ -5,10 +5,13 @@ docs/model-file.md lists the fields.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import math
 import os
 from collections.abc import Mapping
 from dataclasses import fields, replace
+from pathlib import Path
 from typing import Any, Final
 
 from mecanum_env.errors import InputError, did_you_mean
@@ -68,7 +71,10 @@ def model_from_dict(value: Any) -> Model:
     """
     top = mapping("the file", value)
     if top.get("format") != FORMAT:
-        raise InputError(f'"format" is {top.get("format")!r}, must be "{FORMAT}"')
+        raise InputError(
+            f'"format" is {top.get("format")!r}, must be "{FORMAT}"; a model file is what '
+            "`python -m sysid.fit LOGS` writes: fit again with this version"
+        )
     if "wheel" not in top:
         raise InputError('"wheel" is missing; it holds A..F and sample_period_s')
     wheel_section, wheel_extra = _split("wheel", top["wheel"], (*_LAW_FIELDS, *_WHEEL_FIELDS))
@@ -133,6 +139,9 @@ def read_model(path: str | os.PathLike[str]) -> Model:
         UnstableLawError: the wheel law is unstable; the message lists the poles.
     """
     require_whole(path)
+    inside = Path(path) / "model.json"
+    if os.path.isfile(inside):
+        raise InputError(f"{path}: is a folder, must be a file; did you mean {inside}?")
     value = read_json(path, "make a model with `python -m sysid.fit LOGS`")
     try:
         return model_from_dict(value)
@@ -163,6 +172,11 @@ def write_model(model: Model, path: str | os.PathLike[str]) -> None:
     for law in (model.wheel.law, *model.wheels.values()):
         law.require_stable()
     write_json(path, model_to_dict(model))
+
+
+def model_sha256(model: Model) -> str:
+    """Return the checksum of a model with its history, by which records name it."""
+    return hashlib.sha256(json.dumps(model_to_dict(model), sort_keys=True).encode()).hexdigest()
 
 
 def paper_model() -> Model:

@@ -116,21 +116,25 @@ class Model:
     """Effects without a name; they act on every wheel alike."""
 
     def __post_init__(self) -> None:
+        causes: set[str] = set()
         for name, parameters in self.effects.items():
             if name not in EFFECT_PARAMETERS:
                 raise InputError(
                     f"effects.{name}: no such effect{did_you_mean(name, EFFECT_PARAMETERS)}; "
                     f"known: {', '.join(EFFECT_PARAMETERS)}"
                 )
-            if any(other != name and cause_of(other) == cause_of(name) for other in self.effects):
-                raise InputError(f"effects.{cause_of(name)}: given in two forms; a model has one of them")
+            cause = cause_of(name)
+            if cause in causes:
+                raise InputError(f"effects.{cause}: given in two forms; a model has one of them")
+            causes.add(cause)
             known = EFFECT_PARAMETERS[name]
             for key, value in parameters.items():
                 if key not in known:
                     raise InputError(f"effects.{name}.{key}: no such parameter; known: {', '.join(known)}")
                 _require(f"effects.{name}.{key}", value, -math.inf, strict=True, finite=False)
-        for station in STATIONS:
-            program_at(self.custom, station)
+        if self.custom:
+            for station in STATIONS:
+                program_at(self.custom, station)
         for name, law in self.wheels.items():
             _require_wheel(f"wheels.{name}", name)
             if law.sample_period_s != self.wheel.law.sample_period_s:

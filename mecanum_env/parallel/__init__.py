@@ -2,11 +2,10 @@
 
 workers    where tasks run (`Workers`) and the executor for it
 tasks      a task, how a worker answers it, and what happens to its errors
-here       tasks one after the other in this process
+here       work in this process: tasks one by one, simulations in threads, linear algebra with one thread
 local      processes on this machine
 cluster    a Ray cluster
 same_code  refuses workers that have another version of this package
-threads    many simulations inside one process, and one thread for linear algebra
 
 A task has its own seed in its arguments, and results come in the order of the tasks, so backend and number of
 jobs change only how long it takes. Linear algebra has one thread everywhere: the last digits of its results

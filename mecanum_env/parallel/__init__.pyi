@@ -1,5 +1,5 @@
+from .here import map_in_threads, one_thread
 from .tasks import Executor, Task, Tell, WorkerLostError
-from .threads import map_in_threads, one_thread
 from .workers import Workers, executor, run_tasks
 
 __all__ = [

@@ -13,6 +13,7 @@ import sys
 from collections import Counter, deque
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from multiprocessing import resource_tracker
 from multiprocessing.connection import Connection, wait
 from types import FrameType
 from typing import Any, Final
@@ -166,6 +167,8 @@ def _environment_of_workers() -> Iterator[None]:
 
     An interrupt that arrives meanwhile is not lost: it is raised at the end of the block.
     """
+    # Where it does not run yet, its start would end with Ctrl-C allowed again.
+    resource_tracker.ensure_running()
     before = {name: os.environ.get(name) for name in _THREADS}
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     os.environ.update(dict.fromkeys(_THREADS, "1"))

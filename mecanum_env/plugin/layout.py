@@ -29,7 +29,7 @@ rest, and `mjSTATE_FULLPHYSICS` saves and restores it.
 from __future__ import annotations
 
 import math
-from typing import Final
+from typing import Final, NamedTuple
 
 import mujoco
 import numpy as np
@@ -142,6 +142,43 @@ def rotor_inertia(robot: Robot, drive: DriveParameters) -> float:
     return robot.servo_n_m_s_rad * drive.load.answer_s
 
 
+class WheelNumbers(NamedTuple):
+    """What an actuator of a model is told of its wheel's drive."""
+
+    dynprm: list[float]
+    servo_n_m_s_rad: float
+    user: list[float]
+
+    @property
+    def rotor_kg_m2(self) -> float:
+        """The inertia of its rotor, which the joint must have as armature."""
+        return self.user[_ROTOR]
+
+    def write(self, mjmodel: mujoco.MjModel, actuator_id: int) -> None:
+        """Write them for the actuator `actuator_id` of a compiled model whose user field is large enough."""
+        mjmodel.actuator_dynprm[actuator_id] = self.dynprm
+        mjmodel.actuator_biasprm[actuator_id, SERVO] = -self.servo_n_m_s_rad
+        mjmodel.actuator_user[actuator_id] = 0.0
+        mjmodel.actuator_user[actuator_id, : len(self.user)] = self.user
+
+
+def wheel_numbers(
+    model: Model,
+    wheel_name: str | None = None,
+    quantum_rpm: float | None = None,
+    torque_limit_n_m: float | None = None,
+    inertia_kg_m2: float = 0.0,
+) -> WheelNumbers:
+    """Return the numbers of a wheel's drive in a model.
+
+    `wheel_name`, `quantum_rpm`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
+    """
+    robot, drive = model.robot, drive_parameters(model, wheel_name)
+    user = userdata(robot, drive, torque_limit_n_m)
+    user[_INERTIA] = inertia_kg_m2 + user[_ROTOR]
+    return WheelNumbers(dynprm(drive, quantum_rpm), robot.servo_n_m_s_rad, user)
+
+
 def chain_parameters(
     model: Model,
     wheel_name: str | None = None,
@@ -152,10 +189,11 @@ def chain_parameters(
 
     `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
-    drive = drive_parameters(model, wheel_name)
-    user = userdata(model.robot, drive, torque_limit_n_m)[: len(USER)]
-    user[_INERTIA] = inertia_kg_m2 + rotor_inertia(model.robot, drive)
-    return np.array([*dynprm(drive), model.robot.servo_n_m_s_rad, *user, *_programs(drive)])
+    numbers = wheel_numbers(model, wheel_name, None, torque_limit_n_m, inertia_kg_m2)
+    programs = np.zeros(len(PROGRAMS) * PROGRAM_SIZE)
+    written = numbers.user[FIRST_PROGRAM:]
+    programs[: len(written)] = written
+    return np.array([*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user[: len(USER)], *programs])
 
 
 def set_wheel_parameters(
@@ -176,18 +214,16 @@ def set_wheel_parameters(
     `torque_limit_n_m` as for `userdata` (the bench has NO_TORQUE_LIMIT), and `inertia_kg_m2` the free
     wheel's. A rotor (`rotor_inertia`) comes on top; the joint must have it as its armature.
     """
-    robot, parameters = model.robot, drive_parameters(model, wheel_name)
+    numbers = wheel_numbers(model, wheel_name, quantum_rpm, torque_limit_n_m, inertia_kg_m2)
     spec.activate_plugin(PLUGIN_NAME)
     # MjSpec finds a plugin instance by its name only.
     actuator.plugin = spec.add_plugin(name=actuator.name, plugin_name=PLUGIN_NAME, active=True)
-    actuator.dynprm = dynprm(parameters, quantum_rpm)
+    actuator.dynprm = numbers.dynprm
     actuator.biastype = mujoco.mjtBias.mjBIAS_AFFINE
-    actuator.biasprm = [0.0, 0.0, -robot.servo_n_m_s_rad] + [0.0] * 7
-    user = userdata(robot, parameters, torque_limit_n_m)
-    user[_INERTIA] = inertia_kg_m2 + rotor_inertia(robot, parameters)
-    spec.nuser_actuator = max(spec.nuser_actuator, len(user))
+    actuator.biasprm = [0.0, 0.0, -numbers.servo_n_m_s_rad] + [0.0] * 7
+    spec.nuser_actuator = max(spec.nuser_actuator, len(numbers.user))
     spec.nuserdata = max(spec.nuserdata, LOST_VOLTAGE + 1)
-    actuator.userdata = user
+    actuator.userdata = numbers.user
     actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
     actuator.forcerange = [0.0, 0.0]
 
@@ -229,11 +265,10 @@ def write_parameters(
     for kept in (_INERTIA, _LINK_SEED):
         if mjmodel.nuser_actuator > kept:
             user[kept] = given[kept]
-    user = user[: mjmodel.nuser_actuator]
-    mjmodel.actuator_dynprm[actuator_id] = dynprm(parameters, quantum_rpm)
-    mjmodel.actuator_biasprm[actuator_id, SERVO] = -robot.servo_n_m_s_rad
-    mjmodel.actuator_user[actuator_id] = 0.0
-    mjmodel.actuator_user[actuator_id, : len(user)] = user
+    numbers = WheelNumbers(
+        dynprm(parameters, quantum_rpm), robot.servo_n_m_s_rad, user[: mjmodel.nuser_actuator]
+    )
+    numbers.write(mjmodel, actuator_id)
 
 
 def seed_links(mjmodel: mujoco.MjModel, seed: int) -> None:

@@ -71,37 +71,45 @@ static double speed_now(const mjData* d, int out) {
   return speed;
 }
 
+// An actuator in one substep: its number, parameters and drive, what it is given, and the torques that follow.
+typedef struct {
+  int id;
+  double p[N_NUMBERS];
+  Drive drive;
+  Substep now;
+  Torques torques;
+} Moment;
+
+// Returns 0 if the instance belongs to no actuator.
+static int moment_of(const mjModel* m, const mjData* d, int instance, Moment* a) {
+  a->id = actuator_of(m, instance);
+  if (a->id < 0) return 0;
+  read_parameters(m, a->id, a->p);
+  a->now = this_substep(m, d, a->id);
+  memcpy(&a->drive, d->plugin_state + m->plugin_stateadr[instance], sizeof a->drive);
+  chain_begin(&a->drive, a->p, &a->now);
+  a->torques = chain_torques(&a->drive, a->p, &a->now);
+  return 1;
+}
+
 static void wheel_compute(const mjModel* m, mjData* d, int instance, int capability) {
   (void)capability;
-  int id = actuator_of(m, instance);
-  if (id < 0) return;
-  double p[N_NUMBERS];
-  read_parameters(m, id, p);
-  Substep now = this_substep(m, d, id);
-  Drive s;
-  memcpy(&s, d->plugin_state + m->plugin_stateadr[instance], sizeof s);
-  chain_begin(&s, p, &now);
-  Torques t = chain_torques(&s, p, &now);
-  d->actuator_force[m->actuator_outadr[id]] = chain_reported(&t);
+  Moment a;
+  if (!moment_of(m, d, instance, &a)) return;
+  d->actuator_force[m->actuator_outadr[a.id]] = chain_reported(&a.torques);
 }
 
 static void wheel_advance(const mjModel* m, mjData* d, int instance) {
-  int id = actuator_of(m, instance);
-  if (id < 0) return;
-  double p[N_NUMBERS];
-  read_parameters(m, id, p);
-  Substep now = this_substep(m, d, id);
-  Drive s;
-  memcpy(&s, d->plugin_state + m->plugin_stateadr[instance], sizeof s);
-  chain_begin(&s, p, &now);
-  Torques t = chain_torques(&s, p, &now);
+  Moment a;
+  if (!moment_of(m, d, instance, &a)) return;
+  int out = m->actuator_outadr[a.id];
   // While actuation is disabled, MuJoCo has cleared the force, and the drive delivers nothing.
-  double force = d->actuator_force[m->actuator_outadr[id]];
-  double delivered = force == chain_reported(&t) ? t.drive : 0;
+  double force = d->actuator_force[out];
+  double delivered = force == chain_reported(&a.torques) ? a.torques.drive : 0;
   // MuJoCo has advanced qvel already. Read here rather than in the next substep, so that a speed set by hand in
   // between does not count as acceleration.
-  chain_end(&s, p, &now, t.asked, delivered, force, speed_now(d, m->actuator_outadr[id]));
-  memcpy(d->plugin_state + m->plugin_stateadr[instance], &s, sizeof s);
+  chain_end(&a.drive, a.p, &a.now, a.torques.asked, delivered, force, speed_now(d, out));
+  memcpy(d->plugin_state + m->plugin_stateadr[instance], &a.drive, sizeof a.drive);
 }
 
 static void wheel_reset(const mjModel* m, mjtNum* state, void* data, int instance) {

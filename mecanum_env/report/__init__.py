@@ -66,7 +66,8 @@ def write_page(path: Path, template: Path, figures: Mapping[str, Mapping[str, An
 
     Args:
         path: file of the page.
-        template: file of the template; it may extend "base.html" or templates in its own folder.
+        template: file of the template; it may extend "base.html" or templates in its own folder. Its filter
+            ``code`` shows what is between backticks as code.
         figures: element id -> figure; the template places one by ``{{ plot("id") }}``.
         **values: further values of the template.
     """
@@ -91,6 +92,10 @@ def write_page(path: Path, template: Path, figures: Mapping[str, Mapping[str, An
             "</script>"
         )
 
+    def code(text: str) -> Markup:
+        return Markup(re.sub("`([^`]*)`", r"<code>\1</code>", str(escape(text))))
+
+    environment.filters["code"] = code
     values |= {
         "plot": plot,
         "plotly": base64.b64encode(PLOTLY.read_bytes()).decode("ascii"),

@@ -19,7 +19,6 @@ import numpy as np
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.units import FloatArray
 
-_SHARES = ("lost", "own_lost")
 _MOST = {"frame_s": 1.0, "camera_delay_s": 1.0, "lost": 0.9, "own_lost": 0.9}
 
 
@@ -113,7 +112,7 @@ class VariedSenses:
 class CameraFrame:
     """What one frame showed to each of n robots, in the body frame at that time (x ahead, y left).
 
-    NaN: not found.
+    What it did not find is NaN.
     """
 
     time_s: FloatArray

@@ -34,6 +34,11 @@ def wheel_side(model: Model) -> Model:
     return replace(model, wheel=wheel, effects=left)
 
 
+def behind_limits(model: Model) -> Model:
+    """Return the model that the plant simulates: of the drives alone where limits on the body come before."""
+    return wheel_side(model) if limits_body(model) else model
+
+
 class BodyLimits:
     """Wheel commands sent to a robot -> limited wheel commands of its drives, physics step by physics step.
 

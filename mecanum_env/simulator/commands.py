@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
+from mecanum_env.kinematics import BODY_COMMAND, WHEEL_COMMAND, WHEELS, command_to_wheels, round_command
 from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.tables import SUFFIXES, Table, check_stamps, has_table_suffix, read_table
 from mecanum_env.units import FloatArray
@@ -151,10 +151,6 @@ def scripted(name: str) -> tuple[BodyCommands, float]:
     return BodyCommands.from_rows(rows), now
 
 
-_BODY_COLUMNS: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
-_WHEEL_COLUMNS: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
-
-
 def read_commands(path: str | os.PathLike[str]) -> Commands:
     """Read commands from a CSV (.csv, .csv.gz) or Parquet file.
 
@@ -176,22 +172,22 @@ def read_commands(path: str | os.PathLike[str]) -> Commands:
     columns = _command_columns(table)
     time = _stamps(table)
     held = np.stack([_fill_forward(table.column(name)) for name in columns], axis=-1)
-    return BodyCommands(time, *held.T) if columns == _BODY_COLUMNS else WheelCommands(time, held)
+    return BodyCommands(time, *held.T) if columns == BODY_COMMAND else WheelCommands(time, held)
 
 
 def _command_columns(table: Table) -> tuple[str, ...]:
-    known = ("time_s", *_BODY_COLUMNS, *_WHEEL_COLUMNS)
+    known = ("time_s", *BODY_COMMAND, *WHEEL_COMMAND)
     for name in table.names:
         if name not in (*known, *CHANNELS, "battery_v"):
             raise InputError(
                 f"{table.header}: unknown column {name!r}{did_you_mean(name, known)}; "
                 f"known: {', '.join(known)}"
             )
-    sets = [s for s in (_BODY_COLUMNS, _WHEEL_COLUMNS) if any(name in table.names for name in s)]
+    sets = [s for s in (BODY_COMMAND, WHEEL_COMMAND) if any(name in table.names for name in s)]
     if len(sets) != 1:
         raise InputError(
             f"{table.header}: {'both command sets' if sets else 'no command column'}; must have "
-            f"{', '.join(_BODY_COLUMNS)} or {', '.join(_WHEEL_COLUMNS)}"
+            f"{', '.join(BODY_COMMAND)} or {', '.join(WHEEL_COMMAND)}"
         )
     missing = [name for name in ("time_s", *sets[0]) if name not in table.names]
     if missing:

@@ -16,7 +16,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEELS, command_to_wheels, round_command
 from mecanum_env.mjcf import planar_spec, robot_spec
 from mecanum_env.model import Model
-from mecanum_env.simulator.body_limits import BodyLimits, limits_body, wheel_side
+from mecanum_env.simulator.body_limits import BodyLimits, behind_limits, limits_body
 from mecanum_env.simulator.commands import Commands
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import Trajectory, read_trajectory, step_through
@@ -53,8 +53,7 @@ def plant_spec(
     """
     check_effects(model, plant)
     spec = robot_spec if plant == "rollers" else planar_spec
-    after_limits = wheel_side(model) if limits_body(model) else model
-    return spec(after_limits, timestep_s, wheel_quantum=False, visuals=visuals)
+    return spec(behind_limits(model), timestep_s, wheel_quantum=False, visuals=visuals)
 
 
 def drive(

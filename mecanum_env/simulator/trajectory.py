@@ -11,16 +11,12 @@ import numpy as np
 
 from mecanum_env.effects.apply import measured
 from mecanum_env.errors import MecanumError
-from mecanum_env.kinematics import WHEELS
+from mecanum_env.kinematics import ROBOT_CHANNELS, WHEELS
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import LOST_VOLTAGE
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
-CHANNELS: Final = (
-    *(f"speed_{wheel}_rpm" for wheel in WHEELS),
-    *("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
-    *("x_m", "y_m", "yaw_rad"),
-)
+CHANNELS: Final = ROBOT_CHANNELS
 """Columns of a robot log that a simulation predicts."""
 
 _FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS

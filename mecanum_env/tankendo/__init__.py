@@ -7,7 +7,7 @@
     chance        what is random in an episode, drawn at its start
     sword         how the opponent's sword moves
     opponents     the opponent's parameters with their ranges and sources, and distributions of opponents
-    opponent      how the opponent walks, when it strikes, where it aims
+    fighter       how the opponent walks, when it strikes, where it aims
     judge         hits, rules, rewards and ends: one class for each task
     observation   what the robot's sensors show
     sensing       the same through cameras that lose frames, and an estimator (`mecanum_env.senses`)

@@ -19,10 +19,10 @@ from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.tankendo.actions import ActionMode, check_mode, command_numbers, command_shares
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
 from mecanum_env.tankendo.constants import Opponent, RewardWeights, Rules, Sensors
+from mecanum_env.tankendo.fighter import Fighter
 from mecanum_env.tankendo.judge import TERMS, Dodge, Duel, Judge, Track
 from mecanum_env.tankendo.numbers import Number, mathematics, wrapped
 from mecanum_env.tankendo.observation import EXTRA_LIMIT, LIMITS, NOISY, SIZE, Instruments
-from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.plant import Compiled, RobotBatch
 from mecanum_env.tankendo.scene import RowArray, Scenes
@@ -254,13 +254,18 @@ class Arena:
 
     def observe(self) -> npt.NDArray[np.float32]:
         """Return what the sensors show now, shape (n, k)."""
-        now_s, sword, extra = self._now_s(), self.fighter.sword, self.judge.observe()
-        noise = self.chance.noise.at(self._math.of(self.step_count))
-        shares = self._math.of(self._shares)
         if self.sensing is None:
-            return self.instruments.observe(self.scenes, now_s, sword, shares, noise, extra)
-        truth = self.instruments.observe(self.scenes, now_s, sword, shares, np.zeros_like(noise), extra)
-        return self.sensing.observe(truth, self.scenes, self.time_s(), sword)
+            return self.observe_plainly()
+        truth = self._instruments_show(np.zeros_like(self.chance.noise.at(self._math.of(self.step_count))))
+        return self.sensing.observe(truth, self.scenes, self.time_s(), self.fighter.sword)
+
+    def observe_plainly(self) -> npt.NDArray[np.float32]:
+        """Return what plain sensors show now, even where senses replace them, shape (n, k)."""
+        return self._instruments_show(self.chance.noise.at(self._math.of(self.step_count)))
+
+    def _instruments_show(self, noise: FloatArray) -> npt.NDArray[np.float32]:
+        shares, extra = self._math.of(self._shares), self.judge.observe()
+        return self.instruments.observe(self.scenes, self._now_s(), self.fighter.sword, shares, noise, extra)
 
     def observe_first(self, rows: RowArray) -> None:
         """Bring `observed` up to date with episodes that have just begun in some rows (m,)."""

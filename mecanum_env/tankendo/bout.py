@@ -18,9 +18,9 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.arena import Arena, Robot, TaskName, TaskSetting
 from mecanum_env.tankendo.build import ModelLike, TaskArguments, model_of, setting_of
 from mecanum_env.tankendo.constants import require_number
+from mecanum_env.tankendo.fighter import Fighter
 from mecanum_env.tankendo.judge import ForPoints, Judge, Outcome
 from mecanum_env.tankendo.numbers import Number, wrapped
-from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.pair import PairBatch, compile_pair, others, turned
 from mecanum_env.tankendo.plant import Compiled
 from mecanum_env.tankendo.scene import BoolArray, RowArray

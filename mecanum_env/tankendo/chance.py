@@ -1,7 +1,11 @@
-"""What is random in an episode, drawn at its start.
+"""What is random in an episode: the draws at its start, and the noise of its observations.
 
 `Chance.draw` draws all of it from the environment's own generator, always in the same order. Everything after
 that is deterministic, so an episode does not depend on the environments that run beside it.
+
+The noise of an episode follows from its seed by a hash (`mecanum_env.law.link`) and the transform of Box and
+Muller (1958), so that it depends neither on the episodes beside it nor on when it is made. It is made when it
+is needed, since most episodes end long before their time limit.
 """
 
 from __future__ import annotations
@@ -11,10 +15,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
+import numpy.typing as npt
 
-from mecanum_env.law.link import MOST_SEEDS
+from mecanum_env.law.link import MOST_SEEDS, hashed
 from mecanum_env.tankendo.constants import Opponent, Rules
-from mecanum_env.tankendo.noise import Noise
+from mecanum_env.tankendo.numbers import Number, mathematics
 from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.scene import RowArray
 from mecanum_env.units import FloatArray
@@ -23,6 +28,9 @@ EXCHANGES: Final = 16
 """Number of strikes drawn for an episode; a duel with more of them starts over with the first."""
 WAVES: Final = 3
 """Number of sine waves, along each axis, that make up the opponent's walk in the tracking task."""
+
+_NOISE_STEPS: Final = 16
+"""Steps whose noise is made at a time."""
 
 # Counts of the uniform draws: for the start, for each wave (frequency, phase), for each exchange.
 _START, _PER_WAVE, _PER_EXCHANGE = 6, 2, 6
@@ -61,21 +69,21 @@ class Chance:
         """Distance of the opponent from the robot [m]."""
         self.drift = np.zeros(n)
         """Sideways walking speed of the opponent, positive to its left [m/s]."""
-        self.waves = np.zeros((2, WAVES, 2, n))
+        self.waves = _by_row(2, WAVES, 2, n)
         """Angular frequency [rad/s] and phase [rad] of each wave along x and along y."""
-        self.patience = np.zeros((EXCHANGES, n))
+        self.patience = _by_row(EXCHANGES, n)
         """How long the robot must offer an opening before the opponent strikes [s]."""
-        self.feints = np.zeros((EXCHANGES, n), bool)
+        self.feints = _by_row(EXCHANGES, n).astype(bool)
         """Whether a feint precedes the strike."""
-        self.feint_s = np.zeros((EXCHANGES, n))
+        self.feint_s = _by_row(EXCHANGES, n)
         """How long the sword rises in the feint [s]."""
-        self.technique = np.zeros((EXCHANGES, n), np.intp)
+        self.technique = _by_row(EXCHANGES, n).astype(np.intp)
         """Index of the technique."""
-        self.warning = np.zeros((EXCHANGES, n))
+        self.warning = _by_row(EXCHANGES, n)
         """Time from the first visible motion to the hit [s]."""
-        self.wait = np.zeros((EXCHANGES, n))
+        self.wait = _by_row(EXCHANGES, n)
         """When the sword starts to rise, as a share of the step in which the opponent decides to strike."""
-        self.aim_noise = np.zeros((2, EXCHANGES, n))
+        self.aim_noise = _by_row(2, EXCHANGES, n)
         """Error of the aim along x and y [m]."""
         self.noise = Noise(n, channels)
         """Standard normal noise of each observation."""
@@ -142,3 +150,58 @@ class Chance:
 def _between(ends: tuple[float, float] | FloatArray, share: FloatArray) -> FloatArray:
     low, high = ends
     return low + (high - low) * share
+
+
+def _by_row(*shape: int) -> FloatArray:
+    """Return zeros of a shape whose last axis is the episode, those of one episode together in memory."""
+    return np.zeros(shape, order="F")
+
+
+class Noise:
+    """Standard normal numbers of n episodes, `channels` of them in each step; 0 until one has begun."""
+
+    def __init__(self, n: int, channels: int) -> None:
+        self._seeds = np.zeros(n, np.uint64)
+        self._made = np.zeros((n, _NOISE_STEPS, channels), np.float32)
+        self._block = np.full(n, -1)  # which steps are made
+        self._math = mathematics(n)
+        self._all = slice(None) if n == 1 else np.arange(n)
+        self._silent = True  # until an episode has begun
+
+    def restart(self, rows: npt.NDArray[np.intp], seeds: FloatArray) -> None:
+        """Begin episodes in some rows (m,), whose noise follows from whole numbers `seeds` from 0 to 2^53."""
+        self._seeds[rows], self._block[rows], self._silent = seeds, -1, False
+
+    def at(self, step: Number) -> FloatArray:
+        """Return the noise at a step of the episodes, shape (channels, n)."""
+        block = step // _NOISE_STEPS
+        late = block != self._math.of(self._block)
+        if self._math.any(late) and not self._silent:
+            rows = np.flatnonzero(late)
+            self._make(rows, self._math.array(block)[rows])
+        return np.asarray(self._made[self._all, step - _NOISE_STEPS * block].T, float)
+
+    def first(self, rows: npt.NDArray[np.intp]) -> FloatArray:
+        """Return the noise at the start of the episodes in some rows (m,), shape (channels, m)."""
+        self._make(rows, np.zeros(len(rows), np.intp))
+        return np.asarray(self._made[rows, 0].T, float)
+
+    def _make(self, rows: npt.NDArray[np.intp], blocks: npt.NDArray[np.intp]) -> None:
+        """Make the steps of some rows (m,) that are in their `blocks` (m,)."""
+        _, steps, channels = self._made.shape
+        made = _normal(self._seeds[rows], blocks, steps * channels)
+        self._made[rows] = made.reshape(-1, steps, channels)
+        self._block[rows] = blocks
+
+
+def _normal(
+    seeds: npt.NDArray[np.uint64], blocks: npt.NDArray[np.intp], count: int
+) -> npt.NDArray[np.float32]:
+    """Return numbers of blocks of an even `count`, shape (m, count), for seeds and blocks (m,)."""
+    half = count // 2
+    numbers = (blocks * half)[:, None] + np.arange(half)
+    bits = hashed(seeds[:, None], numbers.astype(np.uint64))
+    share = (bits >> np.uint64(32)).astype(np.float32) + np.float32(0.5)
+    angle = (bits & np.uint64(0xFFFFFFFF)).astype(np.float32) * np.float32(2.0 * np.pi * 2.0**-32)
+    size = np.sqrt(np.float32(-2.0) * np.log(share * np.float32(2.0**-32)))
+    return np.concatenate([size * np.cos(angle), size * np.sin(angle)], axis=1)

@@ -76,7 +76,7 @@ def opponent_shapes(arena: Arena, row: int = 0, ago_s: float = 0.0) -> list[Shap
         shapes.append(Shape("ellipsoid", ring, np.append(dot, 0.004), (0.022, 0.022, 0.003)))
     if striking:
         start, end = (np.append(point[:, row], 0.006) for point in (sword.origin, sword.end))
-        shapes.append(_rod(LANE, 0.012, start, end))
+        shapes.append(rod(LANE, 0.012, start, end))
     if arena.hit[row] and now >= sword.land_s[row]:
         target = np.append(scene[:2], sword.end_height_m[row])
         shapes.append(Shape("ellipsoid", HIT, target, (0.09, 0.09, 0.09)))
@@ -114,19 +114,20 @@ def _body(pose: FloatArray, tip: FloatArray, steel: Colour) -> list[Shape]:
     )
     shapes = [
         *(Shape("ellipsoid", colour, middle, size, heading_rad=heading) for colour, middle, size in blobs),
-        _rod(LEATHER, 0.015, blade(0.0), blade(0.27)),
-        _rod(LEATHER, 0.034, blade(0.27), blade(0.29)),
-        _rod(steel, 0.013, blade(0.29), blade(0.92)),
-        _rod(LEATHER, 0.014, blade(0.92), blade(1.0)),
+        rod(LEATHER, 0.015, blade(0.0), blade(0.27)),
+        rod(LEATHER, 0.034, blade(0.27), blade(0.29)),
+        rod(steel, 0.013, blade(0.29), blade(0.92)),
+        rod(LEATHER, 0.014, blade(0.92), blade(1.0)),
     ]
     for side, share in ((-1.0, 0.22), (1.0, 0.06)):
         shoulder, hand = at(0.0, 0.16 * side, 0.53), blade(share)
         elbow = 0.5 * (shoulder + hand) - (0.0, 0.0, 0.07)
-        shapes += [_rod(_INDIGO, 0.038, shoulder, elbow), _rod(_DARK, 0.034, elbow, hand)]
+        shapes += [rod(_INDIGO, 0.038, shoulder, elbow), rod(_DARK, 0.034, elbow, hand)]
     return shapes
 
 
-def _rod(colour: Colour, radius_m: float, start: FloatArray, end: FloatArray) -> Shape:
+def rod(colour: Colour, radius_m: float, start: FloatArray, end: FloatArray) -> Shape:
+    """Return a rod of this `colour` and radius [m] from `start` to `end` [m]."""
     return Shape("rod", colour, start, (radius_m, 0.0, 0.0), end)
 
 

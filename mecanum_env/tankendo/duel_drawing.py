@@ -63,7 +63,9 @@ def sword_shapes(arena: DuelArena, player: int, ago_s: float = 0.0) -> list[Shap
     if striking:
         start, end = (np.append(point[:, row], 0.006) for point in (sword.origin, sword.end))
         points.append((drawing.LANE, 0.012, start, end))
-    shapes = [_rod(colour, size, _in_field(a, row), _in_field(b, row)) for colour, size, a, b in points]
+    shapes = [
+        drawing.rod(colour, size, _in_field(a, row), _in_field(b, row)) for colour, size, a, b in points
+    ]
     if arena.hit[row] and now >= sword.land_s[row]:
         target = _in_field(np.append(scene[:2], sword.end_height_m[row]), row)
         shapes.append(Shape("ellipsoid", drawing.HIT, target, (0.09, 0.09, 0.09)))
@@ -102,10 +104,6 @@ def _action(arena: Arena, row: int, now: float) -> str:
 def _in_field(point: FloatArray, row: int) -> FloatArray:
     """Return a point x, y, z [m] of the frame of a row's player in that of the field."""
     return point * (-1.0, -1.0, 1.0) if row else point
-
-
-def _rod(colour: Colour, radius_m: float, start: FloatArray, end: FloatArray) -> Shape:
-    return Shape("rod", colour, start, (radius_m, 0.0, 0.0), end)
 
 
 class DuelPainter(Painter):

@@ -13,8 +13,8 @@ import numpy as np
 
 from mecanum_env.tankendo.chance import WAVES, Chance
 from mecanum_env.tankendo.constants import RewardWeights, Rules
+from mecanum_env.tankendo.fighter import Fighter
 from mecanum_env.tankendo.numbers import Many, Number, mathematics
-from mecanum_env.tankendo.opponent import Fighter
 from mecanum_env.tankendo.scene import RowArray, Scenes, separation
 from mecanum_env.units import FloatArray
 

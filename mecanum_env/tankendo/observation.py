@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.effects.apply import active_effects, measured
+from mecanum_env.kinematics import POSE, TWIST
 from mecanum_env.model import Model
 from mecanum_env.tankendo.constants import Sensors
 from mecanum_env.tankendo.numbers import Number, mathematics
@@ -32,7 +33,7 @@ LIMITS: Final = np.repeat(
 """Largest absolute value of each number, to which observations are clipped, shape (20,)."""
 EXTRA_LIMIT: Final = 10.0
 """Largest absolute value of the numbers that a task appends."""
-_OWN = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
+_OWN = (*TWIST, *POSE)
 _WINDOW = 40  # steps that a sensor effect sees: several times its longest delay or time constant
 
 
@@ -104,7 +105,8 @@ class Instruments:
     def restart(self, rows: Sequence[int], models: Sequence[Model]) -> None:
         """Begin an episode in some rows, in which the sensor effects of the robots' models act."""
         for row, model in zip(rows, models, strict=True):
-            self._affected.pop(row, None)
+            if self._affected:
+                self._affected.pop(row, None)
             if model is not self._known:
                 acting = (effect.change_channels for effect, _ in active_effects(model))
                 self._known, self._acts = model, any(change is not None for change in acting)

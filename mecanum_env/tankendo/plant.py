@@ -13,14 +13,15 @@ import numpy as np
 import numpy.typing as npt
 from mujoco.batch import Batch
 
-from mecanum_env.effects.apply import drive_parameters
+from mecanum_env.effects.apply import check_effects, drive_parameters
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import command_to_wheels, command_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
+from mecanum_env.mjcf.rewrite import PlanarTemplate, is_rewritable
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import seed_links
 from mecanum_env.simulator import RobotPlant, SimulationDivergedError, compile_plant
-from mecanum_env.simulator.body_limits import BodyLimits, limits_body
+from mecanum_env.simulator.body_limits import BodyLimits, behind_limits, limits_body
 from mecanum_env.simulator.robot import at_rest
 from mecanum_env.units import FloatArray
 
@@ -81,6 +82,45 @@ def compiled_model(model: Model, mj_model: mujoco.MjModel, plant: RobotPlant) ->
     if plant == "rollers":
         mujoco.mj_getState(mj_model, at_rest(mj_model), rest, _STATE)
     return Compiled(model, mj_model, rest)
+
+
+class DrawnRobots:
+    """Compiles planar robots for the physics, bit for bit as `compile_model` does with this `timestep_s`.
+
+    Robots that differ in numbers alone are written over a copy of one that has been compiled, if law and
+    commands have the same periods.
+    """
+
+    def __init__(self, timestep_s: float | None) -> None:
+        self._timestep_s = timestep_s
+        self._first: Compiled | None = None
+        self._template: PlanarTemplate | None = None
+
+    def __call__(self, model: Model) -> Compiled:
+        """Return the model, ready to simulate.
+
+        Raises:
+            InputError: a model that the planar plant cannot simulate.
+        """
+        if not is_rewritable(model):
+            return compile_model(model, "planar", self._timestep_s)
+        if self._first is not None and self._template is not None and _same_clocks(model, self._first.model):
+            behind = behind_limits(model)
+            if behind is not model:
+                check_effects(model, "planar")
+            mj_model = self._template.with_numbers_of(behind)
+            if mj_model is not None:
+                return replace(self._first, model=model, mj_model=mj_model)
+        compiled = compile_model(model, "planar", self._timestep_s)
+        self._first, self._template = compiled, PlanarTemplate(compiled.mj_model)
+        return compiled
+
+
+def _same_clocks(one: Model, other: Model) -> bool:
+    return (
+        one.wheel.law.sample_period_s == other.wheel.law.sample_period_s
+        and one.wheel.command_period_s == other.wheel.command_period_s
+    )
 
 
 class RobotBatch:

@@ -33,7 +33,15 @@ class Scenes:
     def restart(self, rows: RowArray, scenes: FloatArray) -> None:
         """Begin episodes in some rows (m,); the players have always been at rest in `scenes`, (11, m)."""
         self._past[:, :, rows] = scenes
-        self._apart = None
+        if self._apart is None or self._past.shape[2] == 1:
+            self._apart = None
+            return
+        # What is known of the others stays, in arrays of its own, since the old ones may have been given out.
+        x, y, yaw, _, _, _, other_x, other_y, *_ = scenes
+        here = separation(self._math, other_x - x, other_y - y, yaw)
+        self._apart = self._apart[0].copy(), self._apart[1].copy()
+        for known, new in zip(self._apart, here, strict=True):
+            known[rows] = new
 
     def push(self) -> FloatArray:
         """Shift all scenes by one step; return the newest, a copy of the last that is to be overwritten."""

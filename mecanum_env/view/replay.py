@@ -12,7 +12,7 @@ import numpy as np
 
 from mecanum_env.effects.apply import in_turned_axes
 from mecanum_env.errors import InputError
-from mecanum_env.kinematics import WHEELS
+from mecanum_env.kinematics import POSE, TWIST, WHEEL_SPEEDS
 from mecanum_env.model import Model
 from mecanum_env.simulator import BodyCommands, Commands, RobotPlant, WheelCommands, drive, replay_bench
 from mecanum_env.simulator.commands import read_commands
@@ -21,12 +21,10 @@ from mecanum_env.simulator.trajectory import CHANNELS
 from mecanum_env.tables import Table, read_table
 from mecanum_env.units import FloatArray
 
-POSE: Final = ("x_m", "y_m", "yaw_rad")
-_TWIST: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-_NAMES: Final = {"fl": "front left", "fr": "front right", "rl": "rear left", "rr": "rear right"}
+_WHEEL_NAMES: Final = ("front left", "front right", "rear left", "rear right")
 SHOWN: Final[Mapping[str, tuple[str, str]]] = {
     "speed_rpm": ("wheel", "rpm"),
-    **{f"speed_{wheel}_rpm": (_NAMES[wheel], "rpm") for wheel in WHEELS},
+    **{column: (name, "rpm") for column, name in zip(WHEEL_SPEEDS, _WHEEL_NAMES, strict=True)},
     "vx_m_s": ("ahead", "m/s"),
     "vy_m_s": ("left", "m/s"),
     "yaw_rate_rad_s": ("turn", "rad/s"),
@@ -62,9 +60,9 @@ class Log:
         """
         if all(name in self.channels for name in POSE):
             return np.stack([_filled(self.time_s, self.channels[name]) for name in POSE], axis=1)
-        if not all(name in self.channels for name in _TWIST):
+        if not all(name in self.channels for name in TWIST):
             return None
-        vx, vy, rate = (_filled(self.time_s, self.channels[name]) for name in _TWIST)
+        vx, vy, rate = (_filled(self.time_s, self.channels[name]) for name in TWIST)
         yaw = _summed(self.time_s, rate)
         x = _summed(self.time_s, np.cos(yaw) * vx - np.sin(yaw) * vy)
         y = _summed(self.time_s, np.sin(yaw) * vx + np.cos(yaw) * vy)

@@ -1,5 +1,6 @@
-from .pipeline import Fit, FitOptions, fit_dataset
-from .result import fit_json, fitted_model
+from .options import FitOptions
+from .pipeline import Fit, fit_dataset
+from .report import fit_json, fitted_model
 
 __all__ = [
     "Fit",

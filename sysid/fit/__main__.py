@@ -34,7 +34,7 @@ def fit(
 ) -> Done:
     """Fit the wheel law A-F to a folder of logs and write model.json, fit.json, report.html and plots.
 
-    Example: python -m sysid.fit examples/logs --out fit
+    Example: python -m sysid.fit @examples/logs --out fit
 
     Args:
         logs: Folder of bench or robot logs, or one file; @examples/logs is in the package.
@@ -58,10 +58,9 @@ def fit(
     from mecanum_env.outputs import output_folder
     from mecanum_env.reading import read_json
     from sysid.fit.estimators import METHODS
-    from sysid.fit.pipeline import FitOptions, fit_dataset
-    from sysid.fit.plots import write_fit_plots
-    from sysid.fit.report import fit_table, write_fit_report
-    from sysid.fit.result import fit_json, fitted_model
+    from sysid.fit.options import FitOptions
+    from sysid.fit.pipeline import fit_dataset
+    from sysid.fit.report import fit_json, fit_table, fitted_model, write_fit_plots, write_fit_report
     from sysid.logs import read_dataset
     from sysid.logs.of_fit import with_logs
     from sysid.logs.quantities import require_our_units

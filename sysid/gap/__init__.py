@@ -1,8 +1,7 @@
 """Where simulation and measurement disagree, which effect is missing, and whether adding it closes the gap.
 
-`analyse` runs a study; `python -m sysid.gap` is its command line. Modules import only those to their left:
-result < wording < search < design < report < workflow < __main__. `search` decides which effects are
-missing, `design` finds the next experiment, `report` puts out the results.
+`analyse` runs a study; `python -m sysid.gap` is its command line. `search` decides which effects are missing,
+`design` finds the next experiment, `report` puts out the results; CONTRIBUTING.md has the path of a study.
 """
 
 import lazy_loader

@@ -10,6 +10,7 @@ from typing import Literal
 import tyro
 
 from mecanum_env.cli import run
+from mecanum_env.errors import InputError
 from mecanum_env.programs import Done
 
 
@@ -77,12 +78,16 @@ def gap(
         adopt=adopt,
         earlier=studies_near(out),
     )
+    if model is not None and (out / "model.json").resolve() == model.resolve():
+        raise InputError(
+            f"--out {out}: the study would replace {model}, its own input; choose another folder"
+        )
     dataset = read_dataset(logs)
     require_our_units(dataset)
     require_valid(options, dataset.level)
     base = None
     if model is None:
-        require_fittable(dataset, fitted_on)
+        require_fittable(dataset, logs, fitted_on)
     else:
         base = read_model(model)
         known, why = (read_dataset(fitted_on), "") if fitted_on else logs_of_fit(base, model.parent)

@@ -9,7 +9,7 @@ from typing import Final
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model, cause_of
-from sysid.compare.subset import select_runs
+from sysid.compare.measured import select_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.result import GapOptions
 from sysid.logs import Dataset, Split
@@ -22,8 +22,8 @@ _SECONDS: Final[Mapping[Split, float]] = {"fit": 120.0, "validation": 60.0, "tes
 """Duration of the runs that a law is fitted to, and that are held out of the fit [s]."""
 
 
-def require_fittable(dataset: Dataset, fitted_on: Path | None = None) -> None:
-    """Refuse logs to which no law and effects can be fitted at once.
+def require_fittable(dataset: Dataset, logs: Path, fitted_on: Path | None = None) -> None:
+    """Refuse a dataset, read from `logs`, to which no law and effects can be fitted at once.
 
     Raises:
         InputError: robot logs, or `fitted_on` although there is no model that was fitted to anything.
@@ -32,8 +32,8 @@ def require_fittable(dataset: Dataset, fitted_on: Path | None = None) -> None:
         raise InputError(f"fitted-on {fitted_on}: no model was fitted to them; give --model, too")
     if dataset.level != "bench":
         raise InputError(
-            f"{dataset.name}: robot logs need a model; fit one with `python -m sysid.fit {dataset.name}` to "
-            "logs of the robot as it was, and give it with --model"
+            f"{logs}: robot logs need a model; fit one to logs of the robot as it was "
+            "(python -m sysid.fit LOGS), and give it with --model"
         )
 
 

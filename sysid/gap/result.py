@@ -298,6 +298,15 @@ class GapReport:
     """All studies of these logs that are known, this one included."""
 
     @property
+    def new_effects(self) -> tuple[FoundEffect, ...]:
+        """Effects that explain what changed: without those that were there already when the model was fitted.
+
+        All of them, if each was there already.
+        """
+        new = tuple(effect for effect in self.effects if effect.since != "already when fitted")
+        return new or self.effects
+
+    @property
     def changed(self) -> bool:
         """Whether the improved model differs from the one that was given."""
         return bool(self.effects) or (self.custom is not None and self.custom.adopted)

@@ -9,20 +9,21 @@ from typing import Final
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.friction import TORQUES, droop_rpm
+from mecanum_env.kinematics import POSE, TWIST, WHEEL_SPEEDS
 from mecanum_env.model import Model, cause_of, form_of
 from sysid.gap.result import CustomProposal, Difference, GapReport, Interval, Region
 
 NEXT_FILE: Final = "next_experiment.csv"
 """File with the commands of the next experiment."""
-_WHEEL_LAW: Final = "wheel_law"
+WHEEL_LAW: Final = "wheel_law"
 """Name among the sets of effects that stands for the wheel law, fitted again."""
 _CONCENTRATED: Final = 0.1
 """A region stands out if its share of the error exceeds its share of the samples by this."""
 _SPEED_UNITS: Final = ("rpm", "m/s", "rad/s")
 _CHANNEL_GROUPS: Final[Mapping[str, tuple[str, ...]]] = {
-    "the wheels' speeds": ("speed_fl_rpm", "speed_fr_rpm", "speed_rl_rpm", "speed_rr_rpm"),
-    "the body's velocity": ("vx_m_s", "vy_m_s", "yaw_rate_rad_s"),
-    "the pose": ("x_m", "y_m", "yaw_rad"),
+    "the wheels' speeds": WHEEL_SPEEDS,
+    "the body's velocity": TWIST,
+    "the pose": POSE,
 }
 """Channels that a robot may measure in addition, by what they are called in a sentence."""
 
@@ -134,7 +135,7 @@ def compared_runs(report: GapReport) -> str:
 
 def _law_is_best(report: GapReport) -> bool:
     """Return whether the wheel's own law, fitted again, did better than every set of effects."""
-    return bool(report.evidence) and report.evidence[0].effects == (_WHEEL_LAW,)
+    return bool(report.evidence) and report.evidence[0].effects == (WHEEL_LAW,)
 
 
 def closure(gap: Difference) -> float | None:
@@ -200,7 +201,7 @@ def effect_name(effect: str) -> str:
 
 def set_name(effects: Sequence[str]) -> str:
     """Return the name of a set of effects: joined by " + "; of none, "the model as it is"."""
-    if tuple(effects) == (_WHEEL_LAW,):
+    if tuple(effects) == (WHEEL_LAW,):
         return "the wheel law fitted again"
     return " + ".join(map(effect_name, effects)) if effects else "the model as it is"
 

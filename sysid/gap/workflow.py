@@ -2,36 +2,32 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 import mecanum_env
-from mecanum_env.model import Model
-from mecanum_env.model.file import model_to_dict
+from mecanum_env.model import Model, model_sha256
 from mecanum_env.parallel import one_thread
-from sysid.compare.simulator import without_engine_warnings
-from sysid.gap.adoption import improved_model
+from sysid.compare.links import AlignedLogs
+from sysid.compare.predicted import without_engine_warnings
+from sysid.gap.adoption import found_effects, improved_model
 from sysid.gap.design.experiment import Design
 from sysid.gap.design.next_experiment import design_next_experiment
-from sysid.gap.findings import Findings, find
-from sysid.gap.late_links import late_logs
-from sysid.gap.link_found import with_link_fault
+from sysid.gap.inquiry import Inquiry, inquire
+from sysid.gap.link_faults import as_given, with_link_fault
 from sysid.gap.report.held_out import (
+    Channels,
     compare,
     differences,
     evidence,
-    found_before,
-    found_effects,
     held_out,
     overlays,
     predicted,
 )
 from sysid.gap.report.where import regions
-from sysid.gap.result import CustomProposal, GapOptions, GapReport
+from sysid.gap.result import CustomProposal, GapOptions, GapReport, Untestable
 from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
 from sysid.gap.search.custom import propose
 from sysid.gap.search.data import is_meant, known_effects, require_movement, require_valid
@@ -69,7 +65,7 @@ def analyse(
     budget = budget_of(dataset, model, options)
     fitted_on = None if options.fitted_on is None else weighted_down(options.fitted_on)[0]
     with without_engine_warnings(), one_thread():
-        late = late_logs(dataset, model)
+        late = AlignedLogs.stated(dataset, model)
         if late is None:
             options = replace(options, fitted_on=fitted_on)
             report = _analyse(dataset, model, options, budget.level, progress)
@@ -82,10 +78,10 @@ def analyse(
                 lambda logs, base, chosen: _analyse(logs, base, chosen, budget.level, silent),
             )
         else:
-            fitted_on = None if fitted_on is None else late.alike(fitted_on)
+            fitted_on = None if fitted_on is None else late.beside(fitted_on)
             options = replace(options, fitted_on=fitted_on)
             found = _analyse(late.dataset, late.model, options, budget.level, progress)
-            report = late.described(found)
+            report = as_given(found, late)
     heavy = tuple(one.note(channel) for channel, one in tails.items())
     return replace(
         report,
@@ -103,7 +99,7 @@ def _analyse(
     known = known_effects(dataset.level, options.plant, dataset.columns)
     only = options.only or known
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
-    found = find(dataset, model, options, considered, false_alarm, progress)
+    found = inquire(dataset, model, options, considered, false_alarm, progress)
     progress("before and after")
     return _report(dataset, model, options, found, considered)
 
@@ -112,43 +108,22 @@ def _report(
     dataset: Dataset,
     model: Model,
     options: GapOptions,
-    found: Findings,
+    found: Inquiry,
     considered: Sequence[str],
 ) -> GapReport:
-    data, search, decision = found.data, found.search, found.decision
-    problem = search.problem
-    study = problem.study
+    """Return the results of a study: what was found, what adding it gains, and what to measure next."""
+    problem, decision = found.search.problem, found.decision
     split, runs = held_out(dataset)
-    effects = found_effects(problem, decision, found.since)
-    if effects:
-        effects = (*effects, *found_before(problem, found))
-    improved = improved_model(model, problem.base, decision, effects)
-    proposal = None
-    if decision.verdict == "unexplained":
-        situations = data.observations.situations
-        whole = all(run in dataset.runs for situation in situations for run in situation.runs)
-        proposal = propose(problem, whole=whole)
-    before = predicted(model, runs, study)
-    custom = None
-    if proposal is not None:
-        described = problem.base.with_custom(proposal.effect)
-        with_it = compare(split, runs, before, predicted(described, runs, study))
-        left = differences(dataset, with_it)[0].after
-        custom = CustomProposal(
-            proposal.effect, proposal.explained, proposal.stations_tied, left, options.adopt
-        )
-        improved = described if options.adopt else improved
-    after = before if improved is model else predicted(improved, runs, study)
+    effects = found_effects(found)
+    improved = improved_model(model, found, effects)
+    before = predicted(model, runs, problem.study)
+    custom = _custom(dataset, found, before, options.adopt)
+    if custom is not None and custom.adopted:
+        improved = problem.base.with_custom(custom.effect)
+    after = before if improved is model else predicted(improved, runs, problem.study)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
-    scatter = roller_scatter(problem, search.base)
-    rng = np.random.default_rng(study.seed)
-    threshold = chance_gains(search.base, search.library, rng, scatter, data.floor.false_alarm).threshold()
-    detectable = smallest_detectable(search.library, threshold)
-    unseen = untestable(considered, search.library, detectable, dataset.level, dataset.columns)
-    asked = Design(None, "")
-    if options.next_experiment:
-        asked = design_next_experiment(problem, dataset.runs, decision, improved, unseen, threshold)
+    detectable, unseen, asked = _what_is_open(dataset, options, found, considered, improved)
     unanswered = () if asked.experiment or not asked.why else (asked.why,)
     return GapReport(
         verdict=decision.verdict,
@@ -160,31 +135,72 @@ def _report(
         untestable=unseen,
         smallest_detectable=detectable,
         next_experiment=asked.experiment,
-        evidence=evidence(dataset, problem, decision, data.floor),
+        evidence=evidence(dataset, problem, decision, found.data.floor),
         p_value=decision.facts.p_value,
         model=improved,
         base=model,
         level=dataset.level,
         dataset=dataset.name,
         findings=dataset.findings,
-        notes=(*options.notes, *data.notes, *_there_notes(found), *decision.notes, *unanswered),
+        notes=(*options.notes, *found.data.notes, *_there_notes(found), *decision.notes, *unanswered),
         overlays=overlays(comparison),
         custom=custom,
         provenance={
-            "seed": study.seed,
+            "seed": options.seed,
             "data_sha256": dataset.sha256,
-            "model_sha256": hashlib.sha256(
-                json.dumps(model_to_dict(model), sort_keys=True).encode()
-            ).hexdigest(),
+            "model_sha256": model_sha256(model),
             "version": mecanum_env.__version__,
         },
         held_out=split,
         unseen=split == "test" and len(runs) < len(dataset.runs),
-        trusted=data.floor.trusted,
+        trusted=found.data.floor.trusted,
     )
 
 
-def _there_notes(found: Findings) -> tuple[str, ...]:
+def _custom(
+    dataset: Dataset, found: Inquiry, before: Sequence[Channels], adopt: bool
+) -> CustomProposal | None:
+    """Return the custom effect that describes an unexplained gap, and what is left with it on held-out runs.
+
+    None if the gap is explained, or if neither a formula nor a table describes it. `before` is what the model
+    as given predicts for the held-out runs.
+    """
+    if found.decision.verdict != "unexplained":
+        return None
+    problem = found.search.problem
+    situations = found.data.observations.situations
+    whole = all(run in dataset.runs for situation in situations for run in situation.runs)
+    proposal = propose(problem, whole=whole)
+    if proposal is None:
+        return None
+    split, runs = held_out(dataset)
+    described = predicted(problem.base.with_custom(proposal.effect), runs, problem.study)
+    left = differences(dataset, compare(split, runs, before, described))[0].after
+    return CustomProposal(proposal.effect, proposal.explained, proposal.stations_tied, left, adopt)
+
+
+def _what_is_open(
+    dataset: Dataset, options: GapOptions, found: Inquiry, considered: Sequence[str], improved: Model
+) -> tuple[Mapping[str, Mapping[str, float]], tuple[Untestable, ...], Design]:
+    """Return the sizes of effects that these logs would show, the effects that none would, and what to drive.
+
+    The sizes are effect -> parameter -> value.
+    """
+    search, floor = found.search, found.data.floor
+    scatter = roller_scatter(search.problem, search.base)
+    rng = np.random.default_rng(options.seed)
+    threshold = chance_gains(search.base, search.library, rng, scatter, floor.false_alarm).threshold()
+    detectable = smallest_detectable(search.library, threshold)
+    unseen = untestable(considered, search.library, detectable, dataset.level, dataset.columns)
+    asked = Design(None, "")
+    if options.next_experiment:
+        asked = design_next_experiment(
+            search.problem, dataset.runs, found.decision, improved, unseen, threshold
+        )
+    return detectable, unseen, asked
+
+
+def _there_notes(found: Inquiry) -> tuple[str, ...]:
     """Return what is said of effects that the logs of the fit show and the model lacks."""
     if not found.there:
         return ()

@@ -12,14 +12,14 @@ import tyro
 
 from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.programs import Done, run_one_of
-from sysid.logs.bags import Clock, Unit
+from sysid.logs.formats.bags import Clock, Unit
 from sysid.logs.plan.sequences import Form, Size
 
 
 def check(logs: tyro.conf.Positional[Path], /, all_findings: bool = False) -> Done:
     """Read logs, and print their runs, their splits and whatever is odd in them.
 
-    Example: python -m sysid.logs check examples/logs
+    Example: python -m sysid.logs check @examples/logs
 
     Args:
         logs: A folder of runs, or one run.
@@ -102,7 +102,7 @@ def export(
 ) -> Done:
     """Write logs for other programs: MCAP for Foxglove and PlotJuggler, Parquet, or a LeRobot dataset.
 
-    Example: python -m sysid.logs export examples/logs --to mcap --out out/mcap
+    Example: python -m sysid.logs export @examples/logs --to mcap --out out/mcap
 
     Args:
         logs: A folder of runs, or one run. Simulated ones come from python -m sysid.simulate.
@@ -113,8 +113,8 @@ def export(
     """
     from mecanum_env.outputs import output_folder, require_empty
     from mecanum_env.tables import table_stem
+    from sysid.logs.formats.json_mcap import write_mcap
     from sysid.logs.formats.lerobot import INFO, write_lerobot
-    from sysid.logs.formats.mcap_files import write_mcap
     from sysid.logs.reader import read_dataset
     from sysid.logs.writer import write_dataset
 
@@ -192,7 +192,7 @@ def plan(
 def plot(logs: tyro.conf.Positional[Path], /, out: Path = Path("logs.png")) -> Done:
     """Draw commands and wheel speeds of every command sequence, repeats over each other.
 
-    Example: python -m sysid.logs plot examples/logs --out logs.png
+    Example: python -m sysid.logs plot @examples/logs --out logs.png
 
     Args:
         logs: A folder of runs, or one run.

@@ -14,6 +14,7 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.errors import InputError
+from mecanum_env.kinematics import TWIST
 from mecanum_env.omni import OmniWheel, speeds_to_twist
 from mecanum_env.tables import Table, read_table
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
@@ -22,10 +23,8 @@ from sysid.logs.runs import BenchCommand, Dataset, Run
 from sysid.logs.settings import ColumnRule, Settings, read_settings
 from sysid.logs.splits import assign_splits, group_names
 
-BODY: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s")
-"""Columns of a measured body velocity."""
 DIRECTIONS: Final = ("forward", "left", "turn")
-"""What the body's bench logs are called, in the order of `BODY`."""
+"""What the body's bench logs are called, in the order of `TWIST`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +77,7 @@ def body_runs(
     Args:
         datasets: bench logs of the wheels, as `read_wheel_logs` returns them.
         wheels: the robot's wheels, in the same order.
-        measured: columns of `BODY` by name, each (n,), of each run by its file name; may lack any.
+        measured: columns of `TWIST` by name, each (n,), of each run by its file name; may lack any.
     """
     found = []
     for runs in zip(*(dataset.runs for dataset in datasets), strict=True):
@@ -92,21 +91,21 @@ def body_runs(
                 runs,
                 speeds_to_twist(commands, wheels),
                 speeds_to_twist(speeds, wheels),
-                np.column_stack([columns.get(name, nothing) for name in BODY]),
+                np.column_stack([columns.get(name, nothing) for name in TWIST]),
             )
         )
     return tuple(found)
 
 
 def read_measured(folder: Path) -> dict[str, dict[str, FloatArray]]:
-    """Return the columns of `BODY` that the runs of a folder have, by file and name."""
-    rules = {name: ColumnRule(name) for name in BODY} | dict(read_settings(folder).columns)
+    """Return the columns of `TWIST` that the runs of a folder have, by file and name."""
+    rules = {name: ColumnRule(name) for name in TWIST} | dict(read_settings(folder).columns)
     found: dict[str, dict[str, FloatArray]] = {}
     for file in run_files(folder):
         table = read_table(file)
         found[file.name] = {
             name: rules[name].scale * table.column(rules[name].source) + rules[name].offset
-            for name in BODY
+            for name in TWIST
             if rules[name].source in table.names
         }
     return found
@@ -199,7 +198,7 @@ def body_table(runs: Sequence[BodyRun]) -> str:
             line += f"; measured {_gain(turned, measured, unit)} of what the wheels turned"
         lines.append(line)
     if not any(np.isfinite(run.measured).any() for run in runs):
-        lines.append(f"no measured motion of the body ({', '.join(BODY)}): slip cannot be seen")
+        lines.append(f"no measured motion of the body ({', '.join(TWIST)}): slip cannot be seen")
     return "\n".join(lines)
 
 

@@ -13,10 +13,11 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from mecanum_env.kinematics import WHEEL_SPEEDS
 from mecanum_env.model import Wheel
-from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray, unit_of_stamps
 from sysid.logs.findings import Finding
-from sysid.logs.runs import REST, TIME, WHEEL_SPEEDS, BodyCommand, Run
+from sysid.logs.runs import REST, TIME, BodyCommand, Run
 
 _UNEVEN: Final = 0.05
 """Spread (5th to 95th percentile) of the sample intervals over their median above which stamps are uneven."""
@@ -35,6 +36,13 @@ LIMIT_RPM: Final = Wheel.saturation_rpm
 SETTLED_S: Final = 0.5
 """Time after which a held command has settled [s]; the published robot needs 0.25 s."""
 
+_LARGEST_GAIN: Final = 8.0
+"""Settled speed over command that no drive has, above or below one, whose command is a speed of the wheel."""
+_LEVELS: Final = 4
+"""Least number of different commands that show a unit; by chance all are whole once in 10^5 logs."""
+_WHOLE_RPM: Final = 0.02
+"""Commands of a file with few decimals differ from whole ones by less [rpm]."""
+
 
 def run_findings(run: Run) -> list[Finding]:
     """Return what was noticed in one run, in the order of `findings.KINDS`."""
@@ -43,7 +51,7 @@ def run_findings(run: Run) -> list[Finding]:
 
 
 def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
-    """Return what only all runs together show: a wheel speed in another unit or with the wrong sign.
+    """Return what only all runs together show: speeds or commands in another unit or with the wrong sign.
 
     The gain is the least-squares slope of speed over command where the command has settled; a single run may
     deviate for other reasons, such as a limit on the body's speed.
@@ -54,13 +62,13 @@ def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
         pairs = [_settled_pairs(run, name, index) for run in runs if name in run.channels]
         command, speed = (np.concatenate([pair[i] for pair in pairs] or [np.empty(0)]) for i in range(2))
         power = float(command @ command)
-        if command.size < 5 or power == 0.0:
+        if command.size < 5 or power == 0.0 or not speed.any():
             continue
         gain = float(command @ speed) / power
         if np.mean((speed - gain * command) ** 2) > 0.25 * np.mean(speed**2):
             continue  # the command explains too little of the speed for a gain to mean anything
         findings += list(_wrong_gain(gain, name))
-    return findings
+    return findings or list(_whole_in_rpm(runs))
 
 
 def _wrong_gain(gain: float, name: str) -> Iterator[Finding]:
@@ -70,8 +78,26 @@ def _wrong_gain(gain: float, name: str) -> Iterator[Finding]:
                 details: dict[str, float | str] = {"suspect": suspect, "unit": unit, "scale": 1.0 / scale}
                 yield Finding("", "units", gain, name, "gain", details)
                 return
-    if gain < 0.0:
+    if not 1.0 / _LARGEST_GAIN < abs(gain) < _LARGEST_GAIN:
+        suspect, scale = ("the command", gain) if abs(gain) > 1.0 else (name, 1.0 / gain)
+        yield Finding("", "units", gain, name, "no speed", {"suspect": suspect, "scale": scale})
+    elif gain < 0.0:
         yield Finding("", "units", gain, name, "sign")
+
+
+def _whole_in_rpm(runs: Sequence[Run]) -> Iterator[Finding]:
+    """Check whether commands are whole numbers of rpm, as robots take them, but written in rad/s."""
+    used = [run.command for run in runs if not isinstance(run.command, BodyCommand)]
+    if not used:
+        return
+    levels = np.unique(np.abs(np.concatenate([command.wheels_rpm.ravel() for command in used])))
+    levels = levels[levels > RAD_S_PER_RPM / 2.0]
+    if levels.size < _LEVELS or np.median(np.abs(levels - np.rint(levels))) < _WHOLE_RPM:
+        return
+    if np.all(np.abs(levels / RAD_S_PER_RPM - np.rint(levels / RAD_S_PER_RPM)) < _WHOLE_RPM):
+        name = next(iter(used[0].columns()))
+        details: dict[str, float | str] = {"scale": 1.0 / RAD_S_PER_RPM}
+        yield Finding("", "units", float(levels.max()), name, "whole in rpm", details)
 
 
 def _settled_pairs(run: Run, name: str, index: int) -> tuple[FloatArray, FloatArray]:
@@ -197,7 +223,9 @@ def _same_channels(run: Run) -> Iterator[Finding]:
 def _units(run: Run) -> Iterator[Finding]:
     interval = np.diff(run.time_s)
     if np.median(interval) >= 1.0 and interval.size >= 20 and np.all(interval == np.rint(interval)):
-        yield Finding(run.file, "units", float(np.median(interval)), TIME, "milliseconds")
+        usual = float(np.median(interval))
+        unit, scale = unit_of_stamps(usual)
+        yield Finding(run.file, "units", usual, TIME, "stamps", {"unit": unit, "scale": scale})
     if isinstance(run.command, BodyCommand):
         theta = np.abs(run.command.theta_deg)
         if 0.0 < theta.max() <= 2.0 * np.pi + 0.01 and np.any(theta != np.rint(theta)):

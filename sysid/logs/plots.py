@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import atomic_path
-from sysid.logs.runs import WHEEL_SPEEDS, Dataset, Run
+from mecanum_env.kinematics import WHEEL_SPEEDS
+from sysid.logs.runs import Dataset, Run
 
 SUFFIXES: Final = (".png", ".svg", ".pdf")
 _MOST: Final = 40

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.errors import InputError, require_one_of
-from mecanum_env.kinematics import WHEELS
+from mecanum_env.kinematics import WHEEL_SPEEDS, WHEELS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 from sysid.logs.findings import Finding
-from sysid.logs.runs import KNOWN, WHEEL_SPEEDS, BodyCommand, Dataset, Run
+from sysid.logs.runs import KNOWN, BodyCommand, Dataset, Run
 
 _FACTORS: Final[Mapping[str, Mapping[str, float]]] = {
     "rpm": {"rad_s": 1.0 / RAD_S_PER_RPM, "deg_s": 1.0 / 6.0, "turns_s": 60.0, "rev_s": 60.0, "rps": 60.0},
@@ -142,8 +142,8 @@ def require_our_units(dataset: Dataset) -> None:
     """Refuse a dataset whose numbers show another unit, for programs that would make nonsense of it.
 
     Raises:
-        InputError: wheel speeds or commands differ by the factor of another unit, or stamps are in
-        milliseconds.
+        InputError: wheel speeds or commands differ by the factor of another unit or by their sign, or stamps
+        are not in seconds.
     """
     for finding in dataset.findings:
         if _is_certain(finding):
@@ -155,8 +155,11 @@ def require_our_units(dataset: Dataset) -> None:
 
 def _is_certain(finding: Finding) -> bool:
     # One row a second may be a slow log in seconds or a fast one in milliseconds; 2 s are no log of a drive.
-    slow = finding.variant == "milliseconds" and finding.value >= 2.0
-    return finding.kind == "units" and (finding.variant == "gain" or slow)
+    slow = finding.variant == "stamps" and finding.value >= 2.0
+    certain = finding.variant in ("gain", "whole in rpm")
+    # On the floor a wheel may be held, or turned by the others.
+    alone = finding.variant in ("sign", "no speed") and finding.channel == "speed_rpm"
+    return finding.kind == "units" and (certain or slow or alone)
 
 
 def factor_to(ours: str, unit: str) -> float:

@@ -11,6 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.kinematics import BODY_COMMAND, WHEEL_COMMAND
+from mecanum_env.samples import MARK, SAMPLES
 from mecanum_env.tables import Table, check_stamps, has_table_suffix, read_table, table_stem
 from mecanum_env.units import FloatArray
 from sysid.logs.checks import dataset_findings, run_findings
@@ -18,14 +20,12 @@ from sysid.logs.findings import Finding
 from sysid.logs.quantities import refuse_other_unit, refuse_other_wheel, refuse_position, require_speeds
 from sysid.logs.runs import (
     BENCH_COMMAND,
-    BODY_COMMAND,
     COMMANDS,
     KNOWN,
     ROBOT_MOTION,
     SPEEDS,
     TIME,
     UNITS,
-    WHEEL_COMMAND,
     BenchCommand,
     BodyCommand,
     Command,
@@ -92,7 +92,8 @@ def run_files(path: Path) -> list[Path]:
         return [path]
     if not os.path.isdir(path):
         present = [p.name for p in path.parent.iterdir()] if os.path.isdir(path.parent) else []
-        hint = did_you_mean(path.name, present)
+        packaged = f"{MARK}{path.as_posix()}"
+        hint = f" (did you mean {packaged}?)" if packaged in SAMPLES else did_you_mean(path.name, present)
         raise InputError(f"{path}: no such file or folder{hint}; give a folder of runs in CSV")
     files = _logs_in(path)
     if not files:

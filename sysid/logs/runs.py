@@ -10,16 +10,14 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.kinematics import WHEELS, command_to_wheels
+from mecanum_env.kinematics import BODY_COMMAND, WHEEL_COMMAND, command_to_wheels
+from mecanum_env.kinematics import WHEEL_SPEEDS as WHEEL_SPEEDS
 from mecanum_env.units import FloatArray
 from sysid.logs.findings import Finding
 
 TIME: Final = "time_s"
 BENCH_COMMAND: Final = ("command_rpm",)
-BODY_COMMAND: Final = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
-WHEEL_COMMAND: Final = tuple(f"command_{wheel}_rpm" for wheel in WHEELS)
 COMMANDS: Final = (*BENCH_COMMAND, *BODY_COMMAND, *WHEEL_COMMAND)
-WHEEL_SPEEDS: Final = tuple(f"speed_{wheel}_rpm" for wheel in WHEELS)
 SPEEDS: Final = (*BENCH_COMMAND, *WHEEL_COMMAND, "speed_rpm", *WHEEL_SPEEDS)
 """Columns that hold the speed of a wheel, commanded or measured [rpm]."""
 

@@ -19,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.special import gammaln
 
+from mecanum_env.statistics import MEDIAN_OF_NORMAL, VERY_STRONG
 from mecanum_env.units import FloatArray
 from sysid.logs.runs import Dataset, Run
 
@@ -29,7 +30,6 @@ _HELD_S: Final = 0.5
 _BEFORE_S: Final = 0.1  # and up to this time before the next one, for stamps are not exact
 _FEWEST: Final = 100  # samples from which tails are judged
 _FREEDOMS: Final = (2.0, 2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0)
-_EVIDENCE: Final = 10.0  # difference of BIC: "very strong" on the scale of Kass and Raftery (1995)
 _MEDIAN_OF_FOUR: Final = 0.298
 """Variance of the median of four normal values of variance 1."""
 _OUTLYING: Final = 5.0
@@ -204,7 +204,7 @@ def _tails(values: FloatArray, level: FloatArray, resolution: float) -> Tails | 
             twice = 2.0 * (likelihood - float(np.log(shape).sum())) - parameters * math.log(values.size)
             tried.append((twice, freedom, scale, growing))
     plain, (best, freedom, scale, growing) = tried[0], max(tried)
-    if best - plain[0] < _EVIDENCE:
+    if best - plain[0] < VERY_STRONG:
         return None
     distance = np.abs(values) / np.hypot(max(scale, least), scale * growing * level / top)
     unit = math.sqrt(1.0 + _MEDIAN_OF_FOUR)
@@ -224,7 +224,7 @@ def _student(values: FloatArray, freedom: float, least: float) -> tuple[float, f
         scale = max(math.sqrt(float(np.mean(square))), least)
         spread = 0.5 * float(np.sum(square)) / scale**2
         return -spread - values.size * (math.log(scale) + 0.5 * math.log(2.0 * math.pi)), scale
-    scale = max(float(np.median(np.abs(values))) / 0.6745, least)
+    scale = max(float(np.median(np.abs(values))) / MEDIAN_OF_NORMAL, least)
     for _ in range(_ROUNDS):
         scale = max(math.sqrt(float(np.mean(_counts(square / scale**2, freedom) * square))), least)
     constant = gammaln(0.5 * (freedom + 1.0)) - gammaln(0.5 * freedom) - 0.5 * math.log(math.pi * freedom)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from mecanum_env.errors import InputError
+from mecanum_env.errors import InputError, install_command
 from mecanum_env.files import atomic_path, write_text
 from mecanum_env.tables import has_table_suffix
 from mecanum_env.units import FloatArray
@@ -50,16 +50,21 @@ def write_columns(columns: Mapping[str, FloatArray], path: str | os.PathLike[str
     """Write columns, each of shape (n,), as a log file by the path's suffix.
 
     Raises:
-        InputError: another suffix than .csv, .csv.gz or .parquet, or the folder cannot be written.
+        InputError: another suffix than .csv, .csv.gz or .parquet, a folder that cannot be written, or
+            `pyarrow` is not installed.
     """
     path = Path(path)
     if not has_table_suffix(path):
         raise InputError(f"{path}: a log's name must end in .csv, .csv.gz or .parquet")
     suffix = path.name.lower().rsplit(".", 1)[-1]
     if suffix == "parquet":
-        import pyarrow as pa
-        import pyarrow.parquet as pq
-
+        try:
+            import pyarrow as pa
+            import pyarrow.parquet as pq
+        except ImportError as error:
+            raise InputError(
+                f"{path}: writing Parquet needs pyarrow: {install_command('parquet')}"
+            ) from error
         with atomic_path(path) as temporary:
             pq.write_table(pa.table({name: np.asarray(v) for name, v in columns.items()}), temporary)
         return

@@ -1,6 +1,6 @@
 from .estimator import OnlineEstimate, OnlineEstimator, first_order_law
 from .history import History, LawMetrics, law_metrics, mean_lag_s, track
-from .projection import OnlineOptions
+from .options import OnlineOptions
 
 __all__ = [
     "History",

@@ -11,7 +11,7 @@ import tyro
 
 from mecanum_env.cli import run
 from mecanum_env.programs import Done
-from sysid.online.projection import OnlineOptions
+from sysid.online.options import OnlineOptions
 
 
 def main(

@@ -36,7 +36,8 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from mecanum_env.units import FloatArray
-from sysid.online.projection import OnlineOptions, feasible_start, feasible_step, free_parameters, law_of
+from sysid.online.options import OnlineOptions
+from sysid.online.projection import feasible_start, feasible_step, free_parameters, law_of
 
 _STATE_FORMAT: Final = "mecanum-online/1"
 

@@ -13,13 +13,12 @@ from mecanum_env.errors import InputError
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.conversion import convert_law
 from mecanum_env.units import FloatArray
-from sysid.fit.command_path import CommandPath, infer_command_path
+from sysid.fit.drive import CommandPath, infer_command_path, wheel_columns, wheel_run
 from sysid.fit.estimators import WheelRun
-from sysid.fit.wheel_data import wheel_columns, wheel_run
 from sysid.logs import Dataset
 from sysid.online.estimator import OnlineEstimator, first_order_law
 from sysid.online.history import History, track
-from sysid.online.projection import OnlineOptions
+from sysid.online.options import OnlineOptions
 
 _SPARSE: Final = 1.5
 """Ticks per sample above which the law is slowed down, since it is not determined between samples."""

@@ -15,10 +15,10 @@ from mecanum_env.files import atomic_path, plain_json
 from mecanum_env.law.coefficients import COEFFICIENTS
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
-from sysid.fit.command_path import CommandPath
+from sysid.fit.drive import CommandPath
 from sysid.logs import Dataset
 from sysid.online.history import LawMetrics, law_metrics
-from sysid.online.projection import OnlineOptions
+from sysid.online.options import OnlineOptions
 from sysid.online.replay import WheelHistory
 
 FORMAT: Final = "mecanum-online-history/1"
@@ -69,7 +69,7 @@ def misfit_note(wheel: WheelHistory, options: OnlineOptions) -> str | None:
         return None
     return (
         f"{wheel.wheel}: the innovations are still {ratio:.0f} times the expected noise "
-        f"({options.noise_rpm:g} rpm): a single law does not describe the wheel, or --noise-rpm is too small"
+        f"({options.noise_rpm:g} rpm): a single law does not describe the wheel, or --noise is too small"
     )
 
 

@@ -1,9 +1,10 @@
 """What a flexible regression takes off a model's error on test runs: the measure for named effects.
 
 The difference between log and model is regressed on smooth functions of the commands, the speed and the time
-(the columns of `sysid.compare.shape`, and some of the time in the run), with a penalty on their factors that
-predicts left-out groups of runs best. No cause is behind it, and no other program could simulate it; it shows
-how much of the difference is there to be explained at all. The rest is noise or depends on something else.
+(the columns of `sysid.compare.model_error.shape`, and some of the time in the run), with a penalty on their
+factors that predicts left-out groups of runs best. No cause is behind it, and no other program could simulate
+it; it shows how much of the difference is there to be explained at all. The rest is noise or depends on
+something else.
 """
 
 from __future__ import annotations
@@ -14,11 +15,10 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.observations import Observations, observe
-from sysid.compare.prediction import Study
-from sysid.compare.shape import ShapeBasis
-from sysid.compare.simulator import Simulators
-from sysid.gap.late_links import late_logs
+from sysid.compare.links import AlignedLogs
+from sysid.compare.measured import Observations, observe
+from sysid.compare.model_error import ShapeBasis
+from sysid.compare.predicted import Simulators, Study
 from sysid.logs import Dataset
 from sysid.logs.tails import weighted_down
 
@@ -32,7 +32,7 @@ def free_correction(dataset: Dataset, model: Model) -> tuple[float, float]:
     The correction is fitted to the fit and validation runs.
     """
     dataset, _ = weighted_down(dataset)
-    late = late_logs(dataset, model)
+    late = AlignedLogs.stated(dataset, model)
     if late is not None:
         dataset, model = late.dataset, late.model
     known = _Table(dataset, model, ("fit", "validation"))

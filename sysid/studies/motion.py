@@ -7,9 +7,11 @@ Every function takes a model that `robot_spec` or `planar_spec` made for the plu
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Final
 
 import mujoco
 import numpy as np
+import numpy.typing as npt
 
 from mecanum_env.kinematics import command_to_twist, command_to_wheels
 from mecanum_env.mjcf.geometry import no_slip_rows
@@ -18,6 +20,8 @@ from mecanum_env.units import RAD_S_PER_RPM, FloatArray
 
 Command = tuple[float, float, float]
 """V [rpm], theta [deg], VC [rpm]."""
+_STRAIGHT_M: Final = 3.0
+"""Length of a straight drive [m]."""
 
 
 @dataclass(frozen=True)
@@ -39,12 +43,16 @@ def start(mj_model: mujoco.MjModel, settle_s: float = 0.3) -> mujoco.MjData:
     return data
 
 
-def steady_drive(
-    mj_model: mujoco.MjModel, robot: Robot, command: Command, seconds: float = 3.0
-) -> SteadyDrive:
-    """Drive at one command for 1 s and average over the `seconds` after it."""
+def settled_motion(
+    mj_model: mujoco.MjModel, ctrl: npt.ArrayLike, seconds: float
+) -> tuple[mujoco.MjData, FloatArray, FloatArray]:
+    """Drive with one `ctrl` for 1 s, and return how the base moves in the `seconds` after it.
+
+    That is its twist [m/s, m/s, rad/s], shape (n, 3), and its height [m], (n,), after each physics step; and
+    the data at the end.
+    """
     data = start(mj_model)
-    data.ctrl[:] = command_to_wheels(*command)
+    data.ctrl[:] = ctrl
     mujoco.mj_step(mj_model, data, nstep=round(1.0 / mj_model.opt.timestep))
     steps = round(seconds / mj_model.opt.timestep)
     twists, heights = np.empty((steps, 3)), np.empty(steps)
@@ -52,6 +60,14 @@ def steady_drive(
         mujoco.mj_step(mj_model, data)
         twists[i] = [*data.sensor("base_velocity").data[:2], data.sensor("base_gyro").data[2]]
         heights[i] = data.body("base").xpos[2]
+    return data, twists, heights
+
+
+def steady_drive(
+    mj_model: mujoco.MjModel, robot: Robot, command: Command, seconds: float = 3.0
+) -> SteadyDrive:
+    """Drive at one command for 1 s and average over the `seconds` after it."""
+    _, twists, heights = settled_motion(mj_model, command_to_wheels(*command), seconds)
     ideal = command_to_twist(*command, robot)
     return SteadyDrive(
         ratio=float(twists.mean(axis=0) @ ideal / (ideal @ ideal)),
@@ -68,15 +84,15 @@ def expected_ratio(robot: Robot, command: Command) -> float:
     return float(twist @ ideal / (ideal @ ideal))
 
 
-def heading_drift_rad(mj_model: mujoco.MjModel, command: Command, distance_m: float = 3.0) -> float:
-    """Return how far [rad] the robot has turned after a straight drive with a command of VC 0."""
+def heading_drift_rad(mj_model: mujoco.MjModel, command: Command) -> float:
+    """Return how far [rad] the robot has turned after a straight drive of 3 m with a command of VC 0."""
     data = start(mj_model)
     data.ctrl[:] = command_to_wheels(*command)
     begin = pose(data)
-    while np.hypot(*(pose(data) - begin)[:2]) < distance_m:
+    while np.hypot(*(pose(data) - begin)[:2]) < _STRAIGHT_M:
         mujoco.mj_step(mj_model, data, nstep=20)
         if data.time > 60.0:
-            raise ValueError(f"command {command} has not moved the robot {distance_m} m in a minute")
+            raise ValueError(f"command {command} has not moved the robot {_STRAIGHT_M} m in a minute")
     return float((pose(data) - begin)[2])
 
 

@@ -71,23 +71,18 @@ def random_samples(
     rng: np.random.Generator,
     *,
     noise_rpm: float = NOISE_RPM,
-    quantum_rpm: float = 1.0,
-    hold_ticks: int = _HOLD_TICKS,
 ) -> Samples:
     """Return random whole commands within +-135 rpm and the response of several laws, one after the other.
 
-    Each law has its number of ticks, each command is held for `hold_ticks`; the wheel keeps its speed when
-    the law changes. `noise_rpm` is the standard deviation of the measured speed before it is rounded to
-    multiples of `quantum_rpm` (0: not rounded).
+    Each law has its number of ticks, each command is held for 0.1 s at a tick of 1/120 s; the wheel keeps its
+    speed when the law changes. `noise_rpm` is the standard deviation of the measured speed before it is
+    rounded to whole rpm.
     """
     n = sum(ticks for _, ticks in laws)
-    values = rng.integers(-LIMIT_RPM, LIMIT_RPM + 1, -(-n // hold_ticks))
-    command = np.repeat(values, hold_ticks)[:n].astype(float)
+    values = rng.integers(-LIMIT_RPM, LIMIT_RPM + 1, -(-n // _HOLD_TICKS))
+    command = np.repeat(values, _HOLD_TICKS)[:n].astype(float)
     true = _simulate(laws, command)
-    speed = true + noise_rpm * rng.standard_normal(n)
-    if quantum_rpm > 0.0:
-        speed = np.rint(speed / quantum_rpm) * quantum_rpm
-    return Samples(command, true, speed)
+    return Samples(command, true, np.rint(true + noise_rpm * rng.standard_normal(n)))
 
 
 def _simulate(laws: Sequence[tuple[WheelLaw, int]], command: FloatArray) -> FloatArray:
@@ -104,14 +99,9 @@ def _simulate(laws: Sequence[tuple[WheelLaw, int]], command: FloatArray) -> Floa
     return np.concatenate(parts)
 
 
-def random_stable_law(
-    rng: np.random.Generator, sample_period_s: float, largest_pole: float = 0.95
-) -> WheelLaw:
-    """Return a law of unit gain with one real pole, a pair of real or complex poles, and any zeros.
-
-    `largest_pole` is the upper end of the real pole.
-    """
-    poles = [rng.uniform(-0.2, largest_pole)]
+def random_stable_law(rng: np.random.Generator, sample_period_s: float) -> WheelLaw:
+    """Return a law of unit gain with one real pole, a pair of real or complex poles, and any zeros."""
+    poles = [rng.uniform(-0.2, 0.95)]
     if rng.random() < 0.5:
         poles += list(rng.uniform(-0.5, 0.8, 2))
     else:

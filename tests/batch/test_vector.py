@@ -10,7 +10,7 @@ import pytest
 import mecanum_env
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
-from mecanum_env.tankendo.noise import Noise
+from mecanum_env.tankendo.chance import Noise
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 
 gymnasium.register_envs(mecanum_env)

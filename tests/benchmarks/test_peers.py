@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import importlib
 import json
-import os
-import subprocess
-import sys
+import warnings
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 
@@ -34,17 +34,39 @@ ROWS = {
 }
 
 
+TITLES = {
+    "fit": "## Identification: a wheel from its logs",
+    "physics": "## Physics: a Mecanum robot on its wheels",
+    "throughput": "## Throughput: environment steps a second",
+}
+
+
+@pytest.fixture(scope="module")
+def peers() -> ModuleType:
+    """Return the benchmark as a module, found as when it is run."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(ROOT / "benchmarks")
+        return importlib.import_module("peers")
+
+
 @pytest.mark.parametrize("part", ROWS)
-def test_a_part_has_a_row_for_every_contender(part: str, tmp_path: Path) -> None:
+def test_a_part_has_a_row_for_every_contender_and_its_place_in_the_page(
+    peers: ModuleType, part: str, tmp_path: Path
+) -> None:
     out, page = tmp_path / "peers.json", tmp_path / "peers.md"
-    command = [sys.executable, str(ROOT / "benchmarks" / "peers.py"), "--only", part, "--quick"]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), os.environ.get("PYTHONPATH", "")])}
-    subprocess.run(
-        [*command, "--out", str(out), "--markdown", str(page)], check=True, env=environment, cwd=tmp_path
-    )
+    before = "# Beside its peers\n\nCommit abc.\n\n"
+    page.write_text(f"{before}{TITLES[part]}\n\nold\n\n## Another\n\nkept\n", encoding="utf-8")
+    with warnings.catch_warnings():
+        # What peers warn of is theirs.
+        warnings.simplefilter("ignore")
+        peers.main(only=part, quick=True, out=out, markdown=page)
     written = json.loads(out.read_text(encoding="utf-8"))
     table = written["tables"][0]
     assert {row[0] for row in table["rows"]} == ROWS[part]
     assert all(len(row) == len(table["head"]) for row in table["rows"])
-    assert all(f"| {name} |" in page.read_text(encoding="utf-8") for name in ROWS[part])
+    text = page.read_text(encoding="utf-8")
+    assert text.startswith(f"{before}{TITLES[part]}\n\n*This part was measured apart. Commit ")
+    assert "\n\n## Another\n\nkept\n" in text
+    assert "old" not in text
+    assert all(f"| {name} |" in text for name in ROWS[part])
     assert "mujoco" in written["versions"]

@@ -1,7 +1,8 @@
 """A desk as a reader of the documents has it: files of the checkout, and models where pages expect them.
 
-Many pages begin with the same fit and the same study. What these compute is computed once for each input;
-reading, writing and printing are the commands' own every time. Films end after their first frames.
+Many pages begin with the same fit and the same study. What these compute is computed once for each input,
+among few effects; reading, writing and printing are the commands' own every time. Films end after their
+first frames.
 """
 
 import functools
@@ -10,6 +11,7 @@ import shutil
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -18,10 +20,13 @@ import pytest
 
 from mecanum_env.effects.catalogue import _EFFECTS
 from mecanum_env.files import plain_json
+from mecanum_env.model import Model
 from mecanum_env.model.effect_names import remove_from_schema
 from mecanum_env.rendering import video
 from sysid.fit import pipeline
+from sysid.fit.effects import drive
 from sysid.gap import workflow
+from sysid.gap.result import GapOptions, GapReport
 from tests.docs.blocks import ROOT, call
 
 MODELS = ("fit", "out", "out/fit", ".")
@@ -29,6 +34,8 @@ MODELS = ("fit", "out", "out/fit", ".")
 IMPROVED = ("gap", "out/gap")
 FRAMES = 10
 """Length of a film here."""
+FEW = ("command_latency", "command_deadband", "speed_gain", "acceleration_limit", "coulomb_friction")
+"""Effects that fits and studies consider here, as long as a page names none; others only take time."""
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -46,6 +53,26 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
     return remembering
 
 
+def few_candidates(search: Callable[..., dict[str, Any]]) -> Callable[..., dict[str, Any]]:
+    """Return a choice of effects for a fit that leaves all but few out."""
+    return lambda columns: {name: effect for name, effect in search(columns).items() if name in FEW}
+
+
+def study_once(analyse: Callable[..., GapReport]) -> Callable[..., GapReport]:
+    """Return a study of few effects, computed once wherever the model lies and whatever was before."""
+    known = once(analyse)
+
+    def remembering(logs: Any, model: Model, options: GapOptions | None = None, *_: Any) -> GapReport:
+        given = options or GapOptions()
+        place = {key: value for key, value in model.provenance.items() if key == "logs"}
+        few = replace(given, only=given.only or FEW, earlier=(), jobs=1)
+        report = known(logs, replace(model, provenance={**model.provenance, "logs": ""}), few)
+        provenance = {**report.model.provenance, **place}
+        return replace(report, model=replace(report.model, provenance=provenance))
+
+    return remembering
+
+
 Quick = Callable[[], AbstractContextManager[None]]
 """What makes commands quick as long as it is entered."""
 
@@ -56,7 +83,8 @@ def quick() -> Quick:
     whole = video.write_video
     stand_ins = (
         (pipeline, "fit_dataset", once(pipeline.fit_dataset)),
-        (workflow, "analyse", once(workflow.analyse)),
+        (drive, "drive_candidates", few_candidates(drive.drive_candidates)),
+        (workflow, "analyse", study_once(workflow.analyse)),
         (video, "write_video", lambda path, frames, *fps: whole(path, islice(frames, FRAMES), *fps)),
     )
 

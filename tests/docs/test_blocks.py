@@ -61,6 +61,13 @@ def test_a_reason_stands_before_a_block_that_is_not_run() -> None:
     assert marks == {page: sum(bool(block.not_run) for block in BLOCKS[page]) for page in PAGES}
 
 
+def test_the_tutorial_needs_no_checkout() -> None:
+    words = [word for block in BLOCKS[ROOT / "docs/tutorial.md"] for one in commands(block) for word in one]
+    # What the demo left in out/ of this checkout is what the tutorial writes there itself.
+    needed = [word for word in words if (ROOT / word).exists() and not word.startswith("out/")]
+    assert [*needed, *(word for word in words if word.endswith(".py"))] == []
+
+
 def test_an_option_that_no_program_has_is_noticed() -> None:
     gone = Block(
         "page.md", 1, "shell", "python -m sysid.fit examples/logs --no-such-option 3 --out fit\n", ""

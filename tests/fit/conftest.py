@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mecanum_env.kinematics import TWIST
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.drive import DriveParameters
 from mecanum_env.law.inputs import latched_commands
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import RobotPlant, drive
-from sysid.compare.prediction import commands_of
-from sysid.fit.robot_search import BODY_VELOCITY
+from sysid.compare.predicted.prediction import commands_of
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 
 LAW = paper_model().wheel.law
@@ -96,9 +96,7 @@ def robot_logs() -> Callable[..., Dataset]:
                 if name.startswith("speed_")
             }
             if body:
-                channels |= {
-                    name: true[name] + 0.003 * rng.standard_normal(time.size) for name in BODY_VELOCITY
-                }
+                channels |= {name: true[name] + 0.003 * rng.standard_normal(time.size) for name in TWIST}
             made.append(replace(run, channels=channels))
         return Dataset("synthetic robot", tuple(made), ())
 

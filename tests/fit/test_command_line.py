@@ -37,6 +37,7 @@ def test_the_example_logs_become_a_model(
         assert {"value", "standard_error", "cramer_rao_bound"} <= set(figures["parameters"][name])
 
     model = read_model(tmp_path / "model.json")
+    assert dict(model.effects) == {}
     assert model.wheel.law.dc_gain == pytest.approx(1.0, abs=1e-12)
     time = np.arange(0.0, 1.5, 0.01)
     speed = replay_bench(model, time, np.where(time < 0.1, 0.0, 80.0))
@@ -84,6 +85,7 @@ def test_each_wheel_gets_its_law_on_request(
         (["--delay", "9.0"], "delay_s = 9"),
         (["--command-period", "-1"], "must be above 0"),
         (["--robot", "no.json"], "cannot be read"),
+        (["--per-wheel"], "these are logs of one wheel on the bench"),
     ],
 )
 def test_bad_arguments_leave_an_earlier_result_alone(

@@ -47,7 +47,7 @@ def test_a_delay_that_is_given_is_kept(bench: Callable[..., Dataset]) -> None:
 
 
 def test_a_ceiling_is_found_where_commands_go_beyond(bench: Callable[..., Dataset]) -> None:
-    fit = fit_dataset(bench(largest_rpm=130.0, ceiling_rpm=70.0), QUICK)
+    fit = fit_dataset(bench(largest_rpm=130.0, ceiling_rpm=70.0), ALONE)
     assert fitted_model(fit).wheel.saturation_rpm == pytest.approx(70.0, abs=1.0)
     assert any("ceiling of" in note for note in fit.notes)
 
@@ -88,7 +88,7 @@ def test_missing_samples_are_left_out(bench: Callable[..., Dataset]) -> None:
 def test_held_samples_do_not_count_twice(bench: Callable[..., Dataset], plain: Fit) -> None:
     data = bench()
     said = tuple(Finding(run.file, "held_samples", 0.75, "speed_rpm") for run in data.runs)
-    held = fit_dataset(replace(data, findings=said), QUICK).uncertainty
+    held = fit_dataset(replace(data, findings=said), ALONE).uncertainty
     assert held.effective_samples == pytest.approx(0.25 * plain.uncertainty.samples)
     assert held["A"].standard_error == pytest.approx(2.0 * plain.uncertainty["A"].standard_error, rel=0.02)
 
@@ -103,7 +103,7 @@ def test_uneven_stamps_and_twenty_samples_are_enough(bench: Callable[..., Datase
         command=BenchCommand(run.command.wheels_rpm[pick, 0]),
         channels={"speed_rpm": run.channels["speed_rpm"][pick]},
     )
-    fit = fit_dataset(Dataset("few", (few,), ()), QUICK)
+    fit = fit_dataset(Dataset("few", (few,), ()), ALONE)
     assert fit.law.is_stable
     assert fit.uncertainty.samples == 20
 

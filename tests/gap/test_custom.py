@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import CustomEffect, read_model, write_model
-from sysid.compare.prediction import Study
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.model_error import Whitener
+from sysid.compare.predicted import Study
 from sysid.gap import GapOptions, analyse, gap_table
 from sysid.gap.report.output import gap_json
 from sysid.gap.search.custom import propose

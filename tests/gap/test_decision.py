@@ -10,12 +10,11 @@ import pytest
 
 import sysid.gap
 from mecanum_env.model import Model
-from sysid.compare.coordinates import EffectSet, effect_set
-from sysid.compare.fitted import Fitted
+from sysid.compare.least_squares import Fitted, ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
+from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
 from sysid.gap.search.responses import Growth, growths, responses

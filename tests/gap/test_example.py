@@ -20,7 +20,8 @@ DEAD_BAND_RPM, RAMP_RPM_S = 12.5, 900.0
 
 @pytest.fixture(scope="module")
 def model() -> Model:
-    return fitted_model(fit_dataset(read_dataset(EXAMPLES / "logs"), FitOptions(starts=1)))
+    # These logs have no effects (tests/fit/test_command_line.py), and the search for some takes longest.
+    return fitted_model(fit_dataset(read_dataset(EXAMPLES / "logs"), FitOptions(starts=1, effects="off")))
 
 
 @pytest.fixture(scope="module")

@@ -12,12 +12,12 @@ from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.model import Model, Robot
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.simulator.bench import replay_bench
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import Start, observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import Noise
-from sysid.compare.observations import observe
-from sysid.compare.prediction import Start, Study, predict
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.scale import scale_of
-from sysid.compare.whitening import Whitener
+from sysid.compare.predicted import Study, predict
+from sysid.compare.search_space import scale_of
 from sysid.gap.design.experiment import Rival, design_separating, power, separation
 from sysid.gap.design.limits import Limits
 from sysid.gap.design.next_experiment import conditions_of, design_for_untestable

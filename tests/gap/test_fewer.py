@@ -9,12 +9,11 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from sysid.compare.coordinates import effect_set
-from sysid.compare.fitted import fit
+from sysid.compare.least_squares import ResidualProblem, fit
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
+from sysid.compare.search_space import effect_set
 from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
@@ -48,6 +47,24 @@ def test_an_effect_that_leaves_little_of_what_a_pair_explains_is_listed_behind_t
     pair = a_set(100.0, *PAIR)
     near, far = a_set(99.0 + allowed, "backlash"), a_set(101.0 + allowed, "stiction")
     assert with_fewer(search, FLOOR, (pair,), (pair, near, far), 1.0) == (pair, near)
+
+
+@pytest.mark.parametrize(("score", "kept"), [(99.0, True), (101.0, False)])
+def test_a_set_with_a_parameter_more_is_a_candidate_where_that_parameter_pays(
+    score: float, kept: bool
+) -> None:
+    def one(name: str, score: float, parameters: int) -> ScoredSet:
+        candidate = SimpleNamespace(parameter_count=parameters)
+        fitted: Any = SimpleNamespace(names=(name,), cost=score, candidate=candidate, residual=np.zeros(9))
+        return ScoredSet(fitted, np.array([score]))
+
+    base = SimpleNamespace(cost=BASE_COST)
+    problem = SimpleNamespace(has_surrogate=False, size=100)
+    search: Any = SimpleNamespace(base=base, shared=lambda *_: base, problem=problem)
+    simple, curved = one("battery_sag", 100.0, 1), one("warm_up", score, 2)
+    unknown = Floor(1e4, trusted=False)
+    found = ties.tied(search, unknown, simple, (simple, curved), 1.0)
+    assert found == ((simple, curved) if kept else (simple,))
 
 
 def test_a_pair_that_takes_the_residual_to_the_noise_is_alone(

@@ -8,10 +8,10 @@ from dataclasses import replace
 import pytest
 
 from mecanum_env.model import Model, paper_model
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from mecanum_env.model import CustomEffect, Model
-from sysid.compare.coordinates import EffectSet
-from sysid.compare.fitted import base_fit
+from sysid.compare.least_squares import ResidualProblem, base_fit
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
+from sysid.compare.search_space import EffectSet
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.scores import scored
 from sysid.logs import Dataset

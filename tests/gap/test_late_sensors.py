@@ -9,7 +9,7 @@ import pytest
 
 from mecanum_env.model import Model, forms_of, paper_model
 from mecanum_env.model.effect_names import form_of
-from sysid.compare.prediction import Study, predict
+from sysid.compare.predicted import Study, predict
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Run, Split

@@ -7,9 +7,11 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.scale import REFERENCE
 from mecanum_env.model import paper_model
 from mecanum_env.simulator import replay_bench
-from sysid.compare.coordinates import effect_set
+from sysid.compare.least_squares import Fitted
+from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.search.data import known_effects
-from sysid.gap.search.responses import _trials
+from sysid.gap.search.responses import Response, _trials, growths
+from sysid.gap.search.sets import EMPTY
 
 MODEL = paper_model()
 
@@ -66,3 +68,18 @@ def test_what_is_random_or_the_same_as_another_form_is_not_tried():
 def test_a_softer_drive_is_no_news_on_the_bench_where_only_its_friction_shows() -> None:
     assert "weak_servo" not in known_effects("bench")
     assert "weak_servo" in known_effects("robot")
+
+
+@pytest.mark.parametrize(("wary", "moved"), [(False, 2), (True, 1)])
+def test_two_limits_of_which_either_may_hide_the_other_are_not_added_up_for_a_little_more(
+    wary: bool, moved: int
+) -> None:
+    both = effect_set(MODEL, ["body_speed_limit"])
+    rest = np.array([-10.0, -2.0, 0.0])
+    library = [
+        Response(EffectSet(both.names, (one,), both.fixed), np.array([0.5]), change, False, 0.5)
+        for one, change in zip(both.coordinates, np.diag([10.0, 2.0, 0.0])[:2], strict=True)
+    ]
+    parent = Fitted(EMPTY, np.zeros(0), rest, np.zeros((3, 0)))
+    (grown,) = growths(MODEL, parent, library, wary=wary)
+    assert np.count_nonzero(grown.place != grown.candidate.start()) == moved

@@ -14,12 +14,11 @@ from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.law.drive import RING
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
-from sysid.compare.coordinates import Coordinate, coordinate, effect_set, scanned
+from sysid.compare.least_squares import ResidualProblem, fit
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.scale import scale_of
-from sysid.compare.whitening import Whitener
+from sysid.compare.search_space import Coordinate, coordinate, effect_set, scale_of, scanned
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import SearchEffort
@@ -103,6 +102,30 @@ def test_what_is_no_speed_is_searched_alike_on_every_drive() -> None:
         for parameter in effect.parameters:
             if parameter.unit not in ("rpm", "rpm/s", "rpm/s2") and not parameter.relative:
                 assert parameter.scaled(scale) is parameter
+
+
+@pytest.mark.parametrize(("run_s", "most"), [(2.5, 0.2), (10.0, 0.05), (300.0, 0.05)])
+def test_a_sag_may_be_faster_in_short_runs(run_s: float, most: float) -> None:
+    sag = next(p for p in CATALOGUE["battery_sag"].parameters if p.name == "drop_per_s")
+    assert sag.scaled(Scale(run_s=run_s)).bounds == (0.0, pytest.approx(most))
+
+
+def test_the_length_of_the_longest_run_is_known() -> None:
+    logs = fast_logs(MODEL, 60.0)
+    assert scale_of(MODEL, logs.runs).run_s == max(run.duration_s for run in logs.runs)
+
+
+def test_a_ceiling_with_a_wide_knee_is_fitted_to_the_end() -> None:
+    base = of_ceiling(math.inf)
+    true = base.with_effect("speed_saturation", limit_rpm=150.0, softness_rpm=120.0)
+    search = searched(fast_logs(true, 270.0), base, ["speed_saturation"])
+    search.grow(1)
+    best = search.best_fit
+    again = fit(search.problem, best.candidate, best.place)
+    assert again is not None
+    assert again.cost > 0.99 * best.cost
+    found = best.candidate.model(base, best.place).effects["speed_saturation"]
+    assert found["softness_rpm"] == pytest.approx(120.0, rel=0.15)
 
 
 @pytest.mark.parametrize("servo", [0.02, 5.0])

@@ -11,13 +11,13 @@ import pytest
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import EffectSet, effect_set
-from sysid.compare.fitted import base_fit, fit, function_near, marginal_function, slopes_beyond
+from sysid.compare.least_squares import ResidualProblem, base_fit, fit, function_near, marginal_function
+from sysid.compare.least_squares.fitted import slopes_beyond
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.prediction import predict
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
+from sysid.compare.predicted import predict
+from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.search.chance import Floor, chance_gains, complete, expected
 from sysid.gap.search.responses import responses
 from sysid.gap.search.scores import scored

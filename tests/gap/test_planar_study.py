@@ -10,8 +10,8 @@ import pytest
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
-from sysid.compare.observations import observe
-from sysid.compare.prediction import Study, predict
+from sysid.compare.measured import observe
+from sysid.compare.predicted import Study, predict
 from sysid.gap.result import GapOptions
 from sysid.gap.search.data import known_effects
 from sysid.gap.workflow import analyse

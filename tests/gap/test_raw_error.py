@@ -9,13 +9,12 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from sysid.compare.coordinates import EffectSet, effect_set
-from sysid.compare.fitted import Fitted, base_fit
-from sysid.compare.model_error import ChannelError, ModelError, with_model_error
+from sysid.compare.least_squares import Fitted, ResidualProblem, base_fit
+from sysid.compare.measured import observe
+from sysid.compare.model_error import ModelError, Whitener
+from sysid.compare.model_error.size import ChannelError, with_model_error
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
+from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.result import GapOptions
 from sysid.gap.search.scores import fitted_rms, rises
 from sysid.gap.search.sets import EMPTY
@@ -68,3 +67,34 @@ def test_what_helps_the_fit_runs_and_harms_the_validation_runs_is_not_named(
     assert report.effects == ()
     assert report.verdict == "unexplained"
     assert any("raises the plain difference on the validation runs" in note for note in report.notes)
+
+
+def test_a_small_rise_counts_only_if_pieces_of_the_runs_agree_about_it(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    """In one piece of 1 s a fit may do much worse by chance and yet be right in all the others."""
+    logs = bench_logs(base)
+    runs = tuple(replace(run, split="validation") for run in logs.runs)
+    problem = problem_of(replace(logs, runs=runs), base)
+    before = base_fit(problem, EMPTY)
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(before.residual))
+
+    blocks = problem.observations.blocks
+    validation = [problem.observations.situations[block.situation].split == "validation" for block in blocks]
+
+    def raised(pieces: int) -> Fitted[EffectSet]:
+        """Return a fit whose errors on the validation runs are 3 % larger, all within their first pieces."""
+        raised_rows, left = [], pieces
+        for block, held_out in zip(blocks, validation, strict=True):
+            rows = (block.time_s < 1.0) & (held_out and left > 0)
+            left -= held_out
+            raised_rows.append(rows)
+        both = list(zip(parts, raised_rows, validation, strict=True))
+        whole = sum(float(part @ part) for part, _, held_out in both if held_out)
+        mine = sum(float(part[rows] @ part[rows]) for part, rows, _ in both)
+        factor = math.sqrt(1.0 + 0.06 * whole / mine)
+        worse = [np.where(rows, factor * part, part) for part, rows, _ in both]
+        return replace(before, residual=problem.marginal(problem.whitener.whiten(worse)))
+
+    assert rises(problem, before, raised(5))
+    assert not rises(problem, before, raised(1))

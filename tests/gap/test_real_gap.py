@@ -7,7 +7,7 @@ import pytest
 from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.mjcf.masses import robot_masses
 from mecanum_env.model import Model, read_robot
-from sysid.compare.subset import small_command_runs
+from sysid.compare.measured import small_command_runs
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.gap.alone import law_of
 from sysid.gap.result import GapOptions, GapReport

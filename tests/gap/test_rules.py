@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from mecanum_env.model import Model
-from sysid.compare.model_error import ChannelError, ModelError, with_model_error
+from sysid.compare.model_error import ModelError
+from sysid.compare.model_error.size import ChannelError, with_model_error
 from sysid.gap.result import GapOptions, Verdict
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.rules import Facts, apply_rules
@@ -29,6 +30,7 @@ def a_set(score: float, *names: str) -> ScoredSet:
 UNKNOWN = Floor(1e4, trusted=False)
 COMPARED = Floor(1e4, trusted=True, compared=True)
 FAMILIAR = Floor(1e4, trusted=True, compared=True, familiar=True)
+BESIDE = Floor(1e4, trusted=True, compared=True, knows_all=True)
 RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
 NAMED = Facts(
@@ -60,6 +62,13 @@ NAMED = Facts(
         ({"removed": 0.05, "floor": UNKNOWN, "noise_ratio": 2.0}, "no_gap", "removes only 5%"),
         ({"removed": 0.5, "floor": UNKNOWN}, "named", ""),
         ({"raises_rms": True}, "unexplained", "raises the plain difference"),
+        ({"raises_rms": True, "floor": BESIDE}, "unexplained", "in a command sequence"),
+        ({"raises_rms": True, "floor": BESIDE, "p_misfit": 0.5}, "no_gap", "in a command sequence"),
+        (
+            {"raises_rms": True, "floor": BESIDE, "p_misfit": 0.5, "is_clear": True},
+            "unexplained",
+            "in a command sequence",
+        ),
         ({"floor": COMPARED, "gain": 0.04, "is_plain": False}, "no_gap", "by 4% only"),
         ({"floor": COMPARED, "gain": 0.04, "is_plain": False, "adequate": False}, "no_gap", "by 4% only"),
         ({"floor": COMPARED, "chosen": None, "is_plain": False, "adequate": False}, "no_gap", "own error"),
@@ -76,11 +85,17 @@ NAMED = Facts(
         ),
         ({"law": a_set(-60.0, "wheel_law")}, "unexplained", "the wheel law fitted again"),
         ({"law": a_set(-55.0, "wheel_law")}, "named", ""),
-        ({"free": a_set(-80.0, "free_term"), "allowed": 20.0}, "unexplained", "a smooth function"),
+        (
+            {"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.4},
+            "unexplained",
+            "a smooth function",
+        ),
+        ({"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.6}, "named", "not only that"),
         ({"free": a_set(-65.0, "free_term"), "allowed": 20.0}, "named", ""),
         ({"adequate": False}, "unexplained", ""),
         ({"doubtful": ("backlash",)}, "unexplained", "backlash: the runs disagree"),
         ({"doubtful": ("backlash",), "p_misfit": 0.5}, "no_gap", "backlash: the runs disagree"),
+        ({"doubtful": ("backlash",), "p_misfit": 0.5, "is_clear": True}, "unexplained", "the runs disagree"),
     ],
 )
 def test_the_first_rule_that_applies_decides(changes: dict[str, Any], verdict: Verdict, reason: str) -> None:

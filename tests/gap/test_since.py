@@ -10,13 +10,11 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model, read_model, write_model
-from sysid.compare.learned import learn
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener, learn
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.prediction import Study
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.simulator import Simulators
-from sysid.compare.whitening import Whitener
+from sysid.compare.predicted import Simulators, Study
 from sysid.gap.alone import law_of, require_fittable
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import GapOptions
@@ -70,6 +68,7 @@ def test_what_was_there_already_does_not_hide_what_is_new(bench_logs: MakeLogs, 
     since = {found.cause: found.since for found in report.effects}
     assert since == {"command_deadband": "new", "acceleration_limit": "already when fitted"}
     assert any("the logs of the fit show this, too" in note for note in report.notes)
+    assert [found.cause for found in report.new_effects] == ["command_deadband"]
     limit = report.model.effects["acceleration_limit"]["limit_rpm_s"]
     assert limit == pytest.approx(400.0, rel=0.05)
     assert analyse(bench_logs(slow, seed=3), base, replace(QUIET, fitted_on=before)).verdict == "no_gap"
@@ -128,8 +127,8 @@ def test_one_recording_without_a_model_shows_what_is_beyond_the_law(
 
 
 def test_robot_logs_without_a_model_ask_for_one() -> None:
-    with pytest.raises(InputError, match="fit one with"):
-        require_fittable(ROBOT_LOGS)
+    with pytest.raises(InputError, match=r"floor/logs: robot logs need a model; .*sysid\.fit"):
+        require_fittable(ROBOT_LOGS, Path("floor/logs"))
 
 
 def test_an_adopted_effect_that_is_new_does_not_spoil_what_the_logs_of_the_fit_tell(

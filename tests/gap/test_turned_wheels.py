@@ -9,11 +9,10 @@ from mecanum_env.mjcf import robot_spec
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
 from mecanum_env.simulator.robot import at_rest, compile_plant, standing
-from sysid.compare.fitted import base_fit
+from sysid.compare.least_squares import ResidualProblem, base_fit
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.whitening import Whitener
 from sysid.gap.search.chance import Floor, complete, expected
 from sysid.gap.search.sets import EMPTY
 from sysid.logs import BodyCommand, Dataset, Run

@@ -8,13 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import sysid.compare.simulator as simulator
+import sysid.compare.predicted.simulator as simulator
 from mecanum_env.model import Model
 from mecanum_env.simulator.bench import BenchRun
+from sysid.compare.measured import observe
 from sysid.compare.noise import measure_noise
-from sysid.compare.observations import observe
-from sysid.compare.prediction import Motion, Study
-from sysid.compare.simulator import Simulator
+from sysid.compare.predicted import Simulator, Study
+from sysid.compare.predicted.prediction import Motion
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from tests.gap.conftest import NOISE_RPM, MakeLogs

@@ -7,7 +7,7 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_wheels
-from sysid.compare.samples import HeldCommand, Samples
+from sysid.gap.report.samples import HeldCommand, Samples
 from sysid.gap.report.where import phases, regions
 from sysid.gap.result import Region
 
@@ -33,7 +33,7 @@ def part(found: tuple[Region, ...], dimension: str, channel: str = "speed_rpm") 
 
 
 def test_a_staircase_has_every_phase_in_order():
-    names = phases(TIME, BENCH, 0.3)
+    names = phases(TIME, BENCH)
     order = names[np.concatenate([[True], names[1:] != names[:-1]])]
     assert list(order) == [
         "rest", "start", "steady", "rising", "steady", "reversal", "steady", "falling", "steady", "coasting",
@@ -44,19 +44,19 @@ def test_a_staircase_has_every_phase_in_order():
 
 def test_a_pulse_shorter_than_the_settling_is_not_steady():
     pulse = HeldCommand(np.array([1.0, 1.1]), np.array([[50.0], [0.0]]))
-    names = phases(TIME, pulse, 0.3)
+    names = phases(TIME, pulse)
     assert set(names[(TIME > 1.11) & (TIME < 1.39)]) == {"coasting"}
 
 
 def test_a_slow_ramp_in_small_steps_is_rising():
     times = np.arange(0.0, 5.0, 0.02)
     ramp = HeldCommand(times, 50.0 + 10.0 * times[:, None])
-    assert set(phases(TIME[(TIME > 1.0) & (TIME < 4.9)], ramp, 0.3)) == {"rising"}
+    assert set(phases(TIME[(TIME > 1.0) & (TIME < 4.9)], ramp)) == {"rising"}
 
 
 def test_a_body_that_turns_round_reverses():
     there_and_back = HeldCommand(np.array([0.0, 3.0]), np.array([[50.0, 10.0, 0.0], [-50.0, 10.0, 0.0]]))
-    names = phases(TIME, there_and_back, 0.3)
+    names = phases(TIME, there_and_back)
     assert list(dict.fromkeys(names)) == ["start", "steady", "reversal", "steady"][:3]
     assert names[305] == "reversal"
 

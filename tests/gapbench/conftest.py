@@ -10,7 +10,7 @@ import pytest
 
 from mecanum_env.files import write_json
 from mecanum_env.model import Model, paper_model
-from sysid.compare.prediction import predict
+from sysid.compare.predicted import predict
 from sysid.logs import Dataset, Run
 from sysid.logs.runs import BenchCommand
 from sysid.studies import score

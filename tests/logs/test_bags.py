@@ -15,7 +15,7 @@ from mecanum_env.model import Robot
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.logs import BodyCommand, WheelCommand, read_dataset
 from sysid.logs.__main__ import import_logs, main
-from sysid.logs.bags import import_bag
+from sysid.logs.formats.bags import import_bag
 
 rosbag1 = pytest.importorskip("rosbags.rosbag1")
 rosbag2 = pytest.importorskip("rosbags.rosbag2")

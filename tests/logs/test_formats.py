@@ -13,7 +13,7 @@ from mecanum_env.model import Robot
 from mecanum_env.units import RAD_S_PER_RPM
 from sysid.logs import read_dataset
 from sysid.logs.__main__ import export, import_logs, main
-from sysid.logs.column_map import parse_map
+from sysid.logs.formats.column_map import parse_map
 from sysid.logs.formats.sources import import_source
 from sysid.simulate import simulate
 

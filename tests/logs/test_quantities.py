@@ -127,3 +127,50 @@ def test_stamps_in_milliseconds_are_not_fitted(bench_run: BenchRun) -> None:
 
 def test_data_in_our_units_are_fitted(bench_run: BenchRun) -> None:
     require_our_units(dataset(bench_run("a.csv", LEVELS, lagged(LEVELS))))
+
+
+def test_commands_and_speeds_in_rad_per_s_are_not_fitted(bench_run: BenchRun) -> None:
+    run = bench_run("a.csv", np.round(RAD_S_PER_RPM * LEVELS, 4), RAD_S_PER_RPM * lagged(LEVELS))
+    with pytest.raises(InputError, match=r"command_rpm has whole numbers of rpm in rad/s; .*scale = 9\.549"):
+        require_our_units(dataset(run))
+
+
+def test_commands_that_are_no_whole_numbers_are_fitted(bench_run: BenchRun) -> None:
+    odd = LEVELS + 0.37 * np.sign(LEVELS)
+    require_our_units(dataset(bench_run("a.csv", odd, lagged(odd))))
+
+
+def test_a_command_that_is_a_duty_is_not_fitted(bench_run: BenchRun) -> None:
+    run = bench_run("a.csv", LEVELS / 135.0, lagged(LEVELS))
+    with pytest.raises(InputError, match=r"is the command a duty, a voltage .*\(scale = 1[34]\d"):
+        require_our_units(dataset(run))
+
+
+def test_a_motor_before_its_gear_is_not_fitted(bench_run: BenchRun) -> None:
+    run = bench_run("a.csv", LEVELS, lagged(LEVELS) / 30.0)
+    with pytest.raises(InputError, match=r"is speed_rpm a duty, .* motor's speed\? \(scale = (29|30)"):
+        require_our_units(dataset(run))
+
+
+def test_a_wheel_that_turns_against_its_command_is_not_fitted(bench_run: BenchRun) -> None:
+    run = bench_run("a.csv", LEVELS, -lagged(LEVELS))
+    with pytest.raises(InputError, match=r"is the sign reversed\? \(scale = -1\); give it as the column's"):
+        require_our_units(dataset(run))
+
+
+def test_a_wheel_that_never_turns_has_no_unit(bench_run: BenchRun) -> None:
+    require_our_units(dataset(bench_run("a.csv", LEVELS, np.zeros(LEVELS.size))))
+
+
+FINER = {
+    **{"slow ms": (200, "0.001"), "fast us": (1000, "1e-06")},
+    **{"us": (10_000, "1e-06"), "ns": (10_000_000, "1e-09")},
+}
+
+
+@pytest.mark.parametrize(("interval", "scale"), FINER.values(), ids=FINER)
+def test_stamps_in_finer_units_are_refused_with_the_scale(folder: Folder, interval: int, scale: str) -> None:
+    speed = np.round(lagged(LEVELS), 3)
+    rows = [f"{i * interval},{LEVELS[i]:g},{speed[i]}" for i in range(LEVELS.size)]
+    with pytest.raises(InputError, match=rf"a\.csv.*seconds\? \(scale = {scale}\)"):
+        require_our_units(read_dataset(folder({"a.csv": "\n".join(["time_s,command_rpm,speed_rpm", *rows])})))

@@ -5,10 +5,12 @@ import sys
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
 from sysid.logs import read_dataset
+from sysid.logs.writer import write_columns
 
 Folder = Callable[[dict[str, str | bytes]], Path]
 HEADER = "time_s,command_rpm,speed_rpm\n"
@@ -47,8 +49,8 @@ BAD_RUNS = {
         "line 4: time_s jumps from 4.99 to 1000000000.0 s, by more than 3600 s; split the run there",
     ),
     "stamps of days": (
-        HEADER + "".join(f"{3000 * i},0,0\n" for i in range(40)),
-        "line 31: time_s = 87000.0 is 87000 s after the first stamp, must be at most 86400 s; split",
+        HEADER + "".join(f"{max(i / 10, 3000 * (i - 50))},0,0\n" for i in range(90)),
+        "line 81: time_s = 87000.0 is 87000 s after the first stamp, must be at most 86400 s; split",
     ),
     "stamp missing": (HEADER + "0,0,0\n,0,0\n1,0,0\n", "line 3: time_s is missing; every row needs a stamp"),
     "points and commas": (
@@ -193,6 +195,14 @@ def test_a_broken_parquet_file_is_refused(folder: Folder) -> None:
         read_dataset(folder({"run.parquet": b"PAR1 not really"}))
 
 
+def test_parquet_is_not_written_without_pyarrow(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pyarrow", None)
+    with pytest.raises(
+        InputError, match=r"a\.parquet: writing Parquet needs pyarrow: `pip install .*parquet"
+    ):
+        write_columns({"time_s": np.arange(2.0)}, tmp_path / "a.parquet")
+
+
 def test_parquet_without_pyarrow_names_the_extra(folder: Folder, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pyarrow", None)
     with pytest.raises(InputError, match=r"needs pyarrow; .*pip install .*\[parquet\]"):
@@ -221,6 +231,14 @@ def test_a_missing_folder_is_refused_with_the_nearest_name(folder: Folder, step:
     path = folder({"run.csv": step})
     with pytest.raises(InputError, match=r'lags: no such file or folder \(did you mean "logs"\?\)'):
         read_dataset(path.with_name("lags"))
+
+
+def test_the_folder_of_a_checkout_is_told_apart_from_the_packaged_one(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(InputError, match=r"no such file or folder \(did you mean @examples/logs\?\)"):
+        read_dataset(Path("examples/logs"))
 
 
 def test_a_folder_without_logs_is_refused(folder: Folder) -> None:

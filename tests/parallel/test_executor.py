@@ -86,6 +86,28 @@ def test_after_an_error_the_executor_still_works(task):
         assert pool.run([task("one", "1"), task("two", "2")]) == [1, 2]
 
 
+def test_workers_leave_an_interrupt_to_their_parent_from_the_first_one_on(tmp_path):
+    """In a program of its own: the first process that Python spawns starts another helper before it."""
+    program = tmp_path / "program.py"
+    program.write_text(
+        textwrap.dedent(
+            """
+            import signal
+            from mecanum_env.parallel import Task, Workers, run_tasks
+
+            def is_left():
+                return signal.SIGINT in signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+            if __name__ == "__main__":
+                print(run_tasks([Task(f"{i}", is_left, ()) for i in range(2)], Workers(jobs=2)))
+            """
+        )
+    )
+    path = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    ended = subprocess.run([sys.executable, program], capture_output=True, text=True, env=path)
+    assert ended.stdout == "[True, True]\n", ended.stderr
+
+
 def test_an_interrupt_ends_tasks_and_workers_and_leaves_no_temporary_folder(tmp_path):
     """As Ctrl-C in a terminal does, the signal reaches the workers, too."""
     program = tmp_path / "program.py"

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from mecanum_env.law.formula import compile_formula
@@ -117,6 +117,8 @@ def test_every_parameter_is_varied():
     )
 
 
+# Each example has twelve drives with parameters of their own.
+@settings(max_examples=12)
 @given(
     seed=st.integers(0, 2**32 - 1),
     timestep=st.sampled_from([1 / 480, 1 / 240, 0.0031, 0.02]),

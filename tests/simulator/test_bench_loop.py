@@ -100,7 +100,7 @@ def test_the_motion_is_mujocos_bit_for_bit(
     np.testing.assert_array_equal(speed, expected)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=15)
 @given(
     effects=some_of(EFFECTS),
     integral=st.sampled_from([0.0, 20.0]),

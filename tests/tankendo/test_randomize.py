@@ -1,12 +1,14 @@
 """Robots drawn from the uncertainty of the identification."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
+from mecanum_env.tankendo.plant import compile_model
 from mecanum_env.tankendo.randomize import sampler_for
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 
@@ -201,3 +203,20 @@ def test_a_random_link_leaves_the_rest_of_the_episode_as_it_is(paper):
     for step in (0, 20):
         np.testing.assert_array_equal(perfect.noise.at(step), lossy.noise.at(step))
     np.testing.assert_array_equal(perfect.start_pose, lossy.start_pose)
+
+
+def test_drawn_robots_drive_as_robots_compiled_for_each_episode(make, paper):
+    ranges = {
+        "robot.mass_kg": (18.0, 24.0),
+        "robot.wheel_radius_m": (0.074, 0.078),
+        "effects.speed_gain.gain": (0.9, 1.0),
+        "effects.command_latency.delay_s": (0.0, 0.1),
+        "effects.coulomb_friction.torque_n_m": (0.0, 0.1),
+    }
+    envs = [make(model=known(paper), randomize=ranges) for _ in range(2)]
+    fresh = envs[1].unwrapped
+    fresh._episodes = replace(fresh._episodes, compiled=partial(compile_model, plant="planar"))
+    actions = np.random.default_rng(0).uniform(-1, 1, (20, 3)).astype(np.float32)
+    for seed in range(8):
+        seen = [[env.reset(seed=seed)[0], *(env.step(action)[0] for action in actions)] for env in envs]
+        np.testing.assert_array_equal(*seen)

@@ -5,7 +5,7 @@ import pytest
 
 from mecanum_env.mjcf.chassis import SWORD_M
 from mecanum_env.tankendo.constants import DIFFICULTIES, GUARD_TIP_M, TECHNIQUES, Rules, opponent_for
-from mecanum_env.tankendo.opponent import strike_margin
+from mecanum_env.tankendo.fighter import strike_margin
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M, StrikeTimes, Sword
 
 NAMES = [technique.name for technique in TECHNIQUES]

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.kinematics import POSE, TWIST
 from mecanum_env.simulator import BodyCommands, drive
 from mecanum_env.view.picture import placed
-from mecanum_env.view.replay import POSE, read_log, replay
+from mecanum_env.view.replay import read_log, replay
 
 LOGS = Path(__file__).parents[2] / "examples" / "logs"
 START = (1.0, -2.0, 0.7)
 COMMANDS = ("command_v_rpm", "command_theta_deg", "command_vc_rpm")
-CHANNELS = ("speed_fl_rpm", "vx_m_s", "vy_m_s", "yaw_rate_rad_s", *POSE)
+CHANNELS = ("speed_fl_rpm", *TWIST, *POSE)
 
 
 def write(path, columns):

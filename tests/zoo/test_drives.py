@@ -1,15 +1,11 @@
 """Drives drawn at random, the path of their commands and the sensors of their logs."""
 
-import ast
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import sysid.studies.zoo.drives as drives
 from sysid.studies.zoo.drives.draw import draw_drive, family_of
 from sysid.studies.zoo.drives.drive import Battery, Controller, Link, Sensor
 from sysid.studies.zoo.drives.families import FAMILIES
@@ -32,21 +28,6 @@ def steady():
 
 def generator(seed=0):
     return np.random.default_rng(seed)
-
-
-def test_the_drives_import_nothing_of_the_package_that_they_judge():
-    allowed = sys.stdlib_module_names | {"numpy", "scipy", "numba"}
-    wrong = []
-    for path in Path(drives.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if isinstance(node, ast.ImportFrom):
-                names = ["." * node.level + (node.module or "")]
-            for name in names:
-                own = f"{name}.".startswith("sysid.studies.zoo.drives.")
-                if not own and name.split(".")[0] not in allowed:
-                    wrong.append(f"{path.name}: {name}")
-    assert wrong == []
 
 
 @pytest.mark.parametrize("family", sorted(FAMILIES))

@@ -14,7 +14,6 @@ from mecanum_env.model import paper_model
 from sysid.gap.result import FoundEffect, Interval
 from sysid.studies.zoo.cases.case import Case, Hidden
 from sysid.studies.zoo.outcome import Outcome, from_json, outcome_of, to_json
-from sysid.studies.zoo.words import word_of
 
 
 @pytest.mark.parametrize(
@@ -39,7 +38,7 @@ from sysid.studies.zoo.words import word_of
     ],
 )
 def test_the_word_for_hidden_effects(outcome, hidden, said, word):
-    assert word_of(outcome(hidden, said)) == word
+    assert outcome(hidden, said).word == word
 
 
 @pytest.mark.parametrize(
@@ -47,7 +46,7 @@ def test_the_word_for_hidden_effects(outcome, hidden, said, word):
     [("no_gap", "quiet"), ("a", "false alarm"), ("a | b", "false alarm"), ("unexplained", "false alarm")],
 )
 def test_the_word_for_nothing_hidden(outcome, said, word):
-    assert word_of(outcome("", said)) == word
+    assert outcome("", said).word == word
 
 
 @pytest.mark.parametrize("kind", ["near_outsider", "far_outsider"])
@@ -56,7 +55,7 @@ def test_the_word_for_nothing_hidden(outcome, said, word):
     [("unexplained", "right"), ("no_gap", "missed"), ("a", "false name"), ("a | b", "false name")],
 )
 def test_the_word_for_a_change_without_a_name(outcome, kind, said, word):
-    assert word_of(outcome("", said, kind)) == word
+    assert outcome("", said, kind).word == word
 
 
 @pytest.mark.parametrize(
@@ -71,7 +70,7 @@ def test_the_word_for_a_change_without_a_name(outcome, kind, said, word):
     ],
 )
 def test_the_word_for_what_the_logs_cannot_show(outcome, said, said_so, word):
-    assert word_of(outcome("a", said, "untestable", said_untestable=said_so)) == word
+    assert outcome("a", said, "untestable", said_untestable=said_so).word == word
 
 
 def test_intervals_count_only_where_just_the_hidden_set_was_adopted(outcome):
@@ -119,7 +118,8 @@ def report(**given: Any) -> Any:
         "trusted": True,
         "notes": ("a note",),
     }
-    return SimpleNamespace(**(known | given))
+    made = known | given
+    return SimpleNamespace(**made, new_effects=made["effects"])
 
 
 def study(effect: str, parameter: str, true: float, **given: Any) -> Outcome:

@@ -13,18 +13,19 @@ import pytest
 
 from mecanum_env.units import FloatArray
 from sysid.logs import read_dataset
-from sysid.studies.zoo.cases.robot_change import RobotChange, with_sensors
-from sysid.studies.zoo.cases.robot_changes import (
+from sysid.studies.zoo.cases.robot.change import RobotChange, with_sensors
+from sysid.studies.zoo.cases.robot.changes import (
     MAY_HAVE_TWINS,
     ROBOT_CHANGES,
     UNSEEN_WHEN_GENTLE,
     twins,
 )
-from sysid.studies.zoo.cases.robot_draw import draw_robot_case, study_commands, write_robot_case
-from sysid.studies.zoo.cases.robot_outsiders import ROBOT_OUTSIDERS, RobotOutsider
-from sysid.studies.zoo.cases.robot_plans import GENTLE_PLAN, PLANS, sequences, usable_rpm
-from sysid.studies.zoo.cases.robot_schedule import BLOCK, in_turn, kind_of
-from sysid.studies.zoo.cases.robot_size import solve_size, yardstick
+from sysid.studies.zoo.cases.robot.draw import draw_robot_case, study_commands
+from sysid.studies.zoo.cases.robot.outsiders import ROBOT_OUTSIDERS, RobotOutsider
+from sysid.studies.zoo.cases.robot.plans import GENTLE_PLAN, PLANS, sequences, usable_rpm
+from sysid.studies.zoo.cases.robot.schedule import BLOCK, in_turn, kind_of
+from sysid.studies.zoo.cases.robot.size import solve_size, yardstick
+from sysid.studies.zoo.cases.write import write_robot_case
 from sysid.studies.zoo.robots.draw import draw_robot
 from sysid.studies.zoo.robots.robot import Robot
 from sysid.studies.zoo.robots.simulate import simulate

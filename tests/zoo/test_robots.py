@@ -1,15 +1,11 @@
 """Robots drawn at random, the path of their commands and the sensors of their logs."""
 
-import ast
 import math
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 
-import sysid.studies.zoo.robots as robots
 from sysid.studies.zoo.drives.drive import Link
 from sysid.studies.zoo.drives.plant import draw_plant
 from sysid.studies.zoo.drives.sensor import Motion
@@ -60,22 +56,6 @@ def generator(seed=0):
 
 def held(robot, command, seconds):
     return np.tile(np.array(command, float), (round(seconds / robot.drive.link.period_s), 1))
-
-
-def test_the_robots_import_nothing_of_the_package_that_they_judge():
-    allowed = sys.stdlib_module_names | {"numpy", "scipy", "numba"}
-    wrong = []
-    for path in Path(robots.__file__).parent.glob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            if isinstance(node, ast.ImportFrom):
-                names = [node.module or "relative"]
-            wrong += [
-                (path.name, name)
-                for name in names
-                if name.split(".")[0] not in allowed and not name.startswith("sysid.studies.zoo.")
-            ]
-    assert not wrong
 
 
 @pytest.mark.parametrize("seed", SEEDS)

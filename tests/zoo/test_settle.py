@@ -13,8 +13,8 @@ from mecanum_env.parallel import Workers
 from sysid.gap.result import Experiment, FoundEffect, GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs.writer import write_columns
+from sysid.studies.zoo.cases.bench.draw import draw_bench_case
 from sysid.studies.zoo.cases.case import Case, Hidden
-from sysid.studies.zoo.cases.draw import draw_bench_case
 from sysid.studies.zoo.cases.write import write_bench_case
 from sysid.studies.zoo.nominal import nominal_model
 from sysid.studies.zoo.outcome import Outcome
@@ -41,6 +41,7 @@ def report(verdict, names=(), candidates=(), asked=None):
     return SimpleNamespace(
         verdict=verdict,
         effects=[FoundEffect(name, {}, 1.0) for name in names],
+        new_effects=[FoundEffect(name, {}, 1.0) for name in names],
         candidates=candidates,
         next_experiment=asked,
         notes=("no command tells them apart",),

@@ -10,7 +10,7 @@ import pytest
 from sysid.studies.score import size_of
 from sysid.studies.zoo.calibration import calibrate, choose_p_value, quantile
 from sysid.studies.zoo.cases.case import Hidden
-from sysid.studies.zoo.metrics import at_least, at_most, metrics
+from sysid.studies.zoo.goals import at_least, at_most, goals
 from sysid.studies.zoo.page import Provenance, page_markdown, run_json, summary_text
 from sysid.studies.zoo.power import curve, power_table, write_power_plot
 from sysid.studies.zoo.tables import coverage_table, false_alarm_table, share, signal_of, word_tables
@@ -57,7 +57,7 @@ def test_metrics_count_the_sizes_and_kinds_that_they_name(outcome):
         outcome("a", "no_gap", "untestable"),
         outcome("a", "error", level="robot"),
     ]
-    found = {metric.name: metric for metric in metrics(run)}
+    found = {goal.name: goal for goal in goals(run)}
     value = {name: (metric.value, metric.count) for name, metric in found.items()}
     assert value["bench: clear and gross singles found"] == (pytest.approx(2 / 3), 3)
     assert value["bench: weak singles found"] == (0.0, 1)

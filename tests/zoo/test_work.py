@@ -16,6 +16,7 @@ from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
 from mecanum_env.parallel import Workers
 from sysid.studies.zoo import calibrate, seeds, work
+from sysid.studies.zoo import run as zoo_run
 from sysid.studies.zoo.cases.case import Case, Hidden
 from sysid.studies.zoo.outcome import Outcome, to_json
 from sysid.studies.zoo.sources import fingerprint, sources
@@ -53,6 +54,7 @@ class Bench:
         return SimpleNamespace(
             verdict="no_gap",
             effects=(),
+            new_effects=(),
             candidates=(),
             gap=SimpleNamespace(before=2.0, after=2.0, noise_floor=1.0),
             untestable=(),
@@ -179,7 +181,7 @@ def test_a_sealed_run_spends_its_seeds_and_goes_on_if_interrupted(bench, tmp_pat
     monkeypatch.setattr(seeds, "changed_files", lambda _root: ())
     sealed = ["--sealed", "--bench", "2", "--robot", "0", "--jobs", "1"]
     with monkeypatch.context() as patch:
-        patch.setattr(work, "run_tasks", interrupt)
+        patch.setattr(zoo_run, "run_tasks", interrupt)
         assert run(program.main, sealed) == 130
     ledger = tmp_path / "repo" / seeds.LEDGER
     assert [(b.first, b.commit, b.finished) for b in seeds.read_ledger(ledger)] == [(1000, "abc", False)]

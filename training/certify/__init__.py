@@ -2,6 +2,7 @@
 
 plants       the variants of the robot that it is played on
 variations   opponents and senses beside them, and what no training has seen
+adversary    an opponent searched against the controller
 run          what is played, and the certificate of the results
 warning      success against warning time
 thresholds   what a controller must reach

@@ -39,14 +39,14 @@ def main(
     Example: python -m training.certify retreat --model gap/model.json --plants nominal robot-level latency
 
     Args:
-        controller: Name of a controller (random, still, p, smith, lqr, retreat, sidestep, creep, mpc, oracle,
-            policy; followed by +compensated: with the model's effects compensated), or path of a trained
-            policy.
+        controller: Name of a controller (random, still, p, smith, lqr, retreat, sidestep, creep, mpc, oracle)
+            or of a bundled policy (nominal, planned, robust, varied; policy is robust), or the file or folder
+            of a trained one; followed by +compensated: with the model's effects compensated.
         model: Model file of the robot; by default the packaged one.
         episodes: Number of episodes per plant, with the seeds 0, 1, ...
         plants: Plants or groups of plants (nominal, effects, posterior, robot-level, latency, what-if,
-            opponents, senses, adversary, held-out), or all. The nominal plant and those held out are always
-            played.
+            opponents, senses, adversary, held-out), or all; docs/certify.md lists them. The nominal plant and
+            those held out are always played.
         out: Folder to write.
         physics: planar, which is fast, or rollers: every roller on the floor, on all plants.
         difficulty: Difficulty of the opponent: easy, normal or hard.

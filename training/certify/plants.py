@@ -131,8 +131,8 @@ def select_variants(found: Sequence[RobotVariant], wanted: Sequence[str]) -> tup
             )
         if name not in (*names, *groups):
             raise InputError(
-                f"plants: no plant {name!r}{did_you_mean(name, [*names, *groups])}; known are the groups "
-                f"{', '.join(groups)} and the plants {', '.join(names)}"
+                f"plants: no plant {name!r}{did_you_mean(name, [*names, *groups])}; name a group "
+                f"({', '.join(groups)}) or a plant of docs/certify.md"
             )
     keep = {"nominal", HELD_OUT, *(wanted or groups)}
     return tuple(variant for variant in found if variant.name in keep or variant.group in keep)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -14,8 +13,7 @@ import numpy as np
 
 import mecanum_env
 from mecanum_env.errors import require_at_least
-from mecanum_env.model import Model
-from mecanum_env.model.file import model_to_dict
+from mecanum_env.model import Model, model_sha256
 from mecanum_env.parallel import Workers
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo import opponent_for, opponent_to_dict
@@ -264,11 +262,10 @@ def _notes(model: Model, chosen: Sequence[RobotVariant], options: CertifyOptions
 
 
 def _provenance(model: Model, options: CertifyOptions) -> dict[str, str | int]:
-    written = json.dumps(model_to_dict(model), sort_keys=True).encode()
     return {
         "version": mecanum_env.__version__,
         "mujoco": mujoco.__version__,
-        "model_sha256": hashlib.sha256(written).hexdigest(),
+        "model_sha256": model_sha256(model),
         "episodes": options.episodes,
         "first_seed": 0,
         "difficulty": options.difficulty,

@@ -21,19 +21,22 @@ def main(
     model: Path | None = None,
     episodes: int = 200,
     rollers: bool = True,
+    adversary: bool = True,
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
 ) -> Done:
     """Play controllers on the same episodes; print success, warning needed, tracking error, time per command.
 
-    Example: python -m training.compare retreat mpc runs/mine --markdown docs/results/compare.md
+    Example: python -m training.compare retreat mpc robust out/ppo --episodes 100 --markdown out/compare.md
 
     Args:
-        controllers: Names, or paths of trained policies; by default every name.
+        controllers: Names of controllers or bundled policies, or paths of trained policies; see python -m
+            training.certify. By default all controllers, the oracle among them, and the policy.
         model: Model file of the robot; by default the packaged one.
         episodes: Number of episodes per controller and setting, with the seeds 0, 1, ...
         rollers: Play on rollers too, which takes most of the time.
+        adversary: Also search an opponent against each controller, which takes 1,440 episodes.
         workers: Where the episodes are played.
         out: File for the results (.json).
         markdown: Also write a page to this file (.md).
@@ -44,6 +47,7 @@ def main(
     from mecanum_env.files import require_writable, write_json, write_text
     from mecanum_env.model import paper_model, read_model
     from mecanum_env.outputs import output_files
+    from training.certify.adversary import Search
     from training.compare.comparison import compare_controllers, comparison_markdown, comparison_table
     from training.controllers.named import CONTROLLERS
 
@@ -64,6 +68,7 @@ def main(
             robot,
             episodes=episodes,
             rollers=rollers,
+            search=Search() if adversary else None,
             workers=workers,
             progress=progress,
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 
@@ -14,9 +14,11 @@ from mecanum_env.errors import InputError, require_at_least
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import Model
 from mecanum_env.parallel import Workers
-from mecanum_env.tankendo import DIFFICULTIES, opponent_for
+from mecanum_env.tankendo import DIFFICULTIES, Opponent, opponent_for
+from mecanum_env.tankendo.opponents import opponent_to_dict
+from training.certify.adversary import Search, worst_opponent
 from training.certify.checks import mean_text, milliseconds, share_text, warning_text
-from training.certify.plants import robot_variants
+from training.certify.plants import ADVERSARY, robot_variants
 from training.certify.report import columns
 from training.certify.results import Timing, TrackingResult
 from training.certify.run import (
@@ -43,11 +45,14 @@ class Row:
 
     controller: str
     success: Mapping[str, Share]
-    """Setting -> success: three levels on the planar plant; level normal on rollers and changed robots."""
+    """Setting -> success: three levels on the planar plant; level normal on rollers and changed robots, and
+    against the adversary."""
     warning: WarningCurve
     track: TrackingResult
     timing: Timing = field(compare=False)
     """Depends on the machine and is ignored by `==`."""
+    adversary: Mapping[str, Any] | None = None
+    """The opponent that was searched against this controller, as in a JSON file; None: none was."""
 
 
 @dataclass(frozen=True)
@@ -66,6 +71,7 @@ def compare_controllers(
     *,
     episodes: int = 200,
     rollers: bool = True,
+    search: Search | None = None,
     workers: Workers = Workers(),
     progress: Progress | None = None,
 ) -> Comparison:
@@ -76,6 +82,7 @@ def compare_controllers(
         model: the robot, which all controllers know.
         episodes: number of episodes per controller and setting.
         rollers: whether to play on rollers too, which takes most of the time.
+        search: how long an adversary is searched against each controller; None: none is.
         workers: where the episodes are played; by default on all processors of this machine.
         progress: called after each job with its name and number of episodes.
 
@@ -98,6 +105,14 @@ def compare_controllers(
         for name in controllers
         for setting, setup in setups.items()
     }
+    adversaries: dict[str, Opponent] = {}
+    if search is not None:
+        base, normal = opponent_for("normal"), Setup(model)
+        settings[ADVERSARY] = "planar plant, an opponent that is searched against each controller"
+        for name in controllers:
+            found = adversaries[name] = worst_opponent(name, normal, base, search, workers, progress)
+            setup = replace(normal, opponent=found)
+            planned[f"{name}|{ADVERSARY}"] = Job(f"{name}, {ADVERSARY}", name, setup, episodes)
     played = play_jobs(planned, workers, progress)
     rows = tuple(
         Row(
@@ -106,6 +121,7 @@ def compare_controllers(
             warning=warning_curve_of(played[f"{name}|{_WARNING}"].episodes),
             track=tracking_result(played[f"{name}|{_TRACK}"].episodes),
             timing=timing_of(played[f"{name}|normal"]),
+            adversary=opponent_to_dict(adversaries[name]) if name in adversaries else None,
         )
         for name in controllers
     )
@@ -149,7 +165,7 @@ Written by `{command}`; do not edit. mecanum-tankendo {made["version"]}, MuJoCo 
 ## Success
 
 With Wilson's 95 % interval. Every controller plays the same episodes and knows the model, not the robot \
-that it is on.
+that it is on or the opponent that it meets.
 
 {settings}
 

@@ -12,6 +12,20 @@ Each has `reset()` and `act(observation) -> (V rpm, theta deg, VC rpm)`, in whol
 `action_mode="command"`:
 
     observation, reward, ... = env.step(command_to_action(controller.act(observation)))
+
+interface          what a controller is, and the step from a twist to a command
+named              controllers by name
+scripted           baselines: standing still, random commands, evasion by a script
+tracking, lqr      keeping a distance: P, Smith predictor; optimal tracking on the identified law
+mpc                plans on the identified law against the strike as it is estimated
+oracle             rehearses the episode on the simulator itself; `dodges` are what it tries
+policy             a trained policy, with NumPy alone
+compensation       known effects undone around any controller; `drive_inverse` undoes those of the drives
+foresight          a strike planned with what only the simulator knows
+motion_model       the robot's own motion, predicted for many robots
+observed_motion    from late observations to the present
+identified_motion  the delay and the speed of a robot, found while it moves
+strike             when the opponent's strike lands
 """
 
 from training.controllers.interface import Command, Controller, twist_command

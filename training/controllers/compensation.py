@@ -22,6 +22,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.effects.apply import active_effects, drive_parameters, measured
+from mecanum_env.kinematics import POSE, TWIST
 from mecanum_env.model import Model
 from mecanum_env.tankendo import Sensors
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
@@ -30,7 +31,7 @@ from training.controllers.drive_inverse import DriveInverse
 from training.controllers.interface import Command, Controller
 from training.controllers.observed_motion import OwnMotion, seen_from
 
-_CHANNELS: Final = ("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad")
+_CHANNELS: Final = (*TWIST, *POSE)
 _KEPT: Final = 40
 """Number of remembered observations; several times the longest delay or filter."""
 _OWN, _HELD, _PLACE, _HEADING = slice(10, 13), slice(13, 16), slice(16, 18), slice(18, 20)

@@ -35,10 +35,12 @@ _DELAY_SPREAD_S: Final = 0.06
 class IdentifiedPredictor(ObservationPredictor):
     """An `ObservationPredictor` that identifies the delay and the speed of its robot as it drives.
 
-    The model tells what to expect; the answer acts after the delay found so far, `command_s`.
+    The model tells what to expect; the answer acts after the delay found so far, `command_s`. With `is_exact`
+    the model is that of the robot itself, and nothing is left to find.
     """
 
-    def __init__(self, model: Model) -> None:
+    def __init__(self, model: Model, *, is_exact: bool = False) -> None:
+        self._is_exact = is_exact
         self._told_s = drive_parameters(model).delay_s
         super().__init__(model)
 
@@ -51,7 +53,8 @@ class IdentifiedPredictor(ObservationPredictor):
 
     def predict(self, seen: Observed) -> Observed:
         """Return the observation as it would be when the answer acts, as `ObservationPredictor` does."""
-        self._learn(np.array([float(seen.vx), float(seen.vy)]))
+        if not self._is_exact:
+            self._learn(np.array([float(seen.vx), float(seen.vy)]))
         return super().predict(seen)
 
     def _learn(self, measured: FloatArray) -> None:

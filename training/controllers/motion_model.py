@@ -120,8 +120,12 @@ class MotionModel:
 
 
 def wheel_drives(model: Model) -> list[DriveParameters]:
-    """Return the drives of the four wheels; commands are rounded as V, theta and VC, not wheel by wheel."""
-    return [replace(drive_parameters(model, wheel), command_quantum_rpm=0.0) for wheel in WHEELS]
+    """Return the drives of the four wheels; commands are rounded as V, theta and VC, not wheel by wheel.
+
+    Equal drives are one object.
+    """
+    drives = [replace(drive_parameters(model, wheel), command_quantum_rpm=0.0) for wheel in WHEELS]
+    return [next(other for other in drives if other == one) for one in drives]
 
 
 def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, seconds: float) -> FloatArray:
@@ -129,13 +133,12 @@ def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, s
 
     A ceiling of the supply counts as one of the command.
     """
-    pairs = zip(drives, wheels_rpm, strict=True)
-    return np.stack(
-        [
-            np.clip(received_command(drive, one, seconds), -drive.supply_rpm, drive.supply_rpm)
-            for drive, one in pairs
-        ]
-    )
+    received = np.empty(np.shape(wheels_rpm))
+    for drive in {id(one): one for one in drives}.values():
+        rows = [k for k, one in enumerate(drives) if one is drive]
+        wanted = received_command(drive, wheels_rpm[rows], seconds)
+        received[rows] = np.clip(wanted, -drive.supply_rpm, drive.supply_rpm)
+    return received
 
 
 def changed_robot(model: Model) -> Robot:

@@ -17,7 +17,13 @@ from training.controllers.identified_motion import IdentifiedPredictor
 from training.controllers.interface import Command, twist_command
 from training.controllers.motion_model import received_wheels
 from training.controllers.observed_motion import integrated_path, seen_from
-from training.controllers.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin
+from training.controllers.strike import (
+    WARNING_S,
+    RobotStates,
+    StrikeEstimate,
+    StrikePhase,
+    miss_margin,
+)
 from training.controllers.tracking import Proportional, opponent_place
 
 _HISTORY_S = 0.3
@@ -52,6 +58,8 @@ class Planning:
     """Cost of being off maai at the hit, in probability of a hit per metre."""
     continuation_bonus: float = 0.05
     """Bonus for continuing the last plan, in probability of a hit."""
+    warning_s: tuple[float, float] = WARNING_S
+    """Range of the warning that it expects [s]."""
 
 
 @dataclass
@@ -74,7 +82,8 @@ class Mpc:
 
     with the margin by which each hypothetical strike of `StrikePhase` misses. Between strikes the robot keeps
     its distance. The opponent's techniques, sight delay and lead are taken as known; by default they are
-    those of level normal. The maai is that of the rules.
+    those of level normal. The maai is that of the rules. With `is_exact` the model is that of the robot
+    itself, and its delay and speed need not be identified.
     """
 
     def __init__(
@@ -83,6 +92,8 @@ class Mpc:
         planning: Planning | None = None,
         opponent: Opponent | None = None,
         rules: Rules | None = None,
+        *,
+        is_exact: bool = False,
     ) -> None:
         self._planning = Planning() if planning is None else planning
         self._opponent = Opponent() if opponent is None else opponent
@@ -93,8 +104,8 @@ class Mpc:
         self._speed_m_s = self._planning.speed_share * float(
             wheels_to_twist(np.full(4, self._limit_rpm), model.robot)[0]
         )
-        self._motion = IdentifiedPredictor(model)
-        self._strike = StrikePhase(self._opponent, self._period_s)
+        self._motion = IdentifiedPredictor(model, is_exact=is_exact)
+        self._strike = StrikePhase(self._opponent, self._period_s, self._planning.warning_s)
         # Only the twists of these two are used, not their commands.
         self._wait = Proportional(self._maai_m + self._planning.wait_margin_m)
         gain = self._planning.return_gain_per_s
@@ -105,6 +116,8 @@ class Mpc:
         """Forget the episode."""
         self._motion.reset()
         self._strike.reset()
+        self.sees_strike = False
+        """Whether the sword had left its guard in the last observation."""
         self._plan: _Plan | None = None
         self._origin: FloatArray | None = None
         self._origins = 0
@@ -121,6 +134,7 @@ class Mpc:
         """Return the command for an observation, shape (20 or more,); `sent` tells which one was sent."""
         raw = read_observation(observation)
         estimate = self._strike.update(raw)
+        self.sees_strike = estimate is not None
         vx, vy, turn = (float(value) for value in self._twist(self._motion.predict(raw), estimate))
         return twist_command(vx, vy, turn, self._robot, self._limit_rpm)
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
@@ -49,11 +48,19 @@ def _oracle(given: ControllerArguments) -> Oracle:
     return Oracle(given.arena, given.row)
 
 
-def _policy(path: Path | None, rules: Rules) -> Controller:
+def _policy(name: str, rules: Rules) -> Controller:
     # Imported here, so that only those who use a policy wait for it.
-    from training.controllers.policy import bundled, load_policy
+    from training.controllers.policy import load_policy, policy_names, policy_path
 
-    return load_policy(bundled() if path is None else path, rules)
+    path = policy_path(name)
+    if path is None:
+        known = dict.fromkeys((*CONTROLLERS, *policy_names()))
+        raise InputError(
+            f"controller {name!r}: no such name{did_you_mean(name, known)}; known: "
+            f"{', '.join(known)}, or the path of a trained policy (a folder or a file .npz); "
+            f"each may be followed by {SUFFIX}"
+        )
+    return load_policy(path, rules)
 
 
 CONTROLLERS: Final[Mapping[str, Callable[[ControllerArguments], Controller]]] = MappingProxyType(
@@ -68,7 +75,7 @@ CONTROLLERS: Final[Mapping[str, Callable[[ControllerArguments], Controller]]] = 
         "creep": lambda given: Creep(_proportional(given, gain_per_s=2.0)),
         "mpc": lambda given: Mpc(given.model, rules=given.rules),
         "oracle": _oracle,
-        "policy": lambda given: _policy(None, given.rules),
+        "policy": lambda given: _policy("policy", given.rules),
     }
 )
 """Name -> factory, simplest first; `policy` is the trained policy that comes with the package."""
@@ -86,8 +93,9 @@ def make_controller(
     """Return a new controller, ready for an episode.
 
     Args:
-        name: a key of `CONTROLLERS`, or the path of a trained policy (a folder or a file `.npz`); followed by
-            `+compensated`, the controller is wrapped into a compensation of the model's effects.
+        name: a key of `CONTROLLERS`, the name of a bundled policy, or the path of a trained one (a folder or
+            a file `.npz`); followed by `+compensated`, the controller is wrapped into a compensation of the
+            model's effects.
         model: what the controller knows of the robot: wheel law, dimensions, effects.
         arena: the simulator that it plays in; only the oracle needs it.
         row: index of its episode in the arena.
@@ -113,13 +121,7 @@ def make_controller(
         controller = Compensated(inner, model, predicts_latency=predicts)
     elif name in CONTROLLERS:
         controller = CONTROLLERS[name](ControllerArguments(model, rules, arena, row, seed))
-    elif name and (Path(name).suffix == ".npz" or Path(name).is_dir()):
-        controller = _policy(Path(name), rules)
     else:
-        raise InputError(
-            f"controller {name!r}: no such name{did_you_mean(name, CONTROLLERS)}; known: "
-            f"{', '.join(CONTROLLERS)}, or the path of a trained policy (a folder or a file .npz); "
-            f"each may be followed by {SUFFIX}"
-        )
+        controller = _policy(name, rules)
     controller.reset()
     return controller

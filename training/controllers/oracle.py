@@ -19,9 +19,9 @@ import numpy.typing as npt
 from mecanum_env.tankendo.actions import FULL_V_RPM, command_to_action
 from mecanum_env.tankendo.arena import Arena
 from mecanum_env.units import FloatArray
+from training.controllers.dodges import Scripts, random_scripts, script_twists, twist_commands
 from training.controllers.foresight import Foresight
 from training.controllers.interface import Command
-from training.controllers.scripts import Scripts, random_scripts, script_twists, twist_commands
 
 _SIDE_BY_SIDE: Final = 48
 """Scripts that are played together."""

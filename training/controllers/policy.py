@@ -201,10 +201,28 @@ def bundled(name: str = _DEFAULT) -> Path:
     Raises:
         InputError: there is no bundled policy of this name.
     """
-    known = sorted(path.stem for path in _FOLDER.glob("*.npz"))
+    known = policy_names()
     if name not in known:
         raise InputError(f"bundled policy {name!r}{did_you_mean(name, known)}, must be {', '.join(known)}")
     return _FOLDER / f"{name}.npz"
+
+
+def policy_names() -> tuple[str, ...]:
+    """Return the names of the policies that come with the package."""
+    return tuple(sorted(path.stem for path in _FOLDER.glob("*.npz")))
+
+
+def policy_path(name: str) -> Path | None:
+    """Return where the policy is that programs call `name`; None if that is not the name of a policy.
+
+    `policy` and the names of bundled policies come before files (`.npz`) and folders of the same name.
+    """
+    if name == "policy":
+        return bundled()
+    if name in policy_names():
+        return bundled(name)
+    path = Path(name)
+    return path if name and (path.suffix == ".npz" or path.is_dir()) else None
 
 
 def load_policy(path: Path, rules: Rules | None = None) -> Policy:

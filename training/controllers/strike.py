@@ -18,9 +18,9 @@ from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M, TIP_VELOCITY_S, StrikeTimes
 from mecanum_env.units import FloatArray
 
-_WARNING_S, _FEINT_S = (0.36, 0.74), (0.14, 0.30)
+WARNING_S, _FEINT_S = (0.28, 1.02), (0.14, 0.30)
 """Ranges of the time from the first motion of a strike to its hit, and of the rise in a feint [s]; they span
-all levels of difficulty."""
+all levels of difficulty, and the warnings that a certificate varies."""
 _FEINT, _SECOND_FEINT = 0.3, 0.02
 """Probability that a rise is a feint: usually, and after a feint."""
 _STEP_MEAN_S = 0.2
@@ -40,7 +40,7 @@ _RETURN_MARGIN = 5.0
 _KEPT_PROBABILITY = 0.999
 """Share of the probability that the hypotheses of an estimate hold."""
 _SHORTEST_M = 0.9
-"""The opponent strikes no nearer than this to where it stands [m]; as `mecanum_env.tankendo.opponent`."""
+"""The opponent strikes no nearer than this to where it stands [m]; as `mecanum_env.tankendo.fighter`."""
 _GUARD = np.array([GUARD_TIP_M, GUARD_HEIGHT_M, 0.0, 0.0, 0.0])
 """The five features of `_features` on guard."""
 
@@ -76,11 +76,17 @@ class StrikeEstimate:
 class StrikePhase:
     """Estimates the phase of the strike from one observation every `step_s`.
 
-    The opponent's techniques, its step and its times of recovery are taken as known.
+    The opponent's techniques, its step and its times of recovery are taken as known, and that its warning is
+    within a range [s].
     """
 
-    def __init__(self, opponent: Opponent | None = None, step_s: float = 0.1) -> None:
-        self._grid = _Grid(Opponent() if opponent is None else opponent)
+    def __init__(
+        self,
+        opponent: Opponent | None = None,
+        step_s: float = 0.1,
+        warning_s: tuple[float, float] = WARNING_S,
+    ) -> None:
+        self._grid = _Grid(Opponent() if opponent is None else opponent, warning_s)
         self._step_s = step_s
         place, rate, body = Sensors.position_m, Sensors.tip_velocity_m_s, Sensors.velocity_m_s
         # Of the features: the first is a difference of two places, the third one of two velocities.
@@ -190,10 +196,9 @@ def _features(seen: Observed) -> FloatArray:
 class _Grid:
     """The hypotheses, m of them; times are seconds after the alarm, arrays have shape (m,)."""
 
-    def __init__(self, opponent: Opponent) -> None:
+    def __init__(self, opponent: Opponent, warning_s: tuple[float, float]) -> None:
         warnings, feints = (
-            np.arange(shortest, longest + 1e-9, _LENGTH_GRID_S)
-            for shortest, longest in (_WARNING_S, _FEINT_S)
+            np.arange(shortest, longest + 1e-9, _LENGTH_GRID_S) for shortest, longest in (warning_s, _FEINT_S)
         )
         starts = np.arange(-_LOOK_BACK_S, 1e-9, _START_GRID_S)
         techniques = opponent.techniques
@@ -267,7 +272,7 @@ def miss_margin(
     """Return by how much strikes miss the robots [m], negative for a hit, in the shape of the robots' arrays.
 
     The opponent aims at the robot's target as it saw it, moved on with the velocity that it expects, within
-    its reach: `mecanum_env.tankendo.opponent` without the noise of the aim. An adaptive opponent expects of
+    its reach: `mecanum_env.tankendo.fighter` without the noise of the aim. An adaptive opponent expects of
     the velocity with which the robot waited only the share `habit` to go on.
 
     Args:

@@ -6,13 +6,10 @@ from dataclasses import dataclass
 from typing import Final, Literal, Protocol, get_args
 
 from mecanum_env.errors import MecanumError
-from mecanum_env.kinematics import WHEELS
+from mecanum_env.kinematics import ROBOT_CHANNELS
 from mecanum_env.units import FloatArray
 
-CHANNELS: Final = (
-    *(f"speed_{wheel}_rpm" for wheel in WHEELS),
-    *("vx_m_s", "vy_m_s", "yaw_rate_rad_s", "x_m", "y_m", "yaw_rad"),
-)
+CHANNELS: Final = ROBOT_CHANNELS
 """Measured columns of a log that a sample holds, in their order; what a robot does not measure is NaN."""
 Outcome = Literal["ready", "fighting", "won", "lost", "stopped"]
 """How a fight stands: not begun, under way, ended; "stopped": by the robot's watchdog, or because it was

@@ -18,6 +18,8 @@ FPS: Final = 30.0
 """Frames per second."""
 _STEPS: Final = 3
 """Frames a step of 0.1 s."""
+_WIDTH_PX, _HEIGHT_PX = 640, 480
+"""Size of the frames."""
 _AFTER_S: Final = 1.0
 """The last picture is shown for this long [s]."""
 
@@ -29,11 +31,9 @@ def bout_frames(
     *,
     model: Model | None = None,
     plant: RobotPlant = "planar",
-    width: int = 640,
-    height: int = 480,
     **task: Any,
 ) -> Iterator[Frame]:
-    """Play a bout and yield its frames, each (height, width, 3).
+    """Play a bout and yield its frames, each (480, 640, 3).
 
     Args:
         players: make the two players.
@@ -41,13 +41,11 @@ def bout_frames(
         seed: of the bout.
         model: of both robots; None: the packaged one.
         plant: "planar" or "rollers".
-        width: of the frames [pixels], even.
-        height: of the frames [pixels], even.
         task: further arguments of `duel_arena`.
     """
     arena = duel_arena(1, model=model, plant=plant, action_mode="command", **task)
     arena.begin([0], [np.random.default_rng(seed)])
-    painter = DuelPainter(arena, plant, width, height, names)
+    painter = DuelPainter(arena, plant, _WIDTH_PX, _HEIGHT_PX, names)
     try:
         yield (frame := painter.frame())
         before = arena.robots.qpos(0)

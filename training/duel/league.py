@@ -108,6 +108,9 @@ def play_league(settings: LeagueSettings) -> League:
         VecMonitor(StackedVecEnv(world, training.stack)), gamma=training.ppo.gamma, clip_obs=10.0
     )
     agent = make_agent(training, normaliser)
+    # `learn` knows the steps until the end of a generation; the learning rate falls over those of all.
+    falling = agent.lr_schedule
+    agent.lr_schedule = lambda _: falling(max(0.0, 1.0 - agent.num_timesteps / total))
     for generation in range(1, settings.generations + 1):
         agent.learn(settings.steps, reset_num_timesteps=generation == 1)
         network = network_of(agent, normaliser, training)

@@ -190,15 +190,15 @@ def success_of(episodes: Sequence[Episode]) -> Share:
     return share(sum(episode.success for episode in episodes), len(episodes))
 
 
-def mean(values: Sequence[float | None], seed: int = 0) -> Mean | None:
+def mean(values: Sequence[float | None]) -> Mean | None:
     """Return the mean of the values that are not None with its 95 % bootstrap interval; None without any.
 
-    The values are of one episode each; the seed is that of the resampling.
+    The values are of one episode each. The resampling is the same at every call.
     """
     known = np.array([value for value in values if value is not None], float)
     if known.size == 0:
         return None
-    drawn = np.random.default_rng(seed).integers(0, known.size, (_RESAMPLES, known.size))
+    drawn = np.random.default_rng(0).integers(0, known.size, (_RESAMPLES, known.size))
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.percentile(known[drawn].mean(axis=1), [tail, 100.0 - tail])
     return Mean(float(known.mean()), float(low), float(high), int(known.size))

@@ -24,16 +24,16 @@ def export(
     Example: python -m training.export robust --out out/export
 
     Args:
-        policy: A bundled policy, nominal or robust, or the file or folder of a trained one.
+        policy: A bundled policy (nominal, planned, robust, varied), or the file or folder of a trained one.
         out: Folder to write.
         model: Model of the robot that it was trained on; by default the one that the policy names.
         formats: c leaves out policy.onnx, which needs the extra onnx.
     """
     from mecanum_env.model import read_model
-    from training.controllers.policy import bundled
+    from training.controllers.policy import bundled, policy_path
     from training.export import export_policy
 
-    source = Path(policy) if policy.endswith(".npz") or Path(policy).is_dir() else bundled(policy)
+    source = policy_path(policy) or bundled(policy)
     known = None if model is None else read_model(model)
     written = export_policy(source, out, known, onnx=formats == "all")
     print(f"wrote {', '.join(map(str, written))}")

@@ -12,7 +12,7 @@ from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM, ActionMode
 from mecanum_env.tankendo.constants import GUARD_TIP_M
 from mecanum_env.tankendo.sword import GUARD_HEIGHT_M
 from mecanum_env.units import FloatArray
-from training.controllers.policy import EXTRA_FEATURES
+from training.controllers.policy import EXTRA_FEATURES, Network, Policy
 from training.export.contract import LIMITS_OF, Contract, weights_digest
 
 _TEMPLATE: Final = Path(__file__).parent / "policy.h.in"
@@ -42,30 +42,8 @@ def c_header(contract: Contract) -> str:
     source, target = "a", "b"
     for layer, (weight, bias) in enumerate(zip(network.weights, network.biases, strict=True)):
         arrays += [_array(f"weight_{layer}", weight, "float"), _array(f"bias_{layer}", bias, "float")]
-        outputs, inputs = weight.shape
-        activation = {"tanh": "tanh(sum)", "relu": "sum > 0 ? sum : 0"}[network.activation]
-        layers.append(
-            f"  for (int i = 0; i < {outputs}; ++i) {{\n"
-            f"    MECANUM_REAL sum = (MECANUM_REAL)mecanum_policy_bias_{layer}[i];\n"
-            f"    for (int j = 0; j < {inputs}; ++j) {{\n"
-            f"      sum += (MECANUM_REAL)mecanum_policy_weight_{layer}[i * {inputs} + j] * {source}[j];\n"
-            "    }\n"
-            f"    {target}[i] = {'sum' if layer == len(network.weights) - 1 else activation};\n"
-            "  }"
-        )
+        layers.append(_layer(network, layer, source, target))
         source, target = target, source
-    spoken = Template(_COMMANDS[network.action_mode]).substitute(
-        v=_real(FULL_V_RPM), degrees=_real(float(np.rad2deg(1.0)))
-    )
-    command = (
-        f"{spoken}\n"
-        f"  const MECANUM_REAL turn = {_real(FULL_VC_RPM)} * action[2];\n"
-        f"  const MECANUM_REAL quantum = {_real(policy.quantum_rpm)};\n"
-        "  /* Halves go to the even neighbour, as in the processor's default rounding mode. */\n"
-        "  command[0] = (int)rint(rint(v / quantum) * quantum);\n"
-        "  command[1] = (int)rint(theta);\n"
-        "  command[2] = (int)rint(rint(turn / quantum) * quantum);"
-    )
     clipped = f"{source}[i] > 1 ? 1 : {source}[i] < -1 ? -1 : {source}[i]"
     widest = max(len(network.mean), *(len(bias) for bias in network.biases))
     return Template(_TEMPLATE.read_text(encoding="utf-8")).substitute(
@@ -85,7 +63,38 @@ def c_header(contract: Contract) -> str:
         arrays="\n".join(arrays),
         layers="\n".join(layers),
         squash=f"tanh({source}[i])" if network.squashes else clipped,
-        command=command,
+        command=_command(policy),
+    )
+
+
+def _layer(network: Network, layer: int, source: str, target: str) -> str:
+    """Return the C code of a layer of a network, from the array `source` to the array `target`."""
+    outputs, inputs = network.weights[layer].shape
+    activation = {"tanh": "tanh(sum)", "relu": "sum > 0 ? sum : 0"}[network.activation]
+    return (
+        f"  for (int i = 0; i < {outputs}; ++i) {{\n"
+        f"    MECANUM_REAL sum = (MECANUM_REAL)mecanum_policy_bias_{layer}[i];\n"
+        f"    for (int j = 0; j < {inputs}; ++j) {{\n"
+        f"      sum += (MECANUM_REAL)mecanum_policy_weight_{layer}[i * {inputs} + j] * {source}[j];\n"
+        "    }\n"
+        f"    {target}[i] = {'sum' if layer == len(network.weights) - 1 else activation};\n"
+        "  }"
+    )
+
+
+def _command(policy: Policy) -> str:
+    """Return the C code that turns an action of a policy into its command, rounded as the robot takes it."""
+    spoken = Template(_COMMANDS[policy.network.action_mode]).substitute(
+        v=_real(FULL_V_RPM), degrees=_real(float(np.rad2deg(1.0)))
+    )
+    return (
+        f"{spoken}\n"
+        f"  const MECANUM_REAL turn = {_real(FULL_VC_RPM)} * action[2];\n"
+        f"  const MECANUM_REAL quantum = {_real(policy.quantum_rpm)};\n"
+        "  /* Halves go to the even neighbour, as in the processor's default rounding mode. */\n"
+        "  command[0] = (int)rint(rint(v / quantum) * quantum);\n"
+        "  command[1] = (int)rint(theta);\n"
+        "  command[2] = (int)rint(rint(turn / quantum) * quantum);"
     )
 
 

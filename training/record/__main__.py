@@ -3,22 +3,15 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, Literal
+from typing import Literal
 
 import tyro
 
 from mecanum_env.cli import run
-from mecanum_env.errors import InputError, did_you_mean
+from mecanum_env.errors import InputError
 from mecanum_env.programs import Done
-from mecanum_env.registration import ENVIRONMENTS
 from mecanum_env.rendering.backend import use_backend
-
-if TYPE_CHECKING:
-    from mecanum_env.rendering.view import Frame
-
-_STILL_S: Final = 1.0
 
 
 def main(
@@ -61,19 +54,14 @@ def main(
     """
     # Before anything imports mujoco, which picks its graphics library then.
     backend = use_backend()
-    from tqdm import tqdm
-
     from mecanum_env.files import require_writable
     from mecanum_env.model import paper_model, read_model
     from mecanum_env.outputs import output_files
     from mecanum_env.rendering import video
-    from mecanum_env.tankendo.env import TankendoEnv
-    from training.certify.plants import robot_variants, select_variants
-    from training.controllers.named import make_controller
-    from training.record.rollout import AFTER_S, outcome, rollout_frames
+    from training.record.film import STILL_S, Film
 
-    if env not in ENVIRONMENTS:
-        raise InputError(f"env = {env!r}{did_you_mean(env, ENVIRONMENTS)}, must be {', '.join(ENVIRONMENTS)}")
+    known = paper_model() if model is None else read_model(model)
+    film = Film(controller, known, env, seed, on, physics, difficulty, width, height, fps)
     video.check_suffix(out, (".mp4",))
     if still is not None:
         video.check_suffix(still, video.STILL_SUFFIXES)
@@ -81,46 +69,12 @@ def main(
         raise InputError(f"still_time = {still_time:g}: there is no still; add --still PICTURE.png")
     targets = [out] if still is None else [out, still]
     require_writable(*targets)
-    known = paper_model() if model is None else read_model(model)
-    variants = select_variants(robot_variants(known, physics), [on])
-    variant = next(one for one in variants if on in (one.name, one.group))
-    world = TankendoEnv(
-        task=ENVIRONMENTS[env],  # type: ignore[arg-type]
-        model=variant.model,
-        plant=variant.physics,
-        difficulty=difficulty,
-        action_mode="command",
-        randomize=variant.randomize,
-    )
-    longest_s = world.arena.time_limit_s + AFTER_S
-    still_s = _STILL_S if still_time is None else still_time
-    if not 0.0 <= still_s <= longest_s:
-        raise InputError(f"still_time = {still_s:g}, must be within the film, 0 to {longest_s:g} s")
-    player = make_controller(controller, known, arena=world.arena, seed=seed)
-    drawn = rollout_frames(
-        world,
-        player,
-        known,
-        variant.physics,
-        seed=seed,
-        width=width,
-        height=height,
-        fps=fps,
-        title=f"{controller}, {variant.name}, seed {seed}",
-    )
-    kept: list[Frame] = []
-
-    def frames() -> Iterator[Frame]:
-        for i, frame in enumerate(tqdm(drawn, desc="drawing", unit="frame", disable=None)):
-            if i <= still_s * fps:
-                kept[:] = [frame]
-            yield frame
-
-    with output_files("training.record", *targets, seed=seed) as (film, *picture):
-        count = video.write_video(film, frames(), fps)
-        for path in picture:
-            video.write_still(path, kept[0])
-    print(f"{out}: {controller}, seed {seed}: {outcome(world.arena)}; {count} frames, ", end="")
+    still_s = STILL_S if still_time is None else still_time
+    film.require_within(still_s)
+    frames = film.frames()
+    with output_files("training.record", *targets, seed=seed) as staged:
+        count = film.write(frames, staged[0], staged[1] if still is not None else None, still_s)
+    print(f"{out}: {controller}, seed {seed}: {film.outcome()}; {count} frames, ", end="")
     print(f"{width} x {height}, drawn with {backend}")
     if still is not None:
         print(f"{still}: {width} x {height}")

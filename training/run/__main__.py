@@ -33,9 +33,8 @@ def drive(
     Example: python -m training.run robust --robot udp:127.0.0.1:9750 --fights 20 --out out/run
 
     Args:
-        controller: nominal, robust, the file or folder of a trained policy, or another controller's name as
-        for
-            python -m training.certify; each may be followed by +compensated.
+        controller: Name of a controller as for python -m training.certify, a policy's file or folder among
+            them; each may be followed by +compensated.
         robot: udp:HOST[:PORT], serial:DEVICE[:BAUD], or MODULE:CLASS of a driver of your own.
         model: Model file of the robot, as far as it is known; by default the packaged one.
         fights: Number of fights.

@@ -10,9 +10,10 @@ from types import TracebackType
 from typing import Final
 
 from mecanum_env.errors import InputError
+from mecanum_env.kinematics import BODY_COMMAND
 from training.drivers.interface import CHANNELS, Sample
 
-COLUMNS: Final = ("time_s", "command_v_rpm", "command_theta_deg", "command_vc_rpm", *CHANNELS)
+COLUMNS: Final = ("time_s", *BODY_COMMAND, *CHANNELS)
 _FEWEST: Final = 2
 """Rows of the shortest log that can be read."""
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError
-from mecanum_env.kinematics import WHEELS
+from mecanum_env.kinematics import WHEEL_SPEEDS
 from mecanum_env.model import Model
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.simulator.trajectory import read_trajectory
@@ -27,7 +27,7 @@ from training.drivers.interface import CHANNELS, Outcome, Sample
 SAMPLES: Final = 4
 """Samples of the robot's own sensors in a command period."""
 NOISE: Final[Mapping[str, float]] = {
-    **{f"speed_{wheel}_rpm": 0.5 for wheel in WHEELS},
+    **dict.fromkeys(WHEEL_SPEEDS, 0.5),
     **{"vx_m_s": 0.005, "vy_m_s": 0.005, "yaw_rate_rad_s": 0.01},
     **{"x_m": 0.002, "y_m": 0.002, "yaw_rad": 0.002},
 }

@@ -58,8 +58,12 @@ def main(
 
     Example: python -m training.train --out out/ppo --steps 2000000
 
+    On robots that are late and slow, against opponents of all kinds: python -m training.train --out out/late
+    --randomize varied --opponents varied --senses mixed --stack 6 --privileged critic. docs/training.md tells
+    what each option is worth, and a quicker way for such robots, python -m training.train.planned.
+
     Args:
-        out: Folder to write; a robot runs the policy.npz in it.
+        out: Folder to write; a robot runs the policy.npz in it, which is that of the best checkpoint.
         resume: Folder of an interrupted run; only --steps may be given with it.
         algo: ppo or sac.
         env: Name of the environment.

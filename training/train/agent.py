@@ -17,7 +17,7 @@ from stable_baselines3.common.torch_layers import MlpExtractor
 from stable_baselines3.common.vec_env import VecEnv, VecNormalize
 
 from mecanum_env.errors import InputError
-from training.controllers.policy import Network, bundled, load_network
+from training.controllers.policy import Network, bundled, load_network, policy_path
 from training.train.privileged import PRIVILEGED
 from training.train.settings import TrainingSettings
 from training.train.taught import TaughtPpo
@@ -137,8 +137,7 @@ def teacher_of(name: str, settings: TrainingSettings) -> Network:
     Raises:
         InputError: there is none, or it is not one that a run with these settings can imitate.
     """
-    path = Path(name)
-    network, _ = load_network(path if path.suffix or path.exists() else bundled(name))
+    network, _ = load_network(teacher_path(name))
     if network.privileged and settings.privileged == "none":
         raise InputError(f"teacher {name}: sees privileged numbers; give --privileged critic or both")
     if network.stack > settings.stack or network.action_mode != settings.action_mode:
@@ -148,6 +147,11 @@ def teacher_of(name: str, settings: TrainingSettings) -> Network:
             "--stack, and the same --action-mode"
         )
     return network
+
+
+def teacher_path(name: str) -> Path:
+    """Return the file or folder of the teacher `name`, or that of the bundled policy of this name."""
+    return policy_path(name) or bundled(name)
 
 
 def _learning_rate(settings: TrainingSettings) -> Callable[[float], float]:

@@ -75,7 +75,8 @@ def measure(policy: Policy, model: Model, episodes: int, rollers_episodes: int, 
 def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
     """Return a policy's card as Markdown, with its measured success and the command that measured it.
 
-    The entry `history` of what a policy file says about itself, if any, tells what its commands do not.
+    Of what a policy file says about itself, `method` names how it was made, if not by an algorithm of
+    Stable-Baselines3, and `history`, if any, tells what its commands do not.
     """
     about, network, settings = policy.about, policy.network, policy.about["settings"]
     algorithm = settings[settings["algo"]]
@@ -88,14 +89,23 @@ def card(name: str, policy: Policy, rows: list[Row], command: str) -> str:
         "task": f"{about['env']}, difficulty {settings['difficulty']}",
         "trained on": f"{about['model']['source']}, plant {settings['plant']}, "
         + _ROBOTS[settings["randomize"]],
-        "algorithm": f"{settings['algo'].upper()}, seed {settings['seed']}, {about['steps_done']:,} steps",
+        "algorithm": f"{about.get('method', settings['algo'].upper())}, seed {settings['seed']}, "
+        f"{about['steps_done']:,} steps",
         "network": f"last {network.stack} observations, normalised; layers "
         f"{', '.join(map(str, algorithm['layers']))}, {network.activation}; {weights:,} weights",
         "output": f"{network.action_mode}: whole numbers V, theta, VC, ten times a second",
         "trained with": ", then ".join(f"`{command}`" for command in about["commands"]),
+        **({"chosen": _chosen(about["chosen"])} if "chosen" in about else {}),
         **({"history": about["history"]} if "history" in about else {}),
-        "hyperparameters": _pairs(algorithm),
-        "weights of the reward": _pairs(settings["reward_weights"]) or "those of the environment",
+        # What imitates has neither.
+        **(
+            {}
+            if "method" in about
+            else {
+                "hyperparameters": _pairs(algorithm),
+                "weights of the reward": _pairs(settings["reward_weights"]) or "those of the environment",
+            }
+        ),
         "versions": _pairs(about["versions"]),
     }
     head = ("robot", "plant", "difficulty", "this policy", "scripted retreat", "episodes")
@@ -126,6 +136,14 @@ Worst robot at level normal: {worst.robot}, {_interval(worst.policy)}.
   that robot's logs, and keep an emergency stop at hand.
 - It sees what `mecanum_env.tankendo.observation` describes, with that delay and noise.
 """
+
+
+def _chosen(chosen: Mapping[str, Any]) -> str:
+    return (
+        f"the best of {chosen['of']} checkpoints up to {chosen['newest_steps']:,} steps: "
+        f"{chosen['success']:.3f} in the run's development episodes, none of which it trained on or plays "
+        "below; no robot or opponent that certificates hold out is in them"
+    )
 
 
 def _interval(value: Share) -> str:

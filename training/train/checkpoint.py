@@ -2,7 +2,7 @@
 
 run.json                settings, versions, commit and commands
 curve.json              success on the development seeds at each checkpoint
-policy.npz              the newest policy, for `training.controllers.policy.load_policy`
+policy.npz              the policy of the best checkpoint, for `training.controllers.policy.load_policy`
 tensorboard/            for `tensorboard --logdir FOLDER`
 checkpoints/000250000/  the learner (`training.train.learner_files`), policy.npz, state.json; SAC's replay
                         buffer in the newest only
@@ -81,7 +81,7 @@ class Run:
 def write_checkpoint(run: Run) -> None:
     """Write a checkpoint of a run, then `policy.npz` and `curve.json` in its folder."""
     folder, agent, settings = run.folder, run.agent, run.settings
-    target = folder / "checkpoints" / f"{run.state.steps_done:09d}"
+    target = folder / "checkpoints" / _name(run.state.steps_done)
     target.parent.mkdir(parents=True, exist_ok=True)
     for left in target.parent.glob(f"{STAGED}*"):
         shutil.rmtree(left, ignore_errors=True)
@@ -105,11 +105,11 @@ def write_checkpoint(run: Run) -> None:
     for older in target.parent.glob(f"*/{REPLAY}"):
         if older.parent != target:
             older.unlink()
-    export_newest(folder)
+    export_best(folder)
 
 
-def export_newest(folder: Path) -> None:
-    """Make `policy.npz` and `curve.json` of a run those of its newest checkpoint, if they are not yet.
+def export_best(folder: Path) -> None:
+    """Make `policy.npz` of a run that of its best checkpoint, and `curve.json` whole, if they are not yet.
 
     A run that ended between its last checkpoint and this has older ones.
 
@@ -120,8 +120,14 @@ def export_newest(folder: Path) -> None:
     if newest is None:
         return
     load_network(newest / _POLICY)  # refuses a torn one
-    policy = read_bytes(newest / _POLICY)
-    curve = [asdict(point) for point in read_state(newest).curve]
+    points = read_state(newest).curve
+    best = best_point(points, [path.name for path in newest.parent.iterdir()])
+    network, told = load_network(newest.parent / _name(best.steps) / _POLICY)
+    chosen = {"of": len(points), "success": best.success, "newest_steps": points[-1].steps}
+    curve = [asdict(point) for point in points]
+    with tempfile.TemporaryDirectory() as apart:
+        save_policy(Path(apart) / _POLICY, network, {**told, "chosen": chosen})
+        policy = read_bytes(Path(apart) / _POLICY)
     finish_interrupted(folder)
     if (folder / _CURVE).is_file() and (folder / _POLICY).is_file():
         whole = (folder / _POLICY).read_bytes() == policy
@@ -130,6 +136,20 @@ def export_newest(folder: Path) -> None:
     with output_folder(folder, "training.train", (_POLICY, _CURVE), locked=True) as staged:
         (staged / _POLICY).write_bytes(policy)
         write_json(staged / _CURVE, curve)
+
+
+def best_point(points: Sequence[Point], checkpoints: Sequence[str]) -> Point:
+    """Return the point of a curve with the most successes, the newest of equal ones.
+
+    Only those count whose checkpoint is still among the folders named `checkpoints`; the newest is.
+    """
+    kept = [point for point in points if _name(point.steps) in checkpoints]
+    return max(kept, key=lambda point: (point.success, point.steps))
+
+
+def _name(steps: int) -> str:
+    """Return the name of a checkpoint's folder."""
+    return f"{steps:09d}"
 
 
 def write_run(folder: Path, settings: TrainingSettings, facts: dict[str, Any]) -> None:

@@ -27,13 +27,13 @@ from mecanum_env.checkout import commit
 from mecanum_env.errors import InputError
 from mecanum_env.model import write_model
 from mecanum_env.outputs import lock_folder
-from training.controllers.policy import Network
-from training.train.agent import make_agent, network_of
+from training.controllers.policy import Network, load_network
+from training.train.agent import make_agent, network_of, teacher_path
 from training.train.checkpoint import (
     Point,
     Run,
     State,
-    export_newest,
+    export_best,
     load_weights,
     newest_checkpoint,
     read_learner,
@@ -55,6 +55,7 @@ from training.train.environments import (
 from training.train.robots import level_models
 from training.train.score import successes, successes_of_robots
 from training.train.settings import TrainingSettings, command_line
+from training.train.taught import TaughtPpo
 
 DEVELOPMENT_SEEDS: Final = range(100_000, 100_400)
 """Seeds of the episodes that a run scores its policy on. Choices are made on these; final results are not."""
@@ -86,6 +87,10 @@ def train_policy(
         )
     learner = _new_learner(settings)
     before = [] if settings.start is None else read_run(Path(settings.start))[1]["commands"]
+    if settings.teacher is not None:
+        # The student's command needs the teacher that these commands train.
+        taught_by = load_network(teacher_path(settings.teacher))[1].get("commands", [])
+        before = [*(command for command in taught_by if command not in before), *before]
     commands = [*before, command_line(settings, str(folder))]
     folder.mkdir(parents=True, exist_ok=True)
     with lock_folder(folder):
@@ -128,7 +133,7 @@ def _go_on(
     development_seeds: Sequence[int],
     quiet: bool,
 ) -> State:
-    export_newest(folder)
+    export_best(folder)
     newest = newest_checkpoint(folder)
     state = State() if newest is None else read_state(newest)
     wanted = settings.steps if steps is None else steps
@@ -141,7 +146,7 @@ def _go_on(
     return _learn(Run(settings, folder, facts["commands"], *learner, state), development_seeds, None, quiet)
 
 
-def _development_score(
+def development_score(
     network: Network, settings: TrainingSettings, seeds: Sequence[int]
 ) -> tuple[float, float]:
     """Return the share of successes: over all robots and senses that are trained on, and on the worst one.
@@ -176,6 +181,8 @@ def _new_learner(settings: TrainingSettings) -> tuple[BaseAlgorithm, VecNormaliz
     """Return learner and normaliser before the first step."""
     normaliser = training_env(settings)
     agent = make_agent(settings, normaliser)
+    if isinstance(agent, TaughtPpo):
+        agent.begin_as(normaliser)
     if settings.start is not None:
         load_weights(Path(settings.start), agent, normaliser)
     return agent, normaliser
@@ -200,7 +207,7 @@ class _Checkpoints(BaseCallback):  # type: ignore[misc]
         run, agent = self._run, self._run.agent
         spent = time.perf_counter() - self._wall, time.process_time() - self._processor
         network = network_of(agent, run.normaliser, run.settings)
-        success, worst = _development_score(network, run.settings, self._seeds)
+        success, worst = development_score(network, run.settings, self._seeds)
         # Scoring does not count as training time.
         self._start_clocks(*spent)
         point = Point(agent.num_timesteps, success, worst, *spent)

@@ -3,18 +3,39 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.model import Model
+from mecanum_env.tankendo.actions import ActionMode
 from mecanum_env.tankendo.vector import TankendoVectorEnv
-from training.controllers.policy import Network, features, stack_features
+from mecanum_env.units import FloatArray
+from training.controllers.policy import features, stack_features
 from training.train.privileged import Privileged
 
 
-def successes(network: Network, seeds: Sequence[int], **arguments: Any) -> npt.NDArray[np.bool_]:
+class Actor(Protocol):
+    """What is scored: a `Network`, or what acts as one."""
+
+    @property
+    def stack(self) -> int:
+        """How many observations it sees."""
+
+    @property
+    def privileged(self) -> int:
+        """How many numbers that no robot senses follow them."""
+
+    @property
+    def action_mode(self) -> ActionMode:
+        """Meaning of an action."""
+
+    def actions(self, stacked: FloatArray) -> FloatArray:
+        """Return actions, shape (n, 3), of stacked features, shape (n, stack * k)."""
+
+
+def successes(network: Actor, seeds: Sequence[int], **arguments: Any) -> npt.NDArray[np.bool_]:
     """Return which of the episodes with these seeds a network wins, shape (len(seeds),).
 
     The `arguments` are those of `TankendoVectorEnv` but for `num_envs`, `autoreset_mode` and `action_mode`.
@@ -24,7 +45,7 @@ def successes(network: Network, seeds: Sequence[int], **arguments: Any) -> npt.N
 
 
 def successes_of_robots(
-    network: Network, seeds: Sequence[int], robots: Sequence[Model], **arguments: Any
+    network: Actor, seeds: Sequence[int], robots: Sequence[Model], **arguments: Any
 ) -> list[npt.NDArray[np.bool_]]:
     """Return which episodes a network wins on each of the robots, of those that any episode is played on.
 
@@ -36,7 +57,7 @@ def successes_of_robots(
 
 
 def _played(
-    network: Network, seeds: Sequence[int], arguments: Mapping[str, Any]
+    network: Actor, seeds: Sequence[int], arguments: Mapping[str, Any]
 ) -> tuple[npt.NDArray[np.bool_], list[Model]]:
     """Return which episodes are won, and the robot of each."""
     env = TankendoVectorEnv(

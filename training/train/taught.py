@@ -7,21 +7,27 @@ online learning", AISTATS 2011). The critic learns the returns of the student al
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.utils import obs_as_tensor
+from stable_baselines3.common.vec_env import VecNormalize
 
 from training.controllers.policy import EXTRA_FEATURES, Network
+
+_TAUGHT_COUNT: Final = 1e6
+"""Number of observations that a teacher's normalisation counts as: it must change slowly, or the weights
+that go with it are wrong."""
 
 
 class TaughtPpo(PPO):  # type: ignore[misc]
     """PPO that imitates a teacher until `teacher_steps` steps are done.
 
     The teacher must see no more observations than the student, and act in the same way. The first `features`
-    numbers of an observation are not privileged.
+    numbers of an observation are not privileged. A student whose network has the shape of the teacher's may
+    `begin_as` the teacher; then the critic alone learns meanwhile.
     """
 
     def __init__(
@@ -56,3 +62,21 @@ class TaughtPpo(PPO):  # type: ignore[misc]
                 errors.append(error.item())
             self._n_updates += 1
         self.logger.record("train/imitation_error", float(np.mean(errors)))
+
+    def begin_as(self, normaliser: VecNormalize) -> bool:
+        """Give the actor the teacher's weights, and a `normaliser` its moments, if the shapes agree.
+
+        Return whether they do. What is privileged stays as it is.
+        """
+        teacher, policy = self._teacher, self.policy
+        layers = [*policy.mlp_extractor.policy_net, policy.action_net]
+        linear = [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+        if [tuple(layer.weight.shape) for layer in linear] != [weight.shape for weight in teacher.weights]:
+            return False
+        for layer, weight, bias in zip(linear, teacher.weights, teacher.biases, strict=True):
+            layer.weight.data = torch.tensor(weight, dtype=torch.float32)
+            layer.bias.data = torch.tensor(bias, dtype=torch.float32)
+        moments, size = normaliser.obs_rms, len(teacher.mean)
+        moments.mean[:size], moments.var[:size] = teacher.mean, teacher.scale**2
+        moments.count = _TAUGHT_COUNT
+        return True

@@ -14,6 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Final
 
 import numpy as np
@@ -128,56 +129,87 @@ def _fit_from(problem: LawProblem, start: _Point, options: Options) -> _Reached:
     return replace(reached, iterations=evaluations + reached.iterations)
 
 
-def _refine(problem: LawProblem, start: _Point, options: Options) -> _Reached:
-    """Stage 2: search all free parameters together from a good start."""
-    free_delay, free_limit = options.fit_delay, bool(np.isfinite(start.saturation_rpm))
-    period = problem.sample_period_s
-    fixed = None if free_delay or free_limit else start.traces(problem)
-    laws = len(options.free_coefficients)
+@dataclass(frozen=True, eq=False)
+class _Coordinates:
+    """The free parameters as one vector x: stable coordinates of A-C, then of D-F, then delay and ceiling.
 
-    def unpack(x: FloatArray) -> _Point:
-        abc = stable_abc(x[:3])
-        if options.unit_gain:
+    With unit DC gain x holds D and F, and E follows; else D, E and F. The delay is in ticks, the ceiling in
+    units of `_SATURATION_SCALE_RPM`; what is not free stays as in `start`.
+    """
+
+    problem: LawProblem
+    start: _Point
+    options: Options
+
+    @property
+    def free_delay(self) -> bool:
+        return self.options.fit_delay
+
+    @property
+    def free_limit(self) -> bool:
+        return bool(np.isfinite(self.start.saturation_rpm))
+
+    @cached_property
+    def fixed_traces(self) -> Traces | None:
+        """The traces of the commands, if no free parameter changes them."""
+        return None if self.free_delay or self.free_limit else self.start.traces(self.problem)
+
+    def point(self, x: FloatArray) -> _Point:
+        """Return the law and the drive at a place."""
+        abc, laws = stable_abc(x[:3]), len(self.options.free_coefficients)
+        if self.options.unit_gain:
             law = np.array([*abc, x[3], 1.0 - (np.sum(abc) + x[3] + x[4]), x[4]])
         else:
             law = np.concatenate([abc, x[3:6]])
-        delay = x[laws] * period if free_delay else start.delay_s
-        limit = x[-1] * _SATURATION_SCALE_RPM if free_limit else start.saturation_rpm
+        delay = x[laws] * self.problem.sample_period_s if self.free_delay else self.start.delay_s
+        limit = x[-1] * _SATURATION_SCALE_RPM if self.free_limit else self.start.saturation_rpm
         return _Point(law, float(delay), float(limit))
 
-    def residual(x: FloatArray) -> FloatArray:
-        point = unpack(x)
-        return problem.residual(point.coefficients, fixed or point.traces(problem))
+    def residual(self, x: FloatArray) -> FloatArray:
+        """Return the weighted residual at a place."""
+        point = self.point(x)
+        return self.problem.residual(point.coefficients, self.fixed_traces or point.traces(self.problem))
 
-    def jacobian(x: FloatArray) -> FloatArray:
-        point = unpack(x)
-        traces = fixed or problem.traces(
-            point.delay_s, point.saturation_rpm, with_delay=free_delay, with_saturation=free_limit
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """Return the exact derivative of `residual`."""
+        point = self.point(x)
+        traces = self.fixed_traces or self.problem.traces(
+            point.delay_s, point.saturation_rpm, with_delay=self.free_delay, with_saturation=self.free_limit
         )
-        full = problem.predict_with_jacobian(point.coefficients, traces)[1]
+        full = self.problem.predict_with_jacobian(point.coefficients, traces)[1]
         law = full[:, :6]
-        if options.unit_gain:
+        if self.options.unit_gain:
             law = np.delete(law - law[:, [4]], 4, axis=1)
-        extra = full[:, 6:] * np.array([period] * free_delay + [_SATURATION_SCALE_RPM] * free_limit)
-        by_x = np.hstack([law[:, :3] @ stable_abc_jacobian(x[:3]), law[:, 3:], extra])
-        return np.asarray(by_x * problem.weight[:, None])
+        units = [self.problem.sample_period_s] * self.free_delay + [_SATURATION_SCALE_RPM] * self.free_limit
+        by_x = np.hstack([law[:, :3] @ stable_abc_jacobian(x[:3]), law[:, 3:], full[:, 6:] * np.array(units)])
+        return np.asarray(by_x * self.problem.weight[:, None])
 
-    c = start.coefficients
-    x = [*free_coordinates(c[:3]), *(c[[3, 5]] if options.unit_gain else c[3:])]
-    low, high = [-np.inf] * laws, [np.inf] * laws
-    if free_delay:
-        longest = max(options.max_delay_s / period, 1e-9)
-        x.append(min(max(start.delay_s / period, 0.0), longest))
-        low, high = [*low, 0.0], [*high, longest]
-    if free_limit:
-        largest = problem.largest_command
-        x.append(min(start.saturation_rpm, largest) / _SATURATION_SCALE_RPM)
-        low, high = [*low, 0.0], [*high, largest / _SATURATION_SCALE_RPM]
+    def begin(self) -> tuple[FloatArray, list[float], list[float]]:
+        """Return the place of the start, and the lower and the upper bounds of a search."""
+        c, laws = self.start.coefficients, len(self.options.free_coefficients)
+        x = [*free_coordinates(c[:3]), *(c[[3, 5]] if self.options.unit_gain else c[3:])]
+        low, high = [-np.inf] * laws, [np.inf] * laws
+        if self.free_delay:
+            period = self.problem.sample_period_s
+            longest = max(self.options.max_delay_s / period, 1e-9)
+            x.append(min(max(self.start.delay_s / period, 0.0), longest))
+            low, high = [*low, 0.0], [*high, longest]
+        if self.free_limit:
+            largest = self.problem.largest_command
+            x.append(min(self.start.saturation_rpm, largest) / _SATURATION_SCALE_RPM)
+            low, high = [*low, 0.0], [*high, largest / _SATURATION_SCALE_RPM]
+        return np.array(x), low, high
+
+
+def _refine(problem: LawProblem, start: _Point, options: Options) -> _Reached:
+    """Stage 2: search all free parameters together from a good start."""
+    free = _Coordinates(problem, start, options)
+    x, low, high = free.begin()
     found = least_squares(
-        residual,
-        np.array(x),
-        jacobian,
-        bounds=(low, high) if free_delay or free_limit else (-np.inf, np.inf),
+        free.residual,
+        x,
+        free.jacobian,
+        bounds=(low, high) if free.free_delay or free.free_limit else (-np.inf, np.inf),
         method="trf",
         loss=options.loss,
         f_scale=_HUBER,
@@ -187,7 +219,7 @@ def _refine(problem: LawProblem, start: _Point, options: Options) -> _Reached:
         max_nfev=options.max_iterations,
     )
     return _Reached(
-        unpack(found.x), float(found.cost) + problem.within_cost, found.status > 0, int(found.nfev)
+        free.point(found.x), float(found.cost) + problem.within_cost, found.status > 0, int(found.nfev)
     )
 
 

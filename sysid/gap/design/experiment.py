@@ -24,9 +24,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import norm
 
+from mecanum_env.kinematics import POSE
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.prediction import POSE
 from sysid.gap.design.limits import Limits
 from sysid.gap.design.trial import (
     ExperimentConditions,

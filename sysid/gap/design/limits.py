@@ -66,7 +66,7 @@ class Limits:
         return math.ceil(_REST_S / self.period_s - 1e-9)
 
     @property
-    def most_rows(self) -> int:
+    def driven_rows(self) -> int:
         """Rows of the longest sequence without its rest before and after."""
         return max(1, self.max_rows - 2 * self.rest_rows)
 

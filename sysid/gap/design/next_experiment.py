@@ -12,13 +12,12 @@ from scipy.stats import norm
 
 from mecanum_env.effects import CATALOGUE, Effect, PlantKind
 from mecanum_env.effects.scale import Scale
+from mecanum_env.kinematics import POSE
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import coordinate
-from sysid.compare.fitted import Fitted
-from sysid.compare.observations import Observations
-from sysid.compare.prediction import POSE
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.least_squares import Fitted, ResidualProblem
+from sysid.compare.measured import Observations
+from sysid.compare.search_space import coordinate
 from sysid.gap.design.experiment import Design, Rival, design_separating, experiment_of, no_command
 from sysid.gap.design.limits import limits_of
 from sysid.gap.design.trial import (

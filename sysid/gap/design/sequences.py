@@ -38,7 +38,7 @@ def _legal(rows: FloatArray, limits: Limits) -> FloatArray | None:
     Rows, shape (n, 1) or (n, 3), get rest before and after. V and VC are cut to their limits, and rows that
     then ask too much of a wheel are slowed down without changing their direction; surplus rows are cut.
     """
-    rows = rows[: limits.most_rows]
+    rows = rows[: limits.driven_rows]
     rest = np.zeros((limits.rest_rows, rows.shape[1]))
     rows = np.concatenate([rest, _rounded(rows, limits), rest])
     if limits.geometry is not None:
@@ -128,7 +128,7 @@ def _whole_below(limit_rpm: float, quantum_rpm: float) -> float:
 
 def _bench_profiles(limits: Limits) -> Iterator[FloatArray]:
     """Yield speed profiles for the bench (n,) [rpm]."""
-    top, length = limits.limit_rpm, limits.most_rows
+    top, length = limits.limit_rpm, limits.driven_rows
     speeds = [share * top for share in _SPEED_SHARES]
     for beats in (3, 6):
         yield _held([v for s in speeds for v in (s, 0.0)], limits.rows_of(beats))
@@ -148,7 +148,7 @@ def _bench_profiles(limits: Limits) -> Iterator[FloatArray]:
 
 def _robot_sequences(limits: Limits, geometry: Geometry) -> Iterator[FloatArray]:
     """Yield sequences for the robot: forward, sideways, diagonal, turning, and at two headings in turn."""
-    length, top = limits.most_rows, min(limits.limit_rpm, limits.v_rpm)
+    length, top = limits.driven_rows, min(limits.limit_rpm, limits.v_rpm)
     turn_rpm = min(0.5 * limits.limit_rpm, limits.vc_rpm)
     straight, turning = _robot_shapes(top, limits), _robot_shapes(turn_rpm, limits)
     for shape, turn in zip(straight, turning, strict=True):
@@ -173,7 +173,7 @@ def _robot_sequences(limits: Limits, geometry: Geometry) -> Iterator[FloatArray]
 
 def _robot_shapes(top: float, limits: Limits) -> list[FloatArray]:
     """Return profiles (n,) of V or VC for the robot, up to about `top` [rpm]."""
-    length, beats = limits.most_rows, limits.rows_of
+    length, beats = limits.driven_rows, limits.rows_of
     return [
         _held([v for s in (0.08, 0.35, 0.7, 1.0) for v in (s * top, 0.0, -s * top, 0.0)], beats(4)),
         _reversals(0.15 * top, beats(4), length),
@@ -217,7 +217,7 @@ def _staircase(step: float, hold: int, length: int) -> FloatArray:
 
 
 def _random_sequence(limits: Limits, rng: np.random.Generator) -> FloatArray:
-    size, length = 1 if limits.geometry is None else 3, limits.most_rows
+    size, length = 1 if limits.geometry is None else 3, limits.driven_rows
     longest = limits.rows_of(_LONGEST_HOLD)
     holds = [
         np.tile(_random_command(limits, size, rng), (int(rng.integers(1, longest + 1)), 1))

@@ -1,11 +1,11 @@
 """Trials of command sequences: what one sequence would tell, and the search for the one that tells most.
 
 What a sequence tells about two models is how far apart their predictions of it are, in standard deviations of
-the noise. The distance is that of `sysid.compare.problem`: repeats are averaged, and what the model's own
-error, or a change of the models' parameters within what the logs so far allow, could produce is taken off.
-With d the whitened difference of two predictions and X the columns of those errors, each scaled to a standard
-deviation of 1, the squared distance is d' (I + X X')^-1 d. If several models are tied, the sequence of
-largest distance tells most (T-optimal designs: Atkinson and Fedorov, Biometrika 62:57, 1975).
+the noise. The distance is that of `sysid.compare.least_squares.problem`: repeats are averaged, and what the
+model's own error, or a change of the models' parameters within what the logs so far allow, could produce is
+taken off. With d the whitened difference of two predictions and X the columns of those errors, each scaled to
+a standard deviation of 1, the squared distance is d' (I + X X')^-1 d. If several models are tied, the
+sequence of largest distance tells most (T-optimal designs: Atkinson and Fedorov, Biometrika 62:57, 1975).
 """
 
 from __future__ import annotations
@@ -19,16 +19,14 @@ import numpy as np
 
 from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.errors import MecanumError
-from mecanum_env.kinematics import command_to_wheels
+from mecanum_env.kinematics import POSE, command_to_wheels
 from mecanum_env.mjcf.physics import TRAINING_TIMESTEP_S
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.model_error import ModelError
+from sysid.compare.measured import Start, observe
+from sysid.compare.model_error import ModelError, Whitener, plausible_models, shape_columns
 from sysid.compare.noise import Noise
-from sysid.compare.nuisance import plausible_models, shape_columns
-from sysid.compare.observations import observe
-from sysid.compare.prediction import POSE, Start, Study, motion_of, readings
-from sysid.compare.whitening import Whitener
+from sysid.compare.predicted import Study, motion_of, readings
 from sysid.gap.design.limits import Limits
 from sysid.gap.design.sequences import FIELD_M, changed, library
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand

@@ -1,4 +1,4 @@
-"""What a study reports beside its verdict: errors before and after, and the evidence for each set of effects.
+"""Errors before and after a study adds its effects, and the evidence for each set of effects.
 
 Errors are those of test runs, which take no part in the decision; without any, those of the runs that do.
 """
@@ -12,23 +12,20 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
 from mecanum_env.errors import MecanumError
-from mecanum_env.model import Model, cause_of, form_of
+from mecanum_env.kinematics import POSE
+from mecanum_env.model import Model
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import EffectSet
-from sysid.compare.observations import observe
-from sysid.compare.prediction import POSE, Study, predict
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.samples import Samples, samples_of
-from sysid.compare.simulator import Simulator
-from sysid.gap.findings import Findings
-from sysid.gap.result import Difference, Evidence, FoundEffect, Interval, Overlay, Since
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.predicted import Simulator, Study, predict
+from sysid.compare.search_space import EffectSet
+from sysid.gap.report.samples import Samples, samples_of
+from sysid.gap.result import Difference, Evidence, Overlay
 from sysid.gap.search.chance import Floor, enough, expected
 from sysid.gap.search.decision import Decision
-from sysid.gap.search.scores import ScoredSet, fitted_rms, interval_ends, raw_rms
-from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.gap.search.scores import ScoredSet, fitted_rms, raw_rms
 from sysid.logs import Dataset, Run, Split
 from sysid.logs.noise import noise_from_repeats
 from sysid.logs.runs import UNITS
@@ -136,77 +133,6 @@ def overlays(comparison: Comparison) -> tuple[Overlay, ...]:
         )
         for _, _, name, part in worst
     )
-
-
-def found_effects(
-    problem: ResidualProblem, decision: Decision, since: Mapping[str, Since]
-) -> tuple[FoundEffect, ...]:
-    """Return the effects of the chosen set with 90 % intervals; none for a verdict without one.
-
-    `since` says what is known of the time when they came, effect by effect.
-    """
-    if decision.chosen is None:
-        return ()
-    fitted = decision.chosen.fitted
-    candidate: EffectSet = fitted.candidate
-    correlation = THRESHOLDS.interval_correlation
-    low, high = interval_ends(problem, fitted, decision.facts.inflation, correlation)
-    found = candidate.intervals(fitted.place, low, high)
-    intervals = {name: {p: Interval(*ends) for p, ends in bounds.items()} for name, bounds in found.items()}
-    for name, parameter, number in candidate.fixed:
-        intervals[name].setdefault(parameter, Interval(number, number, number))
-    model = candidate.model(problem.base, fitted.place)
-    return tuple(
-        FoundEffect(
-            name,
-            parameters,
-            decision.facts.frequency.get(name, 0.0),
-            _droop(name, parameters, model, problem.study.scale.top_rpm),
-            stiffness_is_known(model),
-            _forms_tied(name, decision),
-            since.get(name, "unknown"),
-        )
-        for name, parameters in intervals.items()
-    )
-
-
-def found_before(problem: ResidualProblem, found: Findings) -> tuple[FoundEffect, ...]:
-    """Return the effects that were there already, as the logs of the fit size them.
-
-    Those that the chosen set has at a new size are left out.
-    """
-    chosen = found.decision.chosen
-    new = {cause_of(name) for name in chosen.names} if chosen else set()
-    model = problem.base
-    return tuple(
-        FoundEffect(
-            name,
-            parameters := {key: Interval(*ends) for key, ends in bounds.items()},
-            1.0,  # Every resample is searched beside it.
-            _droop(name, parameters, model, problem.study.scale.top_rpm),
-            stiffness_is_known(model),
-            since="already when fitted",
-        )
-        for name, bounds in found.there.items()
-        if cause_of(name) not in new
-    )
-
-
-def _droop(name: str, parameters: Mapping[str, Interval], model: Model, speed_rpm: float) -> Interval | None:
-    """Return the droop [rpm] of an effect that is a torque, of one in proportion to speed at `speed_rpm`."""
-    parameter = TORQUES.get(cause_of(name), "")
-    torque = parameters.get(parameter)
-    if torque is None:
-        return None
-    ends = torque.value, torque.low, torque.high
-    return Interval(*(droop_rpm(name, {parameter: end}, model, speed_rpm) for end in ends))
-
-
-def _forms_tied(name: str, decision: Decision) -> tuple[str, ...]:
-    """Return the other forms of an effect of the chosen set that do as well beside the same causes."""
-    alike = [one for one in decision.candidates if decision.chosen and one.causes == decision.chosen.causes]
-    others = (other for one in alike for other in one.names if other != name)
-    return tuple(dict.fromkeys(form_of(other) for other in others if cause_of(other) == cause_of(name)))
 
 
 def evidence(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
@@ -18,6 +19,7 @@ from sysid.gap.result import CustomProposal, Difference, Experiment, FoundEffect
 from sysid.gap.spending import STUDIES
 from sysid.gap.wording import (
     NEXT_FILE,
+    WHEEL_LAW,
     Concentration,
     amount,
     closed_share,
@@ -49,7 +51,6 @@ def gap_table(report: GapReport) -> str:
     """Return what a study found in at most ten lines, the verdict first."""
     several = len(report.candidates) > 1
     channels = [f"{name} {_change(channel)}" for name, channel in report.channels.items()]
-    adequate = sum(evidence.adequate for evidence in report.evidence)
     hidden = [effect.name for effect in report.untestable]
     hidden_names = _shortened(hidden, _MOST_NAMES)
     rows = [
@@ -58,7 +59,7 @@ def gap_table(report: GapReport) -> str:
         ("where most", "; ".join(_place(found) for found in concentrations(report, most=2))),
         ("missing", "; ".join(_effect(found) for found in report.effects)),
         ("tied", " | ".join(map(set_name, report.candidates[:_MOST_NAMES])) if several else ""),
-        ("tried", f"{count(len(report.evidence), 'set')} of effects; explain the data: {adequate}"),
+        ("tried", _tried(report)),
         ("proposed", _proposed(report)),
         ("untestable", f"{count(len(hidden), 'effect')}: {hidden_names}" if hidden else ""),
         ("noticed", _noticed(report)),
@@ -90,6 +91,20 @@ def _effect(found: FoundEffect) -> str:
     said = {"new": "; new", "already when fitted": "; was there already when the model was fitted"}
     end = said.get(found.since, "")
     return f"{effect_name(found.name)} {values}, in {found.selection_frequency:.0%} of resamples{end}"
+
+
+def _tried(report: GapReport) -> str:
+    """Return how many sets were judged, and how many do, or which comes closest if none is named."""
+    sets = f"{count(len(report.evidence), 'set')} of effects"
+    if report.verdict != "unexplained":
+        return f"{sets}; explain the data: {sum(one.adequate for one in report.evidence)}"
+    closest = next((one for one in report.evidence if one.effects and one.effects != (WHEEL_LAW,)), None)
+    before = next((one.test_rms for one in report.evidence if not one.effects), math.nan)
+    if closest is None or not closest.score < 0.0:
+        return sets
+    change = f"{number(before)} -> {amount(closest.test_rms, report.gap.unit)}"
+    told = f", {change} on test runs" if math.isfinite(before) else ""
+    return f"{sets}; closest: {set_name(closest.effects)}{told}, which is not enough"
 
 
 def _proposed(report: GapReport) -> str:

@@ -160,7 +160,7 @@ def _caption(text: str, middle: float) -> dict[str, Any]:
 def heat_scale(report: GapReport) -> tuple[dict[str, float], str]:
     """Return the unit of the heat map in each channel, and its name.
 
-    The noise if it is known for every channel, else the channel's error before.
+    It is the noise if that is known for every channel, else the channel's error before.
     """
     floors = {name: channel.noise_floor for name, channel in report.channels.items()}
     names = {region.channel for region in report.where}

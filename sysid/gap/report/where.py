@@ -17,7 +17,8 @@ import numpy.typing as npt
 
 from mecanum_env.kinematics import wheels_to_body
 from mecanum_env.units import FloatArray
-from sysid.compare.samples import COMMAND_STEP_RPM, HeldCommand, Samples, wheel_of
+from sysid.compare.measured import COMMAND_STEP_RPM
+from sysid.gap.report.samples import HeldCommand, Samples, wheel_of
 from sysid.gap.result import Region
 
 SETTLING_S: Final = 0.3
@@ -38,12 +39,12 @@ _AXES: Final = ("forward", "diagonal", "left", "diagonal", "backward", "diagonal
 Labels = npt.NDArray[np.str_]
 
 
-def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple[Region, ...]:
+def regions(samples: Sequence[Samples]) -> tuple[Region, ...]:
     """Return where the error of samples is, the largest share first, ties by channel, dimension and region.
 
     A dimension in which all of a channel's samples fall into one region is left out. The dimension "wheel"
-    compares the four wheel channels: its shares are of the error of all four. For `settling_s` after a change
-    of command a motion counts as changing.
+    compares the four wheel channels: its shares are of the error of all four. For `SETTLING_S` after a change
+    of command, a motion counts as changing.
     """
     by_channel: dict[str, list[Samples]] = {}
     for part in samples:
@@ -59,7 +60,7 @@ def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple
         tables[channel] = table[known]
         labels: dict[str, list[Labels]] = {}
         for part in parts:
-            for dimension, names in _labels(part, settling_s, edges):
+            for dimension, names in _labels(part, edges):
                 labels.setdefault(dimension, []).append(names)
         for dimension, pieces in labels.items():
             found += _divided(channel, dimension, np.concatenate(pieces)[known], tables[channel])
@@ -67,17 +68,17 @@ def regions(samples: Sequence[Samples], settling_s: float = SETTLING_S) -> tuple
     return tuple(sorted(found, key=lambda r: (-r.share, r.channel, r.dimension, r.region)))
 
 
-def phases(time_s: FloatArray, command: HeldCommand, settling_s: float = SETTLING_S) -> Labels:
+def phases(time_s: FloatArray, command: HeldCommand) -> Labels:
     """Return the phase of the motion of a wheel or the body at each sample, shape (n,).
 
-    "rest" and "steady": the command has been held longer than `settling_s`; "start": it left zero;
+    "rest" and "steady": the command has been held longer than `SETTLING_S`; "start": it left zero;
     "coasting": it returned to zero; "reversal": it changed its sign (a body's: turned by more than a right
     angle); "rising" and "falling": its size changed otherwise.
     """
-    now, earlier = command.at(time_s), command.earlier(time_s, settling_s)
+    now, earlier = command.at(time_s), command.earlier(time_s, SETTLING_S)
     size, old = np.linalg.norm(now, axis=1), np.linalg.norm(earlier, axis=1)
     moved = np.max(np.abs(now - earlier), axis=1) > COMMAND_STEP_RPM
-    changing = moved | (command.since_change_s(time_s) < settling_s)
+    changing = moved | (command.since_change_s(time_s) < SETTLING_S)
     still, was_still = size <= COMMAND_STEP_RPM, old <= COMMAND_STEP_RPM
     turned = np.sum(now * earlier, axis=1) < 0.0
     return np.select(
@@ -87,13 +88,11 @@ def phases(time_s: FloatArray, command: HeldCommand, settling_s: float = SETTLIN
     )
 
 
-def _labels(
-    part: Samples, settling_s: float, battery_edges_v: FloatArray | None
-) -> Iterator[tuple[str, Labels]]:
+def _labels(part: Samples, battery_edges_v: FloatArray | None) -> Iterator[tuple[str, Labels]]:
     """Yield the dimensions of a run's channel, each with the region of every sample."""
-    yield "phase", phases(part.time_s, part.command, settling_s)
-    wheels = _last_motion(part.time_s, part.wheels, settling_s)
-    own = _last_motion(part.time_s, part.command, settling_s)
+    yield "phase", phases(part.time_s, part.command)
+    wheels = _last_motion(part.time_s, part.wheels)
+    own = _last_motion(part.time_s, part.command)
     yield "speed", _speed(own if wheel_of(part.channel) else wheels)
     yield "direction", _bench_direction(wheels) if wheels.shape[1] == 1 else _direction(wheels)
     thirds = np.searchsorted([1.0 / 3.0, 2.0 / 3.0], part.time_s / max(float(part.time_s[-1]), 1e-9))
@@ -105,11 +104,11 @@ def _labels(
         yield "heading", _heading(wheels, part.yaw_rad)
 
 
-def _last_motion(time_s: FloatArray, command: HeldCommand, settling_s: float) -> FloatArray:
+def _last_motion(time_s: FloatArray, command: HeldCommand) -> FloatArray:
     """Return the command at each sample; while the robot coasts, the command before."""
     now = command.at(time_s)
     still = np.max(np.abs(now), axis=1) <= COMMAND_STEP_RPM
-    return np.where(still[:, None], command.earlier(time_s, settling_s), now)
+    return np.where(still[:, None], command.earlier(time_s, SETTLING_S), now)
 
 
 def _speed(command_rpm: FloatArray) -> Labels:

@@ -24,8 +24,7 @@ from scipy.stats import norm
 
 from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.units import FloatArray
-from sysid.compare.fitted import Fitted
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.least_squares import Fitted, ResidualProblem
 from sysid.gap.result import Untestable
 from sysid.gap.search.responses import Response
 from sysid.gap.search.thresholds import THRESHOLDS
@@ -53,10 +52,12 @@ class Floor:
     """Probability with which noise alone may be taken for an effect, after earlier studies of these logs."""
     familiar: bool = False
     """Whether the logs of the fit hold the commands of these logs, too."""
+    slack: float = 1.0
+    """Factor by which a right model's cost may be larger than was measured in other commands."""
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""
-        return float(f_distribution.isf(self.false_alarm, size, min(self.freedom, _KNOWN)))
+        return self.slack * float(f_distribution.isf(self.false_alarm, size, min(self.freedom, _KNOWN)))
 
 
 def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
@@ -73,7 +74,7 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell."""
     if not floor.trusted:
         return 1.0
-    ratio = fitted.cost * (problem.size / expected(problem, fitted)) / problem.size
+    ratio = fitted.cost / expected(problem, fitted) / floor.slack
     return float(f_distribution.sf(ratio, problem.size, min(floor.freedom, _KNOWN)))
 
 

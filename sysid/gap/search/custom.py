@@ -20,9 +20,8 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.errors import InputError
 from mecanum_env.model import CustomEffect, Model
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import EffectSet
-from sysid.compare.fitted import Fitted, base_fit, fit
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.least_squares import Fitted, ResidualProblem, base_fit, fit
+from sysid.compare.search_space import EffectSet
 from sysid.gap.search.scores import group_masks, rises, scored
 from sysid.gap.search.selection import Choice, choose
 from sysid.gap.search.terms import Extent, Formula, FreeTable, tables_at, terms_at, with_ranges

@@ -15,12 +15,10 @@ from mecanum_env.effects import CATALOGUE, PlantKind
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.model import Model, cause_of, forms_of
 from mecanum_env.units import FloatArray
-from sysid.compare.learned import Learned, learn
-from sysid.compare.model_error import ModelError, model_error_of
+from sysid.compare.measured import Observations, observe, select_runs
+from sysid.compare.model_error import Learned, ModelError, learn, model_error_of
 from sysid.compare.noise import Noise, measure_noise
-from sysid.compare.observations import Observations, observe
-from sysid.compare.prediction import Study
-from sysid.compare.subset import select_runs
+from sysid.compare.predicted import Study
 from sysid.gap.result import GapOptions
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.thresholds import EFFORT, THRESHOLDS
@@ -195,6 +193,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         compared and not bench,
         repeatable,
         familiar=learned is not None and learned.knows(observations),
+        slack=THRESHOLDS.plainly_visible if compared and not bench else 1.0,
     )
     return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
 

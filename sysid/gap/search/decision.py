@@ -20,18 +20,17 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.model import cause_of
-from sysid.compare.coordinates import EffectSet
-from sysid.compare.fitted import Fitted, RefittedLaw, fit
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.least_squares import Fitted, ResidualProblem, fit
+from sysid.compare.search_space import EffectSet, RefittedLaw
 from sysid.gap.result import Verdict
-from sysid.gap.search.chance import Floor, chance_gains, complete, enough, expected, misfit, roller_scatter
+from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit, roller_scatter
 from sysid.gap.search.free_term import free_term
+from sysid.gap.search.further import needed, residue, visible
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.gap.search.ties import (
-    formula_error,
     friction_first,
     in_first_forms,
     is_description,
@@ -41,7 +40,8 @@ from sysid.gap.search.ties import (
 )
 
 _CLEARLY: Final = 4.0
-"""Ratio of a gain to the needed one above which a better fit of the smaller set would change nothing."""
+"""Ratio of a gain to the needed one above which a better fit of the smaller set would change nothing, and
+above which a robot's logs differ from those of its fit for sure, whatever it is. Assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +105,10 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     chosen = in_first_forms(chosen, harmless)
     as_good = tied(search, floor, chosen, harmless, inflation)
     as_good = friction_first(with_causes(search, floor, as_good, judged, inflation) or as_good)
+    # The chosen one was found to be needed before (`_holds`).
+    as_good = tuple(
+        one for one in as_good if one is chosen or needed(search, floor, one.fitted, inflation, rng)
+    )
     chosen = as_good[0] if as_good else chosen
     as_good = with_fewer(search, floor, as_good, judged, inflation)
     rival = free_term(problem, base.residual, inflation) if problem.bench else None
@@ -134,11 +138,11 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     hope = max((base.cost - growth.expected for growth in search.growths(base)), default=0.0)
     if hope > 0.5 * by_chance.threshold():
         search.grow(1)
-    inflation = _inflation(problem, search.best_fit)
+    inflation = _inflation(problem, floor, search.best_fit)
     p_gain = by_chance.p_value((base.cost - search.best_fit.cost) / inflation)
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
-    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, _visible(problem, base), inflation)
+    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, visible(problem, base), inflation)
     if p_value > floor.false_alarm:
         return facts
     if not search.of_size(1):
@@ -147,7 +151,7 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     if not search.of_size(1):
         return facts
     size = _grow(search, floor, max_effects, rng)
-    inflation = _inflation(problem, search.best_fit)
+    inflation = _inflation(problem, floor, search.best_fit)
     search.swap(_best(search, size, inflation).fitted)
     best = _best(search, size, inflation).fitted
     tie = best.cost + THRESHOLDS.tie_sigmas**2 * inflation
@@ -158,7 +162,9 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     while size > 1 and not _holds(search, floor, chosen, rng):
         size -= 1
         chosen = _best(search, size, inflation)
-    return replace(facts, inflation=inflation, chosen=chosen)
+    least = _CLEARLY * by_chance.threshold() * inflation
+    is_clear = floor.knows_all and base.cost - chosen.fitted.cost > least
+    return replace(facts, inflation=inflation, chosen=chosen, is_clear=is_clear)
 
 
 def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generator) -> int:
@@ -168,12 +174,12 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
         parent = _best(search, size, 1.0).fitted
         nearest = search.of_size(size)[: search.effort.beam]
         promised = min((g.expected for p in nearest for g in search.growths(p)), default=parent.cost)
-        inflation, gain = max(1.0, promised / problem.size), parent.cost - promised
+        inflation, gain = max(floor.slack, promised / problem.size), parent.cost - promised
         scatter = roller_scatter(problem, parent)
         by_chance = chance_gains(parent, search.library, rng, scatter, floor.false_alarm).threshold()
         if gain < by_chance * inflation:
             return size
-        if not _visible(problem, parent):
+        if not visible(problem, parent):
             least = by_chance * inflation + _formula_residue(search, parent, THRESHOLDS.exact_formula)
             if search.may_gain(gain) < least:
                 return size
@@ -189,19 +195,14 @@ def _grow(search: Search, floor: Floor, max_effects: int, rng: np.random.Generat
 def _pays(search: Search, floor: Floor, size: int, by_chance: float) -> bool:
     """Return whether the best set of a size gains enough over the smaller ones, `by_chance` being nothing."""
     problem = search.problem
-    inflation = _inflation(problem, search.of_size(size)[0])
+    inflation = _inflation(problem, floor, search.of_size(size)[0])
     larger, smaller = (_best(search, each, inflation) for each in (size, size - 1))
-    obvious = _visible(problem, smaller.fitted) and complete(problem, larger.fitted, floor)
-    needed = by_chance
-    gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-    if not obvious:
-        # The residue of an imperfect formula can mimic another effect, and so can that of an imperfect fit.
-        share = formula_error(problem, floor, larger.fitted, smaller.fitted)
-        needed += _formula_residue(search, smaller.fitted, share) / inflation
-        if needed <= gain < _CLEARLY * needed:
-            smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
-            gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
-    if gain < needed or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
+    residual = residue(problem, floor, search.base, smaller.fitted, larger.fitted)
+    gain, least = (smaller.fitted.cost - larger.fitted.cost) / inflation, by_chance + residual / inflation
+    if residual and least <= gain < _CLEARLY * least:
+        smaller = scored(problem, _polished(search, floor, smaller.fitted), inflation)
+        gain = (smaller.fitted.cost - larger.fitted.cost) / inflation
+    if gain < least or larger.score > smaller.score - THRESHOLDS.tie_sigmas**2:
         return False
     return not rises(problem, search.base, larger.fitted)
 
@@ -210,16 +211,18 @@ def _holds(search: Search, floor: Floor, chosen: ScoredSet, rng: np.random.Gener
     """Return whether each effect of a set is a finding; if not, a smaller set is.
 
     None may as well be none or do harm, and the last one must still pay: smaller sets may fit better by now
-    than when it was added.
+    than when it was added. So it must where the others move a robot (`sysid.gap.search.further`).
     """
     problem, size = search.problem, len(chosen.names)
-    inflation = _inflation(problem, search.best_fit)
+    inflation = _inflation(problem, floor, search.best_fit)
     if doubtful(problem, chosen.fitted, inflation) or rises(problem, search.base, chosen.fitted):
         return False
     smaller = _best(search, size - 1, inflation).fitted
     scatter = roller_scatter(problem, smaller)
     by_chance = chance_gains(smaller, search.library, rng, scatter, floor.false_alarm).threshold()
-    return _pays(search, floor, size, by_chance)
+    if not _pays(search, floor, size, by_chance):
+        return False
+    return needed(search, floor, chosen.fitted, inflation, rng)
 
 
 def _polished(search: Search, floor: Floor, fitted: Fitted[EffectSet]) -> Fitted[EffectSet]:
@@ -227,18 +230,14 @@ def _polished(search: Search, floor: Floor, fitted: Fitted[EffectSet]) -> Fitted
     return fitted if complete(search.problem, fitted, floor) else search.polish(fitted)
 
 
-def _visible(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> bool:
-    """Return whether a set leaves plainly more than a right model would."""
-    return fitted.cost > THRESHOLDS.plainly_visible * expected(problem, fitted)
-
-
 def _formula_residue(search: Search, fitted: Fitted[EffectSet], share: float) -> float:
     """Return the cost that the formulas of a set may leave of what they explain, `share` being the rms."""
     return share**2 * (search.base.cost - fitted.cost)
 
 
-def _inflation(problem: ResidualProblem, best: Fitted[EffectSet]) -> float:
-    return max(1.0, best.cost / max(1, problem.size - best.candidate.parameter_count))
+def _inflation(problem: ResidualProblem, floor: Floor, best: Fitted[EffectSet]) -> float:
+    """Return the variance that is left, relative to what is expected: at least what other commands allow."""
+    return max(floor.slack, best.cost / max(1, problem.size - best.candidate.parameter_count))
 
 
 def _best(search: Search, size: int, inflation: float) -> ScoredSet:

@@ -1,10 +1,10 @@
 """A free term as the rival of every named set: a smooth function that may describe the difference better.
 
-The free term is a sum of smooth columns (`sysid.compare.shape`): of the time since a change of command and
-its size, of the speed, of the sign of the motion, and of how far the speed is behind its command. No cause is
-behind it. It is judged as a set of effects is, by how well it predicts each group of runs from the others
-(`sysid.gap.search.scores`). Where it does clearly better than a named set, by more than the formulas of the
-set may err, the name is not borne by the data: whatever happened, it is not (only) that.
+The free term is a sum of smooth columns (`sysid.compare.model_error.shape`): of the time since a change of
+command and its size, of the speed, of the sign of the motion, and of how far the speed is behind its command.
+No cause is behind it. It is judged as a set of effects is, by how well it predicts each group of runs from
+the others (`sysid.gap.search.scores`). Where it does clearly better than a named set, by more than the
+formulas of the set may err, the name is not borne by the data: whatever happened, it is not (only) that.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ import numpy as np
 
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.fitted import PRIOR, Fitted
-from sysid.compare.problem import ResidualProblem
-from sysid.compare.shape import ShapeBasis
+from sysid.compare.least_squares import PRIOR, Fitted, ResidualProblem
+from sysid.compare.model_error import ShapeBasis
 from sysid.gap.search.scores import ScoredSet, scored
 
 FREE_TERM: Final = "free_term"

@@ -19,7 +19,8 @@ from mecanum_env.effects import CATALOGUE, Effect
 from mecanum_env.effects.scale import REFERENCE, Scale
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import (
+from sysid.compare.least_squares import Fitted, ResidualProblem, likely_frequencies
+from sysid.compare.search_space import (
     Coordinate,
     EffectSet,
     components,
@@ -29,15 +30,15 @@ from sysid.compare.coordinates import (
     scanned,
     searched_alone,
 )
-from sysid.compare.fitted import Fitted
-from sysid.compare.phases import likely_frequencies
-from sysid.compare.problem import ResidualProblem
 from sysid.progress import Progress, silent
 
 _LARGEST_MULTIPLE: Final = 1.2
 """Largest multiple of a threshold's response that is considered, since it is not proportional to its size."""
 _MOST_FREQUENCIES: Final = 2
 """Frequencies over the wheel's angle at which an effect is simulated: those that the residual shows most."""
+_CLEARLY_MORE: Final = 0.25
+"""Share of a gain that a sum of responses must promise beyond it where they do not add up, as those of two
+limits do not, either of which may hide the other. Assumed."""
 _LEAST_RESPONSE: Final = 0.3
 """Length of a response (in noise sigmas, over all samples) below which a parameter is not fitted."""
 
@@ -173,12 +174,18 @@ class Growth:
 
 
 def growths(
-    base: Model, parent: Fitted[EffectSet], library: Sequence[Response], scale: Scale = REFERENCE
+    base: Model,
+    parent: Fitted[EffectSet],
+    library: Sequence[Response],
+    scale: Scale = REFERENCE,
+    *,
+    wary: bool = False,
 ) -> list[Growth]:
     """Return the growths of a fitted set by one effect each, the most promising first.
 
     `library` holds the responses of the effects to consider. `scale` is that of the drive and the
-    logs, from `sysid.compare.scale`.
+    logs, from `sysid.compare.search_space.scale`. `wary`: responses that are not proportional to their sizes
+    are only added up where that promises clearly more than one of them.
     """
     orthogonal = np.linalg.qr(parent.jacobian)[0]
     rest = _without(orthogonal, parent.residual)
@@ -190,7 +197,10 @@ def growths(
             candidate = joined(parent.candidate, _free(base, name, clear, together, scale))
             place = _place(candidate, parent, _moved(together, shares))
             growth = Growth(candidate, place, parent, expected)
-            if growth.names not in best or expected < best[growth.names].expected:
+            limit = best[growth.names].expected if growth.names in best else math.inf
+            if wary and limit < math.inf and len(together) > 1 and not all(r.linear for r in together):
+                limit -= _CLEARLY_MORE * (float(rest @ rest) - limit)
+            if expected < limit:
                 best[growth.names] = growth
     return sorted(best.values(), key=lambda g: (g.expected, g.names))
 

@@ -29,6 +29,9 @@ class Facts:
     """Whether the whole residual is plainly more than a right model leaves, however roughly that is known."""
     inflation: float
     """Residual variance of the best fit relative to the expected noise variance (at least 1)."""
+    is_clear: bool = False
+    """Whether the chosen set lowers the cost by far more than chance does, in logs of a robot of which the
+    own error is known from the logs of its fit."""
     chosen: ScoredSet | None = None
     """Best set of the size that the logs support; None if nothing is significant or could be fitted."""
     judged: tuple[ScoredSet, ...] = ()
@@ -48,7 +51,8 @@ class Facts:
     gain: float = math.inf
     """Share of the cost by which the chosen set lowers it."""
     raises_rms: bool = False
-    """Whether the chosen set raises the plain error on the validation runs."""
+    """Whether the chosen set raises the plain error on the validation runs, or what is left beside the error
+    that the logs of a robot's fit show, in a command sequence."""
     doubtful: tuple[str, ...] = ()
     """Effects of the chosen set of which no parameter is surely away from neutral."""
     frequency: Mapping[str, float] = field(default_factory=dict)
@@ -118,8 +122,6 @@ def _inadequate(facts: Facts) -> Outcome | None:
 
 def _too_small(facts: Facts) -> Outcome | None:
     """No gap: the chosen set is significant and removes next to nothing."""
-    if facts.floor.knows_all and facts.gain < THRESHOLDS.least_robot_gain:
-        return Outcome("no_gap", (_hardly_lowers(facts),))
     if facts.removed >= THRESHOLDS.least_removed or facts.floor.knows_all:
         return None
     reason = (
@@ -130,11 +132,21 @@ def _too_small(facts: Facts) -> Outcome | None:
 
 
 def _harmful(facts: Facts) -> Outcome | None:
-    """Unexplained: the chosen set raises the plain error on the validation runs."""
+    """Unexplained: the chosen set raises the error on the validation runs.
+
+    No gap if nothing but this set says that there is one, beside the known error of a robot's model.
+    """
     if not facts.raises_rms:
         return None
-    reason = f"{facts.significant} raises the plain difference on the validation runs"
-    return _unexplained(facts, reason)
+    if not facts.floor.knows_all:
+        return _unexplained(facts, f"{facts.significant} raises the plain difference on the validation runs")
+    reason = f"{facts.significant} raises the difference beside the model's own error in a command sequence"
+    return Outcome("no_gap", (reason,)) if _may_be_noise(facts) else _unexplained(facts, reason)
+
+
+def _may_be_noise(facts: Facts) -> bool:
+    """Return whether the whole residual is what a right model leaves, and no set lowers it clearly."""
+    return facts.floor.trusted and facts.p_misfit > facts.floor.false_alarm and not facts.is_clear
 
 
 def _not_repeatable(facts: Facts) -> Outcome | None:
@@ -155,15 +167,24 @@ def _law_fits_better(facts: Facts) -> Outcome | None:
 
 
 def _free_term_is_better(facts: Facts) -> Outcome | None:
-    """Unexplained: a smooth function predicts runs that are left out better than the formulas may err."""
+    """Unexplained: a smooth function predicts runs that are left out better than the formulas may err.
+
+    A set that removes most of the difference keeps its name: it is not all, and the report says so.
+    """
+    reason = _more_than_named(facts)
+    is_most = facts.removed >= THRESHOLDS.most_of_it
+    return _unexplained(facts, reason) if reason and not is_most else None
+
+
+def _more_than_named(facts: Facts) -> str:
+    """Return by how much a smooth function does better than the chosen set; empty if formulas may err so."""
     if facts.free is None or facts.chosen is None or facts.free.score >= facts.chosen.score - facts.allowed:
-        return None
-    reason = (
+        return ""
+    return (
         f"a smooth function of command, speed and time predicts runs that are left out better than "
         f"{' + '.join(facts.chosen.names)} does, by {facts.chosen.score - facts.free.score:.0f} in -2 log "
         f"density where formulas may err by {facts.allowed:.0f}: whatever changed, it is not only that"
     )
-    return _unexplained(facts, reason)
 
 
 def _size_in_doubt(facts: Facts) -> Outcome | None:
@@ -171,8 +192,7 @@ def _size_in_doubt(facts: Facts) -> Outcome | None:
     if not facts.doubtful:
         return None
     reason = f"{' + '.join(facts.doubtful)}: the runs disagree about the size, which may as well be none"
-    is_noise = facts.floor.trusted and facts.p_misfit > facts.floor.false_alarm
-    return Outcome("no_gap" if is_noise else "unexplained", (reason,))
+    return Outcome("no_gap" if _may_be_noise(facts) else "unexplained", (reason,))
 
 
 RULES: Final[tuple[Rule, ...]] = (
@@ -199,7 +219,9 @@ def apply_rules(facts: Facts) -> Outcome:
         outcome = rule(facts)
         if outcome is not None:
             return outcome
-    return Outcome("ambiguous" if len({one.causes for one in facts.tied}) > 1 else "named")
+    more = _more_than_named(facts)
+    verdict: Verdict = "ambiguous" if len({one.causes for one in facts.tied}) > 1 else "named"
+    return Outcome(verdict, (more,) if more else ())
 
 
 def _unexplained(facts: Facts, *reasons: str) -> Outcome:

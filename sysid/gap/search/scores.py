@@ -19,7 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -27,12 +27,23 @@ from scipy.stats import chi2, norm, t
 
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import EffectSet
-from sysid.compare.descent import Minimum, derivative_free, reach
-from sysid.compare.fitted import PRIOR, Fitted, function_near, marginal_function
-from sysid.compare.observations import Observations
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.least_squares import (
+    PRIOR,
+    Fitted,
+    Minimum,
+    ResidualProblem,
+    derivative_free,
+    function_near,
+    marginal_function,
+    reach,
+)
+from sysid.compare.measured import Observations
+from sysid.compare.search_space import EffectSet
 from sysid.gap.search.thresholds import THRESHOLDS
+
+_PIECE_S: Final = 1.0
+"""Length of the pieces of a run [s] whose errors count as independent: a few responses of a drive.
+Assumed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,16 +137,58 @@ def fitted_rms(problem: ResidualProblem, fitted: Fitted[Any], split: str) -> flo
 
 
 def rises(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> bool:
-    """Return whether a fit has a larger plain error on the validation runs than the model as it is (`base`).
+    """Return whether a fit has a larger error on the validation runs than the model as it is (`base`).
 
-    A set that gains only by the weights of a small noise, or of the model's own error, is refused by this. It
-    says nothing where the logs of the fit told what every effect does: the plain error then is mostly that of
-    the model, which differs from run to run.
+    A set that gains only by the weights of a small noise, or of the model's own error, is refused by this. A
+    small rise must be larger than what pieces of the runs differ by, as a one-sided t test tells: in a few
+    seconds a set that is right may do a little worse by chance. The error is the plain one, except where the
+    logs of the fit told what every effect does: there the plain one is mostly that of the model, which
+    differs from run to run, and what is left beside it counts, in every command sequence.
     """
     if problem.knows_all:
+        return _rises_somewhere(problem, base, fitted)
+    before, after = (_plain_squares(problem, one) for one in (base, fitted))
+    if np.sum(after) <= THRESHOLDS.rms_rise**2 * np.sum(before):
         return False
-    before = fitted_rms(problem, base, "validation")
-    return fitted_rms(problem, fitted, "validation") > THRESHOLDS.rms_rise * before
+    more, count = after - before, before.size
+    if count < THRESHOLDS.fewest_groups or np.sum(after) > THRESHOLDS.large_rms_rise**2 * np.sum(before):
+        return True
+    limit = t.ppf(0.5 * (1.0 + THRESHOLDS.interval_level), count - 1) * np.std(more, ddof=1)
+    return bool(np.sum(more) > limit * math.sqrt(count))
+
+
+def _rises_somewhere(problem: ResidualProblem, base: Fitted[Any], fitted: Fitted[Any]) -> bool:
+    """Return whether a fit raises the marginal residual in a command sequence, or on the validation runs.
+
+    A right set that changes the residual by d there lowers its square by |d|^2 on average, with the standard
+    deviation 2 |d| times that of the residual. So it raises the square by chance with a probability that |d|
+    gives; a rise counts where that is below the one of a false alarm, shared by all places that are asked.
+    """
+    masks = group_masks(problem)
+    blocks = zip(problem.observations.blocks, problem.whitener.slices, strict=True)
+    validation = np.zeros(problem.size, bool)
+    for block, rows in blocks:
+        validation[rows] = problem.observations.situations[block.situation].split == "validation"
+    masks.append(validation)
+    sigma = math.sqrt(max(1.0, fitted.cost / problem.size))
+    for mask in masks:
+        before, after = base.residual[mask], fitted.residual[mask]
+        by_chance = norm.cdf(-float(np.linalg.norm(after - before)) / (2.0 * sigma))
+        if after @ after > before @ before and by_chance < THRESHOLDS.false_alarm / len(masks):
+            return True
+    return False
+
+
+def _plain_squares(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
+    """Return the squared errors of a fit in pieces of the validation runs, in noise variances, shape (k,)."""
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
+    found = []
+    for block, part in zip(problem.observations.blocks, parts, strict=True):
+        if problem.observations.situations[block.situation].split == "validation":
+            piece = np.floor(block.time_s / _PIECE_S).astype(np.intp)
+            squares = block.weight * part**2 / problem.whitener.noise.sigma[block.channel] ** 2
+            found.append(np.bincount(piece - piece[0], squares)[np.unique(piece - piece[0])])
+    return np.concatenate(found) if found else np.zeros(0)
 
 
 def interval_ends(
@@ -192,8 +245,17 @@ def doubtful(problem: ResidualProblem, fitted: Fitted[EffectSet], inflation: flo
     return tuple(
         name
         for name in vague
-        if owners.count(name) < 2 or not _surely_there(problem, fitted, name, inflation)
+        if _is_proportional(problem, owners.count(name))
+        or not _surely_there(problem, fitted, name, inflation)
     )
+
+
+def _is_proportional(problem: ResidualProblem, count: int) -> bool:
+    """Return whether an effect of so many parameters is there as surely as one of them is not neutral.
+
+    A robot's limit on the speed of its body is not: how large it is may be vague where that it acts is not.
+    """
+    return count < 2 and not problem.knows_all
 
 
 def _surely_there(problem: ResidualProblem, fitted: Fitted[EffectSet], name: str, inflation: float) -> bool:

@@ -21,12 +21,9 @@ import numpy as np
 from scipy.stats import norm
 
 from mecanum_env.model import Model
-from sysid.compare.adopted import as_fitted
-from sysid.compare.coordinates import Bounds, EffectSet
-from sysid.compare.fitted import Fitted, RefittedLaw, fit
-from sysid.compare.joint import LawWithEffects
-from sysid.compare.learned import Learned
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.least_squares import Fitted, ResidualProblem, fit
+from sysid.compare.model_error import Learned, as_fitted
+from sysid.compare.search_space import Bounds, EffectSet, LawWithEffects, RefittedLaw
 from sysid.gap.result import Since
 from sysid.gap.search.thresholds import THRESHOLDS
 

@@ -125,7 +125,7 @@ def _waves(extent: Extent) -> Iterator[Term]:
 
 
 class _Nameless(ABC):
-    """What formulas and tables have in common as candidates of `sysid.compare.fitted.fit`.
+    """What formulas and tables have in common as candidates of `sysid.compare.least_squares.fitted.fit`.
 
     Each free number lies between ends at the places 0 and 1.
     """

@@ -52,6 +52,9 @@ class Thresholds:
     """Standard deviations by which a free term must predict better than a set, beyond what `formula_error` of
     what the set explains is worth, to deny it its name. Calibrated on drawn drives (bench seeds 0-38,
     300-323): with 3 one of 8 right answers was lost, with 6 none; one wrong answer is denied with either."""
+    most_of_it: float = 0.5
+    """Share of the squared difference above the noise from which a set keeps its name although a free term
+    does better: it is then most of what happened. Assumed."""
     plainly_visible: float = 1.5
     """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
     formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio
@@ -71,10 +74,6 @@ class Thresholds:
     """The same in the commands of the logs of the fit, in which the error is known better. Calibrated on
     drawn drives (bench seeds 300-329): in 19 logs in which nothing had changed, driven with the commands of
     the fit, seven show an effect that chance would not, which lowers the cost by 9 % at most."""
-    least_robot_gain: float = 0.02
-    """The same for a robot, of which the own error contains what every effect would do. Set on one drawn
-    robot (seed 4), not calibrated: there a wheel radius 4 % larger lowers the cost by 4.6 %, a mount turned
-    by 3 degrees by 5.5 %."""
     above_noise: float = 4.0
     """Mean squared error, in noise variances, too large to be the model's own even if nothing states that.
     Calibrated: laws leave 1.9 in the example's logs that they were fitted to, and 11, 29 and 73 in recordings
@@ -85,6 +84,8 @@ class Thresholds:
     rms_rise: float = 1.01
     """Ratio of validation rms that counts as a rise. With some hundred samples noise, which both fits share,
     changes the ratio by less."""
+    large_rms_rise: float = 1.05
+    """The same that counts even if pieces of the runs disagree about it. Assumed."""
     resamples: int = 500
     """Bootstrap resamples: a selection frequency is then right to sqrt(0.25 / 500) = 2 %."""
     interval_level: float = 0.9

@@ -10,9 +10,8 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.friction import COULOMB, DEAD_ZONE_LIKE_IT
 from mecanum_env.model import cause_of
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import EffectSet
-from sysid.compare.fitted import Fitted
-from sysid.compare.problem import ResidualProblem
+from sysid.compare.least_squares import Fitted, ResidualProblem
+from sysid.compare.search_space import EffectSet
 from sysid.gap.search.chance import Floor, complete, roller_scatter
 from sysid.gap.search.scores import ScoredSet, doubtful, rises
 from sysid.gap.search.sets import Search
@@ -204,9 +203,13 @@ def _tolerance(
 
 
 def _repeats(search: Search, one: ScoredSet, other: ScoredSet, inflation: float) -> bool:
-    """Return whether a set predicts what another predicts, up to formula errors, with more parameters."""
+    """Return whether a set predicts what another predicts, up to formula errors, with more parameters.
+
+    Its score must be no better: a needless parameter costs, so that one that pays may be the truth.
+    """
     if one.names == other.names:
         return True
     more = one.fitted.candidate.parameter_count > other.fitted.candidate.parameter_count
+    more = more and one.score >= other.score
     square = float(np.sum((one.fitted.residual - other.fitted.residual) ** 2)) / inflation
     return more and square < _tolerance(search, other, one, inflation, THRESHOLDS.exact_formula)

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import Geometry
-from sysid.logs.column_map import Numbers, chosen, our_columns, parse_map, stamps_of
+from sysid.logs.formats.column_map import Numbers, chosen, our_columns, parse_map, stamps_of
+from sysid.logs.formats.stamps import Columns, Stamps, on_all_stamps
 from sysid.logs.runs import KNOWN, TIME
-from sysid.logs.stamps import Columns, Stamps, on_all_stamps
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ def imported(run: ForeignRun, items: Sequence[str], geometry: Geometry | None) -
 
     Args:
         run: the recording.
-        items: of ``--map``, see `sysid.logs.column_map`.
+        items: of ``--map``, see `sysid.logs.formats.column_map`.
         geometry: dimensions of the robot, which a commanded Twist needs.
 
     Raises:

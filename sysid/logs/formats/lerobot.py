@@ -17,7 +17,7 @@ import numpy as np
 from mecanum_env.errors import InputError, install_command
 from mecanum_env.files import atomic_path, write_json
 from mecanum_env.units import FloatArray
-from sysid.logs.column_map import Numbers
+from sysid.logs.formats.column_map import Numbers
 from sysid.logs.formats.foreign import ForeignRun, Part
 from sysid.logs.runs import Dataset, Run
 
@@ -92,65 +92,76 @@ def write_lerobot(dataset: Dataset, out: Path, fps: int) -> None:
     groups = {_ACTION: tuple(dataset.runs[0].command.columns()), _STATE: _measured(dataset)}
     frames = [_frames(run, groups, fps) for run in dataset.runs]
     lengths = [len(one[_ACTION]) for one in frames]
-    ends = np.cumsum(lengths)
-    indices: dict[str, Numbers] = {
+    data = {name: np.concatenate([one[name] for one in frames]).astype(np.float32) for name in groups}
+    indices = _indices(lengths, fps)
+    parts: dict[str, Any] = {name: _cells(pa, values) for name, values in data.items()}
+    data_file = _DATA.format(**_FIRST)
+    tables = {
+        data_file: pa.table({**parts, **indices}),
+        f"meta/episodes/{data_file.removeprefix('data/')}": pa.table(_episodes(lengths)),
+        "meta/tasks.parquet": _tasks(pa),
+    }
+    for name, table in tables.items():
+        with atomic_path(out / name) as temporary:
+            pq.write_table(table, temporary)
+    stats = {name: _stats(values) for name, values in {**data, **indices}.items()}
+    write_json(out / "meta" / "stats.json", stats)
+    # Last, because it makes the folder a dataset.
+    write_json(out / INFO, _described(groups, indices, lengths, fps))
+
+
+def _indices(lengths: Sequence[int], fps: int) -> dict[str, Numbers]:
+    """Return the columns that say where each frame belongs, for episodes of so many frames."""
+    total = sum(lengths)
+    return {
         "timestamp": np.concatenate([np.arange(n) / fps for n in lengths]).astype(np.float32),
         "frame_index": np.concatenate([np.arange(n) for n in lengths]),
         "episode_index": np.repeat(np.arange(len(lengths)), lengths),
-        "index": np.arange(ends[-1]),
-        "task_index": np.zeros(ends[-1], np.int64),
+        "index": np.arange(total),
+        "task_index": np.zeros(total, np.int64),
     }
-    data = {name: np.concatenate([one[name] for one in frames]).astype(np.float32) for name in groups}
-    features = {
-        **{
-            name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
-            for name, names in groups.items()
-        },
-        **{
-            name: {"dtype": str(values.dtype), "shape": [1], "names": None}
-            for name, values in indices.items()
-        },
+
+
+def _episodes(lengths: Sequence[int]) -> dict[str, Any]:
+    """Return the columns of the table of episodes: what each is about, and where it is."""
+    ends, first = np.cumsum(lengths), np.zeros(len(lengths), np.int64)
+    return {
+        "episode_index": np.arange(len(lengths)),
+        "tasks": [[_TASK]] * len(lengths),
+        "length": lengths,
+        **{f"data/{name}": first for name in _FIRST},
+        "dataset_from_index": ends - lengths,
+        "dataset_to_index": ends,
+        **{f"meta/episodes/{name}": first for name in _FIRST},
     }
-    info = {
-        **{"codebase_version": _VERSION, "robot_type": "mecanum", "fps": fps, "features": features},
-        **{
-            "total_episodes": len(lengths),
-            "total_frames": int(ends[-1]),
-            "total_tasks": 1,
-            "chunks_size": 1000,
-        },
-        **{
-            "data_files_size_in_mb": 100,
-            "video_files_size_in_mb": 200,
-            "splits": {"train": f"0:{len(lengths)}"},
-        },
-        **{"data_path": _DATA, "video_path": _VIDEO},
+
+
+def _described(
+    groups: Mapping[str, Sequence[str]], indices: Mapping[str, Numbers], lengths: Sequence[int], fps: int
+) -> dict[str, Any]:
+    """Return what `meta/info.json` says of a dataset: its features, its size and where its files are."""
+    features: dict[str, dict[str, Any]] = {
+        name: {"dtype": "float32", "shape": [len(names)], "names": list(names)}
+        for name, names in groups.items()
     }
-    parts: dict[str, Any] = {name: _cells(pa, values) for name, values in data.items()}
-    files = {
-        _DATA.format(**_FIRST): pa.table({**parts, **indices}),
-        f"meta/episodes/{_DATA.format(**_FIRST).removeprefix('data/')}": pa.table(
-            {
-                **{
-                    "episode_index": np.arange(len(lengths)),
-                    "tasks": [[_TASK]] * len(lengths),
-                    "length": lengths,
-                },
-                **{f"data/{name}": np.zeros(len(lengths), np.int64) for name in _FIRST},
-                **{"dataset_from_index": ends - lengths, "dataset_to_index": ends},
-                **{f"meta/episodes/{name}": np.zeros(len(lengths), np.int64) for name in _FIRST},
-            }
-        ),
-        "meta/tasks.parquet": _tasks(pa),
+    features |= {
+        name: {"dtype": str(values.dtype), "shape": [1], "names": None} for name, values in indices.items()
     }
-    for name, table in files.items():
-        with atomic_path(out / name) as temporary:
-            pq.write_table(table, temporary)
-    write_json(
-        out / "meta" / "stats.json", {name: _stats(values) for name, values in {**data, **indices}.items()}
-    )
-    # Last, because it makes the folder a dataset.
-    write_json(out / INFO, info)
+    return {
+        "codebase_version": _VERSION,
+        "robot_type": "mecanum",
+        "fps": fps,
+        "features": features,
+        "total_episodes": len(lengths),
+        "total_frames": sum(lengths),
+        "total_tasks": 1,
+        "chunks_size": 1000,
+        "data_files_size_in_mb": 100,
+        "video_files_size_in_mb": 200,
+        "splits": {"train": f"0:{len(lengths)}"},
+        "data_path": _DATA,
+        "video_path": _VIDEO,
+    }
 
 
 def _info(path: Path) -> dict[str, Any]:

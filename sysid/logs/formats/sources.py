@@ -10,11 +10,11 @@ from mecanum_env.errors import InputError
 from mecanum_env.kinematics import Geometry
 from mecanum_env.model import Robot, read_robot
 from mecanum_env.tables import has_table_suffix
-from sysid.logs.bags import Clock, Unit, import_bag
-from sysid.logs.column_map import DIMENSIONS
+from sysid.logs.formats.bags import Clock, Unit, import_bag
+from sysid.logs.formats.column_map import DIMENSIONS
 from sysid.logs.formats.foreign import Imported, imported
+from sysid.logs.formats.json_mcap import message_encodings, read_mcap
 from sysid.logs.formats.lerobot import is_lerobot, read_lerobot
-from sysid.logs.formats.mcap_files import message_encodings, read_mcap
 from sysid.logs.formats.tables import read_foreign_table
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from mecanum_env.errors import InputError, install_command
 from mecanum_env.separators import with_plain_separators
 from mecanum_env.tables import read_text, table_stem
-from sysid.logs.column_map import Numbers
+from sysid.logs.formats.column_map import Numbers
 from sysid.logs.formats.foreign import ForeignRun, Part
 
 

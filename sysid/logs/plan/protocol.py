@@ -8,12 +8,13 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.files import write_text
+from mecanum_env.kinematics import WHEEL_SPEEDS
 from mecanum_env.markdown import markdown_table
 from mecanum_env.outputs import output_folder, require_empty
 from mecanum_env.units import FloatArray
 from sysid.logs.plan.layout import SAMPLE_S, Plan
 from sysid.logs.plan.sequences import Sequence, Size
-from sysid.logs.runs import TIME, WHEEL_SPEEDS
+from sysid.logs.runs import TIME
 from sysid.logs.settings import FILE_NAME
 from sysid.logs.writer import quoted, write_columns
 

@@ -16,10 +16,10 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from mecanum_env.errors import InputError, require_one_of
-from mecanum_env.kinematics import command_to_twist, command_to_wheels, require_mecanum
+from mecanum_env.kinematics import BODY_COMMAND, command_to_twist, command_to_wheels, require_mecanum
 from mecanum_env.model import Robot
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-from sysid.logs.runs import BENCH_COMMAND, BODY_COMMAND, Split
+from sysid.logs.runs import BENCH_COMMAND, Split
 
 Form: TypeAlias = Literal["bench", "floor"]
 

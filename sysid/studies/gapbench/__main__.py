@@ -42,8 +42,7 @@ def make(
     require_at_least(0, bench=bench)
     # Imported here, so that --help does not wait for the library.
     from sysid.studies.gapbench.bench import MANIFEST, make_bench
-    from sysid.studies.zoo.sealed import claim_seeds, finish_seeds
-    from sysid.studies.zoo.seeds import development_seeds
+    from sysid.studies.zoo.seeds import claim_seeds, development_seeds, finish_seeds
 
     block = claim_seeds({"bench": bench, "robot": 0}, first_seed) if sealed else None
     if block is None:

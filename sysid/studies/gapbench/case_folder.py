@@ -13,7 +13,7 @@ from mecanum_env.files import write_json
 from mecanum_env.model import Model, write_model
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
-from sysid.compare.prediction import predict
+from sysid.compare.predicted import predict
 from sysid.logs import Dataset, Run
 from sysid.logs.runs import TIME, UNITS
 from sysid.logs.writer import write_columns, write_dataset

@@ -9,7 +9,7 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.definition import Effect
 from mecanum_env.markdown import markdown_table
 from mecanum_env.model import paper_model
-from sysid.studies.zoo.cases.changes import CHANGES
+from sysid.studies.zoo.cases.bench.changes import CHANGES
 
 EQUATIONS: Final = {
     "command_latency": "r(t) = u(t - delay)",

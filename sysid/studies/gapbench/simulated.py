@@ -16,8 +16,8 @@ from sysid.logs import Run, read_dataset
 from sysid.logs.runs import BenchCommand
 from sysid.studies.gapbench.case_folder import CHANNEL, Material
 from sysid.studies.gapbench.names import plain_number
+from sysid.studies.zoo.cases.bench.draw import NOISE, draw_bench_case, study_commands
 from sysid.studies.zoo.cases.case import Case, Hidden
-from sysid.studies.zoo.cases.draw import NOISE, draw_bench_case, study_commands
 from sysid.studies.zoo.cases.layouts import LAYOUTS
 from sysid.studies.zoo.cases.write import write_bench_case
 from sysid.studies.zoo.drives.drive import Drive

@@ -17,7 +17,7 @@ from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.units import FloatArray
-from sysid.compare.coordinates import Coordinate, EffectSet, effect_set
+from sysid.compare.search_space import Coordinate, EffectSet, effect_set
 from sysid.studies.paper_gap.drives import PAPER, SEARCH_HOLD_S, TOLERANCE, drive_metrics
 
 LEFT_OUT: Final = ("wheel_gain_mismatch", "mount_yaw", "battery_sag")

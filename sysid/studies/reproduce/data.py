@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -60,8 +61,12 @@ class DataSets:
         return [recording.run for recording in self.search] if method == "exhaustive" else self.fit_runs
 
 
+@lru_cache(maxsize=2)
 def record_data_sets(seed: int) -> DataSets:
-    """Record all data sets; the seed is that of noise, encoder phases and random commands."""
+    """Record all data sets; the seed is that of noise, encoder phases and random commands.
+
+    Those of the latest seeds are kept, since every method asks for them.
+    """
     rng = np.random.default_rng(seed)
 
     def steps(speeds_rpm: Sequence[int], repeats: int) -> tuple[Recording, ...]:

@@ -7,7 +7,7 @@ import importlib.util
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import tyro
 
@@ -16,11 +16,11 @@ from mecanum_env.errors import InputError, install_command, require_at_least
 from mecanum_env.parallel import Workers
 
 if TYPE_CHECKING:
-    from sysid.studies.zoo.cases.case import Level
+    from sysid.logs.runs import Level
+    from sysid.studies.zoo.seeds import Block
 
 _BENCH, _ROBOT = 600, 60
 _QUICK_BENCH, _QUICK_ROBOT = 54, 6
-_FILES: Final = ("zoo.json", "zoo.txt")
 
 
 def main(
@@ -64,20 +64,14 @@ def main(
     if importlib.util.find_spec("numba") is None:
         raise InputError(f"the drives and robots of the zoo need numba: {install_command('zoo')}")
     # Imported here, so that --help does not wait for the library.
-    from mecanum_env.files import require_writable, write_json, write_text
+    from mecanum_env.files import require_writable
     from mecanum_env.outputs import output_folder
-    from sysid.studies.zoo.drives.families import FAMILIES
-    from sysid.studies.zoo.page import page_markdown, provenance_of, run_json, short_text, summary_text
-    from sysid.studies.zoo.power import write_power_plot
-    from sysid.studies.zoo.sealed import claim_seeds, finish_seeds
-    from sysid.studies.zoo.seeds import development_seeds, spread_seeds
-    from sysid.studies.zoo.settle import settle_cases
-    from sysid.studies.zoo.settled import settled_json
-    from sysid.studies.zoo.settled_table import settle_table
-    from sysid.studies.zoo.work import Task, run_tasks
+    from sysid.studies.zoo.page import provenance_of, short_text
+    from sysid.studies.zoo.run import JSON, TEXT, run_zoo
+    from sysid.studies.zoo.seeds import claim_seeds, finish_seeds
 
     picture = None if markdown is None else markdown.with_name(f"{markdown.stem}_power.png")
-    require_writable(*(out / name for name in _FILES), *filter(None, (markdown, picture)))
+    require_writable(out / JSON, out / TEXT, *filter(None, (markdown, picture)))
     counts: dict[Level, int] = {
         "bench": bench if bench is not None else _QUICK_BENCH if quick else _BENCH,
         "robot": robot if robot is not None else _QUICK_ROBOT if quick else _ROBOT,
@@ -85,39 +79,34 @@ def main(
     if not any(counts.values()):
         raise InputError("bench and robot are both 0: give one of them cases")
     block = claim_seeds(counts, first_seed) if sealed else None
-    seeds: dict[Level, Sequence[int]] = {}
-    for level, count in counts.items():
-        if block is not None:
-            seeds[level] = range(block.first, block.first + count)
-        else:
-            seeds[level] = spread_seeds(count) if quick else development_seeds(count, first_seed or 0)
-    tasks = [Task(level, seed) for level, numbers in seeds.items() for seed in numbers]
+    options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
+    command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)
+    seeds = _seeds(counts, block, quick, first_seed or 0)
     # The folder is locked meanwhile: two runs would draw the same cases twice.
-    with output_folder(out, "sysid.studies.zoo", _FILES) as staged:
-        results = run_tasks(tasks, out, workers, only)
-        outcomes, undrawn = results.outcomes, results.undrawn
-        if not outcomes:
-            raise InputError(
-                f"only = {only}: no case of these seeds has such a name; try bench-*-single-*"
-                if not undrawn
-                else f"no case could be drawn; the first error: {undrawn[0]}"
-            )
-        driven = settle_cases(outcomes, out, workers) if settle else ()
-        settled = settle_table(driven) if settle else ""
-        options = {"bench": bench, "robot": robot, "first-seed": first_seed if block is None else block.first}
-        command = _command({"quick": quick, "sealed": sealed, "settle": settle}, options, only)
-        about = provenance_of(outcomes, command, datetime.date.today().isoformat(), block)
-        record = {**run_json(outcomes, undrawn, about), "settled": [settled_json(one) for one in driven]}
-        write_json(staged / _FILES[0], record)
-        summary = "\n\n".join(filter(None, (summary_text(outcomes, undrawn), settled)))
-        write_text(staged / _FILES[1], summary + "\n")
+    with output_folder(out, "sysid.studies.zoo", (JSON, TEXT)) as staged:
+        found = run_zoo(seeds, out, workers, only=only, settle=settle)
+        about = provenance_of(found.outcomes, command, datetime.date.today().isoformat(), block)
+        found.write(staged, about)
         if markdown is not None and picture is not None:
-            write_power_plot(outcomes, picture)
-            write_text(markdown, page_markdown(outcomes, undrawn, about, FAMILIES, picture.name, settled))
+            found.write_page(markdown, picture, about)
     if block is not None:
         finish_seeds(block)
-    print(short_text(outcomes, undrawn))
-    print(f"\nwrote {out / 'zoo.json'} and {out / 'zoo.txt'}{f' and {markdown}' if markdown else ''}")
+    print(short_text(found.outcomes, found.undrawn))
+    print(f"\nwrote {out / JSON} and {out / TEXT}{f' and {markdown}' if markdown else ''}")
+
+
+def _seeds(
+    counts: Mapping[Level, int], block: Block | None, quick: bool, first: int
+) -> dict[Level, Sequence[int]]:
+    """Return the seeds of each level: those of a sealed block, or so many for development."""
+    from sysid.studies.zoo.seeds import development_seeds, spread_seeds
+
+    if block is not None:
+        return {level: range(block.first, block.first + count) for level, count in counts.items()}
+    return {
+        level: spread_seeds(count) if quick else development_seeds(count, first)
+        for level, count in counts.items()
+    }
 
 
 def _command(flags: Mapping[str, bool], options: Mapping[str, int | None], only: str) -> str:

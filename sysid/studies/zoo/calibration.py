@@ -24,6 +24,8 @@ QUIET_SHARE: Final = 0.95
 """Share of laws whose error in quiet logs should count as their own."""
 MOST_FALSE_ALARMS: Final = 0.05
 """What the upper end of the 95 % Wilson interval of the share of false alarms should be at most."""
+_CONFIDENCE: Final = 0.95
+"""Probability that an interval holds the quantile."""
 _LEAST_P: Final = 1e-6
 """No smaller threshold is proposed: so far out, no formula for the chance is to be believed."""
 
@@ -110,8 +112,8 @@ def above_noise(outcomes: Sequence[Outcome]) -> Quantile:
     return quantile(noise_ratios(outcomes), QUIET_SHARE)
 
 
-def quantile(values: Sequence[float], at: float, confidence: float = 0.95) -> Quantile:
-    """Return the quantile of `values` `at` a share, with an interval that holds it with some `confidence`.
+def quantile(values: Sequence[float], at: float) -> Quantile:
+    """Return the quantile of `values` `at` a share, with a 95 % interval.
 
     The interval is exact for any distribution: the number of values below a quantile is binomial. See W. J.
     Conover, "Practical Nonparametric Statistics", chapter 3.2.
@@ -123,7 +125,7 @@ def quantile(values: Sequence[float], at: float, confidence: float = 0.95) -> Qu
     from scipy.stats import binom
 
     order = np.sort(np.asarray(values, float))
-    tail = 0.5 * (1.0 - confidence)
+    tail = 0.5 * (1.0 - _CONFIDENCE)
     below, above = int(binom.ppf(tail, count, at)), int(binom.ppf(1.0 - tail, count, at)) + 1
     return Quantile(
         value=float(np.quantile(order, at)),

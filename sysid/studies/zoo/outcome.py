@@ -1,4 +1,4 @@
-"""What a study said of a case, as plain numbers that are saved; `words` puts it into words."""
+"""What a study said of a case, as plain numbers that are saved, and the word for it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Outcome:
     verdict: str
     """As in gap.json, or "error"."""
     named: tuple[str, ...] = ()
-    """Effects that were added to the model."""
+    """Effects that were added to the model as what changed since its fit."""
     candidates: tuple[tuple[str, ...], ...] = ()
     """Sets that explain the logs equally well, the adopted one first."""
     parameters: Mapping[str, Mapping[str, Bounds]] = field(default_factory=dict)
@@ -70,6 +70,11 @@ class Outcome:
         return score.claims_of(self.verdict, self.named, self.candidates)
 
     @property
+    def word(self) -> str:
+        """Right, rightly ambiguous, abstained, wrong or another of `sysid.studies.score.WORDS`."""
+        return score.word_of(self.case.kind, self.hidden, self.verdict, self.claims, self.said_untestable)
+
+    @property
     def closure(self) -> float:
         """(before - after) / (before - floor) on test runs; NaN where there was no gap, or no known floor."""
         return score.closure(self.before, self.after, self.floor)
@@ -99,7 +104,7 @@ def outcome_of(case: Case, report: GapReport, fit_s: float, study_s: float) -> O
     return Outcome(
         case=case,
         verdict=report.verdict,
-        named=tuple(effect.cause for effect in report.effects),
+        named=tuple(effect.cause for effect in report.new_effects),
         candidates=report.candidates,
         parameters={
             effect.cause: {key: (p.value, p.low, p.high) for key, p in _measured(effect).items()}

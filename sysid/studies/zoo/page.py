@@ -15,13 +15,12 @@ from mecanum_env.markdown import markdown_table
 from sysid.studies.score import SIZES, WORDS
 from sysid.studies.zoo.calibration import calibrate, left_out_table
 from sysid.studies.zoo.drives.drive import Family
-from sysid.studies.zoo.metrics import METRIC_HEAD, metrics
+from sysid.studies.zoo.goals import GOAL_HEAD, goals
 from sysid.studies.zoo.outcome import Outcome, to_json
 from sysid.studies.zoo.power import power_table
 from sysid.studies.zoo.seeds import Block, spans
 from sysid.studies.zoo.sources import fingerprint
 from sysid.studies.zoo.tables import Table, coverage_table, false_alarm_table, word_tables
-from sysid.studies.zoo.words import word_of
 
 FORMAT: Final = "mecanum-zoo/1"
 
@@ -118,7 +117,7 @@ def page_markdown(
         "Drives and robots are drawn at random, each with its own nominal logs. A model is fitted to "
         "them as a user would; then something is changed, or nothing. The study sees the logs and the model.",
         "## In short",
-        markdown_table(METRIC_HEAD, [metric.row() for metric in metrics(outcomes)]),
+        markdown_table(GOAL_HEAD, [goal.row() for goal in goals(outcomes)]),
         "In brackets 95 % Wilson intervals. A target is reached if the whole interval is on its right side, "
         "missed if it is on the wrong one, and open between. Found: right or rightly ambiguous. Closure: "
         "(before - after)/(before - noise floor) on test runs, 0 where nothing was named.",
@@ -146,7 +145,7 @@ def summary_text(outcomes: Sequence[Outcome], undrawn: Sequence[str]) -> str:
     `undrawn` has the name of a case and the error, where none could be drawn.
     """
     cases = [
-        (o.case.name, o.case.family, o.case.layout, f"{o.case.signal:.2f}", word_of(o), _claimed(o))
+        (o.case.name, o.case.family, o.case.layout, f"{o.case.signal:.2f}", o.word, _claimed(o))
         for o in outcomes
     ]
     return f"{_aligned(cases)}\n\n{short_text(outcomes, undrawn)}"
@@ -157,7 +156,7 @@ def short_text(outcomes: Sequence[Outcome], undrawn: Sequence[str]) -> str:
 
     `undrawn` has the name of a case and the error, where none could be drawn.
     """
-    rows = [METRIC_HEAD, *(metric.row() for metric in metrics(outcomes))]
+    rows = [GOAL_HEAD, *(goal.row() for goal in goals(outcomes))]
     errors = [f"{name}: {message}" for name, message in _error_rows(outcomes, undrawn)]
     return "\n\n".join([_aligned(rows), time_text(outcomes), *(["\n".join(errors)] if errors else [])])
 
@@ -170,10 +169,10 @@ def run_json(outcomes: Sequence[Outcome], undrawn: Sequence[str], provenance: Pr
     return {
         "format": FORMAT,
         **asdict(provenance),
-        "metrics": plain_json(metrics(outcomes)),
+        "metrics": plain_json(goals(outcomes)),
         "tables": plain_json(tables(outcomes, provenance.sealed)),
         "undrawn": list(undrawn),
-        "cases": [{"name": o.case.name, "word": word_of(o), **to_json(o)} for o in outcomes],
+        "cases": [{"name": o.case.name, "word": o.word, **to_json(o)} for o in outcomes],
     }
 
 

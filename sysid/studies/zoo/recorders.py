@@ -8,12 +8,13 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
+from mecanum_env.kinematics import BODY_COMMAND
 from mecanum_env.units import FloatArray
 from sysid.gap.result import Experiment
-from sysid.logs.runs import BENCH_COMMAND, BODY_COMMAND, TIME
+from sysid.logs.runs import BENCH_COMMAND, TIME
+from sysid.studies.zoo.cases.bench.draw import draw_bench_case
 from sysid.studies.zoo.cases.case import Case
-from sysid.studies.zoo.cases.draw import draw_bench_case
-from sysid.studies.zoo.cases.robot_draw import draw_robot_case
+from sysid.studies.zoo.cases.robot.draw import draw_robot_case
 from sysid.studies.zoo.drives.simulate import simulate
 from sysid.studies.zoo.robots.simulate import simulate as simulate_robot
 

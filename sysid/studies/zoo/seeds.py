@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import datetime
 import json
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Final
 
+from mecanum_env import checkout
 from mecanum_env.checkout import changed_files
 from mecanum_env.errors import InputError
 from mecanum_env.files import write_json
+from sysid.logs.runs import Level
+from sysid.studies.zoo.sources import fingerprint
 
 DEVELOPMENT: Final = range(1000)
 """Seeds on which anybody may look at causes and calibrate thresholds. All above are sealed."""
@@ -67,6 +71,34 @@ def spread_seeds(count: int) -> tuple[int, ...]:
     if count > len(DEVELOPMENT):
         raise InputError(f"{count} cases of a level, must be at most {len(DEVELOPMENT)} development seeds")
     return tuple(DEVELOPMENT[i * len(DEVELOPMENT) // count] for i in range(count))
+
+
+def claim_seeds(counts: Mapping[Level, int], first_seed: int | None) -> Block:
+    """Spend sealed seeds, and write that down before anything runs.
+
+    Args:
+        counts: number of cases of the levels bench and robot.
+        first_seed: the first of them; None: the next unspent one.
+
+    Raises:
+        InputError: an installation, files that differ from the commit, or seeds that are not sealed or spent.
+    """
+    wanted = Block(
+        first=first_seed or 0,
+        bench=counts["bench"],
+        robot=counts["robot"],
+        commit=checkout.commit() or "unknown",
+        fingerprint=fingerprint(),
+        date=datetime.date.today().isoformat(),
+    )
+    block = claim(_checkout(), wanted, first_seed)
+    print(f"sealed seeds {block.seeds[0]} to {block.seeds[-1]} are spent on commit {block.commit[:12]}")
+    return block
+
+
+def finish_seeds(block: Block) -> None:
+    """Write down that the run of a block is over."""
+    finish(_checkout(), block)
 
 
 def read_ledger(path: Path) -> tuple[Block, ...]:
@@ -153,6 +185,13 @@ def spans(seeds: Iterable[int]) -> str:
         else:
             parts.append([seed])
     return ", ".join("-".join(str(end) for end in part) for part in parts)
+
+
+def _checkout() -> Path:
+    root = checkout.checkout()
+    if root is None:
+        raise InputError("sealed: an installation keeps no record of spent seeds; run it in a checkout")
+    return root
 
 
 def _same_run(block: Block, wanted: Block) -> bool:

@@ -13,7 +13,6 @@ from typing import Any, Final, Literal
 
 from sysid.studies.zoo.cases.case import Case
 from sysid.studies.zoo.outcome import Outcome, from_json, to_json
-from sysid.studies.zoo.words import word_of
 
 BUDGET_S: Final = 60.0
 """Driving that may be asked of a user, repeats counted [s]."""
@@ -85,7 +84,7 @@ class Settled:
     @property
     def right(self) -> bool:
         """Whether the last verdict is the truth, or a tie of what no log can tell from it."""
-        return word_of(self.outcome) in ("right", "quiet") or only_twins(self.case, self.outcome.claims)
+        return self.outcome.word in ("right", "quiet") or only_twins(self.case, self.outcome.claims)
 
     @property
     def result(self) -> Result:

@@ -22,8 +22,7 @@ _WITHOUT_EFFECT: Final = (
     *(
         f"sysid/studies/zoo/{name}.py"
         for name in (
-            *("__main__", "calibrate", "calibration", "metrics", "page", "power"),
-            *("sealed", "seeds", "settled_table", "tables", "words"),
+            *("__main__", "calibrate", "calibration", "page", "power", "seeds", "settled_table", "tables"),
         )
     ),
 )

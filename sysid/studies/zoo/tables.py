@@ -12,7 +12,6 @@ from mecanum_env.statistics import wilson_interval
 from sysid.studies import score
 from sysid.studies.score import FOUND, NAMED_KINDS, SIZES, VISIBLE, WORDS, size_of
 from sysid.studies.zoo.outcome import Outcome
-from sysid.studies.zoo.words import word_of
 
 Keys = Callable[[Outcome], Iterable[str]]
 """The rows of a table in which an outcome counts."""
@@ -65,7 +64,7 @@ def is_visible(outcome: Outcome) -> bool:
 
 def is_found(outcome: Outcome) -> bool:
     """Return whether a case is right or rightly ambiguous."""
-    return word_of(outcome) in FOUND
+    return outcome.word in FOUND
 
 
 def of_kind(outcomes: Iterable[Outcome], *kinds: str, level: str | None = None) -> list[Outcome]:
@@ -87,10 +86,10 @@ def word_table(title: str, note: str, outcomes: Sequence[Outcome], label: str, k
     for outcome in outcomes:
         for key in keys(outcome):
             groups.setdefault(key, []).append(outcome)
-    used = [word for word in WORDS if any(word_of(outcome) == word for outcome in outcomes)]
+    used = [word for word in WORDS if any(outcome.word == word for outcome in outcomes)]
     rows = []
     for key, group in sorted(groups.items()):
-        words = Counter(map(word_of, group))
+        words = Counter(o.word for o in group)
         visible = share(is_found(o) for o in of_kind(group, *NAMED_KINDS) if is_visible(o))
         rows.append((key, str(len(group)), *(str(words[word] or "") for word in used), visible.text()))
     head = (label, "cases", *used, "found where clear or gross")
@@ -159,7 +158,7 @@ def false_alarm_table(outcomes: Sequence[Outcome]) -> Table:
             for key in keys(outcome):
                 found.setdefault(f"{outcome.case.level}: {key}", []).append(outcome)
         for key, group in sorted(found.items()):
-            alarms = [o for o in group if word_of(o) == "false alarm"]
+            alarms = [o for o in group if o.word == "false alarm"]
             said = Counter(_said(o) for o in alarms)
             words = "; ".join(f"{text} ({count})" for text, count in said.most_common())
             rows.append((label, key, share(o in alarms for o in group).text(), words))

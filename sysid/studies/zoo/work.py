@@ -26,9 +26,9 @@ from mecanum_env.parallel import Workers
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset, read_dataset
-from sysid.studies.zoo.cases.case import Case, Level
-from sysid.studies.zoo.cases.robot_draw import write_robot_case
-from sysid.studies.zoo.cases.write import write_bench_case
+from sysid.logs.runs import Level
+from sysid.studies.zoo.cases.case import Case
+from sysid.studies.zoo.cases.write import write_bench_case, write_robot_case
 from sysid.studies.zoo.nominal import nominal_model
 from sysid.studies.zoo.outcome import ERROR, Outcome, case_from_json, from_json, outcome_of, to_json
 from sysid.studies.zoo.sources import fingerprint

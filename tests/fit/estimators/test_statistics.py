@@ -8,7 +8,7 @@ from mecanum_env.errors import InputError, UnstableLawError
 from mecanum_env.law import WheelLaw
 from mecanum_env.law.metrics import law_step_metrics
 from sysid.fit.estimators import Options, estimate
-from sysid.fit.statistics import noise_sigma, residual_tests, uncertainty
+from sysid.fit.statistics import residual_tests, uncertainty
 from sysid.fit.statistics.identifiability import linearise
 from sysid.studies.synthetic import step_runs
 
@@ -211,11 +211,6 @@ def test_an_unstable_law_has_no_statistics(noisy_runs):
     fitted = replace(estimate(noisy_runs, options=ONE), law=WheelLaw(1.2, 0, 0, 0.1, 0, 0, 1 / 120))
     with pytest.raises(UnstableLawError, match=r"poles 1\.2"):
         uncertainty(noisy_runs, fitted)
-
-
-def test_noise_and_rounding_add_in_squares():
-    assert noise_sigma(0.5, 1.0) == pytest.approx(math.sqrt(0.25 + 1 / 12))
-    assert noise_sigma([0.0, 3.0]).tolist() == [0.0, 3.0]
 
 
 def test_the_predicted_bias_is_what_antithetic_noise_shows(paper, exact_runs):

@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 from mecanum_env.kinematics import command_to_wheels, wheels_to_twist
 from mecanum_env.model import CustomEffect, Robot, paper_model
 from mecanum_env.statistics import rms
-from sysid.compare.samples import HeldCommand, Samples
+from sysid.gap.report.samples import HeldCommand, Samples
 from sysid.gap.report.where import regions
 from sysid.gap.result import (
     CustomProposal,

@@ -133,3 +133,14 @@ def test_a_folder_that_cannot_be_made_is_refused(no_gap: GapReport, tmp_path: Pa
     (tmp_path / "file").write_text("")
     with pytest.raises(InputError, match="cannot be written"):
         write_study(replace(no_gap), tmp_path / "file" / "out")
+
+
+def test_a_study_does_not_replace_the_model_that_it_reads(
+    asked: list[GapOptions], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    write_model(paper_model(), tmp_path / "model.json")
+    before = (tmp_path / "model.json").read_bytes()
+    assert study(tmp_path / "model.json", tmp_path) == 2
+    assert "its own input; choose another folder" in capsys.readouterr().err
+    assert (tmp_path / "model.json").read_bytes() == before
+    assert asked == []

@@ -9,10 +9,10 @@ import pytest
 
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import paper_model
-from sysid.compare.samples import HeldCommand, Samples
 from sysid.gap import GapOptions, analyse
 from sysid.gap.report.held_out import Comparison, differences, overlays
 from sysid.gap.report.output import gap_json, gap_table
+from sysid.gap.report.samples import HeldCommand, Samples
 from sysid.gap.result import Difference, FoundEffect, GapReport, Interval
 from sysid.gap.wording import (
     closure,
@@ -255,3 +255,13 @@ def test_the_droop_of_a_torque_is_in_the_file_and_in_the_text(named: GapReport):
     assert set(written["parameters"]) == {"breakaway_n_m"}
     assert "droop_rpm 12.0 rpm (9.0 .. 15.0)" in gap_table(report)
     assert "n_m" not in gap_table(report)
+
+
+def test_a_gap_without_a_name_tells_which_set_comes_closest(unexplained: GapReport):
+    near = replace(unexplained.evidence[0], effects=("warm_up",), score=-20.0, test_rms=2.5)
+    base = replace(near, effects=(), score=0.0, test_rms=4.0)
+    told = gap_table(replace(unexplained, evidence=(near, base)))
+    assert "closest: warm_up, 4 -> 2.5 rpm on test runs, which is not enough" in told
+    assert "explain the data" not in told
+    # A set that is no better than none comes close to nothing.
+    assert "closest" not in gap_table(replace(unexplained, evidence=(base, replace(near, score=1.0))))

@@ -93,7 +93,8 @@ def test_every_stage_is_told_once(quick, quick_stages):
 
 @pytest.fixture
 def again(quick, monkeypatch):
-    """Return a second run, without measuring times and memory, which differ."""
+    """Return a second run on data recorded anew, without measuring times and memory, which differ."""
+    record_data_sets.cache_clear()
     monkeypatch.setattr("sysid.studies.reproduce.experiment.measure_costs", lambda *_: quick.costs)
     return reproduce(0, QUICK, workers=Workers(jobs=1))
 

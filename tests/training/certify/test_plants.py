@@ -1,8 +1,12 @@
 """The plants of a certificate: all that the issue asks for, playable, and the paper's robot as measured."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import mecanum_env
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects
 from mecanum_env.errors import InputError
@@ -14,6 +18,8 @@ from sysid.studies.paper_gap.drives import PAPER, TOLERANCE, drive_metrics
 from training.certify.plants import GROUPS, realistic_sizes, robot_level, robot_variants, select_variants
 from training.certify.variations import certificate_variants
 from training.train.robots import level_models, varied_models
+
+ROOT = Path(mecanum_env.__file__).parents[1]
 
 
 @pytest.fixture
@@ -96,6 +102,27 @@ def test_a_selection_takes_names_and_groups_and_always_the_nominal_plant(identif
 def test_a_plant_that_is_not_there_is_refused(paper, wanted, message):
     with pytest.raises(InputError, match=message):
         select_variants(robot_variants(paper), [wanted])
+
+
+def test_a_wrong_plant_is_one_short_sentence_with_the_nearest_name_the_groups_and_the_page(paper):
+    with pytest.raises(InputError) as refused:
+        select_variants(certificate_variants(paper), ["with-backlsh"])
+    assert str(refused.value) == (
+        "plants: no plant 'with-backlsh' (did you mean \"with-backlash\"?); name a group (nominal, effects, "
+        "posterior, robot-level, latency, what-if, opponents, senses, adversary, held-out) or a plant of "
+        "docs/certify.md"
+    )
+
+
+def test_the_page_lists_every_plant(identified):
+    page = (ROOT / "docs" / "certify.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([a-z-]+)` \|[^|]*\| (`.*`) \|$", page, re.MULTILINE)
+    listed = {(group, name) for group, names in rows for name in re.findall(r"`([^`]+)`", names)}
+    played = {
+        (one.group, re.sub(r"(?<=^only-).*|(?<=^with-).*", "EFFECT", one.name))
+        for one in certificate_variants(identified)
+    }
+    assert listed == played
 
 
 def test_opponents_and_senses_are_varied_as_plants_are(paper):

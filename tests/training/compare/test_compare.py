@@ -7,6 +7,8 @@ import pytest
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.parallel import Workers
+from training.certify import CertifyOptions, certify_controller
+from training.certify.adversary import Search
 from training.certify.plants import robot_level
 from training.compare import compare_controllers
 from training.compare.__main__ import main
@@ -48,6 +50,19 @@ def test_rollers_are_a_setting_of_their_own(paper):
     assert list(one.rows[0].success)[3] == "rollers"
 
 
+def test_an_adversary_is_that_of_a_certificate(paper):
+    here, search = Workers(jobs=1), Search(generations=1, candidates=2, best=1, episodes=2)
+    row = compare_controllers(
+        ["retreat"], paper, episodes=2, rollers=False, search=search, workers=here
+    ).rows[0]
+    options = CertifyOptions(episodes=2, plants=("adversary",), workers=here, bound=False, search=search)
+    certified = next(
+        one for one in certify_controller("retreat", paper, options).plants if one.name == "adversary"
+    )
+    assert row.success["adversary"] == certified.success
+    assert json.loads(json.dumps(row.adversary)) == certified.opponent
+
+
 def test_every_row_has_every_cell(found):
     head, *rows = cells(found)
     assert all(len(row) == len(head) for row in rows)
@@ -74,7 +89,17 @@ def test_a_list_that_makes_no_table_is_refused(paper, names, message):
 
 def test_the_program_writes_results_and_page(tmp_path, capsys):
     out, page = tmp_path / "c.json", tmp_path / "docs" / "c.md"
-    arguments = ["still", "--episodes", "1", "--no-rollers", "--jobs", "1", "--out", str(out)]
+    arguments = [
+        "still",
+        "--episodes",
+        "1",
+        "--no-rollers",
+        "--no-adversary",
+        "--jobs",
+        "1",
+        "--out",
+        str(out),
+    ]
     assert run(main, [*arguments, "--markdown", str(page)]) == 0
     assert "controller" in capsys.readouterr().out
     assert json.loads(out.read_text())["rows"][0]["controller"] == "still"

@@ -19,7 +19,7 @@ from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers.interface import twist_command
 from training.controllers.mpc import Planning
 from training.controllers.named import CONTROLLERS, SUFFIX, make_controller
-from training.controllers.policy import features
+from training.controllers.policy import bundled, features, policy_names, policy_path
 
 # The oracle needs a simulator; trained policies have tests of their own.
 EVERYWHERE = [name for name in CONTROLLERS if name not in ("oracle", "policy")]
@@ -87,6 +87,18 @@ def test_a_policy_sees_the_distance_from_the_maai_of_the_rules():
     assert features(seen, 1.3)[0] == pytest.approx(0.0, abs=1e-6)
     np.testing.assert_array_equal(features(seen, 1.3)[1:], features(seen)[1:])
     assert near.act(seen) != usual.act(seen)
+
+
+@pytest.mark.parametrize("name", policy_names())
+def test_a_bundled_policy_is_a_controller_by_its_name(name):
+    seen = opponent_ahead(2.0)
+    by_path = make_controller(str(bundled(name)), paper_model())
+    assert make_controller(name, paper_model()).act(seen) == by_path.act(seen)
+
+
+def test_the_policy_is_a_bundled_one():
+    assert policy_path("policy") == bundled() == policy_path("robust")
+    assert policy_path("mpc") is None
 
 
 def test_the_oracle_needs_a_simulator():

@@ -10,11 +10,11 @@ from mecanum_env.model import paper_model
 from mecanum_env.tankendo import Opponent, Opponents
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.certify.plants import robot_level
+from training.controllers.dodges import random_scripts
 from training.controllers.named import make_controller
 from training.controllers.oracle import rehearse
-from training.controllers.scripts import random_scripts
 
-EPISODES = 12
+EPISODES = 8
 BEATEN_BY_CHANCE = 2
 PLANTS = {"late": delayed(paper_model(), 0.1), "robot-level": robot_level(paper_model())}
 

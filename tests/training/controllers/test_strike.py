@@ -7,7 +7,7 @@ import pytest
 
 from mecanum_env.tankendo import Opponent, command_to_action, read_observation
 from mecanum_env.tankendo.constants import DIFFICULTIES, TECHNIQUES
-from mecanum_env.tankendo.opponent import Fighter
+from mecanum_env.tankendo.fighter import Fighter
 from mecanum_env.tankendo.vector import TankendoVectorEnv
 from training.controllers import Proportional
 from training.controllers.strike import RobotStates, StrikeEstimate, StrikePhase, miss_margin

@@ -41,6 +41,7 @@ def test_a_card_says_what_was_measured(folder, tmp_path, capsys):
     assert planar[0]["policy"]["successes"] == sum(episode.success for episode in played)
     assert f"| nominal | planar | easy | {planar[0]['policy']['successes'] / 6:.3f} (" in text
     assert "PPO, seed 0, 64 steps" in text
+    assert "the best of 1 checkpoints up to 64 steps" in text
     assert "hit 2.0" in text
     assert "worst" in text.lower()
 
@@ -71,6 +72,9 @@ def test_a_curve_is_drawn_from_what_was_watched(folder, tmp_path):
     assert list(retreat.get_ydata()) == [0.5, 0.5]
     assert list(success.get_ydata()) == [point.success for point in points]
     assert list(worst.get_ydata()) == [asdict(point)["worst"] for point in points]
+    figure.draw_without_rendering()
+    assert not figure.axes[0].texts, "a label among the curves is crossed by them"
+    assert figure.legends[0].get_window_extent().y1 < figure.axes[0].get_window_extent().y0
     assert run(curve.main, [str(folder), "--out", str(tmp_path / "curve.png")]) == 0
     assert (tmp_path / "curve.png").read_bytes()[:4] == b"\x89PNG"
 

@@ -1,6 +1,6 @@
 """What training for late and unknown robots adds: drawn robots, a curriculum, a critic and a teacher."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -11,10 +11,13 @@ from mecanum_env.cli import run as cli_run
 from mecanum_env.effects.apply import drive_parameters
 from mecanum_env.errors import InputError
 from mecanum_env.senses import VariedSenses
+from mecanum_env.tankendo import Observed
 from training.controllers.mpc import Mpc
-from training.controllers.policy import load_network, load_policy
+from training.controllers.policy import features, load_network, load_policy
 from training.train import planned
 from training.train.agent import make_agent, network_of
+from training.train.checkpoint import read_run
+from training.train.curve import read_curve
 from training.train.environments import (
     engine_for,
     native_envs,
@@ -22,6 +25,8 @@ from training.train.environments import (
     training_env,
     warning_range,
 )
+from training.train.imitation import Imitation
+from training.train.mirror import FEATURE_SIGNS
 from training.train.privileged import PRIVILEGED
 from training.train.robots import level_models, varied_models
 from training.train.run import resume, train_policy
@@ -39,6 +44,7 @@ SMALL = TrainingSettings(
     privileged="critic",
     ppo=Ppo(rollout_steps=16, batch_size=32, epochs=2, layers=(8,)),
 )
+OBSERVED = [one.name for one in fields(Observed)]
 WATCH = range(100_000, 100_004)
 
 
@@ -146,7 +152,13 @@ def test_a_teacher_that_sees_more_is_no_policy_and_teaches_one(tmp_path):
         load_policy(tmp_path / "teacher")
     taught = replace(SMALL, teacher=str(tmp_path / "teacher"), teacher_steps=128)
     train_policy(taught, tmp_path / "student", development_seeds=WATCH, quiet=True)
-    assert load_policy(tmp_path / "student").network.stack == 3
+    student = load_policy(tmp_path / "student")
+    assert student.network.stack == 3
+    # Both commands repeat the student: the teacher's own comes first.
+    assert [
+        f"--out {tmp_path / name}" in command
+        for name, command in zip(("teacher", "student"), student.about["commands"], strict=True)
+    ] == [True, True]
     with pytest.raises(InputError, match="sees privileged numbers"):
         make_agent(replace(taught, privileged="none"), training_env(replace(taught, privileged="none")))
     with pytest.raises(InputError, match="give at least as long a --stack"):
@@ -178,9 +190,59 @@ def test_advice_predicts_with_the_commands_that_were_sent(paper):
     assert not np.any(moved[2])
 
 
-def test_a_policy_that_imitates_the_planner_teaches_another(tmp_path):
-    assert cli_run(planned.main, ["--out", str(tmp_path), "--steps", "64", "--rows", "4"]) == 0
-    network = load_policy(tmp_path).network
-    assert network.stack == 6
-    taught = replace(SMALL, stack=6, teacher=str(tmp_path), teacher_steps=128)
+@pytest.fixture(scope="module")
+def imitated(tmp_path_factory):
+    """Return the folder of a tiny imitation of the planner."""
+    folder = tmp_path_factory.mktemp("planned")
+    arguments = ["--steps", "96", "--envs", "2", "--stack", "3", "--layers", "8", "--seed", "1"]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(planned, "DEVELOPMENT_SEEDS", WATCH)
+        assert cli_run(planned.main, ["--out", str(folder), *arguments]) == 0
+    return folder
+
+
+def test_a_policy_that_imitates_the_planner_teaches_another(imitated):
+    taught = replace(SMALL, teacher=str(imitated), teacher_steps=128)
     make_agent(taught, training_env(taught))
+
+
+def test_an_imitation_says_what_repeats_it(imitated):
+    settings, facts = read_run(imitated)
+    assert load_policy(imitated).about["commands"] == facts["commands"]
+    assert facts["commands"][0].endswith("--seed 1 --stack 3 --layers 8 --steps 96 --envs 2 --senses mixed")
+    assert [point.steps for point in read_curve(imitated)] == [16, 32, 48, 64, 80, 96]
+    assert settings.stack == 3
+
+
+def test_imitating_again_gives_the_same_weights(imitated):
+    settings, _ = read_run(imitated)
+    again = Imitation(settings)
+    for number, (share, noise) in enumerate(planned.ROUNDS, start=1):
+        again.collect(settings.steps // len(planned.ROUNDS), share, noise)
+        again.fit(planned.epochs_of(number))
+    for one, other in zip(again.network().weights, load_policy(imitated).network.weights, strict=True):
+        np.testing.assert_array_equal(one.astype(np.float32), other)
+
+
+def test_the_mirror_changes_left_and_right():
+    observation = np.random.default_rng(0).normal(size=20)
+    left = [name.endswith("_y") or name in ("vy", "opponent_vy", "tip_vy", "y") for name in OBSERVED]
+    left = np.array(left) | np.isin(OBSERVED, ("yaw_rate", "left_share", "turn_share", "heading_sin"))
+    np.testing.assert_allclose(
+        features(np.where(left, -observation, observation)), FEATURE_SIGNS * features(observation)
+    )
+
+
+def test_a_student_of_the_teachers_shape_begins_as_it(imitated):
+    taught = replace(SMALL, senses="off", teacher=str(imitated), teacher_steps=128)
+    env = training_env(taught)
+    agent, teacher = make_agent(taught, env), load_policy(imitated).network
+    assert agent.begin_as(env)
+    seen = np.random.default_rng(0).normal(size=(5, len(teacher.mean)))
+    np.testing.assert_allclose(network_of(agent, env, taught).actions(seen), teacher.actions(seen), atol=1e-5)
+
+
+def test_a_student_of_another_shape_begins_by_itself(imitated):
+    wider = replace(SMALL, teacher=str(imitated), ppo=replace(SMALL.ppo, layers=(9,)))
+    env = training_env(wider)
+    assert not make_agent(wider, env).begin_as(env)

@@ -17,12 +17,14 @@ pytest.importorskip("stable_baselines3")
 from mecanum_env.errors import InputError
 from mecanum_env.outputs import lock_folder, output_folder
 from tests import crash
-from training.controllers.policy import load_policy
+from training.controllers.policy import load_network, load_policy
 from training.train import checkpoint
 from training.train.agent import make_agent, network_of
 from training.train.checkpoint import (
+    Point,
     Run,
-    export_newest,
+    best_point,
+    export_best,
     load_weights,
     newest_checkpoint,
     read_learner,
@@ -93,7 +95,7 @@ def test_another_seed_ends_with_other_weights(trained, tmp_path):
 def test_the_exported_policy_is_the_learners(trained):
     settings, folder = trained
     agent, normaliser = learner(folder, settings)
-    network = load_policy(folder / "policy.npz").network
+    network = load_policy(newest_checkpoint(folder) / "policy.npz").network
     rng = np.random.default_rng(0)
     size = normaliser.observation_space.shape[0]
     seen = np.concatenate([rng.uniform(-15, 15, (100, size)), rng.normal(size=(100, size))])
@@ -107,12 +109,33 @@ def test_a_folder_says_what_made_it(trained):
     assert stored == settings
     assert {"python", "mujoco", "torch", "stable-baselines3"} <= facts["versions"].keys()
     about = load_policy(folder / "policy.npz").about
-    assert about["steps_done"] == settings.steps
+    assert about["chosen"]["newest_steps"] == settings.steps
     assert settings_from_json(about["settings"]) == settings
     curve = json.loads((folder / "curve.json").read_text())
     assert [point["steps"] for point in curve] == [128, 256, 384]
     assert list((folder / "tensorboard").iterdir())
     assert not list(folder.rglob(".*"))
+
+
+def test_the_exported_policy_is_that_of_the_best_checkpoint(trained, tmp_path):
+    _, folder = trained
+    run_folder, newest = copy_of(folder, tmp_path / "run")
+    state = json.loads((newest / "state.json").read_text())
+    for point, success in zip(state["curve"], (0.2, 0.7, 0.5), strict=True):
+        point["success"] = success
+    (newest / "state.json").write_text(json.dumps(state))
+    export_best(run_folder)
+    network, about = load_network(run_folder)
+    best, _ = load_network(newest.with_name("000000256"))
+    assert about["steps_done"] == 256
+    assert about["chosen"] == {"of": 3, "success": 0.7, "newest_steps": 384}
+    for weights, wanted in zip(network.weights, best.weights, strict=True):
+        np.testing.assert_array_equal(weights, wanted)
+
+
+def test_of_equal_checkpoints_the_newest_that_is_left_is_exported():
+    points = [Point(steps, success, success, 0.0, 0.0) for steps, success in ((1, 0.9), (2, 0.5), (3, 0.5))]
+    assert best_point(points, ["000000002", "000000003"]).steps == 3
 
 
 def test_only_the_newest_checkpoint_keeps_the_replay_buffer(trained):
@@ -261,8 +284,7 @@ def test_a_run_killed_after_its_last_checkpoint_exports_it_when_resumed(trained,
         (staged / "policy.npz").write_bytes((older / "policy.npz").read_bytes())
     with pytest.raises(InputError, match="already trained for 384 steps"):
         resume(run_folder, quiet=True)
-    assert load_policy(run_folder).about["steps_done"] == 384
-    assert (run_folder / "policy.npz").read_bytes() == (newest / "policy.npz").read_bytes()
+    assert (run_folder / "policy.npz").read_bytes() == (folder / "policy.npz").read_bytes()
     assert (run_folder / "curve.json").read_bytes() == (folder / "curve.json").read_bytes()
 
 
@@ -275,15 +297,15 @@ def test_every_crash_of_a_checkpoint_is_mended_by_the_next_resume(trained, tmp_p
     copy_of(folder, run_folder)
     state = read_state(newest_checkpoint(run_folder))
     shutil.rmtree(newest_checkpoint(run_folder))
-    export_newest(run_folder)
+    export_best(run_folder)
     agent, normaliser = learner(folder, settings)
 
     def work():
         write_checkpoint(Run(settings, run_folder, ["train"], agent, normaliser, state))
 
     def check(at):
-        export_newest(run_folder)
-        steps = load_policy(run_folder).about["steps_done"]
+        export_best(run_folder)
+        steps = load_policy(run_folder).about["chosen"]["newest_steps"]
         assert steps == read_state(newest_checkpoint(run_folder)).steps_done, at
         assert len(json.loads((run_folder / "curve.json").read_text())) == steps // 128
         seen.add(steps)

@@ -10,12 +10,10 @@ from functools import cached_property
 import numpy as np
 from scipy.optimize import least_squares
 
-from mecanum_env.effects.apply import sensors_of, without_sensors
 from mecanum_env.errors import MecanumError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
-from sysid.compare.prediction import bench_motions_of, bench_run, readings, start_of, supply_of
-from sysid.compare.simulator import without_engine_warnings
+from sysid.compare.predicted import predict_all, without_engine_warnings
 from sysid.logs import Run
 from sysid.studies.gapbench.case_folder import CHANNEL
 
@@ -61,13 +59,10 @@ class Logs:
         runs = self.chosen
         try:
             with without_engine_warnings():
-                period = model.wheel.command_period_s
-                asked = [bench_run(r, start_of(r), period, supply_of(r)) for r in runs]
-                motions = bench_motions_of(without_sensors(model), asked)
-            sensors = sensors_of(model)
+                predicted = predict_all(model, runs)
             parts = [
-                run.channels[CHANNEL] - readings(motion.seen_by(sensors), run, start_of(run))[CHANNEL]
-                for run, motion in zip(runs, motions, strict=True)
+                run.channels[CHANNEL] - channels[CHANNEL]
+                for run, channels in zip(runs, predicted, strict=True)
             ]
         except MecanumError:
             parts = [np.full(run.time_s.size, _FAILED_RPM) for run in runs]

@@ -22,7 +22,7 @@ def answer(case: BenchCase) -> Answer:
         effect.cause: {
             key: (p.value, p.low, p.high) for key, p in {**effect.parameters, **effect.estimates}.items()
         }
-        for effect in report.effects
+        for effect in report.new_effects
     }
     unseen: dict[str, Mapping[str, float]] = {entry.name: {} for entry in report.untestable}
     return Answer(

@@ -1,1 +1,1 @@
-"""The cases of the zoo: what is hidden, how large, in which commands and which logs."""
+"""The cases of the zoo, drives in `bench` and robots in `robot`; `write` writes the logs of either."""

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Literal
 
-Level = Literal["bench", "robot"]
+from sysid.logs.runs import Level
+
 Kind = Literal["quiet", "single", "pair", "triple", "twin", "untestable", "near_outsider", "far_outsider"]
 """Nothing changed; one, two or three effects; an effect that these logs cannot tell from another; one that
 they cannot show; a change that no name covers, close to a named one or far from all."""

@@ -26,11 +26,6 @@ class Layout:
     encoder_step: float = 0.0
     """One count of the log's encoder over one sample, as a share of the top speed; 0: the drive's encoder."""
 
-    @property
-    def motion_s(self) -> float:
-        """Motion of the whole study [s]."""
-        return self.sequences * self.repeats * self.seconds
-
     def sensed(self, drive: Drive) -> Drive:
         """Return the drive with this layout's sensor; nominal and changed drive are logged alike."""
         sensor = drive.sensor

@@ -1,0 +1,145 @@
+"""What a study sees of small, known changes of a robot on eight short runs, as a Markdown page.
+
+The robot is drawn at random and driven by the zoo's own physics, which shares nothing with the simulator of
+the models. A model is fitted to its nominal logs. Then one thing at a time is changed by as much as a user
+would want to hear of, the robot drives eight runs with starts and reversals, and the study compares them with
+the logs of the fit.
+
+Example: python benchmarks/robot_sensitivity.py --markdown docs/results/robot_sensitivity.md
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from time import process_time
+
+import numpy as np
+from recordings import print_page
+
+from mecanum_env.checkout import commit
+from mecanum_env.cli import run
+from mecanum_env.markdown import markdown_table
+from mecanum_env.model import read_model
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.wording import set_name, sizes_in
+from sysid.gap.workflow import analyse
+from sysid.logs import read_dataset
+from sysid.studies.score import word_of
+from sysid.studies.zoo.cases.robot.change import with_body, with_sensors
+from sysid.studies.zoo.cases.robot.plans import RUN_S, sequences
+from sysid.studies.zoo.cases.robot.size import yardstick
+from sysid.studies.zoo.cases.write import write_robot_logs, write_robot_nominal
+from sysid.studies.zoo.nominal import nominal_model
+from sysid.studies.zoo.robots.draw import draw_robot
+from sysid.studies.zoo.robots.robot import Robot
+
+RUNS, PLAN, STREAM = 8, "starts", 4200
+PAYLOAD_HEIGHT_M = 0.2
+
+
+def _heavier(robot: Robot) -> Robot:
+    return with_body(robot, payload_kg=0.2 * robot.body.mass_kg, payload_height_m=PAYLOAD_HEIGHT_M)
+
+
+def _larger_wheels(robot: Robot) -> Robot:
+    fl, fr, rl, rr = (1.02 * scale for scale in robot.wheels.radius_scale)
+    return replace(robot, wheels=replace(robot.wheels, radius_scale=(fl, fr, rl, rr)))
+
+
+def _wider(robot: Robot) -> Robot:
+    body = robot.body
+    return with_body(
+        robot, half_wheelbase_m=1.02 * body.half_wheelbase_m, half_track_m=1.02 * body.half_track_m
+    )
+
+
+def _turned(robot: Robot) -> Robot:
+    return with_sensors(robot, turned_deg=robot.sensors.turned_deg + 1.0)
+
+
+def _rubbing(robot: Robot) -> Robot:
+    gear = robot.drive.gear
+    rubbing = replace(gear, wheel_coulomb_n_m=gear.wheel_coulomb_n_m + 0.1)
+    return replace(robot, drive=replace(robot.drive, gear=rubbing))
+
+
+CHANGES: tuple[tuple[str, str, Callable[[Robot], Robot]], ...] = (
+    ("nothing", "", lambda robot: robot),
+    ("20 % of the mass on top", "payload", _heavier),
+    ("wheels 2 % larger", "wheel_radius", _larger_wheels),
+    ("wheels 2 % farther apart", "track_width", _wider),
+    ("sensor mount turned by 1 degree", "mount_yaw", _turned),
+    ("0.1 N m of friction at each wheel", "coulomb_friction", _rubbing),
+)
+"""What is changed, in words; the name of the effect; the robot with it."""
+
+
+def main(seed: int = 38, folder: Path = Path("out/sensitivity"), markdown: Path | None = None) -> None:
+    """Fit a drawn robot, change one thing at a time, study the logs and print the page.
+
+    Example: python benchmarks/robot_sensitivity.py --seed 38
+
+    Args:
+        seed: Of the robot, a development seed of the zoo.
+        folder: For logs and model; a model that is there already is not fitted again.
+        markdown: Markdown file to write the page to.
+    """
+    print_page(page(seed, folder), markdown)
+
+
+def page(seed: int, folder: Path) -> Iterator[str]:
+    """Yield the paragraphs of the page."""
+    robot = draw_robot(seed)
+    yield "# Results of `python benchmarks/robot_sensitivity.py`"
+    yield (
+        f"Written by the command itself with commit `{(commit() or 'unknown')[:12]}`; do not edit. Robot "
+        f"{seed} of the zoo: {robot.body.mass_kg:.3g} kg, "
+        f"wheels of {robot.wheels.radius_m * 100:.1f} cm, drives of the kind {robot.drive.family}. One thing "
+        f"at a time is changed; each row is a study of {RUNS} runs of {RUN_S:g} s with starts and reversals, "
+        "beside the logs of the fit. The signal is the rms of what the change does to the logs over the "
+        "scatter of repeats, in the channel that shows most. The smallest detectable value is what the study "
+        "itself says that it could have seen. The words are those of [GapBench](gapbench.md)."
+    )
+    if not (folder / "model.json").is_file():
+        folder.mkdir(parents=True, exist_ok=True)
+        write_robot_nominal(seed, robot, folder)
+        nominal_model(folder)
+    model, nominal = read_model(folder / "model.json"), read_dataset(folder / "nominal")
+    commands = sequences(robot, PLAN, RUNS, np.random.default_rng([seed, STREAM]))
+    measure = yardstick(robot, commands, seed)
+    rows = []
+    for words, name, change in CHANGES:
+        logs, changed = folder / (name or "quiet"), change(robot)
+        if not logs.is_dir():
+            write_robot_logs(logs, changed, commands, seed, repeats=1)
+        began = process_time()
+        report = analyse(
+            read_dataset(logs), model, GapOptions(fitted_on=nominal, jobs=1, next_experiment=False)
+        )
+        claims = tuple(map(frozenset, report.candidates))
+        hidden = frozenset([name]) if name else frozenset[str]()
+        word = word_of("single" if name else "quiet", hidden, report.verdict, claims)
+        found = " or ".join(set_name(names) for names in report.candidates) or report.verdict
+        now = "; ".join(f"{set_name([e.name])} {sizes_in(report.model, e.name)}" for e in report.effects)
+        rows.append(
+            (words, f"{measure.signal(changed):.2g}" if name else "-", found, now or "-", word,
+             _detectable(report, name), f"{process_time() - began:.0f} s")
+        )  # fmt: skip
+        print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
+    yield markdown_table(
+        ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
+    )
+    yield f"Right: {sum(row[4] in ('right', 'quiet') for row in rows)} of {len(rows)}."
+
+
+def _detectable(report: GapReport, name: str) -> str:
+    """Return the smallest sizes of an effect that a study says it could have seen."""
+    sizes = report.smallest_detectable.get(name, {})
+    return ", ".join(f"{key} {value:.3g}" for key, value in sizes.items()) or "-"
+
+
+if __name__ == "__main__":
+    sys.exit(run(main, prog="python benchmarks/robot_sensitivity.py"))

@@ -1,0 +1,29 @@
+"""Fits of candidates to logs: the whitened residual of a model, and its descent with few simulations."""
+
+from sysid.compare.least_squares.fitted import PRIOR, Fitted, base_fit, fit, function_near, marginal_function
+from sysid.compare.least_squares.gauss_newton import (
+    Minimum,
+    compass_search,
+    derivative_free,
+    descend_steeply,
+    reach,
+)
+from sysid.compare.least_squares.phases import likely_frequencies
+from sysid.compare.least_squares.problem import SMOOTH_STEP, ResidualProblem
+
+__all__ = [
+    "PRIOR",
+    "SMOOTH_STEP",
+    "Fitted",
+    "Minimum",
+    "ResidualProblem",
+    "base_fit",
+    "compass_search",
+    "derivative_free",
+    "descend_steeply",
+    "fit",
+    "function_near",
+    "likely_frequencies",
+    "marginal_function",
+    "reach",
+]

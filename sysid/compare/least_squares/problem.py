@@ -1,0 +1,248 @@
+"""The residual of any model on the runs of a study, whitened and marginalised over the model's own error.
+
+The whitened residual r (N,) of the right model is normal with covariance I + X X', X the columns of
+`sysid.compare.model_error.nuisance`. With X = U S V', W = I - U (1 - 1 / sqrt(1 + S^2)) U' whitens it: |W
+r|^2 is the sum of squares that remains after the model's own error has explained what it can.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.errors import MecanumError
+from mecanum_env.model import Model, cause_of
+from mecanum_env.units import FloatArray
+from sysid.compare.least_squares.gauss_newton import Mask
+from sysid.compare.least_squares.phases import with_unknown_phases
+from sysid.compare.least_squares.ripple import WheelAngleRipple
+from sysid.compare.model_error import Learned, Whitener, plausible_models, shape_columns
+from sysid.compare.predicted import Averaged, Simulator, Simulators, Study, model_key, planar_part
+from sysid.compare.search_space import scale_of
+
+_UNUSABLE: Final = (MecanumError, ValueError)
+"""Exceptions of a model that cannot be simulated; MuJoCo raises ValueError for too long a latency."""
+SMOOTH_STEP: Final = 1e-3
+"""Step of a finite difference on the 0..1 scale of a parameter, where the simulation is smooth."""
+ROLLER_STEP: Final = 0.1
+"""The same on rollers: a smaller step shows mostly rollers that meet the floor a little earlier or later.
+With 0.1 fits end lower than with 0.02 or 0.05, after as few simulations."""
+_SMOOTH_PROBE: Final = 0.03
+"""Step to the first response of an effect on the 0..1 scale, where the simulation is smooth."""
+_ROLLER_PROBE: Final = 0.15
+"""The same on rollers."""
+_GAIN_CHANGES: Final = (1e-3, -1e-3, 2e-3)
+"""Relative changes of the wheel speeds, far below what logs show, that change when rollers meet the floor."""
+
+
+class ResidualProblem:
+    """Residuals of models on some observations.
+
+    On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth. The
+    error and the parameter uncertainty that the `base` model states are marginalised. The `scale` of the
+    study is replaced by that of the model and the runs. The `simulators` of another problem of the same
+    observations and study remember what they have simulated. With what was `learned` from the logs of the
+    base model's fit, predictions are corrected by its mean, and its covariance is what is marginalised. Both
+    are taken where the model `at` moves the robot, by default the base model.
+    """
+
+    def __init__(
+        self,
+        base: Model,
+        whitener: Whitener,
+        study: Study | None = None,
+        simulators: Simulators | None = None,
+        learned: Learned | None = None,
+        at: Model | None = None,
+    ) -> None:
+        self._learned = learned
+        self.base, self.whitener = base, whitener
+        self.observations = whitener.observations
+        runs = [run for situation in self.observations.situations for run in situation.runs]
+        self.study = replace(study or Study(), scale=scale_of(base, runs))
+        self.simulators = simulators or Simulators.of(self.observations, self.study)
+        self.bench = runs[0].level == "bench"
+        self._ripple: WheelAngleRipple | None = None
+        if self.simulators.planar is not None and learned is None:
+            # Where the logs of the fit are known, their ripple is among the model's own error.
+            self._ripple = WheelAngleRipple(self.simulators, whitener, self._residual, self.marginal)
+        self.measured = whitener.whiten(whitener.measured())
+        self.nuisance = np.zeros((self.size, 0))
+        self.knows_all = learned is not None and not self.bench
+        """Whether what every effect would do is among the model's own error, as far as the logs of its fit
+        leave that open, so that only what is new counts."""
+        if learned is not None:
+            columns = whitener.whiten(learned.columns(self.simulators, at))
+            self.measured = self.measured - columns @ learned.mean
+            self.nuisance = learned.uncertain(columns, self.observations)
+        unchanged = self.simulators.averaged if self.knows_all else self.simulators.full
+        self.base_residual = self.measured - whitener.whiten(unchanged.predictions(base))
+        if learned is None:
+            self.nuisance = self._nuisance()
+        """X, shape (N, q)."""
+        directions, size, _ = np.linalg.svd(self.nuisance, full_matrices=False)
+        self._directions, self._spread = directions, np.sqrt(1.0 + size**2)
+        self._scatter: dict[Hashable, FloatArray] = {}
+
+    def moved(self, at: Model) -> ResidualProblem:
+        """Return the problem with what was learned of the base model's error, where `at` moves the robot."""
+        return ResidualProblem(self.base, self.whitener, self.study, self.simulators, self._learned, at)
+
+    @property
+    def size(self) -> int:
+        """Number N of compared values."""
+        return self.whitener.size
+
+    @property
+    def has_surrogate(self) -> bool:
+        """Whether there is a faster simulation than that of `residual`."""
+        return self.simulators.planar is not None
+
+    @property
+    def angle_uncertainty(self) -> float:
+        """How unknown the initial wheel angles are: 0 as in the simulation .. 1 entirely."""
+        return 0.0 if self._ripple is None else self._ripple.uncertainty
+
+    def residual(self, model: Model) -> FloatArray | None:
+        """Return the whitened residual (N,) of a model, None if it cannot be simulated.
+
+        Where the logs of the fit tell how the base model errs, only what a model changes counts. It is
+        simulated on the planar plant as far as that shows it: rollers meet the floor by chance a little
+        earlier or later with any change, which would hide most changes.
+        """
+        if not self.knows_all:
+            return self._residual(self.simulators.full, model)
+        slow = self._only_on_rollers(model)
+        rollers = self._residual(self.simulators.averaged, slow)
+        if rollers is None or model_key(slow) == model_key(model):
+            return rollers
+        here, there = self.surrogate_residual(slow), self.surrogate_residual(model)
+        return None if here is None or there is None else rollers + there - here
+
+    def _only_on_rollers(self, model: Model) -> Model:
+        """Return the base model with those effects of a model that the surrogate does not show."""
+        slow = {name: v for name, v in model.effects.items() if not self.surrogate_covers([name])}
+        causes = {cause_of(name) for name in slow}
+        shown = {
+            name: values
+            for name, values in self.base.effects.items()
+            if self.surrogate_covers([name]) and cause_of(name) not in causes
+        }
+        return replace(self.base, effects=shown | slow)
+
+    def _residual(self, simulator: Simulator | Averaged, model: Model) -> FloatArray | None:
+        def with_its_phases(one: Model) -> FloatArray | None:
+            try:
+                predictions = simulator.predictions(one)
+            except _UNUSABLE:
+                return None
+            return self.measured - self.whitener.whiten(predictions)
+
+        rows = self.whitener.slices
+        return with_unknown_phases(with_its_phases, model, self.observations.blocks, rows)
+
+    def surrogate_residual(self, model: Model) -> FloatArray | None:
+        """Return the whitened residual (N,) of a model on the planar plant; on the bench that of `residual`.
+
+        Only its differences are meaningful. Without slip and without the effects that the plant refuses they
+        agree with those of the rollers to some per cent.
+        """
+        if self.simulators.planar is None:
+            return self.residual(model)
+        return self._residual(self.simulators.planar, planar_part(model))
+
+    def surrogate_covers(self, effects: Sequence[str]) -> bool:
+        """Return whether there is a surrogate and it shows what the `effects` change."""
+        known = [CATALOGUE[name] for name in effects if name]
+        return self.simulators.planar is not None and all(effect.fully_in("planar") for effect in known)
+
+    def surrogate_mask(self, owners: Sequence[str]) -> Mask:
+        """Return which parameters' influence the surrogate shows, (p,), by their effects `owners`, (p,)."""
+        return np.array([self.surrogate_covers([owner]) for owner in owners], bool)
+
+    def probe_step(self, effects: Sequence[str]) -> float:
+        """Return the step to the first response of some `effects`, on the 0..1 scale of a parameter."""
+        smooth = self.simulators.planar is None or self.surrogate_covers(effects)
+        return _SMOOTH_PROBE if smooth else _ROLLER_PROBE
+
+    def changes(
+        self, models: Sequence[Model], *, surrogate: bool, reference: Model
+    ) -> list[FloatArray | None]:
+        """Return how the marginal residual (N,) of each model differs from that of the reference.
+
+        It is None for a model that cannot be simulated. A `surrogate` is simulated by `surrogate_residual`.
+        """
+        simulated = self.surrogate_residual if surrogate else self.residual
+        unchanged = simulated(reference) if models else None
+
+        def change(model: Model) -> FloatArray | None:
+            changed = simulated(model)
+            return None if changed is None or unchanged is None else self.marginal(changed - unchanged)
+
+        return self.study.map(change, models)
+
+    def marginal(self, residual: FloatArray) -> FloatArray:
+        """Return W times a residual (N,) or columns (N, p)."""
+        return self._scaled(residual, 1.0 / self._spread - 1.0)
+
+    def marginal_inverse(self, residual: FloatArray) -> FloatArray:
+        """Return W^-1 times a residual (N,) or columns (N, p)."""
+        return self._scaled(residual, self._spread - 1.0)
+
+    def _scaled(self, residual: FloatArray, factors: FloatArray) -> FloatArray:
+        along = self._directions.T @ residual
+        scaled = factors * along if residual.ndim == 1 else factors[:, None] * along
+        return np.asarray(residual + self._directions @ scaled)
+
+    def roller_scatter(self, model: Model) -> FloatArray:
+        """Return what the rollers' contacts change at random in the marginal residual: columns (N, k).
+
+        It is what invisibly small changes of the wheel speed do on the rollers beyond what they do on the
+        planar plant, and the ripple of unknown initial wheel angles. Without rollers there are no columns. It
+        is measured once per model.
+        """
+        if self._ripple is None:
+            return np.zeros((self.size, 0))
+        key = (self._ripple.uncertainty, model_key(model))
+        if key not in self._scatter:
+            nominal, columns = self._beyond_surrogate(model), []
+            gain = model.effects.get("speed_gain", {}).get("gain", 1.0)
+            for change in _GAIN_CHANGES:
+                other = self._beyond_surrogate(model.with_effect("speed_gain", gain=gain * (1.0 + change)))
+                if nominal is not None and other is not None:
+                    columns.append(self.marginal(other - nominal))
+            found = np.stack(columns, axis=1) / np.sqrt(len(columns)) if columns else np.zeros((self.size, 0))
+            if self._ripple.uncertainty:
+                found = np.concatenate([found, self._ripple.columns(model)], axis=1)
+            self._scatter[key] = found
+        return self._scatter[key]
+
+    def _beyond_surrogate(self, model: Model) -> FloatArray | None:
+        full, surrogate = self.residual(model), self.surrogate_residual(model)
+        return None if full is None or surrogate is None else full - surrogate
+
+    def update_angle_uncertainty(self, model: Model, residual: FloatArray) -> bool:
+        """Find out from a model's marginal `residual` (N,) how unknown the initial wheel angles are.
+
+        `roller_scatter` then counts it. Return whether they are less known than assumed so far.
+        """
+        return self._ripple is not None and self._ripple.update(model, residual)
+
+    def _nuisance(self) -> FloatArray:
+        surrogate = self.surrogate_residual(self.base)
+
+        def column(model: Model) -> FloatArray | None:
+            changed = self.surrogate_residual(model)
+            if changed is not None and surrogate is not None and np.any(changed != surrogate):
+                return surrogate - changed
+            changed = self.residual(model)
+            return None if changed is None else self.base_residual - changed
+
+        columns = [c for c in self.study.map(column, plausible_models(self.base)) if c is not None]
+        shapes = shape_columns(self.base, self.whitener.error, self.observations)
+        columns += [self.whitener.whiten(parts) for parts in shapes]
+        return np.stack(columns, axis=1) if columns else np.zeros((self.size, 0))

@@ -1,0 +1,18 @@
+"""What a link does to commands on their way to the drive: delay, jitter and loss, from bench logs."""
+
+from sysid.compare.links.aligned_logs import AlignedLogs
+from sysid.compare.links.delays import LinkClock, LinkDelays, link_delays
+from sysid.compare.links.faults import LinkFault, known_state, link_fault
+from sysid.compare.links.in_model import JITTER, LOSS
+
+__all__ = [
+    "JITTER",
+    "LOSS",
+    "AlignedLogs",
+    "LinkClock",
+    "LinkDelays",
+    "LinkFault",
+    "known_state",
+    "link_delays",
+    "link_fault",
+]

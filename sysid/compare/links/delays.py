@@ -1,0 +1,137 @@
+"""When each change of a command acted, from bench logs: a link's delays as latent values.
+
+The delays of single changes (`sysid.compare.links.single_changes`), what they have in common
+(`sysid.compare.links.common_delay`) and the prediction of the logs are improved in turns. Delays that go with
+the size or the direction of a change are no jitter; a spread counts only if it remains beside them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.law.drive import longest_delay_s
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.compare.links.changes import GRID_S, Change, changes_of
+from sysid.compare.links.common_delay import EVIDENCE, CommonDelay, evidence, without_trend
+from sysid.compare.links.in_model import delay_of, on_time
+from sysid.compare.links.single_changes import SeenChanges
+from sysid.logs import Run
+
+_ROUNDS: Final = 3
+_LEAST_SPREAD: Final = 0.25
+"""Least spread in sampling intervals: stamps and latches alone make about that. Assumed."""
+_RESOLUTION_S: Final = 0.004
+"""Resolution to which arrivals are placed [s], where the delay allows it: a tenth of a sample at 25 Hz."""
+_MORE_S: Final = 0.1  # by which the common delay may be found longer
+_LOST: Final = 8.0  # logarithm of a likelihood ratio from which a change counts as lost
+
+
+@dataclass(frozen=True)
+class LinkClock:
+    """What is known of a link before the delays of single changes are."""
+
+    tick_s: float
+    """Period of the law behind it [s]."""
+    latch_s: float | None
+    """How often the drive looks for commands [s]; None: it takes them at once."""
+    delay_s: float = 0.0
+    """Common delay [s]."""
+
+    @classmethod
+    def of(cls, model: Model) -> LinkClock:
+        """Return what a `model` says of its link."""
+        tick, period = model.wheel.law.sample_period_s, model.wheel.command_period_s
+        return cls(tick, period if period > tick else None, delay_of(model))
+
+    def period_s(self, delay_s: float = 0.0) -> float:
+        """Return the period [s] on which arrivals are placed: a whole fraction of the law's tick.
+
+        It is fine, but a drive remembers only so many periods, which must span the common delay, as known
+        before or as found since: `delay_s` [s].
+        """
+        parts, longest = max(1, round(self.tick_s / _RESOLUTION_S)), max(self.delay_s, delay_s)
+        while parts > 1 and longest_delay_s(self.tick_s / parts, self.tick_s) < longest + _MORE_S:
+            parts -= 1
+        return self.tick_s / parts
+
+
+@dataclass(frozen=True, eq=False)
+class LinkDelays:
+    """The delays of all changes of the command in some runs; arrays have shape (n,)."""
+
+    changes: tuple[Change, ...]
+    delay_s: FloatArray
+    """Of each change [s]."""
+    lost: npt.NDArray[np.bool_]
+    """Which changes never acted before the next one."""
+    unsure: tuple[FloatArray, ...]
+    """For each run and row the variance of the speed that unsure delays cause, in variances of the noise."""
+    mean_s: float
+    """Common delay [s]."""
+    spread_s: float
+    """Standard deviation of the delays [s]."""
+    evidence: float
+    """Twice the logarithm of the likelihood with the spread over that without, less the price of a parameter;
+    the smaller one of delays as they are and beside what goes with size and direction."""
+    likelihood: FloatArray
+    """Logarithm of the likelihood of each change (rows) at each delay of `GRID_S`."""
+    lost_likelihood: FloatArray
+    """Logarithm of the likelihood of each change never acting."""
+    untrended: FloatArray
+    """As `likelihood`, with the delays' dependence on size and direction of the changes taken off."""
+
+    @property
+    def jitters(self) -> bool:
+        """Whether delays differ by more than they are uncertain."""
+        return self.evidence > EVIDENCE
+
+    @property
+    def loss(self) -> float:
+        """Share of the changes that never acted."""
+        return float(np.mean(self.lost)) if self.lost.size else 0.0
+
+
+def link_delays(model: Model, runs: Sequence[Run], clock: LinkClock) -> LinkDelays:
+    """Estimate the delay of each change of the command in bench `runs`.
+
+    The `model` predicts them, without the link that it has itself.
+    """
+    changes = changes_of(runs, clock.latch_s)
+    fine = on_time(model, clock.period_s())
+    seen = SeenChanges(fine, runs, changes)
+    delays, lost = np.zeros(len(changes)), np.zeros(len(changes), bool)
+    found = seen.likelihoods(delays, lost)
+    # All changes are late by the common delay first: their own would follow what others leave.
+    delays = np.full(len(changes), GRID_S[int(np.argmax(found.at_delay.sum(axis=0)))])
+    for _ in range(_ROUNDS - 1):
+        found = seen.likelihoods(delays, lost)
+        delays, _ = CommonDelay.of(found.at_delay).posterior_s(found.at_delay)
+        lost = found.lost > np.max(found.at_delay, axis=1) + _LOST
+    kept = found.at_delay[~lost]
+    common = CommonDelay.of(kept)
+    delays, _ = common.posterior_s(found.at_delay)
+    untrended = without_trend(kept, [change for change, gone in zip(changes, lost, strict=True) if not gone])
+    whole = found.at_delay.copy()
+    whole[~lost] = untrended
+    proof = min(evidence(kept), evidence(untrended))
+    interval = float(np.median([run.median_interval_s for run in runs]))
+    if min(common.spread_s, CommonDelay.of(untrended).spread_s) < _LEAST_SPREAD * interval:
+        proof = min(proof, 0.0)
+    return LinkDelays(
+        changes=changes,
+        delay_s=delays,
+        lost=lost,
+        unsure=seen.unsure(common.weights(found.at_delay), found.noise_rpm),
+        mean_s=common.mean_s,
+        spread_s=common.spread_s,
+        evidence=proof,
+        likelihood=found.at_delay,
+        lost_likelihood=found.lost,
+        untrended=whole,
+    )

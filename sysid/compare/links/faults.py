@@ -1,0 +1,257 @@
+"""What a link does to its commands, from the delays of single changes: delay, jitter, or loss.
+
+Let l_i(d) be the likelihood of change i of the command acting d late (`sysid.compare.links.delays`), and l_i
+that of it never acting. With a common delay m and a spread s of Student's t (weights w_s around m) the
+likelihood of the change is
+
+    L_i(m, s, q) = sum_k (1 - q) q^k sum_d w_s(d - m - k p) l_i(d) + q^K_i l_i:
+
+a command that is lost, with a probability q, is repeated one period p later, and K_i repetitions follow
+before the next change. The period is estimated, too, since a log may not show how often a drive is sent its
+command. A spread, and a loss, is claimed if it raises the likelihood of all changes far more
+than its price, beside the spread and the loss of the logs of the model's fit, where these are known.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final, Literal
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from mecanum_env.units import FloatArray
+from sysid.compare.links.changes import GRID_S, LONGEST_S, STEP_S
+from sysid.compare.links.common_delay import EVIDENCE, FEWEST, student_weights
+from sysid.compare.links.delays import LinkDelays
+
+Kind = Literal["jitter", "loss"]
+_SPREADS_S: Final[tuple[float, ...]] = (0.0, *np.geomspace(0.001, 0.25, 36).tolist())
+_SHARES: Final[tuple[float, ...]] = (0.0, *np.geomspace(0.0005, 0.5, 32).tolist())
+_PERIODS_S: Final[tuple[float, ...]] = tuple(np.geomspace(0.01, 0.2, 22).tolist())
+_SCALE: Final = 0.83
+"""Scale of that distribution which fits normal delays best, in their standard deviations; for uniform ones it
+is 0.91."""
+_RESAMPLES: Final = 500
+_ROUNDING: Final = 1.0 / math.sqrt(12.0)
+"""Spread of what is rounded up to the next sample, in sampling intervals."""
+
+
+@dataclass(frozen=True)
+class LinkState:
+    """Spread and loss of a link."""
+
+    spread_s: float = 0.0
+    """Standard deviation of the delays [s]."""
+    share: float = 0.0
+    """Share of the commands that are lost."""
+
+
+@dataclass(frozen=True)
+class LinkFault:
+    """A fault that the delays of the changes show."""
+
+    kind: Kind
+    evidence: float
+    """Twice the logarithm of the likelihood ratio, less the price of a parameter."""
+    delay_s: tuple[float, float, float]
+    """Common delay [s] and the ends of its interval."""
+    size: tuple[float, float, float]
+    """Spread [s] of a jitter, share of a loss, and the ends of the interval."""
+    period_s: float
+    """Time after which a lost command is repeated [s]."""
+    frequency: float
+    """Share of resamples of the changes that show it, too."""
+
+    def delays(self, found: LinkDelays, known: LinkState) -> LinkDelays:
+        """Return the delays that were `found` as the fault makes them most likely, around its delay.
+
+        The link's own spread is `known`. A jitter gives each change the mean of its posterior; a loss so
+        many periods as are most likely.
+        """
+        table, mean_s = _Table.of(found, found.likelihood, self.period_s), self.delay_s[0]
+        if self.kind == "jitter":
+            delay_s = table.posterior_s(self.size[0], mean_s)
+            return replace(found, delay_s=delay_s, mean_s=mean_s, spread_s=self.size[0])
+        share = self.size[0]
+        at = table.smoothed(known.spread_s)
+        late_s = np.arange(mean_s, LONGEST_S, self.period_s)
+        cells = np.rint(late_s / STEP_S).astype(int)
+        weight = (1.0 - share) * share ** np.arange(late_s.size) * at[:, cells]
+        weight[np.arange(late_s.size) >= table.repeats[:, None]] = 0.0
+        gone = share**table.repeats * table.never > weight.max(axis=1)
+        delay_s = late_s[np.argmax(weight, axis=1)]
+        return replace(found, delay_s=delay_s, lost=gone, mean_s=mean_s, spread_s=known.spread_s)
+
+
+def known_state(before: LinkDelays | None, interval_s: float) -> LinkState:
+    """Return the spread and the loss that a link has anyway.
+
+    That is what the delays of the logs `before` make most likely, None if there are no such logs. Samples
+    every `interval_s` [s] alone give a spread to the stamps of the changes, too.
+    """
+    least_s = _ROUNDING * interval_s
+    if before is None or len(before.likelihood) < FEWEST:
+        return LinkState(least_s)
+    table = _Table.of(before, before.likelihood, _PERIODS_S[0])
+    spread = max(_SPREADS_S, key=lambda one: float(table.total(one, 0.0).max()))
+    period = _likeliest_period([table], LinkState(spread))
+    shares = replace(table, period_s=period)
+    share = max(_SHARES, key=lambda one: float(shares.total(spread, one).max()))
+    return LinkState(max(spread, least_s), share)
+
+
+def link_fault(
+    found: LinkDelays, known: LinkState, level: float, rng: np.random.Generator
+) -> LinkFault | None:
+    """Return the fault that the delays show beyond those that are `known`, None if there is none.
+
+    Args:
+        found: delays of the changes under the model.
+        known: spread and loss that the link has anyway: of the logs of the fit, or of the stamps alone.
+        level: probability that an interval holds the truth.
+        rng: of the resamples.
+    """
+    if len(found.likelihood) < FEWEST:
+        return None
+    tables = [_Table.of(found, one, _PERIODS_S[0]) for one in (found.likelihood, found.untrended)]
+    period = _likeliest_period(tables, known)
+    tables = [replace(table, period_s=period) for table in tables]
+    by_kind = {kind: min(_evidence(table, kind, known) for table in tables) for kind in ("jitter", "loss")}
+    kind: Kind = "loss" if by_kind["loss"] >= by_kind["jitter"] else "jitter"
+    if by_kind[kind] < EVIDENCE:
+        return None
+    table, places = tables[0], _places(kind, known)
+    totals = np.array([table.total(*place).max() for place in places])
+    sizes = np.array([place[0] if kind == "jitter" else place[1] for place in places])
+    size = _interval(sizes, totals, level)
+    if size[1] <= sizes[0]:
+        return None
+    best = places[int(np.argmax(totals))]
+    ours, theirs = (table.each(*place)[:, _best(table, place)] for place in (best, places[0]))
+    picks = rng.integers(0, ours.size, (_RESAMPLES, ours.size))
+    frequency = float(np.mean(2.0 * (ours - theirs)[picks].sum(axis=1) > math.log(ours.size)))
+    delay = _interval(GRID_S, table.total(*best), level)
+    if kind == "jitter":
+        own = table.posterior_s(best[0], delay[0])
+        # The stamps may shift all delays alike by as much as they are rounded.
+        half = float(norm.ppf(0.5 * (1.0 + level))) * math.hypot(
+            size[0] / math.sqrt(own.size), known.spread_s
+        )
+        delay = float(own.mean()), max(0.0, float(own.mean()) - half), float(own.mean()) + half
+    return LinkFault(kind, by_kind[kind], delay, size, period, frequency)
+
+
+@dataclass(frozen=True, eq=False)
+class _Table:
+    """Likelihoods of the changes."""
+
+    scaled: FloatArray
+    """Of each change (rows) at each delay of the grid, each row divided by its largest."""
+    never: FloatArray
+    """Of each change never acting, on the same scales."""
+    offset: FloatArray
+    """Logarithms of the scales."""
+    hold_s: FloatArray
+    """How long each command is held [s]."""
+    period_s: float
+    """Time after which a lost command is repeated [s]."""
+    memory: dict[float, FloatArray] = field(default_factory=dict)
+    """Spread [s] -> likelihoods with that spread."""
+
+    @property
+    def repeats(self) -> FloatArray:
+        """How often each command is repeated before the next change."""
+        return np.asarray(np.maximum(1.0, np.floor(self.hold_s / self.period_s)))
+
+    def smoothed(self, spread_s: float) -> FloatArray:
+        """Return the likelihood of each change (rows) for each common delay of the grid, without losses."""
+        if spread_s not in self.memory:
+            spread = self.scaled if spread_s == 0.0 else self.scaled @ _kernel(spread_s).T
+            self.memory[spread_s] = np.asarray(spread)
+        return self.memory[spread_s]
+
+    @classmethod
+    def of(cls, found: LinkDelays, likelihood: FloatArray, period_s: float) -> _Table:
+        """Return the table for some logarithms of likelihoods (n, grid) of the changes."""
+        offset = np.maximum(likelihood.max(axis=1), found.lost_likelihood)
+        given = np.array([change.given_s for change in found.changes])
+        run = np.array([change.run for change in found.changes])
+        hold = np.append(np.where(np.diff(run) == 0, np.diff(given), LONGEST_S), LONGEST_S)
+        with np.errstate(under="ignore"):
+            scaled = np.exp(likelihood - offset[:, None])
+            never = np.exp(found.lost_likelihood - offset)
+        return cls(scaled, never, offset, hold, period_s)
+
+    def posterior_s(self, spread_s: float, mean_s: float) -> FloatArray:
+        """Return the mean of each delay's posterior [s], (n,), for a spread around a common delay [s]."""
+        weight = self.scaled * _kernel(spread_s)[round(mean_s / STEP_S)]
+        return np.asarray((weight @ GRID_S) / np.maximum(weight.sum(axis=1), 1e-300))
+
+    def each(self, spread_s: float, share: float) -> FloatArray:
+        """Return the logarithm of the likelihood of each change (rows) for each common delay of the grid."""
+        at = self.smoothed(spread_s)
+        total = (1.0 - share) * at
+        if share > 0.0:
+            weight, step, repeats = 1.0 - share, self.period_s / STEP_S, self.repeats
+            for lost in range(1, math.ceil(LONGEST_S / self.period_s)):
+                weight *= share
+                cells = round(lost * step)
+                if weight < 1e-9 or cells >= GRID_S.size:
+                    break
+                room = (repeats > lost)[:, None]
+                total[:, : GRID_S.size - cells] += weight * room * at[:, cells:]
+            total += (share**repeats * self.never)[:, None]
+        return np.asarray(np.log(np.maximum(total, 1e-300)) + self.offset[:, None])
+
+    def total(self, spread_s: float, share: float) -> FloatArray:
+        """Return the logarithm of the likelihood of all changes for each common delay of the grid."""
+        return np.asarray(self.each(spread_s, share).sum(axis=0))
+
+
+def _places(kind: Kind, known: LinkState) -> list[tuple[float, float]]:
+    """Return the spreads and shares that a fault may have, the known ones first."""
+    if kind == "jitter":
+        larger = [spread for spread in _SPREADS_S if spread > known.spread_s]
+        return [(spread, known.share) for spread in (known.spread_s, *larger)]
+    more = [share for share in _SHARES if share > known.share]
+    return [(known.spread_s, share) for share in (known.share, *more)]
+
+
+def _best(table: _Table, place: tuple[float, float]) -> int:
+    return int(np.argmax(table.total(*place)))
+
+
+def _likeliest_period(tables: Sequence[_Table], known: LinkState) -> float:
+    """Return the time after which lost commands are repeated [s] that explains most beside what is known."""
+    shares = _SHARES[4::7]
+
+    def worth(period_s: float) -> float:
+        moved = [replace(table, period_s=period_s) for table in tables]
+        best = [max(float(one.total(known.spread_s, share).max()) for share in shares) for one in moved]
+        return min(best)
+
+    return max(_PERIODS_S, key=worth)
+
+
+def _evidence(table: _Table, kind: str, known: LinkState) -> float:
+    places = _places("jitter" if kind == "jitter" else "loss", known)
+    totals = [float(table.total(*place).max()) for place in places]
+    # The period of a loss is one more number that was estimated.
+    price = (2.0 if kind == "loss" else 1.0) * math.log(len(table.offset))
+    return 2.0 * (max(totals) - totals[0]) - price
+
+
+def _interval(values: FloatArray, totals: FloatArray, level: float) -> tuple[float, float, float]:
+    """Return the most likely value and where the profile of the likelihood falls by what chance allows."""
+    best = int(np.argmax(totals))
+    inside = np.flatnonzero(2.0 * (totals[best] - totals) <= chi2.ppf(level, 1))
+    low, high = max(0, int(inside[0]) - 1), min(values.size - 1, int(inside[-1]) + 1)
+    return float(values[best]), float(values[low]), float(values[high])
+
+
+def _kernel(spread_s: float) -> FloatArray:
+    """Return the probability of each delay of the grid (columns) for each common delay (rows)."""
+    return student_weights(_SCALE * spread_s)

@@ -1,0 +1,174 @@
+"""How likely each delay of each single change of a command is, under a model, from bench logs.
+
+A model predicts the logs with every change at its delay. The likelihood of another delay of one change
+follows without another simulation, since the law is linear: the change's step response is moved.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from mecanum_env.effects.apply import drive_parameters
+from mecanum_env.law.drive import shaped_command
+from mecanum_env.model import Model
+from mecanum_env.simulator.bench import BenchRun, bench_motions
+from mecanum_env.statistics import MEDIAN_OF_NORMAL
+from mecanum_env.units import FloatArray
+from sysid.compare.links.changes import GRID_S, LONGEST_S, Change
+from sysid.compare.links.common_delay import TAIL
+from sysid.compare.measured import start_of
+from sysid.logs import Run
+
+_AFTER_S: Final = 0.6
+"""Time beyond the longest delay that a change's samples are compared for [s]: a drive's response is over."""
+_FEW_SAMPLES: Final = 5  # a change seen in fewer samples tells nothing
+
+
+@dataclass(frozen=True, eq=False)
+class Likelihoods:
+    """Logarithms of likelihoods of the changes."""
+
+    at_delay: FloatArray
+    """Of each change (rows) at each delay of the grid."""
+    lost: FloatArray
+    """Of each change never acting."""
+    noise_rpm: float
+    """Usual size of an error at the best delays [rpm]."""
+
+
+class SeenChanges:
+    """The samples of bench `runs` that show their `changes`, and what a `model` says of them.
+
+    The model has no delay. Arrivals are simulated on the clock of the model's commands.
+    """
+
+    def __init__(self, model: Model, runs: Sequence[Run], changes: Sequence[Change]) -> None:
+        self._model, self._runs, self._changes = model, runs, changes
+        self._steps_rpm = _steps_rpm(model, changes)
+        self._response = _Response(model)
+        self._windows = _windows(runs, changes)
+
+    def likelihoods(self, delay_s: FloatArray, lost: npt.NDArray[np.bool_]) -> Likelihoods:
+        """Return how likely each delay of each change is, the others at `delay_s` [s] or `lost`, (n,)."""
+        predicted, rests = self._predicted(delay_s, lost), []
+        for i, (window, change) in enumerate(zip(self._windows, self._changes, strict=True)):
+            speed, step = np.interp(window.time_s, *predicted[change.run]), self._steps_rpm[i]
+            since = window.time_s - change.given_s
+            # Without this change; then with it at any delay.
+            bare = speed - (0.0 if lost[i] else step) * self._response.at(since - delay_s[i])
+            moved = step * self._response.at(since[:, None] - GRID_S[None, :])
+            rests.append(
+                window.value[:, None] - bare[:, None] - np.column_stack([moved, np.zeros(since.size)])
+            )
+        scale, share, noise = _scale(rests)
+        table = [_log_likelihood(rest / scale) * share for rest in rests]
+        together = np.array(table).reshape(-1, GRID_S.size + 1)
+        return Likelihoods(together[:, :-1], together[:, -1], noise)
+
+    def unsure(self, weights: FloatArray, noise_rpm: float) -> tuple[FloatArray, ...]:
+        """Return what unsure delays make of each row's speed in each run, in variances of the noise.
+
+        `weights` has the probability of each delay of the grid (columns) for each change (rows), and the
+        noise has a size of `noise_rpm` [rpm].
+        """
+        found = [np.zeros(run.time_s.size) for run in self._runs]
+        for change, step, weight in zip(self._changes, self._steps_rpm.tolist(), weights, strict=True):
+            time = self._runs[change.run].time_s - change.given_s
+            rows = np.flatnonzero((time >= 0.0) & (time < LONGEST_S + _AFTER_S))
+            speed = step / noise_rpm * self._response.at(time[rows][:, None] - GRID_S[None, :])
+            mean = speed @ weight
+            found[change.run][rows] += np.maximum(speed**2 @ weight - mean**2, 0.0)
+        return tuple(found)
+
+    def _predicted(
+        self, delay_s: FloatArray, lost: npt.NDArray[np.bool_]
+    ) -> list[tuple[FloatArray, FloatArray]]:
+        """Return for each run a clock [s] and the speed [rpm] on it, with each change at its delay."""
+        commands, changes = [], self._changes
+        for index, run in enumerate(self._runs):
+            own = [i for i, change in enumerate(changes) if change.run == index]
+            initial = start_of(run).initial_rpm
+            first = changes[own[0]].before_rpm if own else float(run.command.wheels_rpm[0, 0])
+            acting = [i for i in own if not lost[i]]
+            times = np.maximum.accumulate([0.0, *(changes[i].given_s + delay_s[i] for i in acting)])
+            levels = np.array([first, *(changes[i].after_rpm for i in acting)])
+            keep = np.append(np.diff(times) > 0.0, True)
+            commands.append(BenchRun(times[keep], levels[keep], run.duration_s, initial))
+        return bench_motions([self._model], commands)[0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Window:
+    """The samples that show a change."""
+
+    time_s: FloatArray
+    value: FloatArray
+
+
+def _windows(runs: Sequence[Run], changes: Sequence[Change]) -> list[_Window]:
+    found = []
+    for index, change in enumerate(changes):
+        run = runs[change.run]
+        end = change.given_s + LONGEST_S + _AFTER_S
+        after = changes[index + 1] if index + 1 < len(changes) else None
+        if after is not None and after.run == change.run:
+            end = min(end, after.given_s)
+        rows = run.finite("speed_rpm") & (run.time_s >= change.given_s) & (run.time_s < end)
+        found.append(_Window(run.time_s[rows], run.channels["speed_rpm"][rows]))
+    return found
+
+
+def _steps_rpm(model: Model, changes: Sequence[Change]) -> FloatArray:
+    """Return by how much each change moves a settled wheel [rpm], friction left aside, shape (n,)."""
+    drive, gain = drive_parameters(model), model.wheel.law.dc_gain
+    ends = np.array([(change.before_rpm, change.after_rpm) for change in changes]).reshape(-1, 2)
+    reached = np.asarray(shaped_command(drive, ends, 0.0), float)
+    return np.asarray(gain * (reached[:, 1] - reached[:, 0]))
+
+
+class _Response:
+    """The response of a model's law to a step of 1 rpm, and of gain 1."""
+
+    def __init__(self, model: Model) -> None:
+        run = BenchRun(np.zeros(1), np.ones(1), LONGEST_S + 2.0 * _AFTER_S)
+        self._clock, self._speed = bench_motions([_unit(model)], [run])[0][0]
+
+    def at(self, since_s: FloatArray) -> FloatArray:
+        """Return the response [rpm] at times since the step [s], of any shape."""
+        return np.interp(since_s, self._clock, self._speed, left=0.0)
+
+
+def _unit(model: Model) -> Model:
+    """Return the model's law alone, without what limits or changes a command of 1 rpm."""
+    wheel = replace(model.wheel, command_quantum_rpm=0.0, saturation_rpm=math.inf)
+    law = wheel.law
+    gain = law.dc_gain
+    law = replace(law, D=law.D / gain, E=law.E / gain, F=law.F / gain)
+    return Model(replace(wheel, law=law), model.robot)
+
+
+def _log_likelihood(scaled: FloatArray) -> FloatArray:
+    """Return the logarithm of the likelihood of errors (m, p) in standard deviations, shape (p,)."""
+    if len(scaled) < _FEW_SAMPLES:
+        return np.zeros(scaled.shape[1])
+    return np.asarray(-0.5 * (TAIL + 1.0) * np.log1p(scaled**2 / TAIL).sum(axis=0))
+
+
+def _scale(rests: Sequence[FloatArray]) -> tuple[float, float, float]:
+    """Return the rms error [rpm] at the best delays, the errors' independent share, and their usual size."""
+    best = [rest[:, int(np.argmin(np.abs(rest).sum(axis=0)))] for rest in rests if len(rest) >= _FEW_SAMPLES]
+    if not best:
+        return 1.0, 1.0, 1.0
+    errors = np.concatenate(best)
+    scale = max(float(np.sqrt(np.mean(np.clip(errors, *np.quantile(errors, (0.02, 0.98))) ** 2))), 1e-6)
+    clipped = [np.clip(one, -3.0 * scale, 3.0 * scale) for one in best]
+    along = sum(float(one[1:] @ one[:-1]) for one in clipped)
+    rho = float(np.clip(along / max(sum(float(one @ one) for one in clipped), 1e-12), 0.0, 0.9))
+    usual = max(float(np.median(np.abs(errors))) / MEDIAN_OF_NORMAL, 0.1 * scale)
+    return scale, (1.0 - rho) / (1.0 + rho), usual

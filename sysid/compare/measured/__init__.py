@@ -1,0 +1,34 @@
+"""What logs show: how a run starts, its changes of command, and each channel as the mean of its repeats."""
+
+from sysid.compare.measured.commands import COMMAND_STEP_RPM, activity_rpm, changes_from_rest, command_changes
+from sysid.compare.measured.observations import (
+    EDGE_S,
+    WINDOW_S,
+    Block,
+    Observations,
+    Situation,
+    displacements,
+    observe,
+)
+from sysid.compare.measured.start import Start, start_of
+from sysid.compare.measured.subset import most_active, most_active_runs, select_runs, small_command_runs
+
+__all__ = [
+    "COMMAND_STEP_RPM",
+    "EDGE_S",
+    "WINDOW_S",
+    "Block",
+    "Observations",
+    "Situation",
+    "Start",
+    "activity_rpm",
+    "changes_from_rest",
+    "command_changes",
+    "displacements",
+    "most_active",
+    "most_active_runs",
+    "observe",
+    "select_runs",
+    "small_command_runs",
+    "start_of",
+]

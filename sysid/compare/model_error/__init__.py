@@ -1,0 +1,26 @@
+"""How wrong a model may be without a gap: its own error, its uncertain parameters, and whitening by them."""
+
+from sysid.compare.model_error.adopted import as_fitted, covariance_of, with_adopted
+from sysid.compare.model_error.learned import Learned, learn
+from sysid.compare.model_error.nuisance import plausible_models, shape_columns
+from sysid.compare.model_error.own_error import block_residuals, with_own_error
+from sysid.compare.model_error.shape import ShapeBasis
+from sysid.compare.model_error.size import ModelError, estimate_model_error, model_error_of
+from sysid.compare.model_error.whitening import Whitener
+
+__all__ = [
+    "Learned",
+    "ModelError",
+    "ShapeBasis",
+    "Whitener",
+    "as_fitted",
+    "block_residuals",
+    "covariance_of",
+    "estimate_model_error",
+    "learn",
+    "model_error_of",
+    "plausible_models",
+    "shape_columns",
+    "with_adopted",
+    "with_own_error",
+]

@@ -1,0 +1,25 @@
+"""What a model predicts for logs: their commands simulated, as the model's sensors see the motion."""
+
+from sysid.compare.predicted.prediction import Study, motion_of, predict, predict_all, readings
+from sysid.compare.predicted.simulator import (
+    Averaged,
+    Simulator,
+    Simulators,
+    model_key,
+    planar_part,
+    without_engine_warnings,
+)
+
+__all__ = [
+    "Averaged",
+    "Simulator",
+    "Simulators",
+    "Study",
+    "model_key",
+    "motion_of",
+    "planar_part",
+    "predict",
+    "predict_all",
+    "readings",
+    "without_engine_warnings",
+]

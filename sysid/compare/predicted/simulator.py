@@ -1,0 +1,294 @@
+"""Simulation of all situations of a study; motions are shared by models that differ in their sensors only."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from threading import Lock
+from typing import Any, Final, TypeVar, cast
+
+import mujoco
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE
+from mecanum_env.effects.apply import sensors_of, without_sensors
+from mecanum_env.model import Model
+from mecanum_env.simulator.bench import BenchRun
+from mecanum_env.simulator.robot import standing
+from mecanum_env.units import FloatArray
+from sysid.compare.measured import Observations, Situation
+from sysid.compare.predicted.prediction import (
+    Motion,
+    Study,
+    bench_motions_of,
+    bench_run,
+    compile_robot,
+    follows_voltage,
+    in_run_frame,
+    readings,
+    robot_motion,
+    supply_of,
+)
+
+_DRAWS: Final = 4  # sets of initial wheel angles that are simulated
+_AVERAGED: Final = 2
+"""Sets of initial wheel angles beside those of 0 in an average. Assumed: the rollers' chance part falls to
+1 / sqrt(3), for three times the simulations."""
+_MOTIONS_KEPT: Final = 8  # number of models whose motions are kept; those of one model take some megabytes
+_PREDICTIONS_BYTES: Final = 1e8  # size of the predictions that are kept, about 0.1 MB for a model
+
+T = TypeVar("T")
+
+
+@contextmanager
+def without_engine_warnings() -> Iterator[None]:
+    """Silence MuJoCo's warnings of diverging states: a search tries such models and drops them."""
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(lambda _: None)
+    try:
+        yield
+    finally:
+        mujoco.set_mju_user_warning(before)
+
+
+class Simulator:
+    """Predicts the blocks of observations; initial wheel angles are drawn if `wheel_angle_seed` is not 0."""
+
+    def __init__(
+        self,
+        observations: Observations,
+        study: Study | None = None,
+        wheel_angle_seed: int = 0,
+    ) -> None:
+        self.observations, self.wheel_angle_seed = observations, wheel_angle_seed
+        self.study = study or Study()
+        self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
+        self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
+        self._groups: dict[tuple[float, bool, bool], list[_Alike]] = {}
+        self._lock = Lock()
+
+    def predictions(self, model: Model) -> list[FloatArray]:
+        """Return what a model predicts for each block, each of the block's shape (m,).
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+            SimulationDivergedError: the state stopped being finite.
+        """
+        return self._remembered(self._predictions, model, self._predict, self._predictions_kept)
+
+    def _predict(self, model: Model) -> list[FloatArray]:
+        situations = self.observations.situations
+        alone, sensors = without_sensors(model), sensors_of(model)
+        motions = self._remembered(self._motions, alone, self._simulate, _MOTIONS_KEPT)
+        # Situations with the same commands share a motion, which is seen once.
+        seen = {id(motion): motion.seen_by(sensors) for motion in motions}
+        channels = [
+            readings(seen[id(motion)], situation.runs[0], situation.start)
+            for situation, motion in zip(situations, motions, strict=True)
+        ]
+        return [
+            block.of(situations[block.situation].runs[0], channels[block.situation])
+            for block in self.observations.blocks
+        ]
+
+    @cached_property
+    def _voltage_logged(self) -> bool:
+        """Whether any situation has a supply whose voltage was logged."""
+        return any(supply_of(situation.runs[0]) is not None for situation in self.observations.situations)
+
+    @cached_property
+    def _predictions_kept(self) -> int:
+        """Number of models whose predictions are remembered."""
+        values = sum(block.value.size for block in self.observations.blocks)
+        return max(1, int(_PREDICTIONS_BYTES / (8 * values)))
+
+    def _remembered(
+        self, kept: OrderedDict[Hashable, list[T]], model: Model, work: Callable[[Model], list[T]], most: int
+    ) -> list[T]:
+        """Return the result of `work` on a model; it is `kept` for the latest `most` models."""
+        key = model_key(model)
+        with self._lock:
+            if key in kept:
+                kept.move_to_end(key)
+                return kept[key]
+        found = work(model)
+        with self._lock:
+            kept[key] = found
+            while len(kept) > most:
+                kept.popitem(last=False)
+        return found
+
+    def _simulate(self, model: Model) -> list[Motion]:
+        # A direction in the world makes the motion depend on where a run starts.
+        by_heading = any(CATALOGUE[name].turned is not None for name in model.effects)
+        by_voltage = self._voltage_logged and follows_voltage(model)
+        groups = self._alike(model.wheel.command_period_s, by_voltage, by_heading)
+        if self.observations.situations[0].runs[0].level == "bench":
+            found = bench_motions_of(model, [group.bench_run for group in groups], self.study)
+        else:
+            found = self._robot_motions(model, groups, by_heading)
+        motions: dict[int, Motion] = {}
+        for group, motion in zip(groups, found, strict=True):
+            motions |= dict.fromkeys(group.members, motion)
+        return [motions[index] for index in range(len(motions))]
+
+    def _alike(self, command_period_s: float, by_voltage: bool, by_heading: bool) -> list[_Alike]:
+        """Return the groups of situations that share a motion, each with the longest of them.
+
+        `by_voltage`: the motion depends on the supply's voltage as well. `by_heading`: seen from the robot,
+        it depends on where it heads when it starts.
+        """
+        key = command_period_s, by_voltage, by_heading
+        if key not in self._groups:
+            situations = self.observations.situations
+            alike: dict[Hashable, list[int]] = {}
+            for index, situation in enumerate(situations):
+                alike.setdefault(_motion_key(situation, *key), []).append(index)
+            self._groups[key] = [
+                _Alike(members, max((situations[i] for i in members), key=_duration_s), *key[:2])
+                for members in alike.values()
+            ]
+        return self._groups[key]
+
+    def _robot_motions(self, model: Model, groups: Sequence[_Alike], by_heading: bool) -> list[Motion]:
+        compiled: dict[float, mujoco.MjModel] = {}
+        stances: dict[Hashable, FloatArray] = {}
+        motions = []
+        for group in groups:
+            situation = group.longest
+            heading = situation.start.yaw_rad if by_heading else 0.0
+            local = in_run_frame(model, situation.start)
+            if heading not in compiled:
+                compiled[heading] = compile_robot(local, self.study)
+            angles = self._wheel_angles(group)
+            if (heading, angles) not in stances:
+                stances[heading, angles] = standing(compiled[heading], angles)
+            stance = stances[heading, angles]
+            motions.append(robot_motion(local, situation.runs[0], situation.start, compiled[heading], stance))
+        return motions
+
+    def _wheel_angles(self, group: _Alike) -> tuple[float, ...]:
+        """Return the initial angles of the four wheels [rad] in a group; none if they are 0."""
+        if not self.wheel_angle_seed:
+            return ()
+        rng = np.random.default_rng((self.wheel_angle_seed, group.members[0]))
+        return tuple(rng.uniform(0.0, 2.0 * np.pi, 4).tolist())
+
+
+@dataclass(frozen=True, eq=False)
+class _Alike:
+    """Situations that share a motion."""
+
+    members: Sequence[int]
+    longest: Situation
+    command_period_s: float
+    by_voltage: bool
+
+    @cached_property
+    def bench_run(self) -> BenchRun:
+        """The longest of them, if these are bench logs."""
+        run = self.longest.runs[0]
+        supply = supply_of(run) if self.by_voltage else None
+        return bench_run(run, self.longest.start, self.command_period_s, supply)
+
+
+def _duration_s(situation: Situation) -> float:
+    return situation.runs[0].duration_s
+
+
+def _motion_key(
+    situation: Situation, command_period_s: float, by_voltage: bool, by_heading: bool
+) -> Hashable:
+    """Return what a motion depends on; neither the times of the samples nor the place are part of it.
+
+    `by_voltage`: the supply's voltage is. `by_heading`: so is where the robot heads when it starts.
+    """
+    run, start = situation.runs[0], situation.start
+    began = (start.initial_rpm, start.moving, start.yaw_rad if by_heading else 0.0)
+    rows = run.command_rows()
+    since = run.held_since(command_period_s)[rows]
+    commands = [values[rows].tobytes() for values in run.command.columns().values()]
+    supply = supply_of(run) if by_voltage else None
+    volts = supply and (supply.time_s.tobytes(), supply.voltage_v.tobytes(), supply.full_v)
+    return (np.rint(since / command_period_s * 1e6).tobytes(), *commands, began, volts)
+
+
+def model_key(model: Model) -> Hashable:
+    """Return a key of what a model's motion depends on."""
+    about = ("uncertainty", "provenance", "extra")
+    return tuple(_hashable(getattr(model, field.name)) for field in fields(model) if field.name not in about)
+
+
+def _hashable(value: Any) -> Hashable:
+    # Most are numbers and names, and whether something is a mapping takes several times as long to tell.
+    if isinstance(value, float | int | str):
+        return value
+    if isinstance(value, Mapping):
+        return tuple((key, _hashable(value[key])) for key in sorted(value))
+    if isinstance(value, list | tuple):
+        return tuple(map(_hashable, value))
+    return cast(Hashable, value)
+
+
+@dataclass(frozen=True, eq=False)
+class Averaged:
+    """The mean of what several simulators predict, in which what rollers do by chance is smaller."""
+
+    simulators: tuple[Simulator, ...]
+
+    def predictions(self, model: Model) -> list[FloatArray]:
+        """Return what a model predicts for each block, each of the block's shape (m,).
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+            SimulationDivergedError: the state stopped being finite.
+        """
+        found = [one.predictions(model) for one in self.simulators]
+        return [np.mean(parts, axis=0) for parts in zip(*found, strict=True)]
+
+
+@dataclass(frozen=True, eq=False)
+class Simulators:
+    """What simulates the observations of a problem."""
+
+    full: Simulator
+    planar: Simulator | None
+    """A surrogate on the planar plant, where the robot is on rollers."""
+    turned: tuple[Simulator, ...]
+    """The rollers again, with other initial wheel angles."""
+
+    @classmethod
+    def of(cls, observations: Observations, study: Study) -> Simulators:
+        """Return the simulators of some observations."""
+        full = Simulator(observations, study)
+        if observations.situations[0].runs[0].level == "bench" or study.plant != "rollers":
+            return cls(full, None, ())
+        turned = (Simulator(observations, study, wheel_angle_seed=1 + draw) for draw in range(_DRAWS))
+        return cls(full, Simulator(observations, replace(study, plant="planar")), tuple(turned))
+
+    @property
+    def averaged(self) -> Averaged:
+        """The full simulation, on rollers averaged over initial wheel angles."""
+        return Averaged((self.full, *self.turned[:_AVERAGED]))
+
+    def smooth(self, model: Model) -> list[FloatArray]:
+        """Return the predictions of a model by the fastest simulation, which is smooth in its parameters.
+
+        Raises:
+            InputError: an effect that cannot be simulated, or a value out of range.
+            SimulationDivergedError: the state stopped being finite.
+        """
+        return (
+            self.full.predictions(model)
+            if self.planar is None
+            else self.planar.predictions(planar_part(model))
+        )
+
+
+def planar_part(model: Model) -> Model:
+    """Return a model without the effects that the planar plant refuses."""
+    simulated = {name: v for name, v in model.effects.items() if "planar" not in CATALOGUE[name].refused_by}
+    return replace(model, effects=simulated)

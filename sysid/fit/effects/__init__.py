@@ -1,0 +1,16 @@
+"""What a drive does besides its law: effects that are added while the law is fitted again with them."""
+
+from sysid.fit.effects.drive import DriveEffects, find_drive_effects
+from sysid.fit.effects.reached import HeldOut, Reached
+from sysid.fit.effects.search import EffectSearch, searched
+from sysid.fit.effects.uncertainty import with_uncertainty
+
+__all__ = [
+    "DriveEffects",
+    "EffectSearch",
+    "HeldOut",
+    "Reached",
+    "find_drive_effects",
+    "searched",
+    "with_uncertainty",
+]

@@ -1,0 +1,138 @@
+"""What a drive does besides its law, found while the law is fitted: friction, a dead zone, limits, a gain.
+
+The law alone is the model as long as it is enough. An effect is added, and law and effects are fitted again
+together, only if three things hold: the cost falls by more than `EVIDENCE` beyond the price of its parameters
+(BIC), the validation runs are predicted better by `WORTH`, and no smaller set does as well
+(`sysid.fit.effects.reached`). Of such sets the cheapest is taken that no other one beats clearly on the
+validation runs: what fits the fit runs only may have the best price. The noise is that of repeats; where the
+model leaves more than the noise, the residual's variance is used instead.
+
+A law of unit DC gain fits a drive that never reaches its command by a pole that never settles. Two laws are
+therefore starting points: that of the fit, and one with a free gain, which becomes the effect `speed_gain`. A
+pole slower than the logs can show only imitates a gain, and errs as soon as a command is held longer: if the
+law of the fit has one, first-order laws with a free gain are the starts, and no pole may become that slow.
+Where the law leaves much more than the noise, a simple drive is a start, too
+(`sysid.fit.effects.simple_drive`).
+
+A dead zone that subtracts and friction on a drive without integral action take the same speed from a wheel
+that turns, and differ only while it starts and stops. Where the logs do not tell them apart, it is friction:
+every motor has some. A later study of the same motor then does not take its friction for news.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects.friction import TORQUES, droop_rpm, stiffness_is_known
+from mecanum_env.law.stability import POLE_LIMIT
+from mecanum_env.model import Model, cause_of
+from mecanum_env.units import FloatArray
+from sysid.compare.measured import observe, select_runs
+from sysid.compare.model_error import Whitener
+from sysid.compare.noise import measure_noise
+from sysid.fit.effects.candidates import drive_candidates, first_order_laws
+from sysid.fit.effects.reached import HeldOut, confirmed
+from sysid.fit.effects.search import EffectSearch, searched
+from sysid.logs import Dataset
+from sysid.progress import Progress, silent, within
+
+_FAR: Final = 2.0
+"""Squared error of the law over the noise from which a simple drive, fitted globally, is a start, too.
+Assumed."""
+_SECONDS: Final = 40.0
+_TICKS: Final = 8000
+"""Longest duration of the runs that decide, repeats not counted [s], and most ticks of the law in them."""
+
+
+@dataclass(frozen=True, eq=False)
+class DriveEffects:
+    """Law and effects that were fitted together."""
+
+    model: Model
+    """The model with the law and the effects."""
+    covariance: FloatArray
+    """Of the law's coefficients, shape (6, 6)."""
+    before_rpm: float
+    """Rms error of the wheel speed by the law alone on the validation runs (the fit runs if there are none)
+    [rpm]."""
+    after_rpm: float
+    """The same with the effects."""
+
+    @property
+    def note(self) -> str:
+        """What was found, in a sentence."""
+        found = "; ".join(
+            f"{name} " + ", ".join(f"{key} {value:.4g}" for key, value in self._sizes(name).items())
+            for name in self.model.effects
+        )
+        return (
+            f"the drive is not the law alone: {found}; fitted together with the law, they change the "
+            f"held-out error from {self.before_rpm:.3g} to {self.after_rpm:.3g} rpm"
+        )
+
+    def _sizes(self, name: str) -> dict[str, float]:
+        """Return the parameters of an effect; a torque as the speed that it takes, in N m only if known."""
+        values, torque = dict(self.model.effects[name]), TORQUES.get(cause_of(name), "")
+        if torque not in values:
+            return values
+        told = {"droop_rpm": droop_rpm(name, values, self.model)}
+        if not stiffness_is_known(self.model):
+            del values[torque]
+        return told | values
+
+
+def find_drive_effects(
+    dataset: Dataset,
+    alone: Model,
+    others: Sequence[Model] = (),
+    largest_pole: float = POLE_LIMIT,
+    progress: Progress = silent,
+) -> DriveEffects | None:
+    """Return the law with the effects that bench logs show, None if the law alone is enough.
+
+    Searches start from the law that was fitted `alone`, unless a pole of it exceeds `largest_pole`, and from
+    `others`. `progress` is called before the search, and before each round of it.
+    """
+    progress(stage := "drive effects")
+    tell = within(progress, stage)
+    seconds = min(_SECONDS, _TICKS * alone.wheel.law.sample_period_s)
+    runs = select_runs(dataset.split("fit"), seconds, alone.wheel.command_period_s)
+    observations = observe(replace(dataset, runs=runs))
+    whitener = Whitener(observations, measure_noise(dataset, observations), None)
+    held_out = HeldOut.of(dataset)
+    is_enough = float(np.max(np.abs(alone.wheel.law.poles))) < largest_pole
+    laws = (alone, *others) if is_enough else tuple(first_order_laws(alone, largest_pole))
+    known = drive_candidates(dataset.columns)
+    searches = [EffectSearch(law, whitener, held_out, largest_pole, known) for law in laws]
+    began = [start for search in searches if (start := search.begin()) is not None]
+    if not began or (is_enough and began[0].base is not searches[0].base):
+        return None
+    if not is_enough:
+        # The starts differ in nothing but the time constant.
+        began = [min(began, key=lambda start: start.fitted.cost)]
+        searches = [search for search in searches if search.base is began[0].base]
+    first = began[0]
+    if first.inflation > _FAR:
+        tell("a simple drive, from anywhere")
+        searches.append(
+            EffectSearch(searches[0].simple_drive(alone), whitener, held_out, largest_pole, known)
+        )
+        simple = searches[-1].begin()
+        began += [] if simple is None else [simple]
+    reached = searched(searches, began, tell)
+    if first.inflation <= _FAR:
+        # Where the law leaves little, only the set with the best price may take its place, and if held-out
+        # runs refuse that, the law stays. Smaller sets may pass: the supply limit of the bundled logs would.
+        reached = reached[:1]
+    better = [one for one in reached if one is not first and one.better_than(first)]
+    worthy = confirmed(better, held_out.whitener.size)
+    if worthy is None and is_enough:
+        return None
+    best = worthy or first
+    before_rpm = held_out.errors(alone)[1]
+    model, of_law = best.stated()
+    return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)

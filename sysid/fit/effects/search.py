@@ -1,0 +1,336 @@
+"""Growing a set of effects beside a law, both fitted again together at each step, and pruning it.
+
+What is fitted are the logs of a model's own fit: of a wheel on the bench, or of a robot, with its parameters.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.effects import CATALOGUE, Effect
+from mecanum_env.effects.friction import COULOMB, DEAD_ZONE_LIKE_IT
+from mecanum_env.errors import MecanumError
+from mecanum_env.model import Model, cause_of
+from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from sysid.compare.least_squares import (
+    SMOOTH_STEP,
+    Fitted,
+    ResidualProblem,
+    compass_search,
+    descend_steeply,
+    marginal_function,
+)
+from sysid.compare.model_error import Whitener
+from sysid.compare.search_space import (
+    Coordinate,
+    EffectSet,
+    LawWithEffects,
+    RefittedLaw,
+    coordinate,
+    effect_set,
+)
+from sysid.fit.effects.candidates import TRIED, starts
+from sysid.fit.effects.reached import EVIDENCE, HeldOut, Reached
+from sysid.fit.effects.simple_drive import SIMPLE_DRIVE, simple_drive
+from sysid.progress import Progress
+
+ROUNDS: Final = 6
+"""Largest number of effects that are added. Assumed."""
+_FITTED: Final = 3
+"""Effects by which a set is tried to grow in each round: those that promise most."""
+BEAM: Final = 2
+"""Sets that grow in each round. More than one, as two effects may explain what neither does alone."""
+_PATIENCE: Final = 2
+"""Rounds without a better set after which the search ends: the second of a pair may be what helps."""
+_SHORTEST_WASHOUT_S: Final = 0.004
+_SHORTEST_RISE_S: Final = 0.005
+"""Bounds of what logs can show [s]: about the shortest time between rows."""
+_LARGEST_GAIN: Final = 5.0
+"""Largest gain of a drive beside its effects, and inverse of the smallest. Assumed."""
+_SHARES: Final = (0.3, 0.1)
+"""Shares of the way from neutral to the most promising place at which a fit may start again. Assumed."""
+_FRICTIONS: Final = frozenset((COULOMB, "stiction"))
+"""Causes that include Coulomb friction."""
+
+
+def searched(
+    searches: Sequence[EffectSearch],
+    began: Sequence[Reached],
+    tell: Progress,
+    rounds: int = ROUNDS,
+    width: int = BEAM,
+    pruned: int | None = None,
+) -> list[Reached]:
+    """Return the sets of effects that were the best ones while they grew from starts, the last one first.
+
+    Each start belongs to one of the searches. There are at most so many `rounds`, in each of which
+    `width` sets grow; `pruned` is as in `EffectSearch.pruned`. `tell` is called before each round.
+    """
+    beam, best, stale = list(began), began[0], 0
+    bests = [best]
+    for size in range(rounds):
+        tell(f"effect {size + 1}")
+        before, best = best, min([best, *beam], key=lambda one: one.price(best.inflation))
+        stale = 0 if size == 0 or best is not before else stale + 1
+        bests += [best] if best is not before else []
+        if stale == _PATIENCE:
+            break
+        grown = [
+            more
+            for search in searches
+            for one in beam
+            if one.base is search.base
+            for more in search.grown(one)
+        ]
+        beam = _best_ones(grown, best.inflation)[:width]
+        if not beam:
+            break
+    best = min([best, *beam], key=lambda one: one.price(best.inflation))
+    search = next(search for search in searches if search.base is best.base)
+    smaller = search.pruned(best, pruned)
+    return list(dict.fromkeys([search.rubbing(smaller), smaller, best, *reversed(bests)]))
+
+
+@dataclass(frozen=True, eq=False)
+class _Growth:
+    """A set of effects with one more, not yet fitted."""
+
+    expected: float
+    """Cost that linear least squares expects."""
+    place: FloatArray
+    """Where it expects that, (p,)."""
+    neutral: FloatArray
+    """The set as it was fitted, with the further effect at neutral, (p,)."""
+    candidate: LawWithEffects
+
+
+class EffectSearch:
+    """The effects beside one starting law, and of a robot beside some of its parameters."""
+
+    def __init__(
+        self,
+        law: Model,
+        whitener: Whitener,
+        held_out: HeldOut,
+        largest_pole: float,
+        known: Mapping[str, Effect],
+        robot: tuple[str, ...] = (),
+    ) -> None:
+        self.known, self.robot = known, robot
+        self.base = replace(law, uncertainty={})
+        self.problem = ResidualProblem(self.base, whitener, held_out.study)
+        self.held_out, self.largest_pole = held_out, largest_pole
+        values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
+        self._top_rpm = max(values, default=0.0)
+
+    def begin(self) -> Reached | None:
+        """Return the law fitted again by these residuals, with the effects that it came with."""
+        names = [name for name in self.base.effects if name in self.known]
+        law = RefittedLaw(self.base, self.robot, self.largest_pole)
+        candidate = LawWithEffects(law, self._set(names))
+        return self._reached(candidate, candidate.start())
+
+    def simple_drive(self, alone: Model) -> Model:
+        """Return the simple drive that explains these logs best; the rest is as in the law `alone`."""
+
+        def cost(model: Model) -> float:
+            residual = self.problem.residual(model)
+            return math.inf if residual is None else float(residual @ residual)
+
+        names = [name for name in SIMPLE_DRIVE if name in self.known]
+        return simple_drive(alone, self._set(names), self.largest_pole, cost)
+
+    def grown(self, reached: Reached) -> list[Reached]:
+        """Return the sets with one effect more that promise most, fitted."""
+        promising = sorted(self._promising(reached), key=lambda growth: growth.expected)[:_FITTED]
+        fitted = (self._fitted(growth, reached.fitted.cost) for growth in promising)
+        return [one for one in fitted if one is not None]
+
+    def pruned(self, reached: Reached, tried: int | None = None) -> Reached:
+        """Return the set without effects that are not worth their price, the least useful first.
+
+        At a time so many effects are `tried`, those first that least squares expects to matter least; None:
+        all.
+        """
+        names = sorted(reached.fitted.candidate.effects.names, key=lambda name: self._use(reached, name))
+        inflation = reached.inflation
+        smaller: list[tuple[Reached, EffectSearch]] = []
+        for name in names[:tried] if len(names) > 1 else ():
+            search = self._beside_none_of(name)
+            found = search._reached(*_without(reached, name))
+            if found is not None and found.price(inflation) < reached.price(inflation):
+                smaller.append((found, search))
+        if not smaller:
+            return reached
+        best, search = min(smaller, key=lambda one: one[0].price(inflation))
+        return search.pruned(best, tried)
+
+    def rubbing(self, reached: Reached) -> Reached:
+        """Return the set with friction for a dead zone that subtracts, unless that explains the logs better.
+
+        Better is a gain of more than `EVIDENCE` in BIC, at which the logs tell the two apart.
+        """
+        old = reached.fitted.candidate
+        names = old.effects.names
+        if DEAD_ZONE_LIKE_IT not in names or {cause_of(name) for name in names} & _FRICTIONS:
+            return reached
+        without, place = _without(reached, DEAD_ZONE_LIKE_IT)
+        torque, answer = self._set([COULOMB]).coordinates
+        effects = EffectSet(
+            (*without.effects.names, COULOMB),
+            (*without.effects.coordinates, torque),
+            # A time of answer would be one number more than the dead zone has.
+            (*without.effects.fixed, (COULOMB, answer.parameter, 0.0)),
+        )
+        threshold_rpm = reached.model.effects[DEAD_ZONE_LIKE_IT]["threshold_rpm"]
+        start = torque.unit(threshold_rpm * RAD_S_PER_RPM * self.base.robot.servo_n_m_s_rad)
+        # The set may have lost effects that this search began with.
+        search = self._from(reached.base)._beside_none_of(DEAD_ZONE_LIKE_IT)
+        found = search._reached(LawWithEffects(old.law, effects), np.append(place, start))
+        if found is None or found.price(reached.inflation) > reached.price(reached.inflation) + EVIDENCE:
+            return reached
+        return found
+
+    def _beside_none_of(self, name: str) -> EffectSearch:
+        """Return this search with a starting law that comes without an effect."""
+        if name not in self.base.effects:
+            return self
+        effects = {other: values for other, values in self.base.effects.items() if other != name}
+        return self._from(replace(self.base, effects=effects))
+
+    def _from(self, start: Model) -> EffectSearch:
+        """Return this search with another starting law."""
+        if start is self.base:
+            return self
+        whitener = self.problem.whitener
+        return EffectSearch(start, whitener, self.held_out, self.largest_pole, self.known, self.robot)
+
+    def _use(self, reached: Reached, name: str) -> float:
+        """Return by how much least squares expects the cost to rise without an effect."""
+        fitted, bare = reached.fitted, replace(self.base, effects={})
+        neutral = fitted.place.copy()
+        first = fitted.candidate.law.parameter_count
+        for index, one in enumerate(fitted.candidate.effects.coordinates):
+            parameter = next(p for p in CATALOGUE[one.effect].parameters if p.name == one.parameter)
+            if one.effect == name and parameter.neutral is not None:
+                value = parameter.neutral_in(bare)
+                neutral[first + index] = one.unit(value) if math.isfinite(value) else 1.0
+        mine = np.array([owner == name for owner in fitted.candidate.owners])
+        others = np.linalg.qr(fitted.jacobian[:, ~mine])[0]
+        change = fitted.jacobian @ (neutral - fitted.place)
+        return float(np.sum((change - others @ (others.T @ change)) ** 2))
+
+    def _fitted(self, growth: _Growth, limit: float) -> Reached | None:
+        """Return a growth, fitted; None if its cost does not fall below a `limit`.
+
+        The place that promises most is that of a straight line, and beside a law that is free it may lead
+        astray. The fit then starts again nearer to neutral, where the cost is least.
+        """
+        found = self._reached(growth.candidate, growth.place)
+        if found is None or found.fitted.cost >= limit:
+            function = marginal_function(self.problem, growth.candidate)
+
+            def cost(place: FloatArray) -> float:
+                residual = function(place)
+                return math.inf if residual is None else float(residual @ residual)
+
+            way = growth.place - growth.neutral
+            nearer = min((growth.neutral + share * way for share in _SHARES), key=cost)
+            found = self._reached(growth.candidate, nearer)
+        return found if found is not None and found.fitted.cost < limit else None
+
+    def _reached(self, candidate: LawWithEffects, place: FloatArray) -> Reached | None:
+        function = marginal_function(self.problem, candidate)
+        reached = descend_steeply(function, place, step=SMOOTH_STEP)
+        if reached is None:
+            return None
+        if any(candidate.stepwise):
+            looked = compass_search(function, reached, np.array(candidate.stepwise))
+            reached = descend_steeply(function, looked.place, step=SMOOTH_STEP) or reached
+        found = Fitted(candidate, reached.place, reached.residual, reached.jacobian)
+        model = candidate.model(self.base, found.place)
+        try:
+            held_out = self.held_out.errors(model)
+        except MecanumError:
+            # Held-out commands may drive a model astray that the fit runs do not.
+            return None
+        return Reached(self.base, found, candidate.parameter_count, *held_out)
+
+    def _set(self, names: Sequence[str]) -> EffectSet:
+        """Return effects with free parameters whose bounds are as wide as these logs allow."""
+        scale = self.problem.study.scale
+        chosen = effect_set(self.base, names, scale=scale)
+        tried = [
+            coordinate(self.base, CATALOGUE[name], parameter, scale)
+            for name in chosen.names
+            for parameter in CATALOGUE[name].parameters
+            if parameter.name in TRIED
+        ]
+        free = dict.fromkeys([*chosen.coordinates, *tried])
+        return replace(chosen, coordinates=tuple(map(self._wide, free)))
+
+    def _wide(self, one: Coordinate) -> Coordinate:
+        """Return a coordinate that reaches as far as the speeds of the logs do."""
+        if one.parameter == "washout_s":
+            return replace(one, low=min(one.low, _SHORTEST_WASHOUT_S))
+        if one.effect == "speed_gain":
+            # Units of commands may be any, and a dead zone makes the gain beside it larger.
+            return replace(one, low=min(one.low, 1.0 / _LARGEST_GAIN), high=max(one.high, _LARGEST_GAIN))
+        if one.parameter in ("limit_rpm_s", "brake_rpm_s"):
+            return replace(one, high=max(one.high, self._top_rpm / _SHORTEST_RISE_S))
+        return one
+
+    def _promising(self, reached: Reached) -> Iterator[_Growth]:
+        """Yield the growth by each further effect from where linear least squares expects most of it."""
+        fitted, scale = reached.fitted, self.problem.study.scale
+        orthogonal = np.linalg.qr(fitted.jacobian)[0]
+        rest = fitted.residual - orthogonal @ (orthogonal.T @ fitted.residual)
+        present = {cause_of(name) for name in fitted.names}
+        for name, effect in self.known.items():
+            if effect.cause in present:
+                continue
+            added = self._set([name])
+            so_far = fitted.candidate.effects
+            effects = EffectSet(
+                (*so_far.names, name), (*so_far.coordinates, *added.coordinates), so_far.fixed
+            )
+            candidate = LawWithEffects(fitted.candidate.law, effects)
+            function = marginal_function(self.problem, candidate)
+            best: tuple[float, FloatArray] | None = None
+            for start in starts(effect, added, scale):
+                place = np.concatenate([fitted.place, start])
+                residual = function(place)
+                if residual is None:
+                    continue
+                change = residual - fitted.residual
+                change = change - orthogonal @ (orthogonal.T @ change)
+                square = float(change @ change)
+                share = float(np.clip(-(change @ rest) / square, 0.0, 1.2)) if square > 0.0 else 0.0
+                expected = float(np.sum((rest + share * change) ** 2))
+                if share > 0.0 and (best is None or expected < best[0]):
+                    best = (expected, place)
+            if best is not None:
+                yield _Growth(*best, np.concatenate([fitted.place, added.start()]), candidate)
+
+
+def _best_ones(grown: Sequence[Reached], inflation: float) -> list[Reached]:
+    """Return the best of some sets, each set of effects once."""
+    found: dict[tuple[str, ...], Reached] = {}
+    for one in sorted(grown, key=lambda one: one.price(inflation)):
+        found.setdefault(tuple(sorted(one.fitted.candidate.effects.names)), one)
+    return list(found.values())
+
+
+def _without(reached: Reached, name: str) -> tuple[LawWithEffects, FloatArray]:
+    """Return a set without one of its effects, and where it was fitted."""
+    old = reached.fitted.candidate
+    kept = [i for i, one in enumerate(old.effects.coordinates) if one.effect != name]
+    effects = old.effects.only([other for other in old.effects.names if other != name])
+    count = old.law.parameter_count
+    place = np.concatenate([reached.fitted.place[:count], reached.fitted.place[count:][kept]])
+    return LawWithEffects(old.law, effects), place

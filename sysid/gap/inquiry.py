@@ -1,0 +1,198 @@
+"""The search for the effects that a model lacks, and again beside those that were there when it was fitted.
+
+Effects that the logs of the model's fit show, too, are not new (`sysid.gap.search.since`). They are put into
+the model, and the search is repeated, so that they neither hide what is new nor pass for it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.model import Model
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.model_error import Learned, ModelError, Whitener, block_residuals, estimate_model_error
+from sysid.compare.noise import Noise, with_lasting
+from sysid.compare.predicted import Simulators, Study
+from sysid.compare.search_space import Bounds
+from sysid.gap.result import GapOptions, Since
+from sysid.gap.search.beyond_fit import beyond_fit
+from sysid.gap.search.data import StudyData, study_data
+from sysid.gap.search.decision import Decision, decide, explore
+from sysid.gap.search.responses import responses
+from sysid.gap.search.sets import Search
+from sysid.gap.search.since import Completion, completed, since_of
+from sysid.gap.search.thresholds import EFFORT
+from sysid.logs import Dataset
+from sysid.logs.runs import UNITS
+from sysid.progress import Progress, within
+
+_MOST_COMPLETIONS: Final = 2
+"""Searches after the first one, each of which takes as long. Assumed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inquiry:
+    """What a study found in its logs: the data, the sets that were fitted, and the decision."""
+
+    data: StudyData
+    search: Search
+    decision: Decision
+    since: Mapping[str, Since]
+    """Of each effect of the best set, what the logs of the fit say of the time when it came."""
+    there: Mapping[str, Mapping[str, Bounds]] = field(default_factory=dict)
+    """Effects that the logs of the model's fit show, too, and that the search took for granted: effect ->
+    parameter -> value and the ends of its 90 % interval."""
+
+
+def inquire(
+    dataset: Dataset,
+    model: Model,
+    options: GapOptions,
+    considered: Sequence[str],
+    false_alarm: float,
+    progress: Progress,
+) -> Inquiry:
+    """Search for the sets of `considered` effects that logs show beside a model and beside what was there.
+
+    The `base` of the problem of the search is the model, with the effects that were there already.
+    Noise alone is taken for an effect with a probability `false_alarm`. `progress` is called as by
+    `sysid.gap.workflow.analyse`.
+    """
+    found = _searched(dataset, model, options, considered, false_alarm, progress)
+    there: dict[str, Mapping[str, Bounds]] = {}
+    for _ in range(_MOST_COMPLETIONS):
+        completion = _completion(found)
+        if completion is None:
+            break
+        there |= completion.effects
+        progress(stage := "what is new beside what was there already")
+        tell = within(progress, stage)
+        found = _searched(dataset, completion.model, options, considered, false_alarm, tell)
+    return replace(found, there=there)
+
+
+def _completion(found: Inquiry) -> Completion | None:
+    """Return the model with those effects of the best set that were there already; None if none was."""
+    chosen, learned = found.decision.facts.chosen, found.data.learned
+    already = [name for name, since in found.since.items() if since == "already when fitted"]
+    if chosen is None or learned is None or not already:
+        return None
+    return completed(learned, chosen.fitted, already)
+
+
+def _searched(
+    dataset: Dataset,
+    model: Model,
+    options: GapOptions,
+    considered: Sequence[str],
+    false_alarm: float,
+    progress: Progress,
+) -> Inquiry:
+    study = Study(options.plant, options.jobs, seed=options.seed)
+    progress("data check")
+    data = study_data(dataset, model, options)
+    data = replace(data, floor=replace(data.floor, false_alarm=false_alarm))
+    progress(stage := "what each effect would do")
+    search = _start_search(data, model, study, considered, within(progress, stage))
+    if not data.floor.trusted:
+        progress(stage := "how far the model errs by itself")
+        search.tell = within(progress, stage)
+        data = replace(data, error=_error_of_best_fit(data, search, options.max_effects))
+        search = _start_search(data, model, study, considered, search.tell, search.problem.simulators)
+    progress(stage := "sets of effects")
+    search.tell = within(progress, stage)
+    decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
+    noise = _with_lasting(data, search)
+    if decision.facts.chosen is not None and noise.lasting != data.noise.lasting:
+        progress(stage := "sets of effects beside noise that lasts")
+        told = tuple(map(_lasting_note, noise.lasting.items()))
+        # The noise is measured in these logs: the error is not that of the logs of the fit alone any more.
+        floor = replace(data.floor, compared=False)
+        error = _with_scatter(data, search)
+        data = replace(data, noise=noise, error=error, floor=floor, notes=(*data.notes, *told))
+        tell = within(progress, stage)
+        search = _start_search(data, model, study, considered, tell, search.problem.simulators)
+        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
+    return Inquiry(data, search, decision, _since(data.learned, search.problem, decision))
+
+
+def _start_search(
+    data: StudyData,
+    model: Model,
+    study: Study,
+    considered: Sequence[str],
+    tell: Progress,
+    simulators: Simulators | None = None,
+) -> Search:
+    whitener = Whitener(data.observations, data.noise, data.error)
+    problem = ResidualProblem(model, whitener, study, simulators, data.learned)
+    level = data.observations.situations[0].runs[0].level
+    library = responses(problem, considered, tell=tell)
+    if data.learned is not None and problem.knows_all:
+        library = beyond_fit(problem, data.learned, library)
+    return Search(problem, library, EFFORT[level])
+
+
+def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> ModelError:
+    """Return the model's own error as the best set of effects leaves it.
+
+    It is the only estimate if the model was fitted to these very logs, or states no error.
+    """
+    problem = search.problem
+    explore(search, data.floor, max_effects, np.random.default_rng(problem.study.seed))
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
+    return estimate_model_error(block_residuals(data.observations, data.noise, parts))
+
+
+def _with_lasting(data: StudyData, search: Search) -> Noise:
+    """Return the noise with what lasts as long as a command is held, as the best set of effects leaves it."""
+    problem = search.problem
+    before, after = (
+        problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
+        for fitted in (search.base, search.best_fit)
+    )
+    return with_lasting(data.noise, data.observations, before, after)
+
+
+def _with_scatter(data: StudyData, search: Search) -> ModelError | None:
+    """Return the model's error, after changes of command no less than what the best set of effects leaves.
+
+    Without repeats nothing else tells by how much two changes of the same size differ.
+    """
+    if data.error is None:
+        return None
+    problem = search.problem
+    parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
+    left = estimate_model_error(block_residuals(data.observations, data.noise, parts)).channels
+    channels = {
+        name: replace(error, transient=max(error.transient, left[name].transient))
+        if data.noise.source.get(name) != "repeats" and name in left
+        else error
+        for name, error in data.error.channels.items()
+    }
+    return replace(data.error, channels=channels)
+
+
+def _lasting_note(item: tuple[str, float]) -> str:
+    channel, size = item
+    return (
+        f"{channel}: the same command does not give the same speed each time, by {size:.2g} "
+        f"{UNITS[channel]} (rms) beside the best set of effects; this counts as noise"
+    )
+
+
+def _since(learned: Learned | None, problem: ResidualProblem, decision: Decision) -> Mapping[str, Since]:
+    """Return what the logs of the fit, where these are known, say of the effects of the best set.
+
+    Of a robot, what every effect does in the logs of the fit is taken off: what is found came later.
+    """
+    chosen = decision.facts.chosen
+    if learned is None or chosen is None:
+        return {}
+    if not learned.is_bench:
+        return dict.fromkeys(chosen.names, "new")
+    return since_of(problem, learned, chosen.fitted)

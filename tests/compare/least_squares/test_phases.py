@@ -1,0 +1,107 @@
+"""Effects that follow the wheel's angle in runs that start at unknown angles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator import replay_bench
+from sysid.compare.least_squares import ResidualProblem, likely_frequencies
+from sysid.compare.least_squares.phases import with_unknown_phases
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
+from sysid.compare.noise import measure_noise
+from sysid.gap.search.responses import responses
+from sysid.gap.search.sets import Search
+from sysid.gap.search.thresholds import SearchEffort
+from sysid.logs import BenchCommand, Dataset, Run
+
+MODEL = paper_model()
+NOISE_RPM = 0.2
+
+
+def turned_logs(effect: str, **values: float) -> Dataset:
+    """Return bench logs of a wheel with an effect, each run of which starts at another angle."""
+    rng = np.random.default_rng(5)
+    time = np.arange(0.0, 4.0, 0.01)
+    runs = []
+    for i in range(6):
+        levels = rng.uniform(20.0, 120.0, 4) * rng.choice((-1.0, 1.0), 4)
+        command = np.rint(np.concatenate([np.zeros(20), np.repeat(levels, 95)]))
+        true = MODEL.with_effect(effect, **values, phase_deg=float(rng.uniform(-180.0, 180.0)))
+        speed = replay_bench(true, time, command) + NOISE_RPM * rng.standard_normal(time.size)
+        runs.append(Run(f"{i}.csv", f"{i}", "fit", time, BenchCommand(command), {"speed_rpm": speed}))
+    return Dataset("turned", tuple(runs), ())
+
+
+def problem_of(logs: Dataset) -> ResidualProblem:
+    observations = observe(logs)
+    return ResidualProblem(MODEL, Whitener(observations, measure_noise(logs, observations), None))
+
+
+def with_phase(model: Model, effect: str, phase_deg: float) -> Model:
+    return replace(model, effects={effect: {**model.effects[effect], "phase_deg": phase_deg}})
+
+
+@pytest.mark.parametrize(
+    ("effect", "values"),
+    [
+        ("torque_ripple", {"per_turn": 7.0, "torque_n_m": 0.8}),
+        ("torque_ripple", {"per_turn": 12.0, "share": 0.03}),
+        ("encoder_eccentricity", {"per_turn": 2.0, "share": 0.03}),
+    ],
+)
+def test_an_effect_of_the_angle_is_found_whatever_the_phase_of_each_run(
+    effect: str, values: dict[str, float]
+) -> None:
+    problem = problem_of(turned_logs(effect, **values))
+    search = Search(problem, responses(problem, ["torque_ripple", "encoder_eccentricity"]), SearchEffort())
+    search.grow(1)
+    best = search.of_size(1)[0]
+    found = best.candidate.model(MODEL, best.place).effects[effect]
+    assert best.cost < 1.3 * problem.size < 0.5 * search.base.cost
+    for name, value in values.items():
+        assert found[name] == pytest.approx(value, rel=0.1)
+
+
+def test_the_phase_of_a_model_does_not_matter() -> None:
+    problem = problem_of(turned_logs("encoder_eccentricity", per_turn=3.0, share=0.05))
+    one = MODEL.with_effect("encoder_eccentricity", per_turn=3.0, share=0.05, phase_deg=10.0)
+    here, there = (problem.residual(model) for model in (one, with_phase(one, "encoder_eccentricity", 70.0)))
+    assert here is not None
+    np.testing.assert_array_equal(here, there)
+
+
+def test_an_effect_that_is_not_there_is_not_rewarded_for_its_free_phases() -> None:
+    problem = problem_of(turned_logs("encoder_eccentricity", per_turn=3.0, share=0.0))
+    base = problem.residual(MODEL)
+    assert base is not None
+    for per_turn in range(1, 25):
+        tried = MODEL.with_effect("encoder_eccentricity", per_turn=float(per_turn), share=0.01)
+        residual = problem.residual(tried)
+        assert residual is not None
+        assert residual @ residual > base @ base - 4.0
+
+
+def test_the_residual_says_which_frequency_to_try() -> None:
+    problem = problem_of(turned_logs("torque_ripple", per_turn=18.0, torque_n_m=0.3))
+    predictions = problem.simulators.full.predictions(MODEL)
+    blocks, rows = problem.observations.blocks, problem.whitener.slices
+    assert likely_frequencies(problem.base_residual, predictions, blocks, rows, 1) == (18,)
+
+
+def test_a_phase_that_cancels_a_huge_residual_costs_nothing_below_zero() -> None:
+    logs = turned_logs("torque_ripple", torque_n_m=0.3, per_turn=6.0)
+    problem = problem_of(logs)
+    model = MODEL.with_effect("torque_ripple", torque_n_m=0.3, per_turn=6.0, phase_deg=0.0)
+    shape = np.cos(0.1 * np.arange(problem.size) + 0.3) * 1e9
+
+    def residual_of(turned: Model) -> np.ndarray:
+        return shape * (1.0 + np.cos(np.radians(turned.effects["torque_ripple"]["phase_deg"] + 10.0)))
+
+    blocks, rows = problem.observations.blocks, problem.whitener.slices
+    found = with_unknown_phases(residual_of, model, blocks, rows)
+    assert np.all(np.isfinite(found))

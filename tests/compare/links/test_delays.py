@@ -1,0 +1,60 @@
+"""Delays of single changes of a command, as latent values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.compare.links import LinkClock, LinkDelays, link_delays
+from sysid.logs import Dataset
+
+MakeLogs = Callable[[FloatArray], Dataset]
+MakeDelays = Callable[..., FloatArray]
+
+
+@pytest.fixture
+def found(model: Model, at_once: LinkClock, delayed: MakeLogs) -> Callable[[FloatArray], LinkDelays]:
+    """Return a function from true delays [s], (n, 2), to those that are found."""
+    return lambda truth: link_delays(model, delayed(truth).runs, at_once)
+
+
+def test_the_delay_of_each_change_is_found(found, spread_delays: MakeDelays) -> None:
+    truth = spread_delays(0)
+    delays = found(truth)
+    assert delays.jitters
+    np.testing.assert_allclose(delays.delay_s, truth.ravel(), atol=0.02)
+    assert delays.spread_s == pytest.approx(float(np.std(truth)), rel=0.4)
+    assert delays.mean_s == pytest.approx(0.12, abs=0.02)
+
+
+def test_a_common_delay_is_no_spread(found) -> None:
+    assert not found(np.full((10, 2), 0.12)).jitters
+
+
+def test_delays_up_to_half_a_second_are_found(found, spread_delays: MakeDelays) -> None:
+    truth = spread_delays(2, spread_s=0.02, mean_s=0.42)
+    np.testing.assert_allclose(found(truth).delay_s, truth.ravel(), atol=0.02)
+
+
+def test_changes_that_go_with_their_direction_are_no_jitter(found) -> None:
+    assert not found(np.column_stack([np.full(10, 0.14), np.full(10, 0.09)])).jitters
+
+
+def test_a_change_that_never_acts_is_lost(found, spread_delays: MakeDelays) -> None:
+    truth = spread_delays(3)
+    truth[4] = 100.0
+    delays = found(truth)
+    assert delays.lost[8]
+    assert delays.loss == pytest.approx(0.05, abs=0.051)
+
+
+def test_the_clock_of_arrivals_spans_the_common_delay() -> None:
+    clock = LinkClock(1.0 / 60.0, None)
+    periods = [clock.period_s(delay_s) for delay_s in (0.0, 0.2, 0.4)]
+    assert periods == sorted(periods)
+    np.testing.assert_allclose(clock.tick_s / np.array(periods), np.rint(clock.tick_s / np.array(periods)))
+    assert LinkClock(1.0 / 60.0, None, 0.4).period_s() == periods[-1]

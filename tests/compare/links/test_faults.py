@@ -1,0 +1,75 @@
+"""What the delays of single changes say of a link: nothing, that it jitters, or that it loses commands."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from mecanum_env.units import FloatArray
+from sysid.compare.links import LinkDelays, known_state, link_fault
+from sysid.compare.links.changes import GRID_S, Change
+
+SURE_S = 0.004
+KNOWN = known_state(None, 0.01)
+
+
+def seen(delay_s: FloatArray, hold_s: float = 1.0) -> LinkDelays:
+    """Return changes, `hold_s` apart, of which the logs show each delay to within 4 ms."""
+    likelihood = -0.5 * ((GRID_S - delay_s[:, None]) / SURE_S) ** 2
+    changes = tuple(Change(0, hold_s * i, 0.0, 10.0) for i in range(delay_s.size))
+    zero, none = np.zeros(delay_s.size), np.zeros(delay_s.size, bool)
+    never = np.full(delay_s.size, -200.0)
+    return LinkDelays(changes, zero, none, (), 0.05, 0.0, 0.0, likelihood, never, likelihood)
+
+
+def measured(seed: int, true_s: FloatArray) -> LinkDelays:
+    """Return changes whose delays were seen with an error."""
+    return seen(true_s + SURE_S * np.random.default_rng(seed).standard_normal(true_s.size))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_steady_link_has_no_fault(seed: int) -> None:
+    found = measured(seed, np.full(60, 0.05))
+    assert link_fault(found, KNOWN, 0.9, np.random.default_rng(0)) is None
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_jitter_is_found_with_its_size(seed: int) -> None:
+    true = 0.1 + 0.03 * np.random.default_rng(seed + 100).standard_normal(60)
+    fault = link_fault(measured(seed, true), KNOWN, 0.9, np.random.default_rng(0))
+    assert fault is not None
+    assert fault.kind == "jitter"
+    assert fault.size[1] < 0.03 < fault.size[2]
+    assert fault.delay_s[1] < 0.1 < fault.delay_s[2]
+    assert fault.frequency > 0.9
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_lost_commands_are_found_with_their_share(seed: int) -> None:
+    rng = np.random.default_rng(seed + 200)
+    true = 0.05 + 0.1 * (rng.geometric(0.9, 100) - 1)
+    fault = link_fault(measured(seed, true), KNOWN, 0.9, np.random.default_rng(0))
+    assert fault is not None
+    assert fault.kind == "loss"
+    assert fault.size[1] < 0.1 < fault.size[2]
+    assert fault.period_s == pytest.approx(0.1, rel=0.1)
+
+
+def test_what_the_logs_of_the_fit_show_too_is_no_fault() -> None:
+    jitters = [0.1 + 0.03 * np.random.default_rng(seed).standard_normal(60) for seed in (1, 2)]
+    before, after = (measured(seed, true) for seed, true in enumerate(jitters))
+    known = known_state(before, 0.0)
+    assert known.spread_s == pytest.approx(0.03, rel=0.4)
+    assert link_fault(after, known, 0.9, np.random.default_rng(0)) is None
+
+
+def test_few_changes_show_nothing() -> None:
+    assert link_fault(seen(np.linspace(0.0, 0.4, 5)), KNOWN, 0.9, np.random.default_rng(0)) is None
+
+
+def test_changes_are_moved_by_whole_periods_where_commands_are_lost() -> None:
+    true = 0.05 + 0.1 * (np.random.default_rng(3).geometric(0.8, 60) - 1)
+    found = measured(3, true)
+    fault = link_fault(found, KNOWN, 0.9, np.random.default_rng(0))
+    assert fault is not None
+    np.testing.assert_allclose(fault.delays(found, KNOWN).delay_s, true, atol=0.025)

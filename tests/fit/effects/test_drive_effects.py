@@ -1,0 +1,161 @@
+"""Law and effects of a drive, fitted together: found where they are, left out where the law is enough."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.effects.friction import droop_rpm
+from mecanum_env.simulator import replay_bench
+from mecanum_env.units import RAD_S_PER_RPM
+from sysid.fit import FitOptions, fit_dataset, fitted_model
+from sysid.fit.report import fit_json
+from sysid.logs import BenchCommand, Dataset, Run
+
+SAMPLE_S, SECONDS = 1.0 / 120.0, 2.5
+SPLITS = ("fit", "fit", "fit", "fit", "validation", "validation", "test")
+NOISE_RPM = 0.3
+
+
+def logs(model, seed: int = 0, battery_v=None) -> Dataset:
+    """Return seven sequences of commands, each driven twice by a model, with noise; `battery_v` is logged."""
+    rng = np.random.default_rng(seed)
+    time_s = np.arange(round(SECONDS / SAMPLE_S) + 1) * SAMPLE_S
+    runs = []
+    for number, split in enumerate(SPLITS):
+        levels = np.concatenate([[0], rng.integers(-110, 111, 7)]).astype(float)
+        command = levels[np.minimum((time_s / 0.3 + 1e-9).astype(int), 7)]
+        speed = replay_bench(model, time_s, command, battery_v=battery_v)
+        for repeat in (1, 2):
+            noisy = speed + NOISE_RPM * rng.standard_normal(speed.size)
+            name = f"run_{number}_{repeat}.csv"
+            channels = {"speed_rpm": noisy} | ({} if battery_v is None else {"battery_v": battery_v})
+            runs.append(Run(name, f"run_{number}", split, time_s, BenchCommand(command), channels))
+    return Dataset("made", tuple(runs), ())
+
+
+@pytest.fixture(scope="module")
+def rubbing(paper_module):
+    """Return a drive that reaches 0.9 of its command and rubs, and the fit of its logs."""
+    soft = replace(paper_module, robot=replace(paper_module.robot, servo_n_m_s_rad=0.5))
+    true = soft.with_effect("speed_gain", gain=0.9).with_effect("coulomb_friction", torque_n_m=0.4)
+    return true, fit_dataset(logs(true), FitOptions(starts=2, robot=soft.robot))
+
+
+@pytest.fixture(scope="module")
+def paper_module():
+    from mecanum_env.model import paper_model
+
+    return paper_model()
+
+
+def test_a_drive_that_is_its_law_has_no_effects(paper_module):
+    fit = fit_dataset(logs(paper_module), FitOptions(starts=2))
+    assert fit.drive_effects is None
+    assert dict(fitted_model(fit).effects) == {}
+    assert fit_json(fit)["drive_effects"] is None
+
+
+def test_friction_and_gain_are_fitted_together_with_the_law(rubbing):
+    _, fit = rubbing
+    found = fit.drive_effects
+    assert found is not None
+    model = fitted_model(fit)
+    assert model.effects["speed_gain"]["gain"] == pytest.approx(0.9, abs=0.02)
+    assert "coulomb_friction" in model.effects
+    assert found.before_rpm > 3.0 * found.after_rpm
+    assert any("fitted together with the law" in note for note in fit.notes)
+
+
+def test_the_model_with_effects_predicts_runs_that_nothing_was_fitted_to(rubbing):
+    true, fit = rubbing
+    model = fitted_model(fit)
+    test = logs(true, seed=1).runs[-1]
+    predicted = replay_bench(model, test.time_s, test.command.wheels_rpm[:, 0])
+    error = np.sqrt(np.mean((predicted - test.channels["speed_rpm"]) ** 2))
+    assert error < 3.0 * NOISE_RPM
+
+
+def test_a_drive_whose_gain_follows_the_logged_voltage_is_fitted_with_it(paper_module):
+    volts = 24.0 - 2.0 * np.sin(np.linspace(0.0, np.pi, round(SECONDS / SAMPLE_S) + 1))
+    true = paper_module.with_effect("battery_sag", "voltage", per_volt=0.05)
+    found = fit_dataset(logs(true, battery_v=volts), FitOptions(starts=2)).drive_effects
+    # A law that is fitted without the voltage takes the mean loss for a gain; with it, none is left.
+    effects = dict(found.model.effects)
+    assert effects.pop("speed_gain", {"gain": 1.0})["gain"] == pytest.approx(1.0, abs=0.005)
+    assert set(effects) == {"battery_sag/voltage"}
+    assert found.model.effects["battery_sag/voltage"]["per_volt"] == pytest.approx(0.05, abs=0.003)
+
+
+def test_the_law_alone_is_fitted_on_request(rubbing):
+    true, _ = rubbing
+    fit = fit_dataset(logs(true), FitOptions(starts=2, effects="off", robot=true.robot))
+    assert fit.drive_effects is None
+
+
+def test_what_was_found_is_stated_with_its_uncertainty(rubbing):
+    _, fit = rubbing
+    model = fitted_model(fit)
+    stated = model.uncertainty["effects"]["speed_gain"]["gain"]
+    assert stated["low"] < model.effects["speed_gain"]["gain"] < stated["high"]
+    assert np.all(np.linalg.eigvalsh(np.array(model.uncertainty["wheel"]["covariance"])) > -1e-9)
+
+
+def test_law_and_effects_are_stated_with_one_covariance(rubbing):
+    _, fit = rubbing
+    uncertainty = fitted_model(fit).uncertainty
+    names, covariance = uncertainty["joint"]["names"], np.array(uncertainty["joint"]["covariance"])
+    assert names[:6] == list("ABCDEF")
+    assert {"speed_gain.gain", "coulomb_friction.torque_n_m"} <= set(names)
+    assert np.array_equal(covariance[:6, :6], np.array(uncertainty["wheel"]["covariance"]))
+    ends = uncertainty["effects"]["speed_gain"]["gain"]
+    deviation = np.sqrt(covariance[names.index("speed_gain.gain"), names.index("speed_gain.gain")])
+    assert ends["high"] - ends["low"] == pytest.approx(2.0 * 1.645 * deviation, rel=1e-3)
+    assert np.any(covariance[:6, 6:] != 0.0)
+
+
+def test_a_gain_is_not_imitated_by_a_pole_that_no_hold_shows(paper_module):
+    law = replace(paper_module.wheel.law, A=0.85, B=0.0, C=0.0, D=0.15, E=0.0, F=0.0)
+    true = replace(paper_module, wheel=replace(paper_module.wheel, law=law)).with_effect(
+        "speed_gain", gain=0.8
+    )
+    found = fitted_model(fit_dataset(logs(true), FitOptions(starts=2)))
+    assert found.effects["speed_gain"]["gain"] == pytest.approx(0.8, abs=0.02)
+    held_s = np.arange(600) * SAMPLE_S
+    speeds = [replay_bench(model, held_s, np.full(600, 100.0))[-1] for model in (true, found)]
+    assert speeds[1] == pytest.approx(speeds[0], abs=2.0)
+
+
+def test_a_ramp_behind_a_delay_is_found_although_the_law_alone_imitates_both(paper_module):
+    true = paper_module.with_effect("command_latency", delay_s=0.12)
+    true = true.with_effect("acceleration_limit", limit_rpm_s=350.0)
+    fit = fit_dataset(logs(true), FitOptions(starts=2))
+    model = fitted_model(fit)
+    assert model.effects["command_latency"]["delay_s"] == pytest.approx(0.12, abs=0.02)
+    assert model.effects["acceleration_limit"]["limit_rpm_s"] == pytest.approx(350.0, rel=0.05)
+    assert fit.drive_effects.after_rpm < 0.2 * fit.drive_effects.before_rpm
+
+
+def steps_from_rest(model, sample_s: float = 0.03) -> Dataset:
+    """Return steps of a model from rest and back, with noise, in samples as far apart as a rise takes."""
+    rng = np.random.default_rng(0)
+    time_s = np.arange(round(1.8 / sample_s)) * sample_s
+    runs = []
+    for number, level in enumerate((20.0, -35.0, 110.0, -95.0, 65.0, -50.0)):
+        command = np.where((time_s > 0.2) & (time_s < 1.4), level, 0.0)
+        speed = replay_bench(model, time_s, command) + 3.0 * NOISE_RPM * rng.standard_normal(time_s.size)
+        name, split = f"run_{number}", ("fit", "validation")[number > 3]
+        runs.append(Run(f"{name}.csv", name, split, time_s, BenchCommand(command), {"speed_rpm": speed}))
+    return Dataset("steps", tuple(runs), ())
+
+
+def test_a_motor_s_friction_is_fitted_as_friction_and_not_as_a_dead_zone(paper_module):
+    law = replace(paper_module.wheel.law, A=0.3, B=0.0, C=0.0, D=0.7, E=0.0, F=0.0)
+    fast = replace(paper_module, wheel=replace(paper_module.wheel, law=law))
+    torque = 3.0 * RAD_S_PER_RPM * fast.robot.servo_n_m_s_rad
+    logs = steps_from_rest(fast.with_effect("coulomb_friction", torque_n_m=torque))
+    found = fit_dataset(logs, FitOptions(starts=1)).drive_effects
+    assert found is not None
+    assert "command_deadband/subtract" not in found.model.effects
+    friction = found.model.effects["coulomb_friction"]
+    assert droop_rpm("coulomb_friction", friction, found.model) == pytest.approx(3.0, abs=0.3)

@@ -1,0 +1,76 @@
+"""The search of effects beside a law: what a start brings and the logs do not show is left out."""
+
+from dataclasses import replace
+from typing import Any, cast
+
+import pytest
+
+from mecanum_env.law.stability import POLE_LIMIT
+from mecanum_env.model import paper_model
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener
+from sysid.compare.noise import measure_noise
+from sysid.fit.effects import EffectSearch, HeldOut, Reached
+from sysid.fit.effects.candidates import drive_candidates
+from sysid.fit.effects.reached import confirmed
+
+from .test_drive_effects import logs
+
+
+@pytest.mark.parametrize("tried", [None, 1])
+def test_effects_of_the_start_that_the_logs_do_not_show_are_not_in_the_model(tried: int | None) -> None:
+    true = paper_model().with_effect("speed_gain", gain=0.9)
+    data = logs(true)
+    start = true.with_effect("coulomb_friction", torque_n_m=0.01).with_effect(
+        "command_latency", delay_s=0.001
+    )
+    observations = observe(replace(data, runs=data.split("fit")))
+    whitener = Whitener(observations, measure_noise(data, observations), None)
+    known = drive_candidates(data.columns)
+    search = EffectSearch(start, whitener, HeldOut.of(data), POLE_LIMIT, known)
+    began = search.begin()
+    assert began is not None
+    assert set(began.model.effects) == {"speed_gain", "coulomb_friction", "command_latency"}
+    assert set(search.pruned(began, tried).model.effects) == {"speed_gain"}
+
+
+def test_friction_for_a_dead_zone_brings_no_effect_back_that_was_pruned() -> None:
+    true = paper_model().with_effect("coulomb_friction", torque_n_m=0.4)
+    true = replace(true, robot=replace(true.robot, servo_n_m_s_rad=0.5))
+    data = logs(true)
+    start = replace(true, effects={}).with_effect("command_deadband/subtract", threshold_rpm=7.6)
+    start = start.with_effect("command_latency", delay_s=0.001)
+    observations = observe(replace(data, runs=data.split("fit")))
+    whitener = Whitener(observations, measure_noise(data, observations), None)
+    search = EffectSearch(start, whitener, HeldOut.of(data), POLE_LIMIT, drive_candidates(data.columns))
+    began = search.begin()
+    assert began is not None
+    smaller = search.pruned(began)
+    assert set(smaller.model.effects) == {"command_deadband/subtract"}
+    assert set(search.rubbing(smaller).model.effects) == {"coulomb_friction"}
+
+
+def test_a_set_grows_only_to_what_fits_better() -> None:
+    """Beside a free law the step that a straight line promises may lead far astray."""
+    data = logs(paper_model().with_effect("sensor_lowpass", time_constant_s=0.1))
+    observations = observe(replace(data, runs=data.split("fit")))
+    whitener = Whitener(observations, measure_noise(data, observations), None)
+    search = EffectSearch(
+        paper_model(), whitener, HeldOut.of(data), POLE_LIMIT, drive_candidates(data.columns)
+    )
+    began = search.begin()
+    assert began is not None
+    grown = search.grown(began)
+    assert grown
+    assert all(one.fitted.cost < began.fitted.cost for one in grown)
+
+
+def test_the_validation_runs_confirm_a_set_before_its_price_decides() -> None:
+    def reached(held_out: float) -> Reached:
+        return Reached(paper_model(), cast(Any, None), 6, held_out, held_out)
+
+    first, second = reached(1.2), reached(1.1)
+    assert confirmed([first, second], 1000) is second
+    assert confirmed([reached(1.101), second], 1000).held_out == 1.101
+    assert confirmed([first, second], 40) is first
+    assert confirmed([], 1000) is None

@@ -1,0 +1,112 @@
+"""A study of a robot beside the logs of its fit: only what a change does counts, and what is new."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from sysid.compare.least_squares import ResidualProblem, base_fit
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Learned, Whitener, learn
+from sysid.compare.predicted import Study
+from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio
+from sysid.gap.search.chance import Floor
+from sysid.gap.search.decision import _inflation
+from sysid.gap.search.responses import responses
+from sysid.gap.search.scores import group_masks, rises
+from sysid.gap.search.sets import EMPTY
+from sysid.logs import Dataset
+
+MakeLogs = Callable[..., Dataset]
+RIPPLE = {"share": 0.03, "per_turn": 4.0}
+
+
+@pytest.fixture(scope="module")
+def learned(robot_logs: MakeLogs) -> Learned:
+    rippled = paper_model().with_effect("encoder_eccentricity", **RIPPLE)
+    return learn(paper_model(), robot_logs(rippled, runs=3, seconds=1.5))
+
+
+def problem_of(logs: Dataset, learned: Learned, study: Study | None = None) -> ResidualProblem:
+    whitener = Whitener(observe(logs), learned.whitener.noise, learned.error)
+    return ResidualProblem(learned.model, whitener, study, learned=learned)
+
+
+def logs_of(robot_logs: MakeLogs, model: Model) -> Dataset:
+    return robot_logs(model, runs=2, seconds=1.5)
+
+
+def test_a_change_that_the_planar_plant_shows_has_no_chance_of_rollers_in_it(
+    learned: Learned, robot_logs: MakeLogs
+) -> None:
+    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+    base = problem.base_residual
+    moved = [problem.residual(problem.base.with_effect("speed_gain", gain=1.0 - c)) for c in (0.01, 0.02)]
+    assert moved[0] is not None
+    assert moved[1] is not None
+    once, twice = moved[0] - base, moved[1] - base
+    # Twice the change does twice as much, to the rounding of commands; on rollers chance is most of it.
+    assert np.linalg.norm(twice - 2.0 * once) < 0.2 * np.linalg.norm(twice)
+    unmoved = problem.residual(problem.base)
+    assert unmoved is not None
+    np.testing.assert_allclose(unmoved, base)
+
+
+def test_what_only_rollers_show_is_still_simulated_on_them(learned: Learned, robot_logs: MakeLogs) -> None:
+    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+    slippery = problem.residual(problem.base.with_effect("low_grip", friction=0.05))
+    assert slippery is not None
+    assert np.linalg.norm(slippery - problem.base_residual) > 10.0
+
+
+def test_a_ripple_that_the_logs_of_the_fit_show_is_not_looked_for(
+    learned: Learned, robot_logs: MakeLogs
+) -> None:
+    rippled = paper_model().with_effect("encoder_eccentricity", **RIPPLE)
+    problem = problem_of(logs_of(robot_logs, rippled), learned)
+    library = responses(problem, ["encoder_eccentricity", "speed_gain"])
+    assert {r.effect for r in library} == {"encoder_eccentricity", "speed_gain"}
+    assert {r.effect for r in beyond_fit(problem, learned, library)} == {"speed_gain"}
+
+
+def test_a_ripple_that_is_new_is_looked_for(robot_logs: MakeLogs) -> None:
+    learned = learn(paper_model(), robot_logs(paper_model(), runs=3, seconds=1.5))
+    rippled = paper_model().with_effect("encoder_eccentricity", **RIPPLE)
+    problem = problem_of(logs_of(robot_logs, rippled), learned)
+    library = responses(problem, ["encoder_eccentricity"])
+    assert beyond_fit(problem, learned, library) == library
+
+
+def test_an_error_of_few_sequences_may_be_much_larger_in_others(robot_logs: MakeLogs) -> None:
+    two, four = (observe(robot_logs(paper_model(), runs=runs, seconds=1.5)) for runs in (2, 4))
+    assert largest_ratio(two, two) > 4.0 * largest_ratio(four, four)
+
+
+@pytest.mark.parametrize(("factor", "raised"), [(1.5, True), (1.0, False), (1.001, False)])
+def test_a_set_that_raises_what_is_left_in_one_command_sequence_is_refused(
+    learned: Learned, robot_logs: MakeLogs, factor: float, raised: bool
+) -> None:
+    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+    before = base_fit(problem, EMPTY)
+    # Less is left in the others, and in all.
+    after = np.where(group_masks(problem)[0], factor, 0.1) * before.residual
+    assert rises(problem, before, replace(before, residual=after)) == raised
+
+
+def test_chance_is_as_much_larger_in_other_commands_as_the_error_may_be(
+    learned: Learned, robot_logs: MakeLogs
+) -> None:
+    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+    best = base_fit(problem, EMPTY)
+    assert best.cost < 1.5 * problem.size
+    assert _inflation(problem, Floor(1e6, trusted=True, slack=1.5), best) == 1.5
+    assert _inflation(problem, Floor(1e6, trusted=True), best) < 1.5
+
+
+def test_an_error_of_roughly_known_size_allows_for_that() -> None:
+    exact = Floor(1e6, trusted=True)
+    assert replace(exact, slack=1.5).largest_ratio(1000) == pytest.approx(1.5 * exact.largest_ratio(1000))

@@ -1,0 +1,120 @@
+"""A robot whose drives integrate and are limited is found where no law behind a servo is enough."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from sysid.fit.robot import effects as robot_effects
+from sysid.fit.robot import find_robot_effects
+from sysid.fit.robot import parameters as robot_parameters
+from sysid.fit.robot.effects import RobotWithEffects
+from sysid.fit.robot.output_error import PlantData
+from sysid.fit.robot.simple_robot import ROBOT_NUMBERS, simple_robot
+from sysid.logs import Dataset
+
+NOISE_RPM = 0.3
+
+
+def wheels_of(data: Dataset) -> PlantData:
+    names = tuple(name for name in data.runs[0].channels if name.startswith("speed_"))
+    return PlantData(data.split("fit"), names, dict.fromkeys(names, NOISE_RPM))
+
+
+@pytest.fixture(scope="module")
+def limited() -> Model:
+    """Return a robot whose loops integrate, whose torque is limited, and whose link is late."""
+    model = paper_model()
+    robot = replace(
+        model.robot,
+        servo_n_m_s_rad=0.3,
+        servo_integral_n_m_rad=0.8,
+        torque_limit_n_m=0.5,
+        yaw_inertia_kg_m2=0.9,
+    )
+    return replace(model, robot=robot).with_effect("command_latency", delay_s=0.06)
+
+
+@pytest.fixture(scope="module")
+def logs(limited: Model, robot_logs: Callable[..., Dataset]) -> Dataset:
+    return robot_logs(limited, runs=4, seconds=2.5)
+
+
+@pytest.fixture(scope="module")
+def start(logs: Dataset) -> Model:
+    return simple_robot(paper_model(), ("friction",), wheels_of(logs))
+
+
+def test_torque_limit_and_delay_are_found_without_a_place_to_start(limited: Model, start: Model) -> None:
+    assert start.robot.torque_limit_n_m == pytest.approx(limited.robot.torque_limit_n_m, rel=0.1)
+    # The packaged law's own rise is partly a delay to a lag of first order.
+    assert start.effects["command_latency"]["delay_s"] == pytest.approx(0.06, abs=0.03)
+
+
+def test_the_simple_robot_predicts_far_better_than_the_packaged_one(logs: Dataset, start: Model) -> None:
+    data = wheels_of(logs)
+    assert data.residual_rms(start) < 0.2 * data.residual_rms(paper_model())
+
+
+def test_what_was_measured_stays(logs: Dataset) -> None:
+    data, given = replace(wheels_of(logs), runs=logs.split("fit")[:1]), ROBOT_NUMBERS[:2]
+    found = simple_robot(paper_model(), given, data)
+    for name in ROBOT_NUMBERS:
+        assert (getattr(found.robot, name) == getattr(paper_model().robot, name)) == (name in given), name
+
+
+@pytest.fixture(scope="module")
+def found(logs: Dataset, start: Model) -> RobotWithEffects | None:
+    def known_start(alone: Model, given: tuple[str, ...], data: PlantData, *_: object) -> Model:
+        assert (alone, given, data.runs) == (paper_model(), (), logs.split("fit"))
+        return start
+
+    with pytest.MonkeyPatch.context() as only:
+        only.setattr(robot_effects, "simple_robot", known_start)
+        # Nothing is missing but what the simple robot has, and growing takes most of the time.
+        only.setattr(robot_effects, "_ROUNDS", 0)
+        return find_robot_effects(logs, paper_model(), (), wheels_of(logs))
+
+
+def test_law_effects_and_robot_together_reach_the_noise(found: RobotWithEffects | None) -> None:
+    assert found is not None
+    assert found.before > 10.0
+    assert found.after == pytest.approx(1.0, abs=0.2)
+
+
+def test_the_robots_parameters_are_found_with_their_errors(
+    limited: Model, found: RobotWithEffects | None
+) -> None:
+    assert found is not None
+    for one in found.parameters:
+        true = getattr(limited.robot, one.name)
+        assert abs(math.log(one.value / true)) < max(0.1, 4.0 * one.standard_error / one.value), one.name
+
+
+def test_the_model_states_one_covariance_of_law_and_effects(found: RobotWithEffects | None) -> None:
+    assert found is not None
+    stated = found.drive.model.uncertainty["joint"]
+    assert stated["names"][:6] == list("ABCDEF")
+    assert np.array(stated["covariance"]).shape == (len(stated["names"]),) * 2
+
+
+def test_a_robot_that_its_law_explains_has_no_effects(robot_logs: Callable[..., Dataset]) -> None:
+    data = robot_logs(paper_model(), runs=3, seconds=1.5)
+    assert find_robot_effects(data, paper_model(), (), wheels_of(data)) is None
+
+
+def test_what_the_rollers_move_is_stated_where_it_is(
+    logs: Dataset, found: RobotWithEffects | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert found is not None
+    monkeypatch.setattr(robot_parameters, "_SIMULATIONS", 3)
+    late = found.drive.model.with_effect("command_latency", delay_s=0.1)
+    model, note = robot_parameters.on_rollers(late, logs, ())
+    assert "there the error on validation runs is" in note
+    assert model.effects["command_latency"]["delay_s"] < 0.09
+    for name, parameters in model.uncertainty["effects"].items():
+        for parameter, ends in parameters.items():
+            assert ends["value"] == pytest.approx(model.effects[name][parameter])

@@ -1,0 +1,76 @@
+"""A study of bench logs names a link that jitters or loses commands."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from mecanum_env.model import Model, paper_model
+from mecanum_env.simulator.bench import bench_motion
+from sysid.compare.links import AlignedLogs
+from sysid.gap.result import GapOptions
+from sysid.gap.workflow import analyse
+from sysid.logs import BenchCommand, Dataset, Run
+
+QUIET = GapOptions(next_experiment=False, max_effects=1)
+PERIOD_S = 0.1
+DELAY_S, JITTER_S, SHARE = 0.1, 0.04, 0.25
+SEEDS = (1, pytest.param(2, marks=pytest.mark.slow))
+
+
+def logs(kind: str, seed: int) -> Dataset:
+    """Return runs of steps through a steady link, or one that jitters or loses commands."""
+    model: Model = paper_model()
+    fine = replace(model, wheel=replace(model.wheel, command_period_s=1.0 / 240.0))
+    rng, runs = np.random.default_rng(seed), []
+    for index in range(8):
+        time = np.arange(0.0, 6.0, 0.02)
+        given = np.arange(0.5, 5.5, 1.0)
+        levels = np.append(0.0, rng.choice([-1, 1], given.size) * rng.integers(30, 110, given.size))
+        late = np.zeros(given.size)
+        if kind == "jitter":
+            late = DELAY_S + JITTER_S * rng.uniform(-1.0, 1.0, given.size) * np.sqrt(3.0)
+        if kind == "loss":
+            late = PERIOD_S * (rng.geometric(1.0 - SHARE, given.size) - 1)
+        clock, true = bench_motion(fine, np.append(0.0, given + late), levels, float(time[-1]))
+        speed = np.interp(time, clock, true) + 0.3 * rng.standard_normal(time.size)
+        command = levels[np.searchsorted(given, time + 1e-9, side="right")]
+        split = ("fit", "fit", "validation", "test")[index % 4]
+        runs.append(Run(f"r{index}", f"g{index}", split, time, BenchCommand(command), {"speed_rpm": speed}))
+    return Dataset("link", tuple(runs), (), f"{kind} {seed}")
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_jitter_is_named_with_its_size(seed: int) -> None:
+    report = analyse(logs("jitter", seed), paper_model(), replace(QUIET, fitted_on=logs("steady", 9)))
+    assert report.verdict == "named"
+    (found,) = report.effects
+    assert (found.name, found.since) == ("command_latency/jitter", "new")
+    assert found.parameters["jitter_s"].low < JITTER_S < found.parameters["jitter_s"].high
+    assert found.parameters["delay_s"].low < DELAY_S < found.parameters["delay_s"].high
+    assert report.gap.after < 0.5 * report.gap.before
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_lost_commands_are_named_with_their_share(seed: int) -> None:
+    report = analyse(logs("loss", seed), paper_model(), replace(QUIET, fitted_on=logs("steady", 9)))
+    (found,) = report.effects
+    assert found.name == "command_loss"
+    assert found.parameters["share"].low < SHARE < found.parameters["share"].high
+
+
+def test_a_steady_link_is_not_named() -> None:
+    report = analyse(logs("steady", 1), paper_model(), replace(QUIET, fitted_on=logs("steady", 9)))
+    assert report.verdict == "no_gap"
+
+
+def test_a_model_that_loses_commands_is_compared_with_the_changes_where_they_acted() -> None:
+    model = paper_model().with_effect("command_loss", share=SHARE)
+    late = AlignedLogs.stated(logs("loss", 3), model)
+    assert late is not None
+    assert "command_loss" not in late.model.effects
+    report = analyse(logs("loss", 3), model, QUIET)
+    assert report.verdict == "no_gap"
+    assert report.model.effects["command_loss"] == {"share": SHARE}

@@ -35,6 +35,12 @@ LIMIT_RPM: Final = Wheel.saturation_rpm
 """Largest wheel speed of the paper's robot [rpm]."""
 SETTLED_S: Final = 0.5
 """Time after which a held command has settled [s]; the published robot needs 0.25 s."""
+_EARLY: Final = 0.1
+"""Share of a change of the command by which no wheel has moved when the command is sent."""
+_USUAL_STEPS: Final = 10.0
+"""A change is looked at if that share is more than so many times the usual step between two samples."""
+_LEAST_CHANGES: Final = 4
+"""Least number of such changes that show how a log was written."""
 
 _LARGEST_GAIN: Final = 8.0
 """Settled speed over command that no drive has, above or below one, whose command is a speed of the wheel."""
@@ -51,13 +57,14 @@ def run_findings(run: Run) -> list[Finding]:
 
 
 def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
-    """Return what only all runs together show: speeds or commands in another unit or with the wrong sign.
+    """Return what only all runs together show: another unit, the wrong sign, or commands that stand late.
 
     The gain is the least-squares slope of speed over command where the command has settled; a single run may
     deviate for other reasons, such as a limit on the body's speed.
     """
     findings = []
     names = ("speed_rpm",) if runs[0].level == "bench" else WHEEL_SPEEDS
+    early = [finding for index, name in enumerate(names) for finding in _early(runs, name, index)]
     for index, name in enumerate(names):
         pairs = [_settled_pairs(run, name, index) for run in runs if name in run.channels]
         command, speed = (np.concatenate([pair[i] for pair in pairs] or [np.empty(0)]) for i in range(2))
@@ -68,7 +75,28 @@ def dataset_findings(runs: Sequence[Run]) -> list[Finding]:
         if np.mean((speed - gain * command) ** 2) > 0.25 * np.mean(speed**2):
             continue  # the command explains too little of the speed for a gain to mean anything
         findings += list(_wrong_gain(gain, name))
-    return findings or list(_whole_in_rpm(runs))
+    return [*(findings or list(_whole_in_rpm(runs))), *early[:1]]
+
+
+def _early(runs: Sequence[Run], name: str, index: int) -> Iterator[Finding]:
+    """Check whether a wheel has moved in the rows that first show its command, which no cause does.
+
+    A program that sends a command, waits and then reads the wheel logs such rows.
+    """
+    moved = []
+    for run in (run for run in runs if name in run.channels):
+        speed, command = run.channel(name), run.command.wheels_rpm[:, index]
+        rows = run.command_rows()[1:]
+        held_s = np.diff(run.time_s[run.command_rows()])
+        rows = rows[(held_s >= SETTLED_S) & np.isfinite(speed[rows] - speed[rows - 1])]
+        steps, change = np.diff(speed), command[rows] - command[rows - 1]
+        usual = _USUAL_STEPS * float(np.nanmedian(np.abs(steps))) if np.any(np.isfinite(steps)) else np.inf
+        seen = np.abs(change) * _EARLY > usual
+        moved.append((np.sign(change) * steps[rows - 1] > _EARLY * np.abs(change))[seen])
+    count = np.concatenate(moved) if moved else np.zeros(0, bool)
+    if count.size >= _LEAST_CHANGES and np.mean(count) > 0.5:
+        details: dict[str, float | str] = {"count": int(count.sum()), "changes": count.size}
+        yield Finding("", "late_rows", float(np.mean(count)), name, details=details)
 
 
 def _wrong_gain(gain: float, name: str) -> Iterator[Finding]:

@@ -21,6 +21,7 @@ KINDS: Final[Mapping[str, str]] = {
     "beyond_limit": "speeds above the 135 rpm of the paper's robot",
     "not_at_rest": "a run that starts moving",
     "late_command": "no command in the first rows",
+    "late_rows": "commands that stand a row later than they were sent",
     "group": "a run unlike the others of its group",
     "split": "what is, or is not, held out",
     "unlisted": "a file that dataset.toml does not list",
@@ -49,6 +50,8 @@ _SENTENCES: Final[Mapping[str, str]] = {
     "not_at_rest": "{channel} starts at {value:.3g}",
     "late_command": "{channel} first appears after {value:.3g} s; taken as 0 until then",
     "group": 'the commands differ from those of the first run in its group "{group}": it is no repeat',
+    "late_rows": "{channel} has moved in the row that first shows the command in {count} of {changes} "
+    "changes: write each command in the row after which it was sent",
     "one run": "one run only: it is used for {split}, and nothing is held out to check the result",
     "no run": "no run is for {split}",
     "shared groups": "{value:.0f} group(s) are both fitted and held out ({groups}): "

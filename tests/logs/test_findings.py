@@ -181,3 +181,15 @@ def test_the_largest_numbers_that_a_file_can_hold_do_not_overflow():
     largest = np.array([2.7e306, -1.77e308, 1.7e308, -1.7e308, 1e308, 0.0, 1.0, 2.0])
     assert _moving(largest).any()
     assert not _moving(np.arange(20.0)).any()
+
+
+def test_commands_that_stand_a_row_late_are_found(bench_run: BenchRun) -> None:
+    """A program that sends, waits and then reads writes a row in which the wheel has moved already."""
+    late = np.concatenate([COMMAND[:1], COMMAND[:-1]])
+    (finding,) = dataset_findings([bench_run(f"{i}.csv", late, follow(COMMAND)) for i in range(2)])
+    assert finding.kind == "late_rows"
+    assert "6 of 6 changes" in finding.message
+
+
+def test_commands_in_the_row_of_their_time_are_not_late(bench_run: BenchRun) -> None:
+    assert dataset_findings([bench_run(f"{i}.csv", COMMAND, follow(COMMAND)) for i in range(2)]) == []

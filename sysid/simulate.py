@@ -38,7 +38,7 @@ def simulate(
 
     from mecanum_env.model import read_model
     from mecanum_env.outputs import output_folder, require_empty
-    from sysid.compare.predicted import Study, predict
+    from sysid.compare.predicted import SimulationSettings, predict
     from sysid.logs import read_dataset
     from sysid.logs.writer import write_dataset
 
@@ -46,7 +46,7 @@ def simulate(
     dataset, simulated = read_dataset(logs), read_model(model)
     runs = []
     for one in tqdm(dataset.runs, unit="run", disable=None):
-        found = predict(simulated, one, study=Study(plant=plant))
+        found = predict(simulated, one, settings=SimulationSettings(plant=plant))
         runs.append(replace(one, channels={**one.channels, **found}))
     with output_folder(out, "sysid.simulate") as staged:
         write_dataset(replace(dataset, name=f"{dataset.name}, simulated", runs=tuple(runs)), staged)

@@ -63,6 +63,7 @@ ROOMS = {
     "mecanum_env": (
         "parallel",
         "law",
+        "wheel_drive",
         "model",
         "effects",
         "plugin",

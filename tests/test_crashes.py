@@ -93,7 +93,7 @@ COMMANDS = {
     "gap": ("sysid.gap.__main__", "gap", ["logs", "--model", PAPER], {
         "sysid.logs.read_dataset": lambda *_: SimpleNamespace(level="bench"),
         "sysid.logs.quantities.require_our_units": nothing,
-        "sysid.gap.search.data.require_valid": nothing,
+        "sysid.gap.search.checks.require_valid": nothing,
         "sysid.logs.of_fit.logs_of_fit": lambda *_: (None, ""),
         "sysid.gap.workflow.analyse": lambda *_: Report(),
         "sysid.logs.of_fit.seen_from": nothing,

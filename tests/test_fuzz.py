@@ -17,10 +17,10 @@ from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
 from mecanum_env.files import asset_path
-from mecanum_env.law.formula import compile_formula
 from mecanum_env.model import read_model, read_robot
 from mecanum_env.simulator import read_commands
 from mecanum_env.tables import read_table
+from mecanum_env.wheel_drive.formula import compile_formula
 from sysid.logs import read_dataset
 from training.certify.certificate import read_certificate
 from training.controllers.policy import bundled, load_policy

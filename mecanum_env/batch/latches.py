@@ -1,7 +1,7 @@
 """Commands that many robots have latched, and which of them holds when: delay, jitter and loss of the link.
 
-What `mecanum_env.law.chain` does for drives whose clocks agree, here for robots whose episodes began at
-different times. Arrays have the shape (4, n), wheels first; clocks are numpy arrays (n,).
+What `mecanum_env.wheel_drive.chain` does for drives whose clocks agree, here for robots whose episodes began
+at different times. Arrays have the shape (4, n), wheels first; clocks are numpy arrays (n,).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.batch.arrays import Arrays, OnArrays
-from mecanum_env.law.drive import EPS
-from mecanum_env.law.link import SPREAD, is_lost, own_delay
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import EPS
+from mecanum_env.wheel_drive.link import SPREAD, is_lost, own_delay
 
 Due = npt.NDArray[np.bool_] | None
 """Where an event is due, shape (n,); None: everywhere."""

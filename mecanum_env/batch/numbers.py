@@ -18,13 +18,13 @@ from mecanum_env.effects.apply import (
 from mecanum_env.effects.definition import PlanarBody
 from mecanum_env.errors import EffectRefusedError
 from mecanum_env.kinematics import WHEELS, require_mecanum
-from mecanum_env.law.parameters import CHAIN, PROGRAMS
 from mecanum_env.mjcf.geometry import no_slip_rows, wheels_on_body
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import chain_parameters
 from mecanum_env.simulator.body_limits import behind_limits, limits_body
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.parameters import CHAIN, PROGRAMS
 
 BODY: Final = (
     *("gear_forward", "gear_left", "gear_turn"),
@@ -80,7 +80,7 @@ class PlanarRobot:
         return own or bool(np.any(jitter > 0.0) or np.any(loss > 0.0))
 
     def with_link_seed(self, seed: int) -> PlanarRobot:
-        """Return the same robot with other chance of its link, from 0 to `law.link.MOST_SEEDS`."""
+        """Return the same robot with other chance of its link, from 0 to `wheel_drive.link.MOST_SEEDS`."""
         drives = self.drives.copy()
         drives[CHAIN.index("link_seed")] = seed
         link = {**self.link, "link_seed": float(seed)} if self.link else {}

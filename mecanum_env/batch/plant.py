@@ -26,12 +26,12 @@ from mecanum_env.batch.set_points import SetPoints
 from mecanum_env.batch.store import Store
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import body_to_wheels, command_to_wheels
-from mecanum_env.law.chain import DriveState
-from mecanum_env.law.parameters import CHAIN
-from mecanum_env.law.servo import end, torques
 from mecanum_env.model import Model
 from mecanum_env.simulator import SimulationDivergedError
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.chain import DriveState
+from mecanum_env.wheel_drive.parameters import CHAIN
+from mecanum_env.wheel_drive.servo import end, torques
 
 _STATE = [field.name for field in fields(DriveState) if field.init]
 _LINK = [CHAIN.index(name) for name in LINK]

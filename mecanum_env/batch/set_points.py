@@ -1,6 +1,6 @@
 """The set-points of many robots' drives: latches, law ticks, and the line between two ticks.
 
-This is `mecanum_env.law.chain.begin` for robots whose clocks started at different times; the stations
+This is `mecanum_env.wheel_drive.chain.begin` for robots whose clocks started at different times; the stations
 themselves are those of `mecanum_env.law`.
 """
 
@@ -15,13 +15,13 @@ import numpy.typing as npt
 
 from mecanum_env.batch.arrays import Arrays, OnArrays
 from mecanum_env.batch.latches import Due, Latches
-from mecanum_env.law.chain import DriveState
 from mecanum_env.law.coefficients import law_step
-from mecanum_env.law.drive import EPS
-from mecanum_env.law.motor_bounds import bounded
-from mecanum_env.law.ramp import Ramp, RampLimits
-from mecanum_env.law.shaping import shaped
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.chain import DriveState
+from mecanum_env.wheel_drive.drive import EPS
+from mecanum_env.wheel_drive.motor_bounds import bounded
+from mecanum_env.wheel_drive.ramp import Ramp, RampLimits
+from mecanum_env.wheel_drive.shaping import shaped
 
 
 def due_at(now_s: FloatArray, count: FloatArray, period_s: float) -> tuple[bool, Due]:

@@ -12,9 +12,9 @@ from mecanum_env.batch.arrays import Arrays, OnArrays
 from mecanum_env.batch.numbers import BODY, PlanarRobot
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.law.parameters import CHAIN
-from mecanum_env.law.parts import Parts
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.parameters import CHAIN
+from mecanum_env.wheel_drive.parts import Parts
 
 _EACH_STEP: Final = (*COEFFICIENTS, "servo_n_m_s_rad", "inertia_kg_m2", "torque_limit_n_m", "rotor_kg_m2")
 """Parameters of each physics step: plain numbers while all robots agree, which saves memory traffic."""

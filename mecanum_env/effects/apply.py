@@ -14,11 +14,11 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.definition import Channels, Effect, Load, PlantKind
 from mecanum_env.errors import EffectRefusedError, InputError
 from mecanum_env.kinematics import WHEELS
-from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.program import Program, evaluate
 from mecanum_env.model import Model
 from mecanum_env.model.custom import program_at
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.program import Program, evaluate
 
 if TYPE_CHECKING:
     import mujoco

@@ -9,8 +9,8 @@ from typing import Any, Final
 
 from mecanum_env.effects.definition import PLANTS, BodyCommand, Effect, Parameter, Values, usual_ceiling_rpm
 from mecanum_env.law.arrays import namespace
-from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
+from mecanum_env.wheel_drive.drive import longest_delay_s
 
 TIME_STAMPS: Final = (
     "when a command is sent, when the drive acts and when a sensor reads, by time stamps of one clock"

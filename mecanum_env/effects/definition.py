@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Literal
 
 from mecanum_env.effects.scale import Scale
-from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model import Model
 from mecanum_env.model.effect_names import cause_of
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import DriveParameters
 
 if TYPE_CHECKING:
     import mujoco

@@ -9,9 +9,9 @@ from typing import Final
 from mecanum_env.effects.definition import Effect, Parameter, Values, usual_ceiling_rpm
 from mecanum_env.effects.scale import Scale
 from mecanum_env.kinematics import WHEELS
-from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS
 from mecanum_env.model.static_map import MAP, map_parameters, map_points
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.set_point import MAP_KNOTS, MAP_PARAMETERS
 
 POSITIVE: Final = (1e-6, math.inf)
 LIMITS_RPM: Final = (40, 60, 80, 100, 120, 150)

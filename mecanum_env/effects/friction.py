@@ -24,10 +24,10 @@ from mecanum_env.effects.definition import (
     usual_ceiling_rpm,
 )
 from mecanum_env.kinematics import WHEELS
-from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.wheel_load import WheelLoad
 from mecanum_env.model import Model, Robot, cause_of
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.wheel_load import WheelLoad
 
 if TYPE_CHECKING:
     import mujoco

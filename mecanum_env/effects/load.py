@@ -8,7 +8,7 @@ from typing import Final
 
 from mecanum_env.effects.definition import ChangeDrive, Effect, Parameter, Values
 from mecanum_env.effects.drive import POSITIVE
-from mecanum_env.law.drive import DriveParameters
+from mecanum_env.wheel_drive.drive import DriveParameters
 
 _PLAY: Final = "how far a wheel turns by hand while its motor is held"
 _GAPS_DEG: Final = (0.5, 1, 2, 4, 8, 16, 32)

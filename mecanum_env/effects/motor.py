@@ -8,7 +8,7 @@ from typing import Final
 
 from mecanum_env.effects.definition import Effect, Parameter
 from mecanum_env.effects.drive import BRAKE, LIMIT, LIMITS_RPM, PER_VOLT, POSITIVE
-from mecanum_env.law.motor_bounds import loaded_law
+from mecanum_env.wheel_drive.motor_bounds import loaded_law
 
 EFFECTS: Final = (
     Effect(

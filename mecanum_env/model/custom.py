@@ -10,8 +10,9 @@ from typing import Final
 import numpy.typing as npt
 
 from mecanum_env.errors import InputError, did_you_mean, require_one_of
-from mecanum_env.law.formula import compile_formula
-from mecanum_env.law.program import (
+from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.formula import compile_formula
+from mecanum_env.wheel_drive.program import (
     INPUTS,
     LARGEST_TABLE,
     UNITS,
@@ -22,7 +23,6 @@ from mecanum_env.law.program import (
     require_runs,
     table_program,
 )
-from mecanum_env.units import FloatArray
 
 STATIONS: Final = ("command", "set_point", "load", "sensor")
 """Where a custom effect may act: on the command that the drive receives, on the wheel's set-point, as a load
@@ -38,7 +38,7 @@ class CustomTable:
     """A function of one input: linear between the knots, held outside."""
 
     input: str
-    """One of `mecanum_env.law.program.INPUTS`."""
+    """One of `mecanum_env.wheel_drive.program.INPUTS`."""
     knots: tuple[float, ...]
     """Increasing, in the input's unit."""
     values: tuple[float, ...]
@@ -69,7 +69,7 @@ class CustomEffect:
     station: str
     """One of `STATIONS`."""
     formula: str | None = None
-    """In the language of `mecanum_env.law.formula`."""
+    """In the language of `mecanum_env.wheel_drive.formula`."""
     table: CustomTable | None = None
     unit: str = "rpm"
     """Unit of the value; there is no other."""

@@ -12,7 +12,7 @@ from types import MappingProxyType
 from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.law.set_point import MAP_PARAMETERS
+from mecanum_env.wheel_drive.set_point import MAP_PARAMETERS
 
 _SCHEMA: Final[dict[str, tuple[str, ...]]] = {
     "command_latency": ("delay_s",),

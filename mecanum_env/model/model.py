@@ -10,10 +10,10 @@ from typing import Any, Final
 from mecanum_env.errors import InputError, did_you_mean
 from mecanum_env.kinematics import WHEELS
 from mecanum_env.law.coefficients import WheelLaw
-from mecanum_env.law.drive import DriveParameters
 from mecanum_env.model.custom import STATIONS, CustomEffect, program_at
 from mecanum_env.model.effect_names import EFFECT_PARAMETERS, cause_of, effect_named
 from mecanum_env.omni import OmniWheel, require_all_motions
+from mecanum_env.wheel_drive.drive import DriveParameters
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
     {"static_map": {"knots_rpm": [15, 80], "values_rpm": [0, 80]}}
     model.with_effect("static_map", **map_parameters([15, 80], [0, 80]))
 
-`mecanum_env.law.set_point.mapped` is what it does.
+`mecanum_env.wheel_drive.set_point.mapped` is what it does.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from itertools import takewhile
 from typing import Final
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS, require_map
+from mecanum_env.wheel_drive.set_point import MAP_KNOTS, MAP_PARAMETERS, require_map
 
 MAP: Final = "static_map"
 """Name of the effect."""

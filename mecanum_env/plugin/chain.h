@@ -31,9 +31,9 @@
 #define SPREAD 1.7320508075688772  // largest deviation of a delay in multiples of the jitter
 #define RAD_S_PER_RPM (2.0 * 3.141592653589793 / 60.0)
 
-// All parameters in order: X(index, name, check). mecanum_env/law/parameters.py has the same names; a test holds the
-// two lists equal. The law's are the actuator's dynprm, the servo is -biasprm[2], and the others are user[0], user[1]
-// ... From DEADBAND on 0 means "off", also for a gain, and a model may leave them out.
+// All parameters in order: X(index, name, check). mecanum_env/wheel_drive/parameters.py has the same names; a test holds
+// the two lists equal. The law's are the actuator's dynprm, the servo is -biasprm[2], and the others are user[0],
+// user[1] ... From DEADBAND on 0 means "off", also for a gain, and a model may leave them out.
 #define LAW_PARAMETERS(X)                      \
   X(LAW_A, "A", FINITE)                        \
   X(LAW_B, "B", FINITE)                        \

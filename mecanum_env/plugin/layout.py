@@ -3,10 +3,10 @@
 chain.h lists the same parameters. They are numeric fields of the wheel's actuator, so copies,
 pickles and batches of models carry them, and a compiled model can be edited (`write_parameters`):
 
-    dynprm      the wheel law, its clocks, quantum and ceiling: `mecanum_env.law.parameters.DYNPRM`
+    dynprm      the wheel law, its clocks, quantum and ceiling: `mecanum_env.wheel_drive.parameters.DYNPRM`
     biasprm     0, 0, -servo_n_m_s_rad
-    user        everything else: `mecanum_env.law.parameters.USER`; from FIRST_PROGRAM on the programs of
-                custom effects, if there are any
+    user        everything else: `mecanum_env.wheel_drive.parameters.USER`; from FIRST_PROGRAM on the programs
+                of custom effects, if there are any
 
 From "deadband_rpm" on 0 means "off" (a gain of 1, no limit), and a model may have fewer entries. The inertia
 is fed forward: with that of the free wheel, the wheel turns as the law says; with 0, the servo's lag,
@@ -37,14 +37,14 @@ import numpy.typing as npt
 
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import RING, DriveParameters
-from mecanum_env.law.parameters import PROGRAMS, USER
-from mecanum_env.law.program import PROGRAM_SIZE
-from mecanum_env.law.set_point import map_numbers
-from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.model import Model, Robot
 from mecanum_env.plugin import PLUGIN_NAME, register_if_mujoco_did_not
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.drive import RING, DriveParameters
+from mecanum_env.wheel_drive.parameters import PROGRAMS, USER
+from mecanum_env.wheel_drive.program import PROGRAM_SIZE
+from mecanum_env.wheel_drive.set_point import map_numbers
+from mecanum_env.wheel_drive.wheel_load import GAP_KINDS
 
 # Whoever compiles a model imports this module first.
 register_if_mujoco_did_not()
@@ -185,7 +185,7 @@ def chain_parameters(
     torque_limit_n_m: float | None = None,
     inertia_kg_m2: float = 0.0,
 ) -> FloatArray:
-    """Return a wheel's drive in the order of `mecanum_env.law.parameters.CHAIN`, with its programs, (P,).
+    """Return a wheel's drive with its programs, (P,), in the order of `wheel_drive.parameters.CHAIN`.
 
     `model`, `wheel_name`, `torque_limit_n_m` and `inertia_kg_m2` are as for `set_wheel_parameters`.
     """
@@ -272,7 +272,7 @@ def write_parameters(
 
 
 def seed_links(mjmodel: mujoco.MjModel, seed: int) -> None:
-    """Give the link of all wheel drives in a compiled model one seed, from 0 to `law.link.MOST_SEEDS`.
+    """Give the link of all drives in a compiled model one seed, from 0 to `wheel_drive.link.MOST_SEEDS`.
 
     The jitter of its delay and the loss of its commands follow from it.
     """

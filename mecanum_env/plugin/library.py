@@ -14,10 +14,10 @@ import mujoco
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.law.parameters import with_programs
-from mecanum_env.law.program import INPUTS, PROGRAM_SIZE, Program
 from mecanum_env.plugin import library_path, require_current
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.parameters import with_programs
+from mecanum_env.wheel_drive.program import INPUTS, PROGRAM_SIZE, Program
 
 Counts = npt.NDArray[np.int64]
 
@@ -90,9 +90,9 @@ def free_wheels(
 
 
 def evaluate_program(program: Program, inputs: FloatArray) -> FloatArray:
-    """Return the values of a program, shape (n,), as `mecanum_env.law.program.evaluate` does.
+    """Return the values of a program, shape (n,), as `mecanum_env.wheel_drive.program.evaluate` does.
 
-    `inputs` are in the order of `mecanum_env.law.program.INPUTS`, shape (n, 5).
+    `inputs` are in the order of `mecanum_env.wheel_drive.program.INPUTS`, shape (n, 5).
     """
     numbers, given = np.zeros(PROGRAM_SIZE), np.ascontiguousarray(inputs, float)
     if given.ndim != 2 or given.shape[1] != len(INPUTS) or len(program) > PROGRAM_SIZE:

@@ -58,7 +58,7 @@ int32_t mecanum_refuses(const double* p, double h, char* message, int64_t size) 
   static const char* const stations[] = {"command", "set_point", "load"};
   for (int i = 0; i < N_STATIONS; i++)
     if (!program_is_valid(PROGRAM(p, i)))
-      REFUSE("custom effect of the station %s = user[%d] ..., must be a program (mecanum_env/law/program.py)",
+      REFUSE("custom effect of the station %s = user[%d] ..., must be a program (mecanum_env/wheel_drive/program.py)",
              stations[i], FIRST_PROGRAM + i * PROGRAM_SIZE);
   double A = p[LAW_A], B = p[LAW_B], C = p[LAW_C];
   if (!(1 - A - B - C > 0 && 3 + A + B - 3 * C > 0 && 1 + A - B + C > 0 && 1 + B + A * C - C * C > 0))

@@ -1,4 +1,4 @@
-// Programs of custom effects: rows of numbers that are run on a stack. mecanum_env/law/program.py has the same
+// Programs of custom effects: rows of numbers that are run on a stack. mecanum_env/wheel_drive/program.py has the same
 // operations, makes the programs and says what they mean; the tests hold the two equal bit for bit.
 //
 // A program comes from a model's numeric field, which may hold anything: running one never reads or writes beyond it.

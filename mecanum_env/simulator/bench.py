@@ -17,8 +17,6 @@ import numpy as np
 
 from mecanum_env.effects.apply import active_effects, changed_model, drive_parameters, measured
 from mecanum_env.errors import InputError
-from mecanum_env.law.inputs import simulate_drive
-from mecanum_env.law.parameters import CHAIN
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.mjcf.physics import fitting_timestep, wheel_inertia
 from mecanum_env.model import Model
@@ -28,6 +26,8 @@ from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import diverged, step_through
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.inputs import simulate_drive
+from mecanum_env.wheel_drive.parameters import CHAIN
 
 _INERTIA: Final = CHAIN.index("inertia_kg_m2")
 
@@ -46,7 +46,7 @@ def replay_bench(
     """Replay a bench log's commands on the free wheel and return its speed [rpm] at the log's samples.
 
     Unless an effect acts behind the law, the speed is that of the law
-    (`mecanum_env.law.inputs.simulate_drive`): the servo is fed the wheel's inertia and adds no lag.
+    (`mecanum_env.wheel_drive.inputs.simulate_drive`): the servo is fed the wheel's inertia and adds no lag.
 
     Args:
         model: the wheel to simulate.
@@ -199,7 +199,7 @@ class _FreeWheel:
 
     timestep_s: float
     parameters: FloatArray
-    """In the order of `mecanum_env.law.parameters.CHAIN`, shape (P,)."""
+    """In the order of `mecanum_env.wheel_drive.parameters.CHAIN`, shape (P,)."""
     inertia_kg_m2: float
     damping_n_m_s_rad: float
     mj_model: mujoco.MjModel | None = None

@@ -15,10 +15,10 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.effects.definition import BodyCommand
 from mecanum_env.kinematics import WHEELS, body_to_wheels, wheels_to_body
-from mecanum_env.law.drive import EPS, RING, DriveParameters
-from mecanum_env.law.inputs import Latched, latched, law_inputs
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import EPS, RING, DriveParameters
+from mecanum_env.wheel_drive.inputs import Latched, latched, law_inputs
 
 
 def limits_body(model: Model) -> bool:

@@ -14,7 +14,6 @@ import numpy.typing as npt
 
 from mecanum_env.batch import PlanarBatch, PlanarRobot
 from mecanum_env.errors import InputError, require_one_of
-from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.senses import Senses, VariedSenses
 from mecanum_env.tankendo.actions import ActionMode, check_mode, command_numbers, command_shares
 from mecanum_env.tankendo.chance import DRAWN, Chance, Start
@@ -29,6 +28,7 @@ from mecanum_env.tankendo.scene import RowArray, Scenes
 from mecanum_env.tankendo.sensing import Sensing, longest_delay_s
 from mecanum_env.tankendo.sword import Sword
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.link import MOST_SEEDS
 
 Robot = Compiled | PlanarRobot
 TaskName = Literal["dodge", "track", "duel"]

@@ -13,7 +13,6 @@ from typing import Any, Final, Literal, Unpack
 import numpy as np
 
 from mecanum_env.errors import InputError, require_at_least
-from mecanum_env.law.link import MOST_SEEDS
 from mecanum_env.simulator import RobotPlant
 from mecanum_env.tankendo.arena import Arena, Robot, TaskName, TaskSetting
 from mecanum_env.tankendo.build import ModelLike, TaskArguments, model_of, setting_of
@@ -25,6 +24,7 @@ from mecanum_env.tankendo.pair import PairBatch, compile_pair, others, turned
 from mecanum_env.tankendo.plant import Compiled
 from mecanum_env.tankendo.scene import BoolArray, RowArray
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.link import MOST_SEEDS
 
 Result = Literal["first", "second", "draw"]
 """Who has won a bout."""

@@ -3,9 +3,9 @@
 `Chance.draw` draws all of it from the environment's own generator, always in the same order. Everything after
 that is deterministic, so an episode does not depend on the environments that run beside it.
 
-The noise of an episode follows from its seed by a hash (`mecanum_env.law.link`) and the transform of Box and
-Muller (1958), so that it depends neither on the episodes beside it nor on when it is made. It is made when it
-is needed, since most episodes end long before their time limit.
+The noise of an episode follows from its seed by a hash (`mecanum_env.wheel_drive.link`) and the transform of
+Box and Muller (1958), so that it depends neither on the episodes beside it nor on when it is made. It is made
+when it is needed, since most episodes end long before their time limit.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.law.link import MOST_SEEDS, hashed
 from mecanum_env.tankendo.constants import Opponent, Rules
 from mecanum_env.tankendo.numbers import Number, mathematics
 from mecanum_env.tankendo.opponents import Opponents
 from mecanum_env.tankendo.scene import RowArray
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.link import MOST_SEEDS, hashed
 
 EXCHANGES: Final = 16
 """Number of strikes drawn for an episode; a duel with more of them starts over with the first."""

@@ -54,7 +54,7 @@ class Compiled:
         return drive.jitter_s > 0.0 or drive.loss > 0.0
 
     def with_link_seed(self, seed: int) -> Compiled:
-        """Return the same robot with other chance of its link, from 0 to `law.link.MOST_SEEDS`."""
+        """Return the same robot with other chance of its link, from 0 to `wheel_drive.link.MOST_SEEDS`."""
         mj_model = copy.copy(self.mj_model)
         seed_links(mj_model, seed)
         return replace(self, mj_model=mj_model, link_seed=seed)

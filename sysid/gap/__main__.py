@@ -58,7 +58,7 @@ def gap(
     from sysid.gap.alone import law_of, require_fittable
     from sysid.gap.report.output import FILES, gap_table, write_study
     from sysid.gap.result import GapOptions
-    from sysid.gap.search.data import require_valid
+    from sysid.gap.search.checks import require_valid
     from sysid.gap.spending import studies_near
     from sysid.gap.workflow import analyse
     from sysid.logs import read_dataset

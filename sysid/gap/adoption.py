@@ -40,7 +40,7 @@ def _chosen_effects(found: Inquiry, chosen: ScoredSet) -> tuple[FoundEffect, ...
             name,
             parameters,
             decision.facts.frequency.get(name, 0.0),
-            _droop(name, parameters, model, problem.study.scale.top_rpm),
+            _droop(name, parameters, model, problem.settings.scale.top_rpm),
             stiffness_is_known(model),
             _forms_tied(name, chosen, decision.candidates),
             found.since.get(name, "unknown"),
@@ -61,7 +61,7 @@ def _effects_there(found: Inquiry, chosen: ScoredSet) -> tuple[FoundEffect, ...]
             name,
             parameters := {key: Interval(*ends) for key, ends in bounds.items()},
             1.0,  # Every resample is searched beside it.
-            _droop(name, parameters, model, problem.study.scale.top_rpm),
+            _droop(name, parameters, model, problem.settings.scale.top_rpm),
             stiffness_is_known(model),
             since="already when fitted",
         )

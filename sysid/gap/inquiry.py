@@ -16,15 +16,15 @@ from mecanum_env.model import Model
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.model_error import Learned, ModelError, Whitener, block_residuals, estimate_model_error
 from sysid.compare.noise import Noise, with_lasting
-from sysid.compare.predicted import Simulators, Study
+from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.compare.search_space import Bounds
 from sysid.gap.result import GapOptions, Since
 from sysid.gap.search.beyond_fit import beyond_fit
-from sysid.gap.search.data import StudyData, study_data
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.since import Completion, completed, since_of
+from sysid.gap.search.study_data import StudyData, study_data
 from sysid.gap.search.thresholds import EFFORT
 from sysid.logs import Dataset
 from sysid.logs.runs import UNITS
@@ -92,20 +92,20 @@ def _searched(
     false_alarm: float,
     progress: Progress,
 ) -> Inquiry:
-    study = Study(options.plant, options.jobs, seed=options.seed)
+    settings = SimulationSettings(options.plant, options.jobs, seed=options.seed)
     progress("data check")
     data = study_data(dataset, model, options)
     data = replace(data, floor=replace(data.floor, false_alarm=false_alarm))
     progress(stage := "what each effect would do")
-    search = _start_search(data, model, study, considered, within(progress, stage))
+    search = _start_search(data, model, settings, considered, within(progress, stage))
     if not data.floor.trusted:
         progress(stage := "how far the model errs by itself")
         search.tell = within(progress, stage)
         data = replace(data, error=_error_of_best_fit(data, search, options.max_effects))
-        search = _start_search(data, model, study, considered, search.tell, search.problem.simulators)
+        search = _start_search(data, model, settings, considered, search.tell, search.problem.simulators)
     progress(stage := "sets of effects")
     search.tell = within(progress, stage)
-    decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
+    decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
     noise = _with_lasting(data, search)
     if decision.facts.chosen is not None and noise.lasting != data.noise.lasting:
         progress(stage := "sets of effects beside noise that lasts")
@@ -115,21 +115,21 @@ def _searched(
         error = _with_scatter(data, search)
         data = replace(data, noise=noise, error=error, floor=floor, notes=(*data.notes, *told))
         tell = within(progress, stage)
-        search = _start_search(data, model, study, considered, tell, search.problem.simulators)
-        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(study.seed))
+        search = _start_search(data, model, settings, considered, tell, search.problem.simulators)
+        decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
     return Inquiry(data, search, decision, _since(data.learned, search.problem, decision))
 
 
 def _start_search(
     data: StudyData,
     model: Model,
-    study: Study,
+    settings: SimulationSettings,
     considered: Sequence[str],
     tell: Progress,
     simulators: Simulators | None = None,
 ) -> Search:
     whitener = Whitener(data.observations, data.noise, data.error)
-    problem = ResidualProblem(model, whitener, study, simulators, data.learned)
+    problem = ResidualProblem(model, whitener, settings, simulators, data.learned)
     level = data.observations.situations[0].runs[0].level
     library = responses(problem, considered, tell=tell)
     if data.learned is not None and problem.knows_all:
@@ -143,7 +143,7 @@ def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> Mod
     It is the only estimate if the model was fitted to these very logs, or states no error.
     """
     problem = search.problem
-    explore(search, data.floor, max_effects, np.random.default_rng(problem.study.seed))
+    explore(search, data.floor, max_effects, np.random.default_rng(problem.settings.seed))
     parts = problem.whitener.unwhiten(problem.marginal_inverse(search.best_fit.residual))
     return estimate_model_error(block_residuals(data.observations, data.noise, parts))
 

@@ -35,8 +35,9 @@ from sysid.compare.links import (
     link_fault,
 )
 from sysid.compare.model_error import covariance_of, with_adopted
-from sysid.compare.predicted import Study, predict
+from sysid.compare.predicted import predict
 from sysid.gap.result import Difference, FoundEffect, GapOptions, GapReport, Interval, Region, Since
+from sysid.gap.search.known_effects import is_meant
 from sysid.gap.search.thresholds import THRESHOLDS
 from sysid.logs import Dataset
 
@@ -91,9 +92,6 @@ def with_link_fault(
 
 
 def _is_asked(options: GapOptions) -> bool:
-    def is_meant(name: str, names: tuple[str, ...]) -> bool:
-        return name in names or cause_of(name) in names
-
     both = tuple(_NAMES.values())
     asked = not options.only or any(is_meant(name, options.only) for name in both)
     return asked and not any(is_meant(name, options.exclude) for name in both)
@@ -131,7 +129,7 @@ def _found(dataset: Dataset, model: Model, options: GapOptions, report: GapRepor
 def _squares(dataset: Dataset, model: Model) -> float:
     """Return the mean squared error of a model on the runs that decide."""
     runs = [run for run in dataset.runs if run.split != "test"] or list(dataset.runs)
-    errors = [run.channels["speed_rpm"] - predict(model, run, study=Study())["speed_rpm"] for run in runs]
+    errors = [run.channels["speed_rpm"] - predict(model, run)["speed_rpm"] for run in runs]
     return float(np.nanmean(np.concatenate(errors) ** 2))
 
 

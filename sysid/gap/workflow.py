@@ -29,8 +29,9 @@ from sysid.gap.report.held_out import (
 from sysid.gap.report.where import regions
 from sysid.gap.result import CustomProposal, GapOptions, GapReport, Untestable
 from sysid.gap.search.chance import chance_gains, roller_scatter, smallest_detectable, untestable
+from sysid.gap.search.checks import require_movement, require_valid
 from sysid.gap.search.custom import propose
-from sysid.gap.search.data import is_meant, known_effects, require_movement, require_valid
+from sysid.gap.search.known_effects import is_meant, known_effects
 from sysid.gap.spending import budget_of, with_studies
 from sysid.logs import Dataset, Run
 from sysid.logs.tails import weighted_down
@@ -116,11 +117,11 @@ def _report(
     split, runs = held_out(dataset)
     effects = found_effects(found)
     improved = improved_model(model, found, effects)
-    before = predicted(model, runs, problem.study)
+    before = predicted(model, runs, problem.settings)
     custom = _custom(dataset, found, before, options.adopt)
     if custom is not None and custom.adopted:
         improved = problem.base.with_custom(custom.effect)
-    after = before if improved is model else predicted(improved, runs, problem.study)
+    after = before if improved is model else predicted(improved, runs, problem.settings)
     comparison = compare(split, runs, before, after)
     gap, channels = differences(dataset, comparison)
     detectable, unseen, asked = _what_is_open(dataset, options, found, considered, improved)
@@ -174,7 +175,7 @@ def _custom(
     if proposal is None:
         return None
     split, runs = held_out(dataset)
-    described = predicted(problem.base.with_custom(proposal.effect), runs, problem.study)
+    described = predicted(problem.base.with_custom(proposal.effect), runs, problem.settings)
     left = differences(dataset, compare(split, runs, before, described))[0].after
     return CustomProposal(proposal.effect, proposal.explained, proposal.stations_tied, left, adopt)
 

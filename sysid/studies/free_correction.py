@@ -18,7 +18,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.links import AlignedLogs
 from sysid.compare.measured import Observations, observe
 from sysid.compare.model_error import ShapeBasis
-from sysid.compare.predicted import Simulators, Study
+from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.logs import Dataset
 from sysid.logs.tails import weighted_down
 
@@ -52,7 +52,7 @@ class _Table:
     ) -> None:
         runs = tuple(run for run in dataset.runs if run.split in splits)
         observations = observe(Dataset(dataset.name, runs, dataset.findings))
-        predicted = Simulators.of(observations, Study()).full.predictions(model)
+        predicted = Simulators.of(observations, SimulationSettings()).full.predictions(model)
         blocks = observations.blocks
         self.basis = basis or ShapeBasis.of(model, observations, predicted)
         self.residual = np.concatenate([b.value - p for b, p in zip(blocks, predicted, strict=True)])

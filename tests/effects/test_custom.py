@@ -5,11 +5,11 @@ import pytest
 
 from mecanum_env.effects.apply import drive_parameters, measured, without_sensors
 from mecanum_env.errors import InputError
-from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.mjcf.plants import bench_spec
 from mecanum_env.model import CustomEffect, CustomTable
 from mecanum_env.simulator.bench import bench_motion, replay_bench
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.inputs import simulate_drive
 from tests.effects.conftest import channels
 
 LEVELS = np.array([0.0, 60.0, 3.0, -60.0, 0.0])

@@ -8,12 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.set_point import saturated
 from mecanum_env.mjcf import bench_spec
 from mecanum_env.plugin.layout import write_parameters
 from mecanum_env.simulator import BodyCommands, WheelCommands, drive, replay_bench
 from mecanum_env.simulator.bench import law_of_bench
 from mecanum_env.simulator.supply import Supply
+from mecanum_env.wheel_drive.set_point import saturated
 
 TIME = np.arange(0.0, 1.2, 0.01)
 

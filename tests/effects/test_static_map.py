@@ -9,11 +9,11 @@ from hypothesis import strategies as st
 
 from mecanum_env.effects.apply import active_effects, drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.law.set_point import mapped, unmapped
 from mecanum_env.model import model_from_dict, model_to_dict, paper_model
 from mecanum_env.model.static_map import map_parameters
 from mecanum_env.plugin.layout import chain_parameters
 from mecanum_env.simulator import replay_bench
+from mecanum_env.wheel_drive.set_point import mapped, unmapped
 from tests.set_points import curves
 
 TIME = np.arange(0.0, 1.2, 0.01)

@@ -9,10 +9,10 @@ import pytest
 
 from mecanum_env.kinematics import TWIST
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.inputs import latched_commands
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import RobotPlant, drive
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.inputs import latched_commands
 from sysid.compare.predicted.prediction import commands_of
 from sysid.logs import BenchCommand, BodyCommand, Dataset, Run
 

@@ -8,11 +8,11 @@ import pytest
 from mecanum_env.model import CustomEffect, read_model, write_model
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.model_error import Whitener
-from sysid.compare.predicted import Study
+from sysid.compare.predicted import SimulationSettings
 from sysid.gap import GapOptions, analyse, gap_table
 from sysid.gap.report.output import gap_json
 from sysid.gap.search.custom import propose
-from sysid.gap.search.data import study_data
+from sysid.gap.search.study_data import study_data
 from sysid.gap.search.terms import Extent, Formula, Term, tables_at, terms_at
 
 EXTENT = Extent(
@@ -29,7 +29,7 @@ def proposed(base, bench_logs):
         logs = bench_logs(model.with_custom(*hidden), seed=seed)
         data = study_data(logs, model, GapOptions())
         whitener = Whitener(data.observations, data.noise, data.error)
-        return propose(ResidualProblem(model, whitener, Study()))
+        return propose(ResidualProblem(model, whitener, SimulationSettings()))
 
     return of
 

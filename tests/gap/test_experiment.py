@@ -16,7 +16,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import Start, observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import Noise
-from sysid.compare.predicted import Study, predict
+from sysid.compare.predicted import SimulationSettings, predict
 from sysid.compare.search_space import scale_of
 from sysid.gap.design.experiment import Rival, design_separating, power, separation
 from sysid.gap.design.limits import Limits
@@ -36,13 +36,13 @@ ROBOT = Limits(135.0, geometry=Robot())
 def bench_conditions(sigma_rpm: float = 0.5, seed: int = 0, jobs: int = 1) -> ExperimentConditions:
     noise = Noise({"speed_rpm": sigma_rpm}, {"speed_rpm": "repeats"})
     return ExperimentConditions(
-        "bench", ("speed_rpm",), 0.01, noise, None, BENCH, Study(seed=seed, jobs=jobs)
+        "bench", ("speed_rpm",), 0.01, noise, None, BENCH, SimulationSettings(seed=seed, jobs=jobs)
     )
 
 
 def robot_conditions(plant: RobotPlant = "rollers", **sigma: float) -> ExperimentConditions:
     noise = Noise(sigma, dict.fromkeys(sigma, "repeats"))
-    return ExperimentConditions("body", tuple(sigma), 0.02, noise, None, ROBOT, Study(plant))
+    return ExperimentConditions("body", tuple(sigma), 0.02, noise, None, ROBOT, SimulationSettings(plant))
 
 
 def rivals(model: Model, friction_n_m: float = 0.5) -> tuple[Rival, Rival]:
@@ -226,7 +226,7 @@ def test_a_study_without_slip_designs_on_the_planar_plant(paper: Model):
     trial = Trial(paper, rows, robot_conditions("planar", speed_fl_rpm=0.5), coarse=True)
     predicted = trial.predict(paper)
     assert predicted is not None
-    planar = predict(paper, trial.run, Start(), study=Study(plant="planar"))
+    planar = predict(paper, trial.run, Start(), settings=SimulationSettings(plant="planar"))
     assert np.array_equal(predicted["speed_fl_rpm"], planar["speed_fl_rpm"])
 
 
@@ -234,10 +234,10 @@ def test_the_conditions_of_an_experiment_hold_the_whole_study(paper: Model):
     """Plant, jobs, time step, seed and scale: a design that lost one would simulate another robot."""
     observations = observe(Dataset("robot", (planar_run(paper),), ()))
     noise = Noise({"speed_fl_rpm": 0.5}, {"speed_fl_rpm": "repeats"})
-    study = Study("planar", jobs=2, timestep_s=1 / 480, seed=5)
-    problem = ResidualProblem(paper, Whitener(observations, noise, None), study)
-    used = conditions_of(problem, (planar_run(paper),), 1.0).study
-    assert used == problem.study == replace(study, scale=used.scale)
+    settings = SimulationSettings("planar", jobs=2, timestep_s=1 / 480, seed=5)
+    problem = ResidualProblem(paper, Whitener(observations, noise, None), settings)
+    used = conditions_of(problem, (planar_run(paper),), 1.0).settings
+    assert used == problem.settings == replace(settings, scale=used.scale)
     assert used.scale == scale_of(paper, (planar_run(paper),))
 
 
@@ -262,7 +262,9 @@ def planar_run(model: Model) -> Run:
     time = np.arange(0.0, 1.0, 0.02)
     command = BodyCommand(np.full(time.size, 60.0), np.zeros(time.size), np.zeros(time.size))
     empty = Run("a.csv", "a", "fit", time, command, {"speed_fl_rpm": np.zeros(time.size)})
-    return replace(empty, channels=predict(model, empty, Start(), study=Study(plant="planar")))
+    return replace(
+        empty, channels=predict(model, empty, Start(), settings=SimulationSettings(plant="planar"))
+    )
 
 
 def logs_of(model: Model, plans: dict[str, tuple[str, np.ndarray]], seed: int) -> tuple[Run, ...]:

@@ -9,7 +9,7 @@ import pytest
 
 from mecanum_env.model import Model, forms_of, paper_model
 from mecanum_env.model.effect_names import form_of
-from sysid.compare.predicted import Study, predict
+from sysid.compare.predicted import SimulationSettings, predict
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Run, Split
@@ -38,7 +38,7 @@ def logs(model: Model) -> Dataset:
         rows = np.repeat(levels, TIME.size // len(levels), axis=0)
         empty = {name: np.zeros(TIME.size) for name in CHANNELS}
         run = Run("", f"run{number}", split, TIME, BodyCommand(*rows.T), empty)
-        true = predict(model, run, study=Study(plant="planar"))
+        true = predict(model, run, settings=SimulationSettings(plant="planar"))
         for repeat in range(2):
             noise = {name: 0.5 if name.startswith("speed_") else 0.005 for name in true}
             noisy = {n: values + noise[n] * rng.standard_normal(TIME.size) for n, values in true.items()}

@@ -9,7 +9,7 @@ from mecanum_env.model import paper_model
 from mecanum_env.simulator import replay_bench
 from sysid.compare.least_squares import Fitted
 from sysid.compare.search_space import EffectSet, effect_set
-from sysid.gap.search.data import known_effects
+from sysid.gap.search.known_effects import known_effects
 from sysid.gap.search.responses import Response, _trials, growths
 from sysid.gap.search.sets import EMPTY
 

@@ -11,9 +11,9 @@ import pytest
 from mecanum_env.effects import CATALOGUE
 from mecanum_env.effects.friction import droop_rpm
 from mecanum_env.effects.scale import REFERENCE, Scale
-from mecanum_env.law.drive import RING
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import replay_bench
+from mecanum_env.wheel_drive.drive import RING
 from sysid.compare.least_squares import ResidualProblem, fit
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener

@@ -11,9 +11,9 @@ from mecanum_env.errors import InputError
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator import BodyCommands, drive
 from sysid.compare.measured import observe
-from sysid.compare.predicted import Study, predict
+from sysid.compare.predicted import SimulationSettings, predict
 from sysid.gap.result import GapOptions
-from sysid.gap.search.data import known_effects
+from sysid.gap.search.known_effects import known_effects
 from sysid.gap.workflow import analyse
 from sysid.logs import BodyCommand, Dataset, Finding, Run, Split
 
@@ -61,7 +61,7 @@ def test_two_wheels_on_one_sensor_are_both_compared() -> None:
 
 def test_both_plants_predict_about_the_same() -> None:
     run = robot_logs(MODEL).runs[0]
-    rollers, planar = predict(MODEL, run), predict(MODEL, run, study=Study(plant="planar"))
+    rollers, planar = predict(MODEL, run), predict(MODEL, run, settings=SimulationSettings(plant="planar"))
     for name in ("speed_fl_rpm", "speed_rr_rpm"):
         assert np.sqrt(np.mean((rollers[name] - planar[name]) ** 2)) < 3.0
         assert not np.array_equal(rollers[name], planar[name])

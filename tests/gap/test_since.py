@@ -14,7 +14,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener, learn
 from sysid.compare.noise import measure_noise
-from sysid.compare.predicted import Simulators, Study
+from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.gap.alone import law_of, require_fittable
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import GapOptions
@@ -81,7 +81,7 @@ def test_the_error_of_the_fit_is_taken_off_in_other_logs(
     other = bench_logs(rubbing, seed=2)
     observations = observe(other)
     white = Whitener(observations, measure_noise(other, observations), None)
-    simulators = Simulators.of(observations, Study())
+    simulators = Simulators.of(observations, SimulationSettings())
     corrected = ResidualProblem(base, white, simulators=simulators, learned=learned)
     plain = ResidualProblem(base, white, simulators=simulators, learned=learned.before())
     assert corrected.base_residual @ corrected.base_residual < 0.5 * (

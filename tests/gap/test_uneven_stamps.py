@@ -13,7 +13,7 @@ from mecanum_env.model import Model
 from mecanum_env.simulator.bench import BenchRun
 from sysid.compare.measured import observe
 from sysid.compare.noise import measure_noise
-from sysid.compare.predicted import Simulator, Study
+from sysid.compare.predicted import SimulationSettings, Simulator
 from sysid.compare.predicted.prediction import Motion
 from sysid.gap.result import GapOptions
 from sysid.gap.workflow import analyse
@@ -69,9 +69,9 @@ def test_repeats_are_simulated_once(
 ) -> None:
     simulated: list[BenchRun] = []
 
-    def counted(model: Model, runs: Sequence[BenchRun], study: Study) -> list[Motion]:
+    def counted(model: Model, runs: Sequence[BenchRun], settings: SimulationSettings) -> list[Motion]:
         simulated.extend(runs)
-        return bench_motions_of(model, runs, study)
+        return bench_motions_of(model, runs, settings)
 
     bench_motions_of = simulator.bench_motions_of
     monkeypatch.setattr(simulator, "bench_motions_of", counted)

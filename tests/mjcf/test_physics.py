@@ -8,10 +8,10 @@ import pytest
 from tqdm import tqdm
 
 from mecanum_env.kinematics import command_to_wheels
-from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S, robot_spec
 from mecanum_env.mjcf.geometry import sideways_ratio
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.inputs import simulate_drive
 from sysid.studies.motion import (
     coast_energy,
     follow,

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from mecanum_env.law import LawState, WheelLaw
-from mecanum_env.law.drive import EPS, RING
-from mecanum_env.law.inputs import Latched, latched, ramped_inputs
-from mecanum_env.law.ramp import Ramp
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import set_wheel_parameters
+from mecanum_env.wheel_drive.drive import EPS, RING
+from mecanum_env.wheel_drive.inputs import Latched, latched, ramped_inputs
+from mecanum_env.wheel_drive.ramp import Ramp
 
 Build = Callable[..., mujoco.MjSpec]
 

@@ -8,9 +8,9 @@ import pytest
 from mujoco import batch, rollout
 
 from mecanum_env.effects.apply import drive_parameters
-from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.plugin.layout import STATE, state_slice, write_parameters
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.inputs import simulate_drive
 
 FULL = mujoco.mjtState.mjSTATE_FULLPHYSICS
 N_MODELS, N_STEPS = 6, 150

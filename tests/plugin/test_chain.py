@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from mecanum_env.law.formula import compile_formula
-from mecanum_env.law.free_wheel import free_wheel_speeds
-from mecanum_env.law.link import SPREAD
-from mecanum_env.law.parameters import CHAIN
-from mecanum_env.law.program import PROGRAM_SIZE
-from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS, map_numbers
-from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.plugin.library import HeldCommands, free_wheels, refusal
+from mecanum_env.wheel_drive.formula import compile_formula
+from mecanum_env.wheel_drive.free_wheel import free_wheel_speeds
+from mecanum_env.wheel_drive.link import SPREAD
+from mecanum_env.wheel_drive.parameters import CHAIN
+from mecanum_env.wheel_drive.program import PROGRAM_SIZE
+from mecanum_env.wheel_drive.set_point import MAP_KNOTS, MAP_PARAMETERS, map_numbers
+from mecanum_env.wheel_drive.wheel_load import GAP_KINDS
 
 RANGES = {
     "command_quantum_rpm": (0.1, 3.0),

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError, UnstableLawError
-from mecanum_env.law.parameters import DYNPRM, USER
 from mecanum_env.plugin.layout import SERVO, drive_state, require_valid, write_parameters
+from mecanum_env.wheel_drive.parameters import DYNPRM, USER
 
 pytestmark = pytest.mark.usefixtures("in_tmp_path")
 

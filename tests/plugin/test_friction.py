@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.parameters import USER
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import drive_state
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.parameters import USER
 
 STEP = 1 / 480
 

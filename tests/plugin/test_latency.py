@@ -9,11 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import RING, DriveParameters, received_command
-from mecanum_env.law.inputs import latched_commands, simulate_drive
-from mecanum_env.law.parameters import USER
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import STATE_SIZE, drive_state, set_steady
+from mecanum_env.wheel_drive.drive import RING, DriveParameters, received_command
+from mecanum_env.wheel_drive.inputs import latched_commands, simulate_drive
+from mecanum_env.wheel_drive.parameters import USER
 
 delays = st.floats(0.0, 0.35)
 seeds = st.integers(0, 2**32 - 1)

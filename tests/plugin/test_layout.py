@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.parameters import USER
 from mecanum_env.plugin.layout import (
     NO_TORQUE_LIMIT,
     USER_SIZE,
@@ -16,6 +15,7 @@ from mecanum_env.plugin.layout import (
     wheel_actuators,
     write_parameters,
 )
+from mecanum_env.wheel_drive.parameters import USER
 
 FIELDS = ("actuator_dynprm", "actuator_biasprm", "actuator_user")
 

@@ -9,7 +9,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.effects.apply import drive_parameters
-from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.model import Model, Robot, Wheel
 from mecanum_env.plugin.layout import (
     ARRIVALS,
@@ -22,6 +21,7 @@ from mecanum_env.plugin.layout import (
     state_slice,
 )
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.inputs import simulate_drive
 from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
 

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.inputs import simulate_drive
 from mecanum_env.model import Robot, paper_model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, drive_state, set_steady, write_parameters
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.inputs import simulate_drive
 
 STEP = 1 / 480
 KV = 5.0

@@ -10,9 +10,6 @@ from hypothesis import strategies as st
 from mecanum_env.effects import Effect, Parameter, registered
 from mecanum_env.effects.apply import changed_model, drive_parameters
 from mecanum_env.errors import InputError
-from mecanum_env.law.drive import longest_delay_s
-from mecanum_env.law.free_wheel import free_wheel_speeds
-from mecanum_env.law.parameters import CHAIN
 from mecanum_env.mjcf.physics import wheel_inertia
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import NO_TORQUE_LIMIT, chain_parameters
@@ -27,6 +24,9 @@ from mecanum_env.simulator.bench import (
 from mecanum_env.simulator.commands import hold
 from mecanum_env.simulator.supply import Supply
 from mecanum_env.simulator.trajectory import SimulationDivergedError
+from mecanum_env.wheel_drive.drive import longest_delay_s
+from mecanum_env.wheel_drive.free_wheel import free_wheel_speeds
+from mecanum_env.wheel_drive.parameters import CHAIN
 from tests.set_points import LAW_EFFECTS, SET_POINT_EFFECTS, some_of
 
 ANSWERS = st.one_of(st.just(0.0), st.floats(0.0, 0.2))

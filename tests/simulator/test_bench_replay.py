@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.parameters import USER
 from mecanum_env.plugin.layout import drive_state
 from mecanum_env.simulator import compile_bench, replay_bench
 from mecanum_env.simulator.bench import law_of_bench
 from mecanum_env.units import RAD_S_PER_RPM
+from mecanum_env.wheel_drive.parameters import USER
 
 
 def commands(seed=0, n=25):

@@ -1,7 +1,8 @@
 """The inverse of the drives' effects: the command that makes the robot move as the nominal one would.
 
 Forward, in the steady state: command -> limits of V and VC -> wheels -> dead band, gains, saturation
-(`mecanum_env.law.drive.received_command`) -> friction under a servo without integral action, which leaves
+(`mecanum_env.wheel_drive.drive.received_command`) -> friction under a servo without integral action, which
+leaves
 
     w = (|r| - (coulomb + breakaway exp(-(w / stribeck)^2)) / servo) / (1 + viscous / servo) sign(r)
 
@@ -30,13 +31,13 @@ from mecanum_env.kinematics import (
     wheels_to_command,
     wheels_to_twist,
 )
-from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.program import inputs_of
-from mecanum_env.law.set_point import unmapped, warm_up_gain
-from mecanum_env.law.wheel_load import WheelLoad
 from mecanum_env.model import Model, Robot
 from mecanum_env.tankendo.actions import FULL_V_RPM, FULL_VC_RPM
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.program import inputs_of
+from mecanum_env.wheel_drive.set_point import unmapped, warm_up_gain
+from mecanum_env.wheel_drive.wheel_load import WheelLoad
 from training.controllers.interface import Command
 from training.controllers.motion_model import changed_robot, received_wheels, wheel_drives
 

@@ -25,10 +25,10 @@ from mecanum_env.effects.apply import active_effects, added_load, drive_paramete
 from mecanum_env.effects.definition import Load
 from mecanum_env.kinematics import WHEELS, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
-from mecanum_env.law.drive import EPS, DriveParameters, received_command
 from mecanum_env.mjcf.plants import wheel_armature
 from mecanum_env.model import Model, Robot
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.drive import EPS, DriveParameters, received_command
 
 MEMORY = 5
 """Numbers in the memory of a wheel law: w(k), w(k-1), w(k-2), r(k-1), r(k-2)."""

@@ -98,7 +98,7 @@ def main(
     """
     if importlib.util.find_spec("stable_baselines3") is None:
         raise InputError(f"training needs Stable-Baselines3: {install_command('train')}")
-    from training.train import run as training
+    from training.train.run import train_or_resume
 
     given = TrainingSettings(
         algo=algo,
@@ -128,20 +128,8 @@ def main(
     )
     if reward_weights is not None:
         given = replace(given, reward_weights=reward_weights)
-    if resume is not None:
-        if out is not None or given != TrainingSettings():
-            raise InputError("--resume FOLDER: the run's own settings count; give only --steps beside it")
-        state, folder = training.resume(resume, steps=steps), resume
-    elif out is None:
-        raise InputError("--out FOLDER or --resume FOLDER must be given")
-    else:
-        if steps is not None:
-            given = replace(given, steps=steps)
-        state, folder = training.train_policy(given, out), out
-    print("   steps  success  minutes  of the processor")
-    for point in state.curve:
-        minutes = f"{point.wall_s / 60:7.1f}  {point.processor_s / 60:7.1f}"
-        print(f"{point.steps:8d}  {point.success:7.3f}  {minutes}")
+    state, folder = train_or_resume(given, steps, out, resume)
+    print(state.table)
     print(f"\nwrote {folder / 'policy.npz'}; watch with: tensorboard --logdir {folder}")
     return Done(wrote=[folder / "policy.npz", folder / "curve.json"])
 

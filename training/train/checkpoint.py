@@ -64,6 +64,15 @@ class State:
     updates: int = 0
     """Gradient updates until now, for the learner's own count."""
 
+    @property
+    def table(self) -> str:
+        """The learning curve as lines for a terminal."""
+        lines = ["   steps  success  minutes  of the processor"]
+        for point in self.curve:
+            minutes = f"{point.wall_s / 60:7.1f}  {point.processor_s / 60:7.1f}"
+            lines.append(f"{point.steps:8d}  {point.success:7.3f}  {minutes}")
+        return "\n".join(lines)
+
 
 @dataclass
 class Run:

@@ -61,6 +61,27 @@ DEVELOPMENT_SEEDS: Final = range(100_000, 100_400)
 """Seeds of the episodes that a run scores its policy on. Choices are made on these; final results are not."""
 
 
+def train_or_resume(
+    settings: TrainingSettings, steps: int | None, out: Path | None, resumed: Path | None
+) -> tuple[State, Path]:
+    """Train into the new folder `out`, or go on with the run in the folder `resumed`: exactly one is given.
+
+    Returns:
+        The state at the end, and the folder. None for `steps` means those of the settings, or of the run.
+
+    Raises:
+        InputError: both folders or none are given, settings are given for a run that has its own, or as of
+            `train_policy` and `resume`.
+    """
+    if resumed is not None:
+        if out is not None or settings != TrainingSettings():
+            raise InputError("--resume FOLDER: the run's own settings count; give only --steps beside it")
+        return resume(resumed, steps=steps), resumed
+    if out is None:
+        raise InputError("--out FOLDER or --resume FOLDER must be given")
+    return train_policy(settings if steps is None else replace(settings, steps=steps), out), out
+
+
 def train_policy(
     settings: TrainingSettings,
     folder: Path,

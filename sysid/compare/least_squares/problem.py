@@ -21,7 +21,14 @@ from sysid.compare.least_squares.gauss_newton import Mask
 from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
 from sysid.compare.model_error import Learned, Whitener, plausible_models, shape_columns
-from sysid.compare.predicted import Averaged, Simulator, Simulators, Study, model_key, planar_part
+from sysid.compare.predicted import (
+    Averaged,
+    SimulationSettings,
+    Simulator,
+    Simulators,
+    model_key,
+    planar_part,
+)
 from sysid.compare.search_space import scale_of
 
 _UNUSABLE: Final = (MecanumError, ValueError)
@@ -44,8 +51,8 @@ class ResidualProblem:
 
     On rollers it also has a surrogate: the planar plant, which takes a tenth of the time and is smooth. The
     error and the parameter uncertainty that the `base` model states are marginalised. The `scale` of the
-    study is replaced by that of the model and the runs. The `simulators` of another problem of the same
-    observations and study remember what they have simulated. With what was `learned` from the logs of the
+    settings is replaced by that of the model and the runs. The `simulators` of another problem of the same
+    observations and settings remember what they have simulated. With what was `learned` from the logs of the
     base model's fit, predictions are corrected by its mean, and its covariance is what is marginalised. Both
     are taken where the model `at` moves the robot, by default the base model.
     """
@@ -54,7 +61,7 @@ class ResidualProblem:
         self,
         base: Model,
         whitener: Whitener,
-        study: Study | None = None,
+        settings: SimulationSettings | None = None,
         simulators: Simulators | None = None,
         learned: Learned | None = None,
         at: Model | None = None,
@@ -63,8 +70,8 @@ class ResidualProblem:
         self.base, self.whitener = base, whitener
         self.observations = whitener.observations
         runs = [run for situation in self.observations.situations for run in situation.runs]
-        self.study = replace(study or Study(), scale=scale_of(base, runs))
-        self.simulators = simulators or Simulators.of(self.observations, self.study)
+        self.settings = replace(settings or SimulationSettings(), scale=scale_of(base, runs))
+        self.simulators = simulators or Simulators.of(self.observations, self.settings)
         self.bench = runs[0].level == "bench"
         self._ripple: WheelAngleRipple | None = None
         if self.simulators.planar is not None and learned is None:
@@ -90,7 +97,7 @@ class ResidualProblem:
 
     def moved(self, at: Model) -> ResidualProblem:
         """Return the problem with what was learned of the base model's error, where `at` moves the robot."""
-        return ResidualProblem(self.base, self.whitener, self.study, self.simulators, self._learned, at)
+        return ResidualProblem(self.base, self.whitener, self.settings, self.simulators, self._learned, at)
 
     @property
     def size(self) -> int:
@@ -183,7 +190,7 @@ class ResidualProblem:
             changed = simulated(model)
             return None if changed is None or unchanged is None else self.marginal(changed - unchanged)
 
-        return self.study.map(change, models)
+        return self.settings.map(change, models)
 
     def marginal(self, residual: FloatArray) -> FloatArray:
         """Return W times a residual (N,) or columns (N, p)."""
@@ -242,7 +249,7 @@ class ResidualProblem:
             changed = self.residual(model)
             return None if changed is None else self.base_residual - changed
 
-        columns = [c for c in self.study.map(column, plausible_models(self.base)) if c is not None]
+        columns = [c for c in self.settings.map(column, plausible_models(self.base)) if c is not None]
         shapes = shape_columns(self.base, self.whitener.error, self.observations)
         columns += [self.whitener.whiten(parts) for parts in shapes]
         return np.stack(columns, axis=1) if columns else np.zeros((self.size, 0))

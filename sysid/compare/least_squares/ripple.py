@@ -65,7 +65,7 @@ class WheelAngleRipple:
     def _changes(self, model: Model) -> FloatArray:
         """Return how the marginal residual changes when the wheels start at other angles, (N, k)."""
         nominal = self._residual(self._nominal, model)
-        others = self._nominal.study.map(lambda simulator: self._residual(simulator, model), self._others)
+        others = self._nominal.settings.map(lambda simulator: self._residual(simulator, model), self._others)
         found = [self._marginal(one - nominal) for one in others if one is not None and nominal is not None]
         return np.stack(found, axis=1) if found else np.zeros((self._whitener.size, 0))
 

@@ -14,9 +14,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.law.drive import longest_delay_s
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import longest_delay_s
 from sysid.compare.links.changes import GRID_S, Change, changes_of
 from sysid.compare.links.common_delay import EVIDENCE, CommonDelay, evidence, without_trend
 from sysid.compare.links.in_model import delay_of, on_time

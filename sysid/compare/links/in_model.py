@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Final
 
-from mecanum_env.law.drive import longest_delay_s
-from mecanum_env.law.link import SPREAD
 from mecanum_env.model import Model
+from mecanum_env.wheel_drive.drive import longest_delay_s
+from mecanum_env.wheel_drive.link import SPREAD
 
 JITTER: Final = "command_latency/jitter"
 LOSS: Final = "command_loss"

@@ -15,11 +15,11 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.effects.apply import drive_parameters
-from mecanum_env.law.drive import shaped_command
 from mecanum_env.model import Model
 from mecanum_env.simulator.bench import BenchRun, bench_motions
 from mecanum_env.statistics import MEDIAN_OF_NORMAL
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import shaped_command
 from sysid.compare.links.changes import GRID_S, LONGEST_S, Change
 from sysid.compare.links.common_delay import TAIL
 from sysid.compare.measured import start_of

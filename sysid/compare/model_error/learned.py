@@ -37,7 +37,7 @@ from sysid.compare.model_error.suspects import suspect_columns
 from sysid.compare.model_error.varying import VaryingPosterior, columns_of_sequences
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise
-from sysid.compare.predicted import Simulators, Study
+from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.compare.search_space import scale_of
 from sysid.logs import Dataset
 
@@ -126,7 +126,7 @@ class Learned:
         return np.concatenate([columns @ self.root, *own], axis=1)
 
 
-def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned:
+def learn(model: Model, dataset: Dataset, settings: SimulationSettings | None = None) -> Learned:
     """Return what the logs of a fit teach about the model's own error.
 
     Raises:
@@ -135,7 +135,7 @@ def learn(model: Model, dataset: Dataset, study: Study | None = None) -> Learned
     """
     observations = observe(most_active(dataset))
     noise = measure_noise(dataset, observations)
-    simulators = Simulators.of(observations, study or Study())
+    simulators = Simulators.of(observations, settings or SimulationSettings())
     then = as_fitted(model)
     predicted = simulators.averaged.predictions(then)
     basis = ShapeBasis.of(then, observations, predicted)

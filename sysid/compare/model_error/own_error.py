@@ -13,11 +13,11 @@ from sysid.compare.model_error.nuisance import plausible_models, shape_columns
 from sysid.compare.model_error.size import FACTORS, Residual, estimate_model_error, with_model_error
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise
-from sysid.compare.predicted import Simulator, Study
+from sysid.compare.predicted import SimulationSettings, Simulator
 from sysid.logs import Dataset
 
 
-def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -> Model:
+def with_own_error(model: Model, dataset: Dataset, settings: SimulationSettings | None = None) -> Model:
     """Return a model whose file states its own error on the logs it was fitted to.
 
     The error of all channels is multiplied by the smallest factor of 1 to 4 with which the cost, counted as
@@ -25,7 +25,7 @@ def with_own_error(model: Model, dataset: Dataset, study: Study | None = None) -
     """
     observations = observe(most_active(dataset))
     noise = measure_noise(dataset, observations)
-    simulator = Simulator(observations, study or Study())
+    simulator = Simulator(observations, settings or SimulationSettings())
     predicted = simulator.predictions(model)
     residual = [block.value - p for block, p in zip(observations.blocks, predicted, strict=True)]
     found = estimate_model_error(block_residuals(observations, noise, residual), dataset.sha256)

@@ -1,6 +1,6 @@
 """What a model predicts for logs: their commands simulated, as the model's sensors see the motion."""
 
-from sysid.compare.predicted.prediction import Study, motion_of, predict, predict_all, readings
+from sysid.compare.predicted.prediction import SimulationSettings, motion_of, predict, predict_all, readings
 from sysid.compare.predicted.simulator import (
     Averaged,
     Simulator,
@@ -12,9 +12,9 @@ from sysid.compare.predicted.simulator import (
 
 __all__ = [
     "Averaged",
+    "SimulationSettings",
     "Simulator",
     "Simulators",
-    "Study",
     "model_key",
     "motion_of",
     "planar_part",

@@ -39,8 +39,8 @@ U = TypeVar("U")
 
 
 @dataclass(frozen=True)
-class Study:
-    """The settings of every simulation in a study: search, held-out comparison, design of experiments."""
+class SimulationSettings:
+    """How models are simulated throughout a study: search, held-out comparison, design of experiments."""
 
     plant: RobotPlant = "rollers"
     """How a robot is simulated; the bench has one plant only."""
@@ -74,15 +74,15 @@ class Motion:
         return replace(self, channels=sensors(self.time_s, self.channels))
 
 
-def compile_robot(model: Model, study: Study = Study()) -> mujoco.MjModel:
+def compile_robot(model: Model, settings: SimulationSettings = SimulationSettings()) -> mujoco.MjModel:
     """Compile the robot that `motion_of` simulates, without visuals and without computing its sensors.
 
-    If the study gives no time step, the planar plant takes `TRAINING_TIMESTEP_S`, accurate enough there.
+    If the settings give no time step, the planar plant takes `TRAINING_TIMESTEP_S`, accurate enough there.
 
     Raises:
         InputError: an effect that the plant cannot simulate.
     """
-    plant, timestep_s = study.plant, study.timestep_s
+    plant, timestep_s = settings.plant, settings.timestep_s
     if plant == "planar" and timestep_s is None:
         timestep_s = TRAINING_TIMESTEP_S
     compiled = compile_plant(model, plant, timestep_s, visuals=False)
@@ -97,7 +97,7 @@ def in_run_frame(model: Model, start: Start) -> Model:
 
 
 def predict(
-    model: Model, run: Run, start: Start | None = None, study: Study = Study()
+    model: Model, run: Run, start: Start | None = None, settings: SimulationSettings = SimulationSettings()
 ) -> dict[str, FloatArray]:
     """Return what a model predicts for a run: channel -> values at the run's rows, each of shape (n,).
 
@@ -107,11 +107,14 @@ def predict(
         InputError: an effect that cannot be simulated.
         SimulationDivergedError: the state stopped being finite.
     """
-    return predict_all(model, [run], None if start is None else [start], study)[0]
+    return predict_all(model, [run], None if start is None else [start], settings)[0]
 
 
 def predict_all(
-    model: Model, runs: Sequence[Run], starts: Sequence[Start] | None = None, study: Study = Study()
+    model: Model,
+    runs: Sequence[Run],
+    starts: Sequence[Start] | None = None,
+    settings: SimulationSettings = SimulationSettings(),
 ) -> list[dict[str, FloatArray]]:
     """Return what a model predicts for each of the `runs`, as `predict` does; repeats are simulated once.
 
@@ -121,28 +124,32 @@ def predict_all(
     """
     begun = [start_of(run) for run in runs] if starts is None else starts
     sensors, pairs = sensors_of(model), list(zip(runs, begun, strict=True))
-    motions = _motions_of(without_sensors(model), pairs, study)
+    motions = _motions_of(without_sensors(model), pairs, settings)
     return [
         readings(motion.seen_by(sensors), run, start)
         for motion, (run, start) in zip(motions, pairs, strict=True)
     ]
 
 
-def motion_of(model: Model, run: Run, start: Start, study: Study = Study()) -> Motion:
+def motion_of(
+    model: Model, run: Run, start: Start, settings: SimulationSettings = SimulationSettings()
+) -> Motion:
     """Return the true motion in a run of a model that has no effects of sensors.
 
     Raises:
         InputError: an effect that cannot be simulated.
         SimulationDivergedError: the state stopped being finite.
     """
-    return _motions_of(model, [(run, start)], study)[0]
+    return _motions_of(model, [(run, start)], settings)[0]
 
 
-def _motions_of(model: Model, runs: Sequence[tuple[Run, Start]], study: Study) -> list[Motion]:
+def _motions_of(
+    model: Model, runs: Sequence[tuple[Run, Start]], settings: SimulationSettings
+) -> list[Motion]:
     if runs[0][0].level == "bench":
         period = model.wheel.command_period_s
         asked = [bench_run(run, start, period, supply_of(run)) for run, start in runs]
-        return bench_motions_of(model, asked, study)
+        return bench_motions_of(model, asked, settings)
     by_voltage = follows_voltage(model)
     compiled: dict[float, mujoco.MjModel] = {}
     motions: dict[Hashable, Motion] = {}
@@ -155,7 +162,7 @@ def _motions_of(model: Model, runs: Sequence[tuple[Run, Start]], study: Study) -
         key = heading, start.moving, voltage, *(values.tobytes() for values in columns)
         if key not in motions:
             if heading not in compiled:
-                compiled[heading] = compile_robot(local, study)
+                compiled[heading] = compile_robot(local, settings)
             motions[key] = robot_motion(local, run, start, compiled[heading])
         found.append(motions[key])
     return found
@@ -180,9 +187,11 @@ def bench_run(run: Run, start: Start, command_period_s: float, supply: Supply | 
     return BenchRun(since, run.command.wheels_rpm[:, 0], run.duration_s, start.initial_rpm, supply)
 
 
-def bench_motions_of(model: Model, runs: Sequence[BenchRun], study: Study = Study()) -> list[Motion]:
+def bench_motions_of(
+    model: Model, runs: Sequence[BenchRun], settings: SimulationSettings = SimulationSettings()
+) -> list[Motion]:
     """Return `motion_of` a model in each of the `runs`, simulated together."""
-    (found,) = bench_motions([model], runs, timestep_s=study.timestep_s)
+    (found,) = bench_motions([model], runs, timestep_s=settings.timestep_s)
     return [Motion(clock, {"speed_rpm": speed}) for clock, speed in found]
 
 

@@ -22,7 +22,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.measured import Observations, Situation
 from sysid.compare.predicted.prediction import (
     Motion,
-    Study,
+    SimulationSettings,
     bench_motions_of,
     bench_run,
     compile_robot,
@@ -60,11 +60,11 @@ class Simulator:
     def __init__(
         self,
         observations: Observations,
-        study: Study | None = None,
+        settings: SimulationSettings | None = None,
         wheel_angle_seed: int = 0,
     ) -> None:
         self.observations, self.wheel_angle_seed = observations, wheel_angle_seed
-        self.study = study or Study()
+        self.settings = settings or SimulationSettings()
         self._motions: OrderedDict[Hashable, list[Motion]] = OrderedDict()
         self._predictions: OrderedDict[Hashable, list[FloatArray]] = OrderedDict()
         self._groups: dict[tuple[float, bool, bool], list[_Alike]] = {}
@@ -127,7 +127,7 @@ class Simulator:
         by_voltage = self._voltage_logged and follows_voltage(model)
         groups = self._alike(model.wheel.command_period_s, by_voltage, by_heading)
         if self.observations.situations[0].runs[0].level == "bench":
-            found = bench_motions_of(model, [group.bench_run for group in groups], self.study)
+            found = bench_motions_of(model, [group.bench_run for group in groups], self.settings)
         else:
             found = self._robot_motions(model, groups, by_heading)
         motions: dict[int, Motion] = {}
@@ -162,7 +162,7 @@ class Simulator:
             heading = situation.start.yaw_rad if by_heading else 0.0
             local = in_run_frame(model, situation.start)
             if heading not in compiled:
-                compiled[heading] = compile_robot(local, self.study)
+                compiled[heading] = compile_robot(local, self.settings)
             angles = self._wheel_angles(group)
             if (heading, angles) not in stances:
                 stances[heading, angles] = standing(compiled[heading], angles)
@@ -261,13 +261,13 @@ class Simulators:
     """The rollers again, with other initial wheel angles."""
 
     @classmethod
-    def of(cls, observations: Observations, study: Study) -> Simulators:
+    def of(cls, observations: Observations, settings: SimulationSettings) -> Simulators:
         """Return the simulators of some observations."""
-        full = Simulator(observations, study)
-        if observations.situations[0].runs[0].level == "bench" or study.plant != "rollers":
+        full = Simulator(observations, settings)
+        if observations.situations[0].runs[0].level == "bench" or settings.plant != "rollers":
             return cls(full, None, ())
-        turned = (Simulator(observations, study, wheel_angle_seed=1 + draw) for draw in range(_DRAWS))
-        return cls(full, Simulator(observations, replace(study, plant="planar")), tuple(turned))
+        turned = (Simulator(observations, settings, wheel_angle_seed=1 + draw) for draw in range(_DRAWS))
+        return cls(full, Simulator(observations, replace(settings, plant="planar")), tuple(turned))
 
     @property
     def averaged(self) -> Averaged:

@@ -12,9 +12,9 @@ import numpy as np
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import WHEEL_SPEEDS, WHEELS, command_to_wheels, round_command
 from mecanum_env.law import WheelLaw
-from mecanum_env.law.drive import RING, DriveParameters
-from mecanum_env.law.inputs import latched_commands
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import RING, DriveParameters
+from mecanum_env.wheel_drive.inputs import latched_commands
 from sysid.fit.drive.command_path import CommandPath
 from sysid.fit.estimators import WheelRun
 from sysid.fit.statistics import Runs

@@ -16,7 +16,7 @@ from sysid.compare.least_squares import Fitted
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.predicted import Simulator, Study
+from sysid.compare.predicted import SimulationSettings, Simulator
 from sysid.compare.search_space import LawWithEffects
 from sysid.fit.effects.uncertainty import with_uncertainty
 from sysid.logs import Dataset
@@ -86,13 +86,16 @@ class HeldOut:
     """The validation runs, or the fit runs if there are none."""
 
     whitener: Whitener
-    study: Study
+    settings: SimulationSettings
 
     @classmethod
-    def of(cls, dataset: Dataset, study: Study | None = None) -> HeldOut:
-        """Return those of a dataset, simulated as in a `study`."""
+    def of(cls, dataset: Dataset, settings: SimulationSettings | None = None) -> HeldOut:
+        """Return those of a dataset, simulated with these `settings`."""
         observations = observe(replace(dataset, runs=dataset.split("validation") or dataset.split("fit")))
-        return cls(Whitener(observations, measure_noise(dataset, observations), None), study or Study())
+        return cls(
+            Whitener(observations, measure_noise(dataset, observations), None),
+            settings or SimulationSettings(),
+        )
 
     def errors(self, model: Model) -> tuple[float, float]:
         """Return the rms error of a model in sigmas, weighted as in a fit, and that of wheel speeds in rpm.
@@ -101,7 +104,7 @@ class HeldOut:
         differently each time, would outweigh all others in rpm.
         """
         blocks = self.whitener.observations.blocks
-        predicted = Simulator(self.whitener.observations, self.study).predictions(model)
+        predicted = Simulator(self.whitener.observations, self.settings).predictions(model)
         parts = [block.value - p for block, p in zip(blocks, predicted, strict=True)]
         wheels = [
             part for block, part in zip(blocks, parts, strict=True) if block.channel.startswith("speed_")

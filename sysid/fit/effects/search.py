@@ -123,7 +123,7 @@ class EffectSearch:
     ) -> None:
         self.known, self.robot = known, robot
         self.base = replace(law, uncertainty={})
-        self.problem = ResidualProblem(self.base, whitener, held_out.study)
+        self.problem = ResidualProblem(self.base, whitener, held_out.settings)
         self.held_out, self.largest_pole = held_out, largest_pole
         values = [float(np.max(np.abs(block.value))) for block in whitener.observations.blocks]
         self._top_rpm = max(values, default=0.0)
@@ -263,7 +263,7 @@ class EffectSearch:
 
     def _set(self, names: Sequence[str]) -> EffectSet:
         """Return effects with free parameters whose bounds are as wide as these logs allow."""
-        scale = self.problem.study.scale
+        scale = self.problem.settings.scale
         chosen = effect_set(self.base, names, scale=scale)
         tried = [
             coordinate(self.base, CATALOGUE[name], parameter, scale)
@@ -287,7 +287,7 @@ class EffectSearch:
 
     def _promising(self, reached: Reached) -> Iterator[_Growth]:
         """Yield the growth by each further effect from where linear least squares expects most of it."""
-        fitted, scale = reached.fitted, self.problem.study.scale
+        fitted, scale = reached.fitted, self.problem.settings.scale
         orthogonal = np.linalg.qr(fitted.jacobian)[0]
         rest = fitted.residual - orthogonal @ (orthogonal.T @ fitted.residual)
         present = {cause_of(name) for name in fitted.names}

@@ -22,7 +22,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import most_active_runs, observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.compare.predicted import Study
+from sysid.compare.predicted import SimulationSettings
 from sysid.compare.search_space import robot_deviations
 from sysid.fit.effects import DriveEffects, EffectSearch, HeldOut, Reached, searched
 from sysid.fit.robot.grip import RobotParameter
@@ -92,13 +92,13 @@ def find_robot_effects(
         data: runs of the fit that start at rest, with their wheel speeds.
         progress: called before each step.
     """
-    study = Study("planar")
+    settings = SimulationSettings("planar")
     observations = observe(replace(dataset, runs=most_active_runs(data.runs, _SECONDS)))
     whitener = Whitener(observations, measure_noise(dataset, observations), None)
-    residual = ResidualProblem(replace(alone, uncertainty={}), whitener, study).base_residual
+    residual = ResidualProblem(replace(alone, uncertainty={}), whitener, settings).base_residual
     if float(residual @ residual) < _FAR * residual.size:
         return None
-    held_out = HeldOut.of(dataset, study)
+    held_out = HeldOut.of(dataset, settings)
     before, before_rpm = held_out.errors(alone)
     names = tuple(name for name in ROBOT_NUMBERS if name not in given)
     known = {name: CATALOGUE[name] for name in _KNOWN}

@@ -22,7 +22,7 @@ from mecanum_env.simulator import RobotPlant
 from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import Start
-from sysid.compare.predicted import Study, predict_all
+from sysid.compare.predicted import SimulationSettings, predict_all
 from sysid.logs import Run
 from sysid.progress import Progress, silent
 
@@ -66,7 +66,7 @@ class PlantData:
     def predicted(self, model: Model, plant: RobotPlant = "planar") -> FloatArray:
         """Return what a `model` predicts for `measured` on a `plant`, shape (M,)."""
         at_rest = [Start()] * len(self.runs)
-        channels = predict_all(model, self.runs, at_rest, Study(plant))
+        channels = predict_all(model, self.runs, at_rest, SimulationSettings(plant))
         parts = [self._samples(*pair) for pair in zip(self.runs, channels, strict=True)]
         return np.concatenate([values for part in parts for values in part])
 

@@ -263,7 +263,9 @@ def on_rollers(model: Model, dataset: Dataset, robot: Sequence[str]) -> tuple[Mo
     plain = replace(model, uncertainty={})
     with without_engine_warnings():
         problem = _problem(plain, dataset, runs)
-        effects = effect_set(plain, list(model.uncertainty.get("effects") or {}), scale=problem.study.scale)
+        effects = effect_set(
+            plain, list(model.uncertainty.get("effects") or {}), scale=problem.settings.scale
+        )
         candidate = LawWithEffects(law, effects)
         found = fit(problem, candidate, candidate.start(), most=_SIMULATIONS)
         if found is None:

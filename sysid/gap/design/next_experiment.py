@@ -79,10 +79,10 @@ def design_for_untestable(
 
     An effect shows if it lowers the cost by more than a `threshold`.
     """
-    study, level = conditions.study, conditions.level
-    plant: PlantKind = "bench" if level == "bench" else study.plant
+    settings, level = conditions.settings, conditions.level
+    plant: PlantKind = "bench" if level == "bench" else settings.plant
     acting = [CATALOGUE[name] for name in effects if CATALOGUE[name].acts_in(plant)]
-    rivals = [_typical(model, effect, study.scale) for effect in acting[: _MOST_UNTESTABLE[level]]]
+    rivals = [_typical(model, effect, settings.scale) for effect in acting[: _MOST_UNTESTABLE[level]]]
     if not rivals:
         return Design(None, "")
     visible: list[int] = []
@@ -181,7 +181,7 @@ def _plausible(base: Model, fitted: Fitted[Any], inflation: float) -> tuple[Mode
 
 
 def conditions_of(problem: ResidualProblem, logs: Sequence[Run], inflation: float) -> ExperimentConditions:
-    """Return conditions like those of the logs so far, simulated with the settings of the study.
+    """Return conditions like those of the logs so far, simulated with the settings of the problem.
 
     `logs` are all runs, those of the test too, and `inflation` is the residual variance of the best fit
     relative to the expected one.
@@ -200,7 +200,7 @@ def conditions_of(problem: ResidualProblem, logs: Sequence[Run], inflation: floa
         error=whitener.error,
         limits=limits_of(problem.base, logs),
         inflation=inflation,
-        study=problem.study,
+        settings=problem.settings,
     )
 
 

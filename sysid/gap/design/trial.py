@@ -26,7 +26,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.measured import Start, observe
 from sysid.compare.model_error import ModelError, Whitener, plausible_models, shape_columns
 from sysid.compare.noise import Noise
-from sysid.compare.predicted import Study, motion_of, readings
+from sysid.compare.predicted import SimulationSettings, motion_of, readings
 from sysid.gap.design.limits import Limits
 from sysid.gap.design.sequences import FIELD_M, changed, library
 from sysid.logs import BenchCommand, BodyCommand, Command, Dataset, Run, WheelCommand
@@ -64,7 +64,7 @@ class ExperimentConditions:
     """Error of the model itself, as its file states it."""
     limits: Limits
     """Commands that the platform takes."""
-    study: Study
+    settings: SimulationSettings
     """Plant, time step, seed and jobs of the simulations, and the scale of the catalogue's bounds."""
     inflation: float = 1.0
     """Factor on all variances: residual variance of the best fit relative to the expected one."""
@@ -89,9 +89,9 @@ class Trial:
         self, base: Model, rows: FloatArray, conditions: ExperimentConditions, *, coarse: bool = False
     ) -> None:
         self.base, self.conditions = base, conditions
-        self._study = conditions.study
-        if coarse and conditions.level == "robot" and self._study.timestep_s is None:
-            self._study = replace(self._study, timestep_s=TRAINING_TIMESTEP_S)
+        self._settings = conditions.settings
+        if coarse and conditions.level == "robot" and self._settings.timestep_s is None:
+            self._settings = replace(self._settings, timestep_s=TRAINING_TIMESTEP_S)
         step = max(conditions.interval_s, _FINEST_S)
         samples = round(len(rows) * conditions.limits.period_s / step)
         time = np.asarray(np.arange(samples + 1) * step, float)
@@ -119,7 +119,7 @@ class Trial:
         if run.level == "robot":
             run = self._run(run.command, run.time_s, (*self.conditions.channels, *POSE))
         try:
-            motion = motion_of(physics, run, Start(), self._study)
+            motion = motion_of(physics, run, Start(), self._settings)
             channels = readings(motion.seen_by(sensors_of(model)), run, Start())
         except MecanumError:
             return None
@@ -236,18 +236,18 @@ def best_sequence(
 
     Args:
         base: the model under study.
-        conditions: how the experiment will be recorded; its study has the seed of the random sequences.
-        judge: judges the trial of one sequence; called from `study.jobs` threads.
+        conditions: how the experiment will be recorded; its settings have the seed of the random sequences.
+        judge: judges the trial of one sequence; called from `settings.jobs` threads.
         value_of: derives from the library's judged sequences the value to maximise; None if there is none.
     """
-    study, limits = conditions.study, conditions.limits
-    rng, effort = np.random.default_rng(study.seed), EFFORT[limits.level]
+    settings, limits = conditions.settings, conditions.limits
+    rng, effort = np.random.default_rng(settings.seed), EFFORT[limits.level]
 
     def judge_all(sequences: Sequence[FloatArray], thorough: bool) -> list[JudgedSequence]:
         def z_of(rows: FloatArray) -> FloatArray | None:
             return judge(Trial(base, rows, conditions, coarse=not thorough), thorough)
 
-        found = study.map(z_of, sequences)
+        found = settings.map(z_of, sequences)
         return [JudgedSequence(rows, z) for rows, z in zip(sequences, found, strict=True) if z is not None]
 
     quick = judge_all(library(limits, rng), False)

@@ -19,7 +19,7 @@ from mecanum_env.statistics import rms
 from mecanum_env.units import FloatArray
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
-from sysid.compare.predicted import Simulator, Study, predict
+from sysid.compare.predicted import SimulationSettings, Simulator, predict
 from sysid.compare.search_space import EffectSet
 from sysid.gap.report.samples import Samples, samples_of
 from sysid.gap.result import Difference, Evidence, Overlay
@@ -60,9 +60,9 @@ def held_out(dataset: Dataset) -> tuple[Split, tuple[Run, ...]]:
     return split, dataset.split(split)
 
 
-def predicted(model: Model, runs: Sequence[Run], study: Study) -> list[dict[str, FloatArray]]:
+def predicted(model: Model, runs: Sequence[Run], settings: SimulationSettings) -> list[dict[str, FloatArray]]:
     """Return what a model predicts for each run: channel -> values at its rows, shape (n,)."""
-    return [predict(model, run, study=study) for run in runs]
+    return [predict(model, run, settings=settings) for run in runs]
 
 
 def compare(
@@ -147,7 +147,7 @@ def evidence(
     shown += [judged for judged in decision.facts.judged if not judged.names]
     shown += [] if decision.facts.law is None else [decision.facts.law]
     tests = dataset.split("test")
-    test = Simulator(observe(replace(dataset, runs=tests)), problem.study) if tests else None
+    test = Simulator(observe(replace(dataset, runs=tests)), problem.settings) if tests else None
     right = expected(problem, *(j.fitted for j in (base, decision.chosen) if j is not None))
 
     def row(judged: ScoredSet) -> Evidence:
@@ -166,7 +166,7 @@ def evidence(
             bic=fitted.cost / decision.facts.inflation + parameter_count * math.log(problem.size),
         )
 
-    return tuple(problem.study.map(row, sorted(shown, key=lambda judged: (judged.score, judged.names))))
+    return tuple(problem.settings.map(row, sorted(shown, key=lambda judged: (judged.score, judged.names))))
 
 
 def _parameters(judged: ScoredSet, model: Model) -> dict[str, dict[str, float]]:

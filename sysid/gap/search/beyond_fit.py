@@ -42,7 +42,7 @@ def beyond_fit(problem: ResidualProblem, learned: Learned, library: Sequence[Res
     }
     if not asked:
         return list(library)
-    of_fit = ResidualProblem(learned.model, learned.whitener, problem.study, learned.simulators, learned)
+    of_fit = ResidualProblem(learned.model, learned.whitener, problem.settings, learned.simulators, learned)
     largest = largest_ratio(problem.observations, of_fit.observations)
     there: dict[str, float] = {}
     tried = responses(of_fit, list(asked))
@@ -77,5 +77,5 @@ def _shown_gain(problem: ResidualProblem, growth: Growth, tried: Sequence[Respon
 def _growths(problem: ResidualProblem, library: Sequence[Response]) -> list[tuple[Growth, float]]:
     """Return the single effects of a `library`, each with the fall of the cost that it promises."""
     base = base_fit(problem, EMPTY)
-    found = growths(problem.base, base, library, problem.study.scale, wary=True)
+    found = growths(problem.base, base, library, problem.settings.scale, wary=True)
     return [(growth, base.cost - growth.expected) for growth in found]

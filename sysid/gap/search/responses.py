@@ -93,7 +93,7 @@ def responses(
     start = problem.base if at is None else at
     for number, name in enumerate(ordered, 1):
         tell(f"effect {number} of {len(ordered)}")
-        effect, step, scale = CATALOGUE[name], problem.probe_step([name]), problem.study.scale
+        effect, step, scale = CATALOGUE[name], problem.probe_step([name]), problem.settings.scale
         if effect.follows_angle:
             trials = [t for k in _frequencies(problem) for t in _trials(problem.base, effect, step, scale, k)]
         else:

@@ -97,7 +97,7 @@ class Search:
             self.problem.base,
             parent,
             self._library_at(parent),
-            self.problem.study.scale,
+            self.problem.settings.scale,
             wary=self.problem.knows_all,
         )
         return [g for g in found if not self._excluded(g.candidate.names)]
@@ -154,7 +154,7 @@ class Search:
     def _fit_hopeful(self, growths: Sequence[Growth]) -> None:
         limits = [self._limit(growth.candidate.names) for growth in growths]
         pairs = [(g, limit) for g, limit in zip(growths, limits, strict=True) if self._may_reach(g, limit)]
-        fits = self.problem.study.map(self._fit, pairs)
+        fits = self.problem.settings.map(self._fit, pairs)
         found = {g.names: one for (g, _), one in zip(pairs, fits, strict=True) if one is not None}
         self._fitted |= found
 

@@ -105,5 +105,5 @@ def _law_beside(learned: Learned, model: Model) -> Fitted[RefittedLaw] | None:
 
 
 def _problem(learned: Learned, model: Model) -> ResidualProblem:
-    study = learned.simulators.full.study
-    return ResidualProblem(model, learned.whitener, study, learned.simulators, learned.before())
+    settings = learned.simulators.full.settings
+    return ResidualProblem(model, learned.whitener, settings, learned.simulators, learned.before())

@@ -12,7 +12,7 @@ from mecanum_env.model import Model, paper_model
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import EDGE_S, observe
 from sysid.compare.noise import Noise, measure_noise
-from sysid.compare.predicted import Simulator, Study
+from sysid.compare.predicted import SimulationSettings, Simulator
 from sysid.compare.predicted import simulator as simulation
 from sysid.logs import BodyCommand, Dataset, Run
 
@@ -83,7 +83,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, model: Model) -> int:
         )
         for run in dataset.runs
     )
-    Simulator(observe(replace(dataset, runs=short)), Study(plant="planar")).predictions(model)
+    Simulator(observe(replace(dataset, runs=short)), SimulationSettings(plant="planar")).predictions(model)
     return len(used)
 
 

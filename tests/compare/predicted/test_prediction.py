@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from mecanum_env.model import paper_model
 from mecanum_env.simulator import BodyCommands, drive, replay_bench
 from sysid.compare.measured import start_of
-from sysid.compare.predicted import Study, predict, predict_all
+from sysid.compare.predicted import SimulationSettings, predict, predict_all
 from sysid.logs import BenchCommand, BodyCommand, Run
 
 MODEL = paper_model()
@@ -101,9 +101,9 @@ def test_effects_of_sensors_leave_the_motion() -> None:
 def test_runs_are_predicted_together_as_each_alone() -> None:
     runs = [_robot(), _robot(x=1.0, yaw=0.5), _robot()]
     model = MODEL.with_effect("sensor_latency", delay_s=0.05)
-    together = predict_all(model, runs, study=Study("planar"))
+    together = predict_all(model, runs, settings=SimulationSettings("planar"))
     for run, found in zip(runs, together, strict=True):
-        alone = predict(model, run, study=Study("planar"))
+        alone = predict(model, run, settings=SimulationSettings("planar"))
         assert {name: values.tolist() for name, values in found.items()} == {
             name: values.tolist() for name, values in alone.items()
         }

@@ -5,7 +5,7 @@ import pytest
 
 from mecanum_env.errors import InputError
 from mecanum_env.law import LawState, WheelLaw
-from mecanum_env.law.inputs import latched_commands
+from mecanum_env.wheel_drive.inputs import latched_commands
 from sysid.fit.estimators import WheelRun
 from sysid.fit.estimators.interface import shifted_command
 from sysid.fit.estimators.problem import stack

@@ -12,7 +12,7 @@ from mecanum_env.model import Model, paper_model
 from sysid.compare.least_squares import ResidualProblem, base_fit
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Learned, Whitener, learn
-from sysid.compare.predicted import Study
+from sysid.compare.predicted import SimulationSettings
 from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import _inflation
@@ -31,9 +31,11 @@ def learned(robot_logs: MakeLogs) -> Learned:
     return learn(paper_model(), robot_logs(rippled, runs=3, seconds=1.5))
 
 
-def problem_of(logs: Dataset, learned: Learned, study: Study | None = None) -> ResidualProblem:
+def problem_of(
+    logs: Dataset, learned: Learned, settings: SimulationSettings | None = None
+) -> ResidualProblem:
     whitener = Whitener(observe(logs), learned.whitener.noise, learned.error)
-    return ResidualProblem(learned.model, whitener, study, learned=learned)
+    return ResidualProblem(learned.model, whitener, settings, learned=learned)
 
 
 def logs_of(robot_logs: MakeLogs, model: Model) -> Dataset:

@@ -15,7 +15,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Learned, Whitener, learn
 from sysid.compare.model_error.elsewhere import beside
-from sysid.compare.predicted import Study
+from sysid.compare.predicted import SimulationSettings
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import _holds
 from sysid.gap.search.further import needed
@@ -26,7 +26,7 @@ from sysid.gap.search.thresholds import SearchEffort
 from sysid.logs import Dataset
 
 MakeLogs = Callable[..., Dataset]
-PLANAR = Study("planar")
+PLANAR = SimulationSettings("planar")
 FLOOR = Floor(1e4, trusted=True, compared=True, knows_all=True, slack=1.5)
 BASE = paper_model()
 SLOW = BASE.with_effect("speed_gain", gain=0.8)

@@ -11,11 +11,11 @@ from mecanum_env.model import Model, paper_model
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Learned, Whitener, learn
-from sysid.compare.predicted import Study
+from sysid.compare.predicted import SimulationSettings
 from sysid.logs import Dataset
 
 MakeLogs = Callable[..., Dataset]
-PLANAR = Study("planar")
+PLANAR = SimulationSettings("planar")
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from mecanum_env.model import cause_of
 from sysid.gap import GapOptions, analyse
-from sysid.gap.search.data import known_effects
+from sysid.gap.search.known_effects import known_effects
 from sysid.studies.gapbench.cases import Answer, BenchCase, predicted
 from sysid.studies.gapbench.names import named_effects
 

@@ -1,7 +1,7 @@
 """What a drive does to a single command on the way to its setpoint, as functions of numbers.
 
-`mecanum_env.law.shaping.shaped` applies them in order. Each takes one drive's numbers, or arrays with those
-of many drives.
+`mecanum_env.wheel_drive.shaping.shaped` applies them in order. Each takes one drive's numbers, or arrays with
+those of many drives.
 """
 
 from __future__ import annotations

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.inputs import latched_commands
-from mecanum_env.law.set_point import saturated
 from mecanum_env.model import paper_model
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.inputs import latched_commands
+from mecanum_env.wheel_drive.set_point import saturated
 
 FINE = 2000  # parts of a tick
 

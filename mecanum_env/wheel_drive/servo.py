@@ -3,8 +3,8 @@
     torque = kv (setpoint - speed) + ki integral(setpoint - speed) dt + J (setpoint's acceleration)   [N m]
 
 as chain.h says. This is the second half of the reference for mecanum_env/plugin/chain.c, behind
-`mecanum_env.law.chain`; shapes are as there. The order of the operations is part of the definition, since
-tests hold both equal bit for bit.
+`mecanum_env.wheel_drive.chain`; shapes are as there. The order of the operations is part of the definition,
+since tests hold both equal bit for bit.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.law.chain import DriveState
-from mecanum_env.law.custom_load import custom_torque
-from mecanum_env.law.motor_bounds import supplied
-from mecanum_env.law.parameters import Sets
-from mecanum_env.law.parts import REFERENCE, Parts
-from mecanum_env.law.wheel_load import GAP_KINDS
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.chain import DriveState
+from mecanum_env.wheel_drive.custom_load import custom_torque
+from mecanum_env.wheel_drive.motor_bounds import supplied
+from mecanum_env.wheel_drive.parameters import Sets
+from mecanum_env.wheel_drive.parts import REFERENCE, Parts
+from mecanum_env.wheel_drive.wheel_load import GAP_KINDS
 
 LOAD_SMOOTHING: Final = 0.1
 """Share of a change of the load that its estimate follows in a substep."""
@@ -62,7 +62,7 @@ def torques(
     """Return the torques to report for wheels of a `speed` [rad/s], to an implicit integrator.
 
     Such an integrator subtracts the servo times the coming change of speed from their sum. `s` is the state
-    after `mecanum_env.law.chain.begin`; `p` and `lost_v` are as there.
+    after `mecanum_env.wheel_drive.chain.begin`; `p` and `lost_v` are as there.
     Only the `parts` that some drive has are computed.
     """
     asked = _asked(s, p, speed, timestep_s, parts)

@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from mecanum_env.law.coefficients import COEFFICIENTS
-from mecanum_env.law.program import PROGRAM_SIZE
-from mecanum_env.law.set_point import MAP_PARAMETERS
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.program import PROGRAM_SIZE
+from mecanum_env.wheel_drive.set_point import MAP_PARAMETERS
 
 DYNPRM: Final = (
     *COEFFICIENTS,
@@ -35,13 +35,13 @@ USER: Final = (
 """The servo and the effects; from "deadband_rpm" on 0 means "off", also for a gain.
 
 The inertia is that of the wheel and its rotor; the others are those of
-`mecanum_env.law.drive.DriveParameters`, its load and the robot.
+`mecanum_env.wheel_drive.drive.DriveParameters`, its load and the robot.
 """
 CHAIN: Final = (*DYNPRM, "servo_n_m_s_rad", *USER)
 """All of them, in order."""
 
 PROGRAMS: Final = ("command_program", "set_point_program", "load_program")
-"""Programs of custom effects (`mecanum_env.law.program`) behind the parameters, PROGRAM_SIZE numbers each."""
+"""Programs of custom effects (`wheel_drive.program`) behind the parameters, PROGRAM_SIZE numbers each."""
 
 Sets = Mapping[str, FloatArray]
 """Name of a parameter -> its value in each set, shape (sets, 1), so that it broadcasts over runs.

@@ -1,6 +1,6 @@
 """The parameters of a wheel's drive, and what it makes of a single command before the wheel law.
 
-`mecanum_env.law.inputs` puts commands on the clock of the law.
+`mecanum_env.wheel_drive.inputs` puts commands on the clock of the law.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import WheelLaw
-from mecanum_env.law.link import MOST_SEEDS, SPREAD, Link
-from mecanum_env.law.motor_bounds import MotorBounds, steepest_share
-from mecanum_env.law.program import Program, inputs_of, require_runs
-from mecanum_env.law.ramp import RampLimits
-from mecanum_env.law.set_point import map_numbers, require_map
-from mecanum_env.law.shaping import rounded, shaped
-from mecanum_env.law.wheel_load import NO_LOAD, WheelLoad
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.link import MOST_SEEDS, SPREAD, Link
+from mecanum_env.wheel_drive.motor_bounds import MotorBounds, steepest_share
+from mecanum_env.wheel_drive.program import Program, inputs_of, require_runs
+from mecanum_env.wheel_drive.ramp import RampLimits
+from mecanum_env.wheel_drive.set_point import map_numbers, require_map
+from mecanum_env.wheel_drive.shaping import rounded, shaped
+from mecanum_env.wheel_drive.wheel_load import NO_LOAD, WheelLoad
 
 EPS: Final = 1e-9
 """Share of its period by which a clock may be early; it absorbs the rounding of n h."""
@@ -87,11 +87,11 @@ class DriveParameters:
     warm_up_s: float = 0.0
     """Time constant of the warming [s]; 0: it does not act."""
     knots_rpm: tuple[float, ...] = ()
-    """Commands at which a static map is given [rpm]; see `mecanum_env.law.set_point.mapped`."""
+    """Commands at which a static map is given [rpm]; see `mecanum_env.wheel_drive.set_point.mapped`."""
     values_rpm: tuple[float, ...] = ()
     """What the map makes of them [rpm]."""
     softness_rpm: float = 0.0
-    """The saturation begins this far below its limit [rpm]; see `mecanum_env.law.set_point.saturated`."""
+    """The saturation begins this far below its limit [rpm]; see `wheel_drive.set_point.saturated`."""
     acceleration_rpm_s: float = math.inf
     """Largest rate of change of the law's input [rpm/s]."""
     brake_rpm_s: float = 0.0
@@ -109,9 +109,9 @@ class DriveParameters:
     supply_per_volt: float = 0.0
     """Share of that speed that is lost with each volt of the supply below that at the start [1/V]."""
     load: WheelLoad = NO_LOAD
-    """What acts behind the setpoint; see `mecanum_env.law.servo`."""
+    """What acts behind the setpoint; see `mecanum_env.wheel_drive.servo`."""
     command_program: Program = ()
-    """What a custom effect adds to each command before the dead band [rpm]; see `mecanum_env.law.program`."""
+    """What a custom effect adds to each command before the dead band [rpm]; see `wheel_drive.program`."""
     set_point_program: Program = ()
     """What a custom effect adds behind the gains and before the saturation [rpm]."""
     load_program: Program = ()
@@ -217,7 +217,7 @@ def received_command(
 ) -> FloatArray:
     """Return latched commands as a drive at rest receives them [rpm], rounded and shaped; NaN counts as 0.
 
-    `seconds` are as for `shaped_command`. Latency and loss come before (`mecanum_env.law.inputs`).
+    `seconds` are as for `shaped_command`. Latency and loss come before (`mecanum_env.wheel_drive.inputs`).
     """
     sent = rounded(command_rpm, parameters.command_quantum_rpm)
     return shaped_command(parameters, sent, seconds)

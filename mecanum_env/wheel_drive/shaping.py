@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.law.arrays import floats, namespace
-from mecanum_env.law.program import evaluate_sets
-from mecanum_env.law.set_point import MAP_KNOTS, MAP_PARAMETERS, mapped, saturated, warm_up_gain
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.program import evaluate_sets
+from mecanum_env.wheel_drive.set_point import MAP_KNOTS, MAP_PARAMETERS, mapped, saturated, warm_up_gain
 
 _ABSURD_RPM: Final = 1e10
 """Commands beyond this [rpm], and NaN, count as 0, as they do for MuJoCo's own actuators."""
@@ -37,10 +37,10 @@ def shaped(
     """Return rounded commands [rpm] as the drive takes them.
 
     All shapes broadcast; arrays may be of either kind of `mecanum_env.law.arrays`. The parameters `p` are
-    those of `mecanum_env.law.parameters` by name, and `seconds` is the time since the start at which a
-    command takes effect [s]. `speed_rpm` and `angle_rad` are those of the wheel when the command is latched,
-    which custom effects may use, and `lost_v` [V] is how far the supply is then below its voltage at the
-    start.
+    those of `mecanum_env.wheel_drive.parameters` by name, and `seconds` is the time since the start at which
+    a command takes effect [s]. `speed_rpm` and `angle_rad` are those of the wheel when the command is
+    latched, which custom effects may use, and `lost_v` [V] is how far the supply is then below its voltage at
+    the start.
     """
 
     def with_custom(name: str, command: FloatArray) -> FloatArray:

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError, UnstableLawError
 from mecanum_env.law import LawState, WheelLaw
-from mecanum_env.law.drive import DriveParameters
-from mecanum_env.law.motor_bounds import MotorBounds, loaded_law, steepest_share
+from mecanum_env.wheel_drive.drive import DriveParameters
+from mecanum_env.wheel_drive.motor_bounds import MotorBounds, loaded_law, steepest_share
 from tests.plugin.conftest import random_law
 
 FIRST_ORDER = WheelLaw(0.9, 0.0, 0.0, 0.1, 0.0, 0.0, 0.01)

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.link import SPREAD, Link, _mixed
 from mecanum_env.model import paper_model
 from mecanum_env.simulator import BodyCommands, drive
+from mecanum_env.wheel_drive.link import SPREAD, Link, _mixed
 
 PLAIN = Link(period_s=0.1, delay_s=0.12, jitter_s=0.03, loss=0.0, seed=7)
 LINKS = st.builds(

@@ -8,8 +8,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from mecanum_env.errors import InputError
-from mecanum_env.law.formula import compile_formula
-from mecanum_env.law.program import CODES, INPUTS, PROGRAM_SIZE, evaluate, inputs_of, joined, table_program
+from mecanum_env.wheel_drive.formula import compile_formula
+from mecanum_env.wheel_drive.program import (
+    CODES,
+    INPUTS,
+    PROGRAM_SIZE,
+    evaluate,
+    inputs_of,
+    joined,
+    table_program,
+)
 
 PYTHON = {
     "abs": abs, "sign": lambda x: float((x > 0) - (x < 0)), "sin": math.sin, "cos": math.cos, "exp": math.exp,

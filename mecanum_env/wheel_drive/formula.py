@@ -1,7 +1,7 @@
 """Formulas of custom effects: a small language that is checked and made a program, never run as Python.
 
 It has numbers, + - * / **, brackets, the functions abs, sign, sin, cos, exp, min, max, and the names in
-`mecanum_env.law.program.INPUTS`. Everything else is refused.
+`mecanum_env.wheel_drive.program.INPUTS`. Everything else is refused.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from functools import lru_cache
 from typing import Final
 
 from mecanum_env.errors import InputError, did_you_mean
-from mecanum_env.law.program import CODES, INPUTS, Program, require_runs
+from mecanum_env.wheel_drive.program import CODES, INPUTS, Program, require_runs
 
 LONGEST_TEXT: Final = 400
 """Most characters of a formula."""

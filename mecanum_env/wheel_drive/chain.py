@@ -2,8 +2,8 @@
 
 This is the reference for the plugin: mecanum_env/plugin/chain.c does the same for one wheel, and tests hold
 the two equal bit for bit. Time counts in substeps of the timestep h. In each of them `begin` brings latches,
-law and setpoint to its end; in `mecanum_env.law.servo`, `torques` gives what acts on the wheel, and `end`
-takes over how the wheel has moved. What each step is, and why, is told in chain.h and chain.c.
+law and setpoint to its end; in `mecanum_env.wheel_drive.servo`, `torques` gives what acts on the wheel, and
+`end` takes over how the wheel has moved. What each step is, and why, is told in chain.h and chain.c.
 
 Arrays have the shape (sets, runs), parameters (sets, 1). Numbers are added in the order of the C code.
 """
@@ -16,13 +16,13 @@ import numpy as np
 import numpy.typing as npt
 
 from mecanum_env.law.coefficients import law_step
-from mecanum_env.law.drive import EPS, RING
-from mecanum_env.law.link import is_lost, own_delay
-from mecanum_env.law.motor_bounds import bounded, supplied
-from mecanum_env.law.parameters import Sets
-from mecanum_env.law.ramp import Ramp, RampLimits
-from mecanum_env.law.shaping import rounded, shaped
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.drive import EPS, RING
+from mecanum_env.wheel_drive.link import is_lost, own_delay
+from mecanum_env.wheel_drive.motor_bounds import bounded, supplied
+from mecanum_env.wheel_drive.parameters import Sets
+from mecanum_env.wheel_drive.ramp import Ramp, RampLimits
+from mecanum_env.wheel_drive.shaping import rounded, shaped
 
 Mask = npt.NDArray[np.bool_]
 

@@ -15,7 +15,7 @@ from typing import Any, Final
 import numpy as np
 
 from mecanum_env.law.arrays import exponentials, sines
-from mecanum_env.law.parameters import PROGRAMS
+from mecanum_env.wheel_drive.parameters import PROGRAMS
 
 
 @dataclass(frozen=True)

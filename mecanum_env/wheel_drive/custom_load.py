@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from mecanum_env.law.program import evaluate_sets
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.program import evaluate_sets
 
 _STILL: Final = 1e-9
 """Difference of speeds [rad/s] that is none."""
@@ -32,7 +32,7 @@ def custom_torque(
 
     Args:
         programs: program of each set, shape (sets, n).
-        now: command, angle, time and voltage, in the units of `mecanum_env.law.program`.
+        now: command, angle, time and voltage, in the units of `mecanum_env.wheel_drive.program`.
         servo_n_m_s_rad: stiffness of each set, shape (sets, 1).
         per_torque: change of a wheel's speed in the substep by a torque [rad/s per N m], shape (sets, 1).
         speed: of the wheels at the start of the substep [rad/s], shape (sets, runs).

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from mecanum_env.law.chain import DriveState, begin
-from mecanum_env.law.parameters import by_name
-from mecanum_env.law.servo import end, torques
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
+from mecanum_env.wheel_drive.chain import DriveState, begin
+from mecanum_env.wheel_drive.parameters import by_name
+from mecanum_env.wheel_drive.servo import end, torques
 
 _LARGEST: Final = 1e10
 """Speeds and accelerations beyond this have diverged, as for MuJoCo."""
@@ -28,8 +28,8 @@ def free_wheel_speeds(
     The wheels move as MuJoCo's integrator "implicitfast" moves a hinge; speeds are NaN once they diverge.
 
     Args:
-        parameters: of the drives, in the order of `mecanum_env.law.parameters.CHAIN`, shape (sets, P);
-            programs may follow them.
+        parameters: of the drives, in the order of `mecanum_env.wheel_drive.parameters.CHAIN`, shape
+            (sets, P); programs may follow them.
         wheels: moment of inertia [kg m^2] and viscous damping [N m s/rad] of each wheel, shape (sets, 2).
         timestep_s: the substep [s].
         command_rpm: command in each substep [rpm], shape (runs, n).

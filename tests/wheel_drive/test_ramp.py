@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from mecanum_env.law.ramp import Ramp, RampLimits
+from mecanum_env.wheel_drive.ramp import Ramp, RampLimits
 
 TAU = 1 / 120
 RATES = st.floats(50.0, 5000.0)

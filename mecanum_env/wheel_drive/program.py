@@ -6,7 +6,7 @@ same numbers (mecanum_env/plugin/program.c); the tests hold both equal bit for b
 finite result (a division by zero, an overflow, a root of a negative number) makes the value of the whole
 program 0.
 
-`mecanum_env.law.formula` makes programs of formulas.
+`mecanum_env.wheel_drive.formula` makes programs of formulas.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def evaluate(program: Program, inputs: Mapping[str, npt.ArrayLike]) -> FloatArra
     0 where an operation has no finite result.
 
     Raises:
-        InputError: the program is not one that `mecanum_env.law.formula` makes.
+        InputError: the program is not one that `mecanum_env.wheel_drive.formula` makes.
     """
     given = dict(zip(INPUTS, np.broadcast_arrays(*(inputs.get(name, 0.0) for name in INPUTS)), strict=True))
     stack: list[FloatArray] = []

@@ -5,12 +5,12 @@ for bit, and the drive for engines without plugins. Time counts in substeps n of
 
 - Latch j is due at the first substep with n h >= j T, with T the command period. The latched command is
   rounded, unless it is lost, then changed by dead band, gain and limit (`shaped_command`).
-- With jitter each change of the command has its own delay (`mecanum_env.law.link`).
+- With jitter each change of the command has its own delay (`mecanum_env.wheel_drive.link`).
 - Law tick k is due at the first substep with n h >= k tau, with tau the sample period. Its input r(k) is the
   mean over the tick of the command delayed by `delay_s`, as far as it was latched by k tau. So the response
   is continuous in the delay, and without one r(k) is the last latched command. With an acceleration limit
   r(k) is the mean over the tick of a continuous ramp that follows the delayed command at the limit.
-- The law's step from w(k) to w(k+1) may be bounded by the motor (`mecanum_env.law.motor_bounds`).
+- The law's step from w(k) to w(k+1) may be bounded by the motor (`mecanum_env.wheel_drive.motor_bounds`).
 - The setpoint at the end of the substep lies on the line from w(k) to w(k+1), which is known when the tick
   starts: the interpolation adds no delay.
 """
@@ -26,10 +26,10 @@ import numpy.typing as npt
 
 from mecanum_env.errors import InputError
 from mecanum_env.law.coefficients import LawState
-from mecanum_env.law.drive import EPS, DriveParameters, require_open_loop, shaped_command
-from mecanum_env.law.ramp import Ramp
-from mecanum_env.law.shaping import rounded
 from mecanum_env.units import FloatArray
+from mecanum_env.wheel_drive.drive import EPS, DriveParameters, require_open_loop, shaped_command
+from mecanum_env.wheel_drive.ramp import Ramp
+from mecanum_env.wheel_drive.shaping import rounded
 
 
 @dataclass(frozen=True)

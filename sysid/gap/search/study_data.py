@@ -1,0 +1,99 @@
+"""What a study decides on: the runs, their noise, and what is known of the model's own error."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from mecanum_env.errors import InputError
+from mecanum_env.model import Model
+from sysid.compare.measured import Observations, observe
+from sysid.compare.model_error import Learned, ModelError, learn, model_error_of
+from sysid.compare.noise import Noise, measure_noise
+from sysid.compare.predicted import SimulationSettings
+from sysid.gap.result import GapOptions
+from sysid.gap.search.chance import Floor
+from sysid.gap.search.deciding_runs import deciding_runs
+from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.logs import Dataset
+
+
+@dataclass(frozen=True, eq=False)
+class StudyData:
+    """What a study decides on."""
+
+    observations: Observations
+    noise: Noise
+    error: ModelError | None
+    """The model's own error; None if it is not known from other logs than these."""
+    floor: Floor
+    """What is known of the noise floor."""
+    notes: tuple[str, ...]
+    """What was chosen or assumed, in sentences."""
+    learned: Learned | None = None
+    """What the logs of the model's fit teach about its own error, where they are at hand."""
+
+
+def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData:
+    """Choose the runs that decide and measure their noise; the model's file may state its own error.
+
+    Raises:
+        InputError: no run has a measured sample.
+    """
+    runs, notes = deciding_runs(dataset, model, options)
+    observations = observe(replace(dataset, runs=runs))
+    noise = measure_noise(dataset, observations)
+    error = model_error_of(model)
+    learned, fitted_on = None, options.fitted_on
+    same_logs = error is not None and error.data_sha256 == dataset.sha256 != ""
+    if fitted_on is not None:
+        same_logs = same_logs or fitted_on.sha256 == dataset.sha256 != ""
+        if fitted_on.level != dataset.level:
+            raise InputError(
+                f"fitted-on {fitted_on.name}: {fitted_on.level} logs, and those of the study are "
+                f"{dataset.level} logs; give the logs that the model was fitted to"
+            )
+    if fitted_on is not None and not same_logs:
+        learned = learn(model, fitted_on, SimulationSettings(options.plant, options.jobs))
+        error, noise = learned.error_in(observations), noise.beside(learned.whitener.noise)
+        notes.append(
+            f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
+        )
+    scattered = [name for name, source in noise.source.items() if source != "repeats"]
+    if scattered:
+        notes.append(
+            f"no repeats for {', '.join(scattered)}: the noise is estimated from neighbouring samples of "
+            "held commands"
+        )
+    trusted = not same_logs and (noise.from_repeats or error is not None)
+    if same_logs:
+        notes.append(
+            "the model was fitted to these very logs: its own error is not known from others, so no set of "
+            "effects is refused for what it leaves"
+        )
+    elif not trusted:
+        notes.append(
+            "no repeats, and the model states no error of its own: the residual may or may not be noise"
+        )
+    # A robot's wheels slip a little differently in each repeat; a wheel on the bench has no such excuse.
+    bench = dataset.level == "bench"
+    if bench and noise.inconsistent_channels(THRESHOLDS.inconsistent_repeats):
+        notes.append(
+            f"repeats of one command differ more than {THRESHOLDS.inconsistent_repeats:g} times as much as "
+            "neighbouring samples: something that is not in the commands changes from run to run; look at "
+            "the repeats"
+        )
+    repeatable = not (bench and noise.inconsistent_channels(THRESHOLDS.unrepeatable))
+    if learned is not None and noise.is_like(learned.whitener.noise, THRESHOLDS.inconsistent_repeats):
+        # Whatever acts at random did so in the logs of the fit, too.
+        repeatable = True
+    compared = learned is not None
+    floor = Floor(
+        noise.degrees_of_freedom,
+        trusted,
+        compared,
+        compared and not bench,
+        repeatable,
+        familiar=learned is not None and learned.knows(observations),
+        slack=THRESHOLDS.plainly_visible if compared and not bench else 1.0,
+    )
+    return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)

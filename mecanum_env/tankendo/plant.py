@@ -23,6 +23,7 @@ from mecanum_env.plugin.layout import seed_links
 from mecanum_env.simulator import RobotPlant, SimulationDivergedError, compile_plant
 from mecanum_env.simulator.body_limits import BodyLimits, behind_limits, limits_body
 from mecanum_env.simulator.robot import at_rest
+from mecanum_env.tankendo.numbers import mathematics
 from mecanum_env.units import FloatArray
 
 DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
@@ -132,11 +133,13 @@ class RobotBatch:
 
     def __init__(self, common: Compiled, n: int, threads: int = 1) -> None:
         self.n, self._common, self._threads = n, common, threads
+        self._math = mathematics(n)
         self._of = [common] * n
         self._open_batch()
         self._timestep_s = float(common.mj_model.opt.timestep)
         self._substeps = round(common.model.wheel.command_period_s / self._timestep_s)
         self._limits: list[BodyLimits | None] = [None] * n
+        self._any_limits = False
         self._is_free = common.mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE
 
     def _open_batch(self) -> None:
@@ -184,6 +187,7 @@ class RobotBatch:
             self._batch.state[row] = new.rest
             self._place(self._qpos[row], pose)
             self._limits[row] = self._limits_of(new)
+        self._any_limits = any(limits is not None for limits in self._limits)
 
     def _place(self, qpos: FloatArray, pose: FloatArray) -> None:
         """Write a pose x, y, yaw, shape (3,), into the positions of one robot that is at rest."""
@@ -221,7 +225,7 @@ class RobotBatch:
             wheels = np.array([command_wheels(*commands[0].tolist())])
         else:
             wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
-        if any(limits is not None for limits in self._limits):
+        if self._any_limits:
             control = np.repeat(wheels[:, None], self._substeps, axis=1)
             for row, limits in enumerate(self._limits):
                 if limits is not None:
@@ -251,9 +255,11 @@ class RobotBatch:
         """Return what `motion` does of the generalised coordinates of one robot a row, (nq, n), (nv, n)."""
         if not self._is_free:
             return np.concatenate([position[:3], velocity[:3]])
-        w, x, y, z = position[3:7]
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return np.stack([position[0], position[1], yaw, velocity[0], velocity[1], velocity[5]])
+        math = self._math
+        ahead, left, _, w, x, y, z = math.of(position[:7])
+        vx, vy, _, _, _, rate = math.of(velocity[:6])
+        yaw = math.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return math.table([ahead, left, yaw, vx, vy, rate])
 
     def qpos(self, row: int) -> FloatArray:
         """Return MuJoCo's generalised positions of the robot in a row, for drawing."""

@@ -32,11 +32,10 @@ def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
     """Yield the effects of a model that are not neutral, each with all its parameters."""
     if not model.effects:
         return
-    for name, effect in CATALOGUE.items():
-        if name in model.effects:
-            values = effect.acting(model.effects[name], model)
-            if values is not None:
-                yield effect, values
+    for name in [name for name in CATALOGUE if name in model.effects]:
+        values = CATALOGUE[name].acting(model.effects[name], model)
+        if values is not None:
+            yield CATALOGUE[name], values
 
 
 def check_effects(model: Model, plant: PlantKind) -> None:

@@ -154,12 +154,11 @@ class WheelNumbers(NamedTuple):
         """The inertia of its rotor, which the joint must have as armature."""
         return self.user[_ROTOR]
 
-    def write(self, mjmodel: mujoco.MjModel, actuator_id: int) -> None:
-        """Write them for the actuator `actuator_id` of a compiled model whose user field is large enough."""
-        mjmodel.actuator_dynprm[actuator_id] = self.dynprm
-        mjmodel.actuator_biasprm[actuator_id, SERVO] = -self.servo_n_m_s_rad
-        mjmodel.actuator_user[actuator_id] = 0.0
-        mjmodel.actuator_user[actuator_id, : len(self.user)] = self.user
+    def write(self, mjmodel: mujoco.MjModel, actuators: int | list[int]) -> None:
+        """Write them for some actuators, by id, of a compiled model whose user field is large enough."""
+        mjmodel.actuator_dynprm[actuators] = self.dynprm
+        mjmodel.actuator_biasprm[actuators, SERVO] = -self.servo_n_m_s_rad
+        mjmodel.actuator_user[actuators] = self.user + [0.0] * (mjmodel.nuser_actuator - len(self.user))
 
 
 def wheel_numbers(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from abc import ABC, abstractmethod
-from typing import Final
+from typing import Any, Final
 
 import mujoco
 
@@ -40,11 +40,17 @@ class Template(ABC):
         self._model, self._mj_model = changed_model(model, self.plant), mj_model
         self._scratch = mujoco.MjData(mj_model)
         self._actuators = wheel_actuators(mj_model)
+        self.spares: list[mujoco.MjModel] = []
+        """Copies that nobody reads any more: a copy takes longer to make than to write."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Return what a copy or a pickle holds: all but the spares."""
+        return {**vars(self), "spares": []}
 
     def with_numbers_of(self, model: Model) -> mujoco.MjModel | None:
         """Return a copy with the numbers of a model that `is_rewritable`; None: more than those differs.
 
-        Its law and its commands have the periods of the compiled model.
+        Its law and its commands have the periods of the compiled model. The copy is a spare if there is one.
 
         Raises:
             InputError: an effect that the plant cannot simulate, or an impossible inertia.
@@ -57,7 +63,7 @@ class Template(ABC):
         drives = [wheel_numbers(model, wheel, 0.0, inertia_kg_m2=inertia) for wheel in wheels]
         if any(len(drive.user) > self._mj_model.nuser_actuator for drive in drives):
             return None
-        new = copy.copy(self._mj_model)
+        new = self.spares.pop() if self.spares else copy.copy(self._mj_model)
         if len(drives) == 1:
             drives[0].write(new, self._actuators)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -133,7 +134,10 @@ class DrawnRobots:
         if _same_clocks(model, self._first.model):
             mj_model = self._template.with_numbers_of(behind)
             if mj_model is not None:
-                return compiled_model(model, mj_model, self._plant, self._first.stance)
+                robot = compiled_model(model, mj_model, self._plant, self._first.stance)
+                # When its episode is over, the next robot is written over it.
+                weakref.finalize(robot, self._template.spares.append, mj_model).atexit = False
+                return robot
         return compile_model(model, self._plant, self._timestep_s)
 
 

@@ -30,9 +30,10 @@ Sensors = Callable[[FloatArray, Channels], dict[str, FloatArray]]
 
 def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
     """Yield the effects of a model that are not neutral, each with all its parameters."""
-    if not model.effects:
-        return
-    for name in [name for name in CATALOGUE if name in model.effects]:
+    given = model.effects
+    # One effect needs no order, and drawn robots with one are asked for it often.
+    ordered = CATALOGUE if len(given) > 1 else given
+    for name in [name for name in ordered if name in given and name in CATALOGUE]:
         values = CATALOGUE[name].acting(model.effects[name], model)
         if values is not None:
             yield CATALOGUE[name], values

@@ -78,6 +78,15 @@ def test_a_robot_written_over_another_is_the_compiled_one_to_the_bit(paper, seed
 
 
 @pytest.mark.parametrize("plant", ["planar", "rollers"])
+def test_what_a_robot_written_over_another_has_in_its_joints_is_written(paper, plant):
+    """A load that is answered late is a rotor, which is part of the joint."""
+    drawn = DrawnRobots(plant, None)
+    drawn(paper)
+    model = paper.with_effect("coulomb_friction", torque_n_m=0.1, answer_s=0.02)
+    assert_same(drawn(model).mj_model, compile_model(model, plant).mj_model)
+
+
+@pytest.mark.parametrize("plant", ["planar", "rollers"])
 def test_robots_that_differ_in_numbers_alone_are_not_compiled(paper, monkeypatch, plant):
     rng, drawn, sampler = np.random.default_rng(0), DrawnRobots(plant, None), sampler_for(ROBOT[plant], paper)
     first = drawn(sampler.draw(rng))

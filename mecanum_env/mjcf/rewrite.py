@@ -17,9 +17,6 @@ from mecanum_env.mjcf.plants import planar_numbers
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import WheelNumbers, wheel_actuators, wheel_numbers
 
-_DIMENSIONS: Final = ("wheel_radius_m", "half_wheelbase_m", "half_track_m", "rollers_per_wheel")
-"""Numbers of a robot that say where its parts are."""
-
 
 def is_rewritable(model: Model, plant: RobotPlant) -> bool:
     """Return whether all that effects do on a plant is in numbers that its template writes."""
@@ -35,6 +32,8 @@ class Template(ABC):
     """
 
     plant: RobotPlant
+    fixed: tuple[str, ...] = ()
+    """Numbers of the robot that say where its parts are, and must be those of the compiled one."""
 
     def __init__(self, model: Model, mj_model: mujoco.MjModel) -> None:
         self._model, self._mj_model = changed_model(model, self.plant), mj_model
@@ -56,7 +55,7 @@ class Template(ABC):
             InputError: an effect that the plant cannot simulate, or an impossible inertia.
         """
         model = changed_model(model, self.plant)
-        if not self._has_parts_of(model):
+        if any(getattr(model.robot, name) != getattr(self._model.robot, name) for name in self.fixed):
             return None
         inertia = wheel_inertia(model.robot)
         wheels = WHEELS if wheels_differ(model) else (None,)
@@ -77,10 +76,6 @@ class Template(ABC):
         return new
 
     @abstractmethod
-    def _has_parts_of(self, model: Model) -> bool:
-        """Return whether a model has its parts where the compiled one has them."""
-
-    @abstractmethod
     def _write_body(self, mj_model: mujoco.MjModel, model: Model, drives: list[WheelNumbers]) -> None:
         """Write the body of a model, whose `drives` are one for all wheels or one for each."""
 
@@ -89,9 +84,6 @@ class PlanarTemplate(Template):
     """The template of the planar plant, on which dimensions are numbers, too."""
 
     plant = "planar"
-
-    def _has_parts_of(self, model: Model) -> bool:
-        return True
 
     def _write_body(self, mj_model: mujoco.MjModel, model: Model, drives: list[WheelNumbers]) -> None:
         numbers, base = planar_numbers(model.robot, drives[0].rotor_kg_m2), mj_model.body("base").id
@@ -105,6 +97,7 @@ class RollersTemplate(Template):
     """The template of the robot on rollers: for robots of the same dimensions."""
 
     plant = "rollers"
+    fixed = ("wheel_radius_m", "half_wheelbase_m", "half_track_m", "rollers_per_wheel")
 
     def __init__(self, model: Model, mj_model: mujoco.MjModel) -> None:
         super().__init__(model, mj_model)
@@ -113,10 +106,6 @@ class RollersTemplate(Template):
         self._hubs = [bodies[f"wheel_{wheel}"] for wheel in WHEELS]
         self._rollers = [i for name, i in bodies.items() if "_roller_" in name]
         self._axles = [int(mj_model.joint(f"wheel_{wheel}").dofadr[0]) for wheel in WHEELS]
-
-    def _has_parts_of(self, model: Model) -> bool:
-        own, other = self._model.robot, model.robot
-        return all(getattr(own, name) == getattr(other, name) for name in _DIMENSIONS)
 
     def _write_body(self, mj_model: mujoco.MjModel, model: Model, drives: list[WheelNumbers]) -> None:
         masses = robot_masses(model.robot)

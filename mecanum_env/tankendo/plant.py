@@ -206,7 +206,7 @@ class RobotBatch:
             for row, new in zip(rows.tolist(), robots, strict=True):
                 of[row] = new
             self._take(of, rows)
-        # A state at rest is written over all that a row holds, but not over warnings of a robot that diverged.
+        # A state at rest replaces all that a row holds, but not the warnings of a robot that diverged.
         if np.count_nonzero(self._batch.warning[rows]):
             self._batch.reset(rows.tolist(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for row, pose, new in zip(rows.tolist(), poses.T, robots, strict=True):

@@ -145,6 +145,8 @@ def main(model: Path | None = None, out: Path | None = None, repeats: int = 7) -
             "one, planar, drawn": one(400, model=chosen, randomize=DRAWN),
             "bare, rollers": bare(chosen, "rollers", 40),
             "one, rollers": one(40, model=chosen, plant="rollers"),
+            # About two episodes, so that most rounds have as many resets as others.
+            "one, rollers, drawn": one(130, model=chosen, plant="rollers", randomize=DRAWN),
         },
         repeats,
     )
@@ -169,6 +171,7 @@ def main(model: Path | None = None, out: Path | None = None, repeats: int = 7) -
         Metric("one environment over its engine, rollers", ratio("one, rollers", "bare, rollers"), high=1.15),
         Metric("one environment: share of resets", resets("one, planar"), high=0.05),
         Metric("one environment: share of resets, drawn", resets("one, planar, drawn"), high=0.05),
+        Metric("one, rollers: share of resets, drawn", resets("one, rollers, drawn"), high=0.05),
     ]
     print_metrics(metrics)
     if out is not None:

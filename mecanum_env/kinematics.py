@@ -50,6 +50,7 @@ _COMMAND_GAIN: Final = 1.0
 # Rows fl, fr, rl, rr; columns: forward, left, counter-clockwise.
 _MIXING: Final = np.array([[1.0, -1.0, -1.0], [1.0, 1.0, 1.0], [1.0, 1.0, -1.0], [1.0, -1.0, 1.0]])
 _MIXING_ROWS: Final[list[list[float]]] = _MIXING.tolist()
+_RAD_PER_DEG: Final = math.pi / 180.0
 
 
 class Geometry(Protocol):
@@ -122,7 +123,7 @@ def command_to_wheels(v_rpm: npt.ArrayLike, theta_deg: npt.ArrayLike, vc_rpm: np
 
 def command_wheels(v_rpm: float, theta_deg: float, vc_rpm: float) -> list[float]:
     """Return what `command_to_wheels` does of one command, as numbers, in a third of its time."""
-    v, theta = _COMMAND_GAIN * v_rpm, np.deg2rad(theta_deg)
+    v, theta = _COMMAND_GAIN * v_rpm, theta_deg * _RAD_PER_DEG
     forward, left = v * float(np.cos(theta)), v * float(np.sin(theta))
     return [a * forward + b * left + c * vc_rpm for a, b, c in _MIXING_ROWS]
 

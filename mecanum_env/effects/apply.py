@@ -30,13 +30,13 @@ Sensors = Callable[[FloatArray, Channels], dict[str, FloatArray]]
 
 def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
     """Yield the effects of a model that are not neutral, each with all its parameters."""
-    if not model.effects:
-        return
-    for name, effect in CATALOGUE.items():
-        if name in model.effects:
-            values = effect.acting(model.effects[name], model)
-            if values is not None:
-                yield effect, values
+    given = model.effects
+    # One effect needs no order, and drawn robots with one are asked for it often.
+    ordered = CATALOGUE if len(given) > 1 else given
+    for name in [name for name in ordered if name in given and name in CATALOGUE]:
+        values = CATALOGUE[name].acting(model.effects[name], model)
+        if values is not None:
+            yield CATALOGUE[name], values
 
 
 def check_effects(model: Model, plant: PlantKind) -> None:

@@ -100,9 +100,11 @@ def sideways_ratio(rollers: int) -> float:
 
 def wheel_position(robot: Robot, wheel: str) -> tuple[float, float]:
     """Return x, y [m] of a wheel's centre in the body frame."""
-    x = robot.half_wheelbase_m if wheel[0] == "f" else -robot.half_wheelbase_m
-    y = robot.half_track_m if wheel[1] == "l" else -robot.half_track_m
-    return x, y
+    return _corner(robot.half_wheelbase_m, robot.half_track_m, wheel)
+
+
+def _corner(x: float, y: float, wheel: str) -> tuple[float, float]:
+    return x if wheel[0] == "f" else -x, y if wheel[1] == "l" else -y
 
 
 def no_slip_rows(robot: Robot) -> FloatArray:
@@ -112,14 +114,34 @@ def no_slip_rows(robot: Robot) -> FloatArray:
     (ux + s uy / sideways_ratio) / R. For infinitely many rollers it is the matrix of
     `mecanum_env.kinematics`.
     """
-    ratio = sideways_ratio(robot.rollers_per_wheel)
-    rows = []
+    return _rows(*_dimensions(robot))
+
+
+def _dimensions(robot: Robot) -> tuple[float, float, float, int]:
+    return robot.wheel_radius_m, robot.half_wheelbase_m, robot.half_track_m, robot.rollers_per_wheel
+
+
+# Robots that are drawn for episodes differ in mass or friction more often than in their dimensions.
+@lru_cache(maxsize=64)
+def _rows(radius_m: float, half_wheelbase_m: float, half_track_m: float, rollers: int) -> FloatArray:
+    """Return what `no_slip_rows` does, read-only."""
+    ratio = sideways_ratio(rollers)
+    found = []
     for wheel in WHEELS:
-        x, y = wheel_position(robot, wheel)
+        x, y = _corner(half_wheelbase_m, half_track_m, wheel)
         s = ROLLER_SIDE[wheel] / ratio
         # ux = vx - yaw y, uy = vy + yaw x.
-        rows.append([1.0, s, s * x - y])
-    return np.array(rows) / robot.wheel_radius_m
+        found.append([1.0, s, s * x - y])
+    rows = np.array(found) / radius_m
+    rows.flags.writeable = False
+    return rows
+
+
+@lru_cache(maxsize=64)
+def _squares(radius_m: float, half_wheelbase_m: float, half_track_m: float, rollers: int) -> list[float]:
+    """Return the diagonal of G'G, G being the matrix of `no_slip_rows`."""
+    rows = _rows(radius_m, half_wheelbase_m, half_track_m, rollers)
+    return list(np.diag(rows.T @ rows).tolist())
 
 
 def wheels_on_body(robot: Robot, per_wheel: float) -> tuple[float, float]:
@@ -132,9 +154,8 @@ def wheels_on_body(robot: Robot, per_wheel: float) -> tuple[float, float]:
 
     `per_wheel` is the inertia [kg m^2] or damping [N m s/rad] of one wheel.
     """
-    rows = no_slip_rows(robot)
-    forward, sideways, yaw = per_wheel * np.diag(rows.T @ rows)
-    return float(forward + sideways) / 2, float(yaw)
+    forward, sideways, yaw = (per_wheel * square for square in _squares(*_dimensions(robot)))
+    return (forward + sideways) / 2, yaw
 
 
 def roller_angle(geometry: WheelGeometry, wheel: str, index: int) -> float:

@@ -51,6 +51,7 @@ register_if_mujoco_did_not()
 
 SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""
+_USER_NAMES: Final = frozenset(USER)
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _ROTOR: Final = USER.index("rotor_kg_m2")
 _GAP: Final = USER.index("gap_rad")
@@ -120,7 +121,7 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     if not limit > 0.0:
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
     own = {**vars(drive), **vars(drive.load), "gap_kind": float(GAP_KINDS.index(drive.load.gap_kind))}
-    values = {name: value for name, value in own.items() if name in USER and not math.isinf(value)}
+    values = {name: value for name, value in own.items() if name in _USER_NAMES and not math.isinf(value)}
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
     values["supply_share"] = drive.motor_bounds.supply_share
     values["rotor_kg_m2"] = rotor_inertia(robot, drive)
@@ -128,13 +129,11 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
     numbers = [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
-    programs = _programs(drive)
-    return numbers + programs if any(programs) else numbers
-
-
-def _programs(drive: DriveParameters) -> list[float]:
-    rows = [getattr(drive, name) for name in PROGRAMS]
-    return [number for row in rows for number in (*row, *[0.0] * (PROGRAM_SIZE - len(row)))]
+    programs = [getattr(drive, name) for name in PROGRAMS]
+    if not any(any(program) for program in programs):
+        return numbers
+    padded = ((*program, *[0.0] * (PROGRAM_SIZE - len(program))) for program in programs)
+    return numbers + [number for program in padded for number in program]
 
 
 def rotor_inertia(robot: Robot, drive: DriveParameters) -> float:
@@ -154,12 +153,11 @@ class WheelNumbers(NamedTuple):
         """The inertia of its rotor, which the joint must have as armature."""
         return self.user[_ROTOR]
 
-    def write(self, mjmodel: mujoco.MjModel, actuator_id: int) -> None:
-        """Write them for the actuator `actuator_id` of a compiled model whose user field is large enough."""
-        mjmodel.actuator_dynprm[actuator_id] = self.dynprm
-        mjmodel.actuator_biasprm[actuator_id, SERVO] = -self.servo_n_m_s_rad
-        mjmodel.actuator_user[actuator_id] = 0.0
-        mjmodel.actuator_user[actuator_id, : len(self.user)] = self.user
+    def write(self, mjmodel: mujoco.MjModel, actuators: int | list[int]) -> None:
+        """Write them for some actuators, by id, of a compiled model whose user field is large enough."""
+        mjmodel.actuator_dynprm[actuators] = self.dynprm
+        mjmodel.actuator_biasprm[actuators, SERVO] = -self.servo_n_m_s_rad
+        mjmodel.actuator_user[actuators] = self.user + [0.0] * (mjmodel.nuser_actuator - len(self.user))
 
 
 def wheel_numbers(

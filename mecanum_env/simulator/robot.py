@@ -86,7 +86,7 @@ def drive(
     if not (math.isfinite(duration_s) and duration_s > 0.0):
         raise InputError(f"duration_s = {duration_s}, must be a number of seconds above 0")
     compiled = compile_plant(model, plant, timestep_s) if mj_model is None else mj_model
-    data = at_rest(compiled) if stance is None else _still(compiled, stance)
+    data = at_rest(compiled, stance=stance)
     step = compiled.opt.timestep
     size = duration_s / step * (compiled.nq + compiled.nv) * 8.0
     if size > _MOST_BYTES:
@@ -104,12 +104,17 @@ def drive(
     return read_trajectory(compiled, time_s, qpos, qvel, commands.at(time_s), model)
 
 
-def at_rest(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> mujoco.MjData:
-    """Return data in which the robot, or another model, stands still on the floor, drives at rest, at time 0.
+def at_rest(
+    mj_model: mujoco.MjModel, turned_rad: Sequence[float] = (), stance: FloatArray | None = None
+) -> mujoco.MjData:
+    """Return data in which the robot, or another model, stands still, drives at rest, at time 0.
 
-    The initial angles of the wheels, `turned_rad`, are those of `standing`.
+    It has the positions of a `stance`, shape (nq,); None: those of `standing`, with `turned_rad` as there.
     """
-    return _still(mj_model, standing(mj_model, turned_rad))
+    data = mujoco.MjData(mj_model)
+    data.qpos[:] = standing(mj_model, turned_rad) if stance is None else stance
+    mujoco.mj_forward(mj_model, data)
+    return data
 
 
 def standing(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> FloatArray:
@@ -130,14 +135,6 @@ def standing(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> Floa
         # In half a second the rollers sink into the floor by some micrometres and come to rest.
         mujoco.mj_step(mj_model, data, math.ceil(0.5 / mj_model.opt.timestep))
     return np.array(data.qpos)
-
-
-def _still(mj_model: mujoco.MjModel, stance: FloatArray) -> mujoco.MjData:
-    """Return data with positions (nq,), velocities 0 and the drives' clocks at 0."""
-    data = mujoco.MjData(mj_model)
-    data.qpos[:] = stance
-    mujoco.mj_forward(mj_model, data)
-    return data
 
 
 class RobotSession:

@@ -30,7 +30,7 @@ from mecanum_env.tankendo.constants import (
     require_number,
 )
 from mecanum_env.tankendo.opponents import OpponentLike, Opponents
-from mecanum_env.tankendo.plant import DrawnRobots, compile_model
+from mecanum_env.tankendo.plant import DrawnRobots
 from mecanum_env.tankendo.randomize import Pool, Randomize, Sampler, sampler_for
 from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
@@ -272,9 +272,8 @@ def _compiler(
     if engine == "mujoco":
         if device is not None:
             raise InputError(f'device = {device!r}: only engine="arrays" has one')
-        if plant == "planar":
-            return DrawnRobots(timestep_s)
-        return partial(compile_model, plant=plant, timestep_s=timestep_s)
+        require_one_of("plant", plant, get_args(RobotPlant))
+        return DrawnRobots(plant, timestep_s)
     if plant != "planar":
         raise InputError(f'engine = "arrays" has no rollers; leave out plant = {plant!r}, or the engine')
     return partial(planar_robot, timestep_s=timestep_s)

@@ -150,7 +150,8 @@ class Dodge(Judge):
         waiting, success = math.of(self.check_s) == np.inf, math.nowhere()
         rows, hits = self.fighter.land(end_s)
         hit = math.marked(rows, hits)
-        self.check_s[rows] = self.fighter.sword.land_s[rows] + self.rules.return_s
+        if len(rows):
+            self.check_s[rows] = self.fighter.sword.land_s[rows] + self.rules.return_s
         due = (math.of(self.check_s) <= end_s) & math.no(out)
         if math.any(due):
             rows = np.flatnonzero(due)

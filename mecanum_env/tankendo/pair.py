@@ -84,6 +84,7 @@ class PairBatch(RobotBatch):
             self._place(its, np.array([-other[0], -other[1], other[2] + np.pi]))
         for row in rows.tolist():
             self._limits[row] = self._limits_of(self._common)
+        self._any_limits = self._common.limits_body
 
     def _controls(self, wheels: FloatArray) -> FloatArray:
         return np.concatenate([wheels[: self.n], wheels[self.n :]], axis=-1)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import weakref
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,16 +14,17 @@ import numpy as np
 import numpy.typing as npt
 from mujoco.batch import Batch
 
-from mecanum_env.effects.apply import check_effects, drive_parameters
+from mecanum_env.effects.apply import active_effects, check_effects, drive_parameters
 from mecanum_env.errors import InputError, require_one_of
 from mecanum_env.kinematics import command_to_wheels, command_wheels
 from mecanum_env.mjcf import TRAINING_TIMESTEP_S
-from mecanum_env.mjcf.rewrite import PlanarTemplate, is_rewritable
+from mecanum_env.mjcf.rewrite import TEMPLATES, Template, is_rewritable
 from mecanum_env.model import Model
 from mecanum_env.plugin.layout import seed_links
 from mecanum_env.simulator import RobotPlant, SimulationDivergedError, compile_plant
 from mecanum_env.simulator.body_limits import BodyLimits, behind_limits, limits_body
 from mecanum_env.simulator.robot import at_rest
+from mecanum_env.tankendo.numbers import mathematics
 from mecanum_env.units import FloatArray
 
 DEFAULT_TIMESTEP_S: Final[dict[RobotPlant, float]] = {"planar": 1 / 120, "rollers": TRAINING_TIMESTEP_S}
@@ -43,6 +45,13 @@ class Compiled:
     """What the chance of its link, jitter and loss of commands, follows from; None: the model's own."""
 
     @cached_property
+    def stance(self) -> FloatArray:
+        """MuJoCo's generalised positions at rest, shape (nq,)."""
+        found = np.zeros(self.mj_model.nq)
+        mujoco.mj_extractState(self.mj_model, self.rest, _STATE, found, mujoco.mjtState.mjSTATE_QPOS)
+        return found
+
+    @cached_property
     def limits_body(self) -> bool:
         """Whether its command is limited as a whole."""
         return limits_body(self.model)
@@ -50,6 +59,9 @@ class Compiled:
     @cached_property
     def has_random_link(self) -> bool:
         """Whether the delay of its commands jitters or commands are lost."""
+        # Most models have none of the effects that can do so, and the drive takes longer.
+        if not any(effect.station == "command" for effect, _ in active_effects(self.model)):
+            return False
         drive = drive_parameters(self.model)
         return drive.jitter_s > 0.0 or drive.loss > 0.0
 
@@ -74,46 +86,59 @@ def compile_model(model: Model, plant: RobotPlant, timestep_s: float | None = No
     return compiled_model(model, compile_plant(model, plant, at_most, visuals=False), plant)
 
 
-def compiled_model(model: Model, mj_model: mujoco.MjModel, plant: RobotPlant) -> Compiled:
-    """Return a compiled model with its state at rest on its plant; its sensors are switched off."""
+def compiled_model(
+    model: Model, mj_model: mujoco.MjModel, plant: RobotPlant, stance: FloatArray | None = None
+) -> Compiled:
+    """Return a compiled model with its state at rest on its plant; its sensors are switched off.
+
+    On rollers it stands in the `stance` (nq,), by default where it settles.
+    """
     mj_model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
     rest = np.zeros(mujoco.mj_stateSize(mj_model, _STATE))
     # The planar plant has nothing that settles, and all its numbers are 0 at rest: drawn robots start sooner.
     if plant == "rollers":
-        mujoco.mj_getState(mj_model, at_rest(mj_model), rest, _STATE)
+        mujoco.mj_getState(mj_model, at_rest(mj_model, stance=stance), rest, _STATE)
     return Compiled(model, mj_model, rest)
 
 
 class DrawnRobots:
-    """Compiles planar robots for the physics, bit for bit as `compile_model` does with this `timestep_s`.
+    """Compiles robots for the physics of a plant as `compile_model` does with this `timestep_s`.
 
-    Robots that differ in numbers alone are written over a copy of one that has been compiled, if law and
-    commands have the same periods.
+    Robots that differ in numbers alone are written over a copy of the first one, if law and commands have the
+    same periods; on rollers, if the dimensions are the same, too. The compiled model is the same bit for bit.
+    On rollers such a robot begins where the first one stands: to settle takes longer than five steps of an
+    episode, and the contacts of another robot differ by less than a micrometre in height.
     """
 
-    def __init__(self, timestep_s: float | None) -> None:
-        self._timestep_s = timestep_s
+    def __init__(self, plant: RobotPlant, timestep_s: float | None) -> None:
+        self._plant, self._timestep_s = plant, timestep_s
+        # Never another one later, since an episode must not depend on those before it.
         self._first: Compiled | None = None
-        self._template: PlanarTemplate | None = None
+        self._template: Template | None = None
 
     def __call__(self, model: Model) -> Compiled:
         """Return the model, ready to simulate.
 
         Raises:
-            InputError: a model that the planar plant cannot simulate.
+            InputError: a model that the plant cannot simulate.
         """
-        if not is_rewritable(model):
-            return compile_model(model, "planar", self._timestep_s)
-        if self._first is not None and self._template is not None and _same_clocks(model, self._first.model):
-            behind = behind_limits(model)
-            if behind is not model:
-                check_effects(model, "planar")
+        if not is_rewritable(model, self._plant):
+            return compile_model(model, self._plant, self._timestep_s)
+        behind = behind_limits(model)
+        if self._first is None or self._template is None:
+            self._first = compile_model(model, self._plant, self._timestep_s)
+            self._template = TEMPLATES[self._plant](behind, self._first.mj_model)
+            return self._first
+        if behind is not model:
+            check_effects(model, self._plant)
+        if _same_clocks(model, self._first.model):
             mj_model = self._template.with_numbers_of(behind)
             if mj_model is not None:
-                return replace(self._first, model=model, mj_model=mj_model)
-        compiled = compile_model(model, "planar", self._timestep_s)
-        self._first, self._template = compiled, PlanarTemplate(compiled.mj_model)
-        return compiled
+                robot = compiled_model(model, mj_model, self._plant, self._first.stance)
+                # When its episode is over, the next robot is written over it.
+                weakref.finalize(robot, self._template.spares.append, mj_model).atexit = False
+                return robot
+        return compile_model(model, self._plant, self._timestep_s)
 
 
 def _same_clocks(one: Model, other: Model) -> bool:
@@ -132,11 +157,13 @@ class RobotBatch:
 
     def __init__(self, common: Compiled, n: int, threads: int = 1) -> None:
         self.n, self._common, self._threads = n, common, threads
+        self._math = mathematics(n)
         self._of = [common] * n
         self._open_batch()
         self._timestep_s = float(common.mj_model.opt.timestep)
         self._substeps = round(common.model.wheel.command_period_s / self._timestep_s)
         self._limits: list[BodyLimits | None] = [None] * n
+        self._any_limits = False
         self._is_free = common.mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE
 
     def _open_batch(self) -> None:
@@ -179,11 +206,14 @@ class RobotBatch:
             for row, new in zip(rows.tolist(), robots, strict=True):
                 of[row] = new
             self._take(of, rows)
-        self._batch.reset(rows.tolist(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
+        # A state at rest replaces all that a row holds, but not the warnings of a robot that diverged.
+        if np.count_nonzero(self._batch.warning[rows]):
+            self._batch.reset(rows.tolist(), stage=mujoco.mjtStage.mjSTAGE_NONE.value)
         for row, pose, new in zip(rows.tolist(), poses.T, robots, strict=True):
             self._batch.state[row] = new.rest
             self._place(self._qpos[row], pose)
             self._limits[row] = self._limits_of(new)
+        self._any_limits = any(limits is not None for limits in self._limits)
 
     def _place(self, qpos: FloatArray, pose: FloatArray) -> None:
         """Write a pose x, y, yaw, shape (3,), into the positions of one robot that is at rest."""
@@ -221,7 +251,7 @@ class RobotBatch:
             wheels = np.array([command_wheels(*commands[0].tolist())])
         else:
             wheels = command_to_wheels(commands[:, 0], commands[:, 1], commands[:, 2])
-        if any(limits is not None for limits in self._limits):
+        if self._any_limits:
             control = np.repeat(wheels[:, None], self._substeps, axis=1)
             for row, limits in enumerate(self._limits):
                 if limits is not None:
@@ -251,9 +281,11 @@ class RobotBatch:
         """Return what `motion` does of the generalised coordinates of one robot a row, (nq, n), (nv, n)."""
         if not self._is_free:
             return np.concatenate([position[:3], velocity[:3]])
-        w, x, y, z = position[3:7]
-        yaw = np.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-        return np.stack([position[0], position[1], yaw, velocity[0], velocity[1], velocity[5]])
+        math = self._math
+        ahead, left, _, w, x, y, z = math.of(position[:7])
+        vx, vy, _, _, _, rate = math.of(velocity[:6])
+        yaw = math.arctan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+        return math.table([ahead, left, yaw, vx, vy, rate])
 
     def qpos(self, row: int) -> FloatArray:
         """Return MuJoCo's generalised positions of the robot in a row, for drawing."""

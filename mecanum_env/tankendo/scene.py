@@ -45,7 +45,7 @@ class Scenes:
 
     def push(self) -> FloatArray:
         """Shift all scenes by one step; return the newest, a copy of the last that is to be overwritten."""
-        self._past[1:] = self._past[:-1].copy()
+        self._past[1:] = self._past[:-1]
         self._apart = None
         return self.now
 

@@ -19,6 +19,18 @@ def test_the_robot_that_diverged_is_named(paper, row):
         robots.step(commands)
 
 
+def test_a_robot_that_diverged_begins_anew(paper):
+    robots = RobotBatch(compile_model(paper, "planar"), 2)
+    commands = np.array([[40.0, 0.0, 0.0], [np.nan, 0.0, 0.0]])
+    with pytest.raises(SimulationDivergedError, match="robot 1 diverged"):
+        robots.step(commands)
+    for row in (0, 1):
+        robots.restart(row, (0, 0, 0))
+    robots.step(commands[[0, 0]])
+    first, second = robots.motion().T
+    np.testing.assert_array_equal(first, second)
+
+
 def test_robots_that_do_not_go_together_are_refused_and_the_others_kept(paper):
     """A payload is one more body."""
     common, loaded = (

@@ -150,14 +150,22 @@ def _may_be_noise(facts: Facts) -> bool:
 
 
 def _not_repeatable(facts: Facts) -> Outcome | None:
-    """Unexplained: repeats of one command differ, so that no effect of the commands is all of it."""
+    """Unexplained: repeats of one command differ, so that no effect of the commands is all of it.
+
+    A set that removes most of the difference keeps its name: it is not all, and the report says so.
+    """
+    reason, is_most = _something_random(facts), facts.removed >= THRESHOLDS.most_of_it
+    return _unexplained(facts, reason) if reason and not is_most else None
+
+
+def _something_random(facts: Facts) -> str:
+    """Return that repeats differ by more than noise; empty if they do not."""
     if facts.floor.repeatable:
-        return None
-    reason = (
+        return ""
+    return (
         "repeats of one command differ far more than neighbouring samples do: something random acts, which "
         "no effect describes"
     )
-    return _unexplained(facts, reason)
 
 
 def _law_fits_better(facts: Facts) -> Outcome | None:
@@ -219,9 +227,9 @@ def apply_rules(facts: Facts) -> Outcome:
         outcome = rule(facts)
         if outcome is not None:
             return outcome
-    more = _more_than_named(facts)
+    more = tuple(filter(None, (_more_than_named(facts), _something_random(facts))))
     verdict: Verdict = "ambiguous" if len({one.causes for one in facts.tied}) > 1 else "named"
-    return Outcome(verdict, (more,) if more else ())
+    return Outcome(verdict, more)
 
 
 def _unexplained(facts: Facts, *reasons: str) -> Outcome:

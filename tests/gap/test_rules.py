@@ -82,6 +82,7 @@ NAMED = Facts(
         ({"floor": RANDOM}, "named", "repeats of one command differ"),
         ({"law": a_set(-60.0, "wheel_law")}, "unexplained", "the wheel law fitted again"),
         ({"law": a_set(-55.0, "wheel_law")}, "named", ""),
+        ({"law": a_set(-60.0, "wheel_law"), "law_allowed": 12.0}, "named", ""),
         (
             {"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.4},
             "unexplained",

@@ -40,6 +40,9 @@ class Facts:
     """Sets that explain the logs as well as the chosen one, which comes first."""
     law: ScoredSet | None = None
     """The wheel law fitted again, if that was tried."""
+    law_allowed: float = 0.0
+    """By how much its score may be better: it has more parameters than an effect, and formulas err a
+    little."""
     free: ScoredSet | None = None
     """A smooth function that no cause is behind, as the rival of the chosen set, if that was tried."""
     allowed: float = math.inf
@@ -234,7 +237,8 @@ def apply_rules(facts: Facts) -> Outcome:
 
 def _unexplained(facts: Facts, *reasons: str) -> Outcome:
     """Return the verdict; that the wheel law fitted again beats every set is said beside other reasons."""
-    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - THRESHOLDS.tie_sigmas**2:
+    allowed = max(THRESHOLDS.tie_sigmas**2, facts.law_allowed)
+    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - allowed:
         law = (
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it again (python -m sysid.fit) before looking for effects"

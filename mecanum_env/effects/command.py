@@ -93,6 +93,7 @@ EFFECTS: Final = (
         first_form="fixed",
         station="command",
         acts_on="command",
+        exact=True,
         parameters=(
             Parameter(
                 "delay_s",

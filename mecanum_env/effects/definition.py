@@ -188,6 +188,9 @@ class Effect:
     """Plants on whose logs a search for the effects that a model lacks leaves it out."""
     shifts_time: bool = False
     """It moves everything behind it later, so that responses measured without it no longer hold."""
+    exact: bool = False
+    """It is a factor, a delay or an angle, for which there is only one formula; friction and limits take
+    forms that differ from drive to drive."""
     bench_twins: tuple[str, ...] = ()
     """Effects that no bench log separates from this one, even side by side: only the product shows."""
 

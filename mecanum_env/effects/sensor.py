@@ -132,6 +132,7 @@ def _latencies() -> Iterator[Effect]:
             name=f"sensor_latency/{form}",
             station="sensor",
             acts_on="sensor",
+            exact=True,
             parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.5), scan=_TIMES_S),),
             summary=f"Only the channels of {what} show the values of this long ago.",
             signature=f"The channels of {what} come later than the others.",
@@ -151,6 +152,7 @@ EFFECTS: Final = (
         name="mount_yaw",
         station="sensor",
         acts_on="geometry",
+        exact=True,
         parameters=(Parameter("angle_deg", "deg", 0.0, (-30.0, 30.0), (-360.0, 360.0)),),
         summary="The measured frame is turned on the body by this angle, counter-clockwise positive.",
         signature="Straight commands show a sideways part in proportion to speed; rotation is unchanged.",
@@ -183,6 +185,7 @@ EFFECTS: Final = (
         first_form="all",
         station="sensor",
         acts_on="sensor",
+        exact=True,
         parameters=(Parameter("delay_s", "s", 0.0, (0.0, 0.5), scan=_TIMES_S),),
         summary="All measured channels show the values of this long ago.",
         signature="Everything measured comes later by the same time; the values reached are unchanged.",
@@ -226,6 +229,7 @@ EFFECTS: Final = (
         name="sensor_scale",
         station="sensor",
         acts_on="sensor",
+        exact=True,
         parameters=tuple(
             Parameter(name, "1", 1.0, (0.5, 1.5), _FACTOR) for name in ("wheel", "linear", "yaw")
         ),

@@ -18,7 +18,7 @@ from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import friction_first, with_fewer
+from sysid.gap.search.ties import formula_error, friction_first, with_fewer
 
 from .conftest import MakeLogs
 
@@ -47,6 +47,24 @@ def test_an_effect_that_leaves_little_of_what_a_pair_explains_is_listed_behind_t
     pair = a_set(100.0, *PAIR)
     near, far = a_set(99.0 + allowed, "backlash"), a_set(101.0 + allowed, "stiction")
     assert with_fewer(search, FLOOR, (pair,), (pair, near, far), 1.0) == (pair, near)
+
+
+@pytest.mark.parametrize(
+    ("better", "worse", "share"),
+    [
+        (("speed_gain", "backlash"), ("speed_gain",), THRESHOLDS.exact_formula),
+        (("sensor_latency", "speed_gain"), ("speed_gain", "command_latency"), THRESHOLDS.exact_formula),
+        (("backlash", "stiction"), ("backlash",), THRESHOLDS.formula_error),
+        (("speed_gain", "stiction"), ("speed_gain", "backlash"), THRESHOLDS.formula_error),
+    ],
+)
+def test_only_formulas_of_which_there_are_several_excuse_what_a_set_leaves(
+    better: tuple[str, ...], worse: tuple[str, ...], share: float
+) -> None:
+    """A factor or a delay has one formula: what it leaves is something else."""
+    problem: Any = SimpleNamespace(size=100)
+    more, less = (a_set(1e4, *names).fitted for names in (better, worse))
+    assert formula_error(problem, Floor(1e4, trusted=False), more, less) == share
 
 
 @pytest.mark.parametrize(("score", "kept"), [(99.0, True), (101.0, False)])

@@ -78,13 +78,11 @@ NAMED = Facts(
         ({"floor": FAMILIAR, "gain": 0.12, "is_plain": False}, "named", ""),
         ({"floor": FAMILIAR, "gain": 0.09, "is_plain": False}, "no_gap", "by 9% only"),
         ({"gain": 0.04, "is_plain": False}, "named", ""),
-        (
-            {"floor": RANDOM},
-            "unexplained",
-            "repeats of one command differ",
-        ),
+        ({"floor": RANDOM, "removed": 0.4}, "unexplained", "repeats of one command differ"),
+        ({"floor": RANDOM}, "named", "repeats of one command differ"),
         ({"law": a_set(-60.0, "wheel_law")}, "unexplained", "the wheel law fitted again"),
         ({"law": a_set(-55.0, "wheel_law")}, "named", ""),
+        ({"law": a_set(-60.0, "wheel_law"), "law_allowed": 12.0}, "named", ""),
         (
             {"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.4},
             "unexplained",

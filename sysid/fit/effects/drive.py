@@ -35,7 +35,7 @@ from sysid.compare.measured import observe, select_runs
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.fit.effects.candidates import drive_candidates, first_order_laws
-from sysid.fit.effects.reached import HeldOut, confirmed
+from sysid.fit.effects.reached import HeldOut, Reached, confirmed
 from sysid.fit.effects.search import EffectSearch, searched
 from sysid.logs import Dataset
 from sysid.progress import Progress, silent, within
@@ -124,15 +124,23 @@ def find_drive_effects(
         simple = searches[-1].begin()
         began += [] if simple is None else [simple]
     reached = searched(searches, began, tell)
-    if first.inflation <= _FAR:
-        # Where the law leaves little, only the set with the best price may take its place, and if held-out
-        # runs refuse that, the law stays. Smaller sets may pass: the supply limit of the bundled logs would.
-        reached = reached[:1]
-    better = [one for one in reached if one is not first and one.better_than(first)]
-    worthy = confirmed(better, held_out.whitener.size)
+    worthy = in_place_of(first, reached, held_out.whitener.size, is_enough=is_enough)
     if worthy is None and is_enough:
         return None
     best = worthy or first
     before_rpm = held_out.errors(alone)[1]
     model, of_law = best.stated()
     return DriveEffects(model, of_law, before_rpm, best.held_out_rpm)
+
+
+def in_place_of(
+    first: Reached, reached: Sequence[Reached], samples: int, *, is_enough: bool
+) -> Reached | None:
+    """Return which of the sets `reached`, best price first, takes the place of the first law; None: none does.
+
+    It is confirmed on the `samples` of the held-out runs. Where the law `is_enough` and leaves little, only
+    the set with the best price may, and if held-out runs refuse that, the law stays: smaller sets may pass,
+    as the supply limit of the bundled logs would. A law that is not enough has no such claim.
+    """
+    tried = reached[:1] if is_enough and first.inflation <= _FAR else reached
+    return confirmed([one for one in tried if one is not first and one.better_than(first)], samples)

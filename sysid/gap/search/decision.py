@@ -119,6 +119,8 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         free=rival,
         allowed=THRESHOLDS.free_sigmas**2
         + _formula_residue(search, chosen.fitted, THRESHOLDS.formula_error) / inflation,
+        law_allowed=THRESHOLDS.tie_sigmas**2
+        + _formula_residue(search, chosen.fitted, THRESHOLDS.exact_formula) / inflation,
         adequate=enough(problem, base, chosen.fitted, floor),
         removed=_removed(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,

@@ -40,6 +40,9 @@ class Facts:
     """Sets that explain the logs as well as the chosen one, which comes first."""
     law: ScoredSet | None = None
     """The wheel law fitted again, if that was tried."""
+    law_allowed: float = 0.0
+    """By how much its score may be better: it has more parameters than an effect, and formulas err a
+    little."""
     free: ScoredSet | None = None
     """A smooth function that no cause is behind, as the rival of the chosen set, if that was tried."""
     allowed: float = math.inf
@@ -150,14 +153,22 @@ def _may_be_noise(facts: Facts) -> bool:
 
 
 def _not_repeatable(facts: Facts) -> Outcome | None:
-    """Unexplained: repeats of one command differ, so that no effect of the commands is all of it."""
+    """Unexplained: repeats of one command differ, so that no effect of the commands is all of it.
+
+    A set that removes most of the difference keeps its name: it is not all, and the report says so.
+    """
+    reason, is_most = _something_random(facts), facts.removed >= THRESHOLDS.most_of_it
+    return _unexplained(facts, reason) if reason and not is_most else None
+
+
+def _something_random(facts: Facts) -> str:
+    """Return that repeats differ by more than noise; empty if they do not."""
     if facts.floor.repeatable:
-        return None
-    reason = (
+        return ""
+    return (
         "repeats of one command differ far more than neighbouring samples do: something random acts, which "
         "no effect describes"
     )
-    return _unexplained(facts, reason)
 
 
 def _law_fits_better(facts: Facts) -> Outcome | None:
@@ -219,14 +230,15 @@ def apply_rules(facts: Facts) -> Outcome:
         outcome = rule(facts)
         if outcome is not None:
             return outcome
-    more = _more_than_named(facts)
+    more = tuple(filter(None, (_more_than_named(facts), _something_random(facts))))
     verdict: Verdict = "ambiguous" if len({one.causes for one in facts.tied}) > 1 else "named"
-    return Outcome(verdict, (more,) if more else ())
+    return Outcome(verdict, more)
 
 
 def _unexplained(facts: Facts, *reasons: str) -> Outcome:
     """Return the verdict; that the wheel law fitted again beats every set is said beside other reasons."""
-    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - THRESHOLDS.tie_sigmas**2:
+    allowed = max(THRESHOLDS.tie_sigmas**2, facts.law_allowed)
+    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - allowed:
         law = (
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it again (python -m sysid.fit) before looking for effects"

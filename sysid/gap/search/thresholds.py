@@ -31,9 +31,10 @@ class Thresholds:
     0-59, 300-399): where the hidden effect explains more than any other single one, it leaves 0 to 33 % of
     what any set explains, in 14 of 16 cases at most 27 %."""
     exact_formula: float = 0.1
-    """The same where one set reaches the noise and another one does not: its formula is then no excuse. Also
-    the relative difference (rms) of two sets' predictions below which the one with more parameters says
-    nothing new. Assumed."""
+    """The same where one set reaches the noise and another one does not: its formula is then no excuse; and
+    of a factor, a delay or an angle, which have one formula only. Also the relative difference (rms) of two
+    sets' predictions below which the one with more parameters says nothing new, and of a refitted law's
+    prediction below which it does no better than effects. Assumed."""
     crude_formula: float = 0.35
     """The same below which a set of fewer effects stays a candidate beside a larger one: it covers all of
     those drawn drives."""

@@ -139,10 +139,12 @@ def formula_error(
     """Return the relative error (rms) of formulas that may be all that makes a set worse than a better one.
 
     If the better one reaches the noise and the other does not, chance would have to give the first one just
-    what the other's formulas lack.
+    what the other's formulas lack. Nor do the formulas of a factor or a delay lack anything.
     """
     sharp = complete(problem, better, floor) and not complete(problem, worse, floor)
-    return THRESHOLDS.exact_formula if sharp else THRESHOLDS.formula_error
+    own = [name for name in worse.names if name not in better.names] or worse.names
+    exact = sharp or all(name in CATALOGUE and CATALOGUE[name].exact for name in own)
+    return THRESHOLDS.exact_formula if exact else THRESHOLDS.formula_error
 
 
 def _as_good(search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:

@@ -1,6 +1,7 @@
 """The search of effects beside a law: what a start brings and the logs do not show is left out."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
@@ -12,6 +13,7 @@ from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.fit.effects import EffectSearch, HeldOut, Reached
 from sysid.fit.effects.candidates import drive_candidates
+from sysid.fit.effects.drive import in_place_of
 from sysid.fit.effects.reached import confirmed
 
 from .test_drive_effects import logs
@@ -74,3 +76,16 @@ def test_the_validation_runs_confirm_a_set_before_its_price_decides() -> None:
     assert confirmed([reached(1.101), second], 1000).held_out == 1.101
     assert confirmed([first, second], 40) is first
     assert confirmed([], 1000) is None
+
+
+@pytest.mark.parametrize(("is_enough", "taken"), [(True, None), (False, "smaller")])
+def test_a_law_that_is_not_enough_gives_way_to_any_set_that_held_out_runs_confirm(
+    is_enough: bool, taken: str | None
+) -> None:
+    """As for a drive below its command, whose law alone would need a pole that never settles."""
+    law = SimpleNamespace(inflation=1.9, held_out=2.1)
+    best = SimpleNamespace(name="best price", held_out=2.7, better_than=lambda _: False)
+    smaller = SimpleNamespace(name="smaller", held_out=1.6, better_than=lambda _: True)
+    reached: list[Any] = [best, smaller, law]
+    chosen: Any = in_place_of(cast(Any, law), reached, 1000, is_enough=is_enough)
+    assert (chosen and chosen.name) == taken

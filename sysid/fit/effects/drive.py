@@ -136,7 +136,7 @@ def find_drive_effects(
 def in_place_of(
     first: Reached, reached: Sequence[Reached], samples: int, *, is_enough: bool
 ) -> Reached | None:
-    """Return which of the sets `reached`, best price first, takes the place of the first law; None: none does.
+    """Return which of the sets `reached`, best price first, takes the place of the first law, if any does.
 
     It is confirmed on the `samples` of the held-out runs. Where the law `is_enough` and leaves little, only
     the set with the best price may, and if held-out runs refuse that, the law stays: smaller sets may pass,

@@ -18,7 +18,7 @@ from sysid.gap.search import ties
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet, doubtful, interval_ends
 from sysid.gap.search.thresholds import THRESHOLDS
-from sysid.gap.search.ties import formula_error, friction_first, with_fewer
+from sysid.gap.search.ties import formula_error, friction_first, in_first_forms, with_fewer
 
 from .conftest import MakeLogs
 
@@ -47,6 +47,18 @@ def test_an_effect_that_leaves_little_of_what_a_pair_explains_is_listed_behind_t
     pair = a_set(100.0, *PAIR)
     near, far = a_set(99.0 + allowed, "backlash"), a_set(101.0 + allowed, "stiction")
     assert with_fewer(search, FLOOR, (pair,), (pair, near, far), 1.0) == (pair, near)
+
+
+@pytest.mark.parametrize(("cost", "taken"), [(105.0, "battery_sag"), (220.0, "battery_sag/voltage")])
+def test_a_first_form_takes_the_place_of_another_only_if_its_fit_ended_as_low(
+    cost: float, taken: str
+) -> None:
+    def one(name: str, cost: float) -> ScoredSet:
+        fitted: Any = SimpleNamespace(names=(name,), cost=cost, candidate=SimpleNamespace(parameter_count=1))
+        return ScoredSet(fitted, np.array([100.0]))
+
+    voltage, first = one("battery_sag/voltage", 100.0), one("battery_sag", cost)
+    assert in_first_forms(voltage, [voltage, first], 1.0).names == (taken,)
 
 
 @pytest.mark.parametrize(

@@ -102,7 +102,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         return facts
     same_size = [j for j in judged if len(j.names) == len(chosen.names)]
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
-    chosen = in_first_forms(chosen, harmless)
+    chosen = in_first_forms(chosen, harmless, inflation)
     as_good = tied(search, floor, chosen, harmless, inflation)
     as_good = friction_first(with_causes(search, floor, as_good, judged, inflation) or as_good)
     # The chosen one was found to be needed before (`_holds`).

@@ -118,13 +118,21 @@ def is_description(one: ScoredSet) -> bool:
     return any(CATALOGUE[name].search_from is not None for name in one.names if name in CATALOGUE)
 
 
-def in_first_forms(chosen: ScoredSet, rivals: Sequence[ScoredSet]) -> ScoredSet:
+def in_first_forms(chosen: ScoredSet, rivals: Sequence[ScoredSet], inflation: float) -> ScoredSet:
     """Return the set that explains the same causes by fewer parameters, or else by more of their first forms.
 
-    Only `rivals` whose score chance may have made worse than that of the `chosen` set count.
+    Only `rivals` whose score chance may have made worse than that of the `chosen` set count, and whose cost
+    is no larger by more than that, either: a score goes along a straight line from where a fit ended, and does
+    not show one that ended early. `inflation` is as in `tied`.
     """
-    limit = chosen.score + THRESHOLDS.tie_sigmas**2
-    alike = [one for one in rivals if one.causes == chosen.causes and one.score <= limit]
+    margin = THRESHOLDS.tie_sigmas**2
+    alike = [
+        one
+        for one in rivals
+        if one.causes == chosen.causes
+        and one.score <= chosen.score + margin
+        and one.fitted.cost <= chosen.fitted.cost + margin * inflation
+    ]
 
     def complexity(one: ScoredSet) -> tuple[int, int, float]:
         further_forms = sum(name != cause_of(name) for name in one.names)

@@ -122,8 +122,8 @@ def in_first_forms(chosen: ScoredSet, rivals: Sequence[ScoredSet], inflation: fl
     """Return the set that explains the same causes by fewer parameters, or else by more of their first forms.
 
     Only `rivals` whose score chance may have made worse than that of the `chosen` set count, and whose cost
-    is no larger by more than that, either: a score goes along a straight line from where a fit ended, and does
-    not show one that ended early. `inflation` is as in `tied`.
+    is no larger by more than that, either: a score goes along a straight line from where a fit ended, and
+    does not show one that ended early. `inflation` is as in `tied`.
     """
     margin = THRESHOLDS.tie_sigmas**2
     alike = [

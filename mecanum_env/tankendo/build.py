@@ -30,7 +30,7 @@ from mecanum_env.tankendo.constants import (
     require_number,
 )
 from mecanum_env.tankendo.opponents import OpponentLike, Opponents
-from mecanum_env.tankendo.plant import DrawnRobots
+from mecanum_env.tankendo.plant import DEFAULT_TIMESTEP_S, DrawnRobots
 from mecanum_env.tankendo.randomize import Pool, Randomize, Sampler, sampler_for
 from mecanum_env.tankendo.scene import BoolArray
 from mecanum_env.units import FloatArray
@@ -272,7 +272,7 @@ def _compiler(
     if engine == "mujoco":
         if device is not None:
             raise InputError(f'device = {device!r}: only engine="arrays" has one')
-        require_one_of("plant", plant, get_args(RobotPlant))
+        require_one_of("plant", plant, DEFAULT_TIMESTEP_S)
         return DrawnRobots(plant, timestep_s)
     if plant != "planar":
         raise InputError(f'engine = "arrays" has no rollers; leave out plant = {plant!r}, or the engine')

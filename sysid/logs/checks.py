@@ -85,7 +85,8 @@ def _early(runs: Sequence[Run], name: str, index: int) -> Iterator[Finding]:
     """
     moved = []
     for run in (run for run in runs if name in run.channels):
-        speed, command = run.channel(name), run.command.wheels_rpm[:, index]
+        # Only ratios count, and differences of the largest numbers stay finite.
+        speed, command = 0.25 * run.channel(name), 0.25 * run.command.wheels_rpm[:, index]
         rows = run.command_rows()[1:]
         held_s = np.diff(run.time_s[run.command_rows()])
         rows = rows[(held_s >= SETTLED_S) & np.isfinite(speed[rows] - speed[rows - 1])]

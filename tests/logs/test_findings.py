@@ -193,3 +193,7 @@ def test_commands_that_stand_a_row_late_are_found(bench_run: BenchRun) -> None:
 
 def test_commands_in_the_row_of_their_time_are_not_late(bench_run: BenchRun) -> None:
     assert dataset_findings([bench_run(f"{i}.csv", COMMAND, follow(COMMAND)) for i in range(2)]) == []
+
+
+def test_the_largest_numbers_are_looked_at_without_a_warning(bench_run: BenchRun) -> None:
+    dataset_findings([bench_run("a.csv", np.zeros(3), np.array([0.0, 1.7e308, -1.7e308]))])

@@ -94,10 +94,10 @@ def _early(runs: Sequence[Run], name: str, index: int) -> Iterator[Finding]:
         usual = _USUAL_STEPS * float(np.nanmedian(np.abs(steps))) if np.any(np.isfinite(steps)) else np.inf
         seen = np.abs(change) * _EARLY > usual
         moved.append((np.sign(change) * steps[rows - 1] > _EARLY * np.abs(change))[seen])
-    count = np.concatenate(moved) if moved else np.zeros(0, bool)
-    if count.size >= _LEAST_CHANGES and np.mean(count) > 0.5:
-        details: dict[str, float | str] = {"count": int(count.sum()), "changes": count.size}
-        yield Finding("", "late_rows", float(np.mean(count)), name, details=details)
+    early = np.concatenate(moved) if moved else np.zeros(0, bool)
+    if early.size >= _LEAST_CHANGES and np.mean(early) > 0.5:
+        details: dict[str, float | str] = {"count": int(early.sum()), "changes": early.size}
+        yield Finding("", "late_rows", float(np.mean(early)), name, details=details)
 
 
 def _wrong_gain(gain: float, name: str) -> Iterator[Finding]:

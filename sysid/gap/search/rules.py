@@ -40,7 +40,7 @@ class Facts:
     """Sets that explain the logs as well as the chosen one, which comes first."""
     law: ScoredSet | None = None
     """The wheel law fitted again, if that was tried."""
-    law_allowed: float = 0.0
+    law_allowed: float = THRESHOLDS.tie_sigmas**2
     """By how much its score may be better: it has more parameters than an effect, and formulas err a
     little."""
     free: ScoredSet | None = None
@@ -172,7 +172,7 @@ def _something_random(facts: Facts) -> str:
 
 
 def _law_fits_better(facts: Facts) -> Outcome | None:
-    """Unexplained: no effect is missing but a better fit of the wheel law."""
+    """Unexplained: the wheel law fitted again does better than formulas of effects may err."""
     outcome = _unexplained(facts)
     return outcome if outcome.reasons else None
 
@@ -237,8 +237,7 @@ def apply_rules(facts: Facts) -> Outcome:
 
 def _unexplained(facts: Facts, *reasons: str) -> Outcome:
     """Return the verdict; that the wheel law fitted again beats every set is said beside other reasons."""
-    allowed = max(THRESHOLDS.tie_sigmas**2, facts.law_allowed)
-    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - allowed:
+    if facts.law and facts.chosen and facts.law.score < facts.chosen.score - facts.law_allowed:
         law = (
             "the wheel law fitted again explains these logs better than any set of effects: "
             "fit it again (python -m sysid.fit) before looking for effects"

@@ -90,8 +90,8 @@ def with_fewer(
 
     A second effect is often what the formula of the first one lacks. Sets of one size less count, by turns
     down to single effects, that leave at most the square of `crude_formula` of what the chosen set explains,
-    unless the chosen set reaches the noise, which imperfect formulas do not. `judged` are all sets, and
-    `inflation` is as in `tied`.
+    unless the chosen set reaches the noise, which imperfect formulas do not, or there is only one formula for
+    what they have (`formula_error`). `judged` are all sets, and `inflation` is as in `tied`.
     """
     if not as_good or len(as_good[0].names) == 1:
         return tuple(as_good)

@@ -14,12 +14,12 @@ import numpy as np
 
 from mecanum_env.model import Model
 from sysid.compare.least_squares import ResidualProblem
-from sysid.compare.model_error import Learned, ModelError, Whitener, block_residuals, estimate_model_error
+from sysid.compare.model_error import ModelError, Whitener, block_residuals, estimate_model_error
 from sysid.compare.noise import Noise, with_lasting
 from sysid.compare.predicted import SimulationSettings, Simulators
 from sysid.compare.search_space import Bounds
 from sysid.gap.result import GapOptions, Since
-from sysid.gap.search.beyond_fit import beyond_fit
+from sysid.gap.search.beyond_fit import beyond_fit, ripples_beyond_fit
 from sysid.gap.search.decision import Decision, decide, explore
 from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
@@ -117,7 +117,7 @@ def _searched(
         tell = within(progress, stage)
         search = _start_search(data, model, settings, considered, tell, search.problem.simulators)
         decision = decide(search, data.floor, options.max_effects, np.random.default_rng(settings.seed))
-    return Inquiry(data, search, decision, _since(data.learned, search.problem, decision))
+    return Inquiry(data, search, decision, _since(data, search.problem, decision))
 
 
 def _start_search(
@@ -129,11 +129,13 @@ def _start_search(
     simulators: Simulators | None = None,
 ) -> Search:
     whitener = Whitener(data.observations, data.noise, data.error)
-    problem = ResidualProblem(model, whitener, settings, simulators, data.learned)
+    problem = ResidualProblem(model, whitener, settings, simulators, data.repeated or data.learned)
     level = data.observations.situations[0].runs[0].level
     library = responses(problem, considered, tell=tell)
     if data.learned is not None and problem.knows_all:
         library = beyond_fit(problem, data.learned, library)
+    elif data.repeated is not None:
+        library = ripples_beyond_fit(problem, data.repeated, library)
     return Search(problem, library, EFFORT[level])
 
 
@@ -185,14 +187,14 @@ def _lasting_note(item: tuple[str, float]) -> str:
     )
 
 
-def _since(learned: Learned | None, problem: ResidualProblem, decision: Decision) -> Mapping[str, Since]:
+def _since(data: StudyData, problem: ResidualProblem, decision: Decision) -> Mapping[str, Since]:
     """Return what the logs of the fit, where these are known, say of the effects of the best set.
 
     Of a robot, what every effect does in the logs of the fit is taken off: what is found came later.
     """
     chosen = decision.facts.chosen
-    if learned is None or chosen is None:
+    if chosen is None:
         return {}
-    if not learned.is_bench:
+    if problem.knows_all:
         return dict.fromkeys(chosen.names, "new")
-    return since_of(problem, learned, chosen.fitted)
+    return {} if data.learned is None else since_of(problem, data.learned, chosen.fitted)

@@ -20,7 +20,7 @@ from mecanum_env.units import FloatArray
 from sysid.compare.least_squares.gauss_newton import Mask
 from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.least_squares.ripple import WheelAngleRipple
-from sysid.compare.model_error import Learned, Whitener, plausible_models, shape_columns
+from sysid.compare.model_error import Learned, RepeatedCommands, Whitener, plausible_models, shape_columns
 from sysid.compare.predicted import (
     Averaged,
     SimulationSettings,
@@ -63,7 +63,7 @@ class ResidualProblem:
         whitener: Whitener,
         settings: SimulationSettings | None = None,
         simulators: Simulators | None = None,
-        learned: Learned | None = None,
+        learned: Learned | RepeatedCommands | None = None,
         at: Model | None = None,
     ) -> None:
         self._learned = learned
@@ -83,9 +83,8 @@ class ResidualProblem:
         """Whether what every effect would do is among the model's own error, as far as the logs of its fit
         leave that open, so that only what is new counts."""
         if learned is not None:
-            columns = whitener.whiten(learned.columns(self.simulators, at))
-            self.measured = self.measured - columns @ learned.mean
-            self.nuisance = learned.uncertain(columns, self.observations)
+            known, self.nuisance = learned.expected_error(whitener, self.simulators, at)
+            self.measured = self.measured - known
         unchanged = self.simulators.averaged if self.knows_all else self.simulators.full
         self.base_residual = self.measured - whitener.whiten(unchanged.predictions(base))
         if learned is None:

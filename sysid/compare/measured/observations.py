@@ -80,6 +80,16 @@ class Block:
     """Rows of the run that each value is the mean of, shape (m, g); for a pose the index of its window."""
     row_weights: FloatArray
     """Number of samples in each of these rows, (m, g); 0 where a value has fewer rows than another."""
+    reference_repeats: float = 0.0
+    """Number of runs of other logs whose mean is taken off, shared by the blocks it is taken off; 0 if
+    nothing is."""
+
+    @property
+    def independent_repeats(self) -> float:
+        """Number of repeats whose mean has the noise of the value, less that of what is taken off."""
+        if self.reference_repeats == 0.0:
+            return float(self.repeats)
+        return 1.0 / (1.0 / self.repeats + 1.0 / self.reference_repeats)
 
     @property
     def repeat_squares(self) -> float:

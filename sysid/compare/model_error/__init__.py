@@ -4,6 +4,7 @@ from sysid.compare.model_error.adopted import as_fitted, covariance_of, with_ado
 from sysid.compare.model_error.learned import Learned, learn
 from sysid.compare.model_error.nuisance import plausible_models, shape_columns
 from sysid.compare.model_error.own_error import block_residuals, with_own_error
+from sysid.compare.model_error.repeated import RepeatedCommands, repeated_commands
 from sysid.compare.model_error.shape import ShapeBasis
 from sysid.compare.model_error.size import ModelError, estimate_model_error, model_error_of
 from sysid.compare.model_error.whitening import Whitener
@@ -11,6 +12,7 @@ from sysid.compare.model_error.whitening import Whitener
 __all__ = [
     "Learned",
     "ModelError",
+    "RepeatedCommands",
     "ShapeBasis",
     "Whitener",
     "as_fitted",
@@ -20,6 +22,7 @@ __all__ = [
     "learn",
     "model_error_of",
     "plausible_models",
+    "repeated_commands",
     "shape_columns",
     "with_adopted",
     "with_own_error",

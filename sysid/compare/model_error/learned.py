@@ -117,6 +117,16 @@ class Learned:
         of_fit = simulators is self.simulators
         return _columns(self.model, self.basis, self.keys, self.scale, simulators, of_fit=of_fit, at=at)
 
+    def expected_error(
+        self, whitener: Whitener, simulators: Simulators, at: Model | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what the model errs by in other logs, (N,), and what is unknown of it, columns (N, p).
+
+        Both are whitened, and taken where the model `at` moves the robot.
+        """
+        columns = whitener.whiten(self.columns(simulators, at))
+        return columns @ self.mean, self.uncertain(columns, whitener.observations)
+
     def uncertain(self, columns: FloatArray, observations: Observations) -> FloatArray:
         """Return what is still unknown of the model's error, (N, p).
 

@@ -89,12 +89,14 @@ class Whitener:
         lag_s = np.abs(block.time_s[:, None] - block.time_s[None, :])
         covariance = np.zeros(lag_s.shape)
         if correlated is not None:
-            common = correlated.share * settled**2 / block.repeats
+            common = correlated.share * settled**2 / block.independent_repeats
             covariance += common * np.exp(-lag_s / correlated.time_s)
             variance = (1.0 - correlated.share) * variance + _LEAST_WHITE * common
         if uneven is not None:
             decaying = self.noise.transient(block.channel, run, block.time_s)
-            covariance += np.outer(decaying, decaying) * np.exp(-lag_s / uneven.decay_s) / block.repeats
+            covariance += (
+                np.outer(decaying, decaying) * np.exp(-lag_s / uneven.decay_s) / block.independent_repeats
+            )
         if rounding:
             variance = variance + rounding**2
             covariance += rounding**2 * np.exp(-lag_s / _ROUNDING_S)

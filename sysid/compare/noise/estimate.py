@@ -98,7 +98,7 @@ class Noise:
 
     def variance(self, block: Block, run: Run) -> FloatArray:
         """Return the variance of each of a block's values, in a run of its situation, shape (m,)."""
-        lasting = self.transient(block.channel, run, block.time_s) ** 2 / block.repeats
+        lasting = self.transient(block.channel, run, block.time_s) ** 2 / block.independent_repeats
         return np.asarray(self.settled(block.channel) ** 2 / block.weight + lasting)
 
     def inconsistent_channels(self, factor: float) -> tuple[str, ...]:

@@ -14,7 +14,7 @@ alarm. With few sequences that takes much more.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
 from scipy.stats import f as f_distribution
 
@@ -22,7 +22,7 @@ from mecanum_env.effects import CATALOGUE
 from mecanum_env.model import cause_of
 from sysid.compare.least_squares import ResidualProblem, base_fit, fit
 from sysid.compare.measured import Observations
-from sysid.compare.model_error import Learned
+from sysid.compare.model_error import Learned, RepeatedCommands, as_fitted
 from sysid.gap.search.responses import Growth, Response, growths, responses
 from sysid.gap.search.sets import EMPTY
 from sysid.gap.search.thresholds import THRESHOLDS
@@ -33,16 +33,37 @@ def beyond_fit(problem: ResidualProblem, learned: Learned, library: Sequence[Res
 
     `problem` is that of a robot's new logs, beside what was `learned` from those of the fit.
     """
-    grown = _growths(problem, library)
     first_order = {r.effect for r in library if r.linear and not CATALOGUE[r.effect].follows_angle}
+    asked = {response.effect for response in library} - first_order
+    of_fit = ResidualProblem(learned.model, learned.whitener, problem.settings, learned.simulators, learned)
+    return _without_known(problem, of_fit, library, asked)
+
+
+def ripples_beyond_fit(
+    problem: ResidualProblem, repeated: RepeatedCommands, library: Sequence[Response]
+) -> list[Response]:
+    """Return the responses of a `library` without ripples that the logs of the fit show as much.
+
+    `problem` is that of new logs of a robot beside what was measured in the same commands (`repeated`). What
+    a limit or a threshold did there is taken off with the rest; a ripple comes with another phase each time.
+    """
+    asked = {response.effect for response in library if CATALOGUE[response.effect].follows_angle}
+    model = as_fitted(problem.base)
+    of_fit = ResidualProblem(model, repeated.whitener, problem.settings, repeated.simulators)
+    return _without_known(problem, of_fit, library, asked)
+
+
+def _without_known(
+    problem: ResidualProblem, of_fit: ResidualProblem, library: Sequence[Response], effects: Collection[str]
+) -> list[Response]:
+    """Return the responses of a `library` without those of `effects` that the logs `of_fit` show as much."""
     asked = {
         growth.names[0]: gain / problem.size
-        for growth, gain in grown
-        if growth.names[0] not in first_order and gain > THRESHOLDS.tie_sigmas**2
+        for growth, gain in _growths(problem, library)
+        if growth.names[0] in effects and gain > THRESHOLDS.tie_sigmas**2
     }
     if not asked:
         return list(library)
-    of_fit = ResidualProblem(learned.model, learned.whitener, problem.settings, learned.simulators, learned)
     largest = largest_ratio(problem.observations, of_fit.observations)
     there: dict[str, float] = {}
     tried = responses(of_fit, list(asked))

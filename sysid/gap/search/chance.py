@@ -54,10 +54,19 @@ class Floor:
     """Whether the logs of the fit hold the commands of these logs, too."""
     slack: float = 1.0
     """Factor by which a right model's cost may be larger than was measured in other commands."""
+    independent: float = math.inf
+    """Most degrees of freedom of a right model's cost: fewer than its values where their noise is alike."""
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""
-        return self.slack * float(f_distribution.isf(self.false_alarm, size, min(self.freedom, _KNOWN)))
+        return self.slack * float(f_distribution.isf(self.false_alarm, *self._freedoms(size)))
+
+    def chance(self, ratio: float, size: int) -> float:
+        """Return the probability that a right model's cost over `size` values is at least a `ratio`."""
+        return float(f_distribution.sf(ratio / self.slack, *self._freedoms(size)))
+
+    def _freedoms(self, size: int) -> tuple[float, float]:
+        return min(size, self.independent), min(self.freedom, _KNOWN)
 
 
 def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:
@@ -74,8 +83,7 @@ def misfit(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> float
     """Return the probability that a right model has at least the cost of a set; 1 if nobody can tell."""
     if not floor.trusted:
         return 1.0
-    ratio = fitted.cost / expected(problem, fitted) / floor.slack
-    return float(f_distribution.sf(ratio, problem.size, min(floor.freedom, _KNOWN)))
+    return floor.chance(fitted.cost / expected(problem, fitted), problem.size)
 
 
 def complete(problem: ResidualProblem, fitted: Fitted[Any], floor: Floor) -> bool:

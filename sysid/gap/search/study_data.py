@@ -7,7 +7,14 @@ from dataclasses import dataclass, replace
 from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from sysid.compare.measured import Observations, observe
-from sysid.compare.model_error import Learned, ModelError, learn, model_error_of
+from sysid.compare.model_error import (
+    Learned,
+    ModelError,
+    RepeatedCommands,
+    learn,
+    model_error_of,
+    repeated_commands,
+)
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.predicted import SimulationSettings
 from sysid.gap.result import GapOptions
@@ -31,6 +38,8 @@ class StudyData:
     """What was chosen or assumed, in sentences."""
     learned: Learned | None = None
     """What the logs of the model's fit teach about its own error, where they are at hand."""
+    repeated: RepeatedCommands | None = None
+    """What these logs show in the same commands, if a robot was driven with these again."""
 
 
 def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData:
@@ -43,7 +52,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     observations = observe(replace(dataset, runs=runs))
     noise = measure_noise(dataset, observations)
     error = model_error_of(model)
-    learned, fitted_on = None, options.fitted_on
+    learned, repeated, fitted_on = None, None, options.fitted_on
     same_logs = error is not None and error.data_sha256 == dataset.sha256 != ""
     if fitted_on is not None:
         same_logs = same_logs or fitted_on.sha256 == dataset.sha256 != ""
@@ -53,8 +62,16 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
                 f"{dataset.level} logs; give the logs that the model was fitted to"
             )
     if fitted_on is not None and not same_logs:
-        learned = learn(model, fitted_on, SimulationSettings(options.plant, options.jobs))
-        error, noise = learned.error_in(observations), noise.beside(learned.whitener.noise)
+        settings = SimulationSettings(options.plant, options.jobs)
+        if dataset.level == "robot":
+            repeated = repeated_commands(model, fitted_on, observations, settings)
+        if repeated is not None:
+            notes.append(_repeated_note(observations, repeated))
+            observations, error = repeated.observations, None
+            noise = repeated.noise.beside(noise)
+        else:
+            learned = learn(model, fitted_on, settings)
+            error, noise = learned.error_in(observations), noise.beside(learned.whitener.noise)
         notes.append(
             f"compared with the logs of the fit ({fitted_on.name}): an error that these show, too, is no gap"
         )
@@ -86,14 +103,28 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     if learned is not None and noise.is_like(learned.whitener.noise, THRESHOLDS.inconsistent_repeats):
         # Whatever acts at random did so in the logs of the fit, too.
         repeatable = True
-    compared = learned is not None
+    compared = learned is not None or repeated is not None
     floor = Floor(
         noise.degrees_of_freedom,
         trusted,
         compared,
         compared and not bench,
         repeatable,
-        familiar=learned is not None and learned.knows(observations),
-        slack=THRESHOLDS.plainly_visible if compared and not bench else 1.0,
+        familiar=repeated is not None or (learned is not None and learned.knows(observations)),
+        slack=THRESHOLDS.plainly_visible if learned is not None and not bench else 1.0,
     )
-    return StudyData(observations, noise, None if same_logs else error, floor, tuple(notes), learned)
+    if repeated is not None:
+        slack = THRESHOLDS.run_to_run_slack
+        floor = replace(floor, freedom=repeated.freedom, independent=repeated.freedom, slack=slack)
+    stated = None if same_logs else error
+    return StudyData(observations, noise, stated, floor, tuple(notes), learned, repeated)
+
+
+def _repeated_note(observations: Observations, repeated: RepeatedCommands) -> str:
+    driven, shared = (
+        len({situation.group for situation in logs.situations})
+        for logs in (observations, repeated.observations)
+    )
+    which = "the command sequences are" if shared == driven else f"{shared} of {driven} command sequences are"
+    alone = "" if shared == driven else ", and decide alone"
+    return f"{which} those of the logs of the fit: the two are compared command by command{alone}"

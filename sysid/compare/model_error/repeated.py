@@ -1,0 +1,268 @@
+"""New logs that repeat commands of the logs of a model's fit, and what the model errs by in these commands.
+
+Where a robot drives the same commands before and after something was changed, the model errs by the same in
+both logs. The residual that the logs of the fit show in a command sequence is then taken off in the new ones,
+sample by sample, and nothing of the model's own error is left but what differs from run to run: the study
+compares two sets of logs, and the model only says what each effect would change. The mean of r repeats beside
+that of s repeats in the logs of the fit has the variance sigma^2 (1 / r + 1 / s).
+
+What differs from run to run is told by the repeats in the logs of the fit: one of them beside the mean of the
+others is what new logs of an unchanged robot look like (`scatter`). It calibrates the noise, and it shows
+which effects every run has in another size (`sysid.compare.model_error.run_to_run`). It is more in one
+command sequence than in another, so that its mean square is known much less well than the number of samples
+says: with q_k the mean square in sequence k, the mean over n sequences has about the degrees of freedom
+2 n mean(q)^2 / var(q) (Satterthwaite, Biometrics Bulletin 2:110, 1946).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final
+
+import numpy as np
+
+from mecanum_env.model import Model
+from mecanum_env.units import FloatArray
+from sysid.compare.measured import (
+    COMMAND_STEP_RPM,
+    Block,
+    Observations,
+    changes_from_rest,
+    observe,
+    start_of,
+)
+from sysid.compare.model_error.adopted import as_fitted
+from sysid.compare.model_error.run_to_run import run_to_run_columns
+from sysid.compare.model_error.suspects import suspect_columns
+from sysid.compare.model_error.whitening import Whitener
+from sysid.compare.noise import Noise, measure_noise
+from sysid.compare.predicted import SimulationSettings, Simulators
+from sysid.compare.search_space import scale_of
+from sysid.logs import Dataset, Run
+
+_CLOCK_S: Final = 0.03
+"""By how much the times of two changes of command may differ [s] beyond one and a half rows. Assumed: loops
+on common computers send a command so late now and then."""
+_FEWEST_SHARED: Final = 0.5
+"""Least share of the command sequences that must be among those of the fit for these alone to decide.
+Assumed."""
+_FEWEST_SEQUENCES: Final = 2
+_LEAST_SPREAD: Final = 1e-3
+_UNKNOWN_SPREAD: Final = 1.0
+"""Squared coefficient of variation of the sequences' mean squares where no repeats tell it. Assumed: drawn
+robots have 0.1 to 0.3."""
+
+
+@dataclass(frozen=True, eq=False)
+class RepeatedCommands:
+    """What the logs of a fit show in the very commands of new logs."""
+
+    model: Model
+    """The model that errs."""
+    observations: Observations
+    """Of the new logs, with the weights of the difference between both logs."""
+    error: tuple[FloatArray, ...]
+    """What the model errs by in the logs of the fit: (m,) for each block, in its unit."""
+    scatter: tuple[FloatArray, ...] | None
+    """What repeats in the logs of the fit differ by, with the variance of the new logs' difference: (m,) for
+    each block. None without repeats."""
+    freedom: float
+    """Degrees of freedom of the mean squared noise of either of both logs."""
+    simulators: Simulators
+    """Of the logs of the fit."""
+    whitener: Whitener
+    """Of the residual in these logs."""
+
+    @property
+    def noise(self) -> Noise:
+        """Noise of the logs of the fit, from repeats if there are any."""
+        return self.whitener.noise
+
+    def expected_error(
+        self, whitener: Whitener, simulators: Simulators, at: Model | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Return what the model errs by in the new logs, (N,), and columns for what varies, (N, p).
+
+        Both are whitened. The columns are taken where the model `at` moves the robot.
+        """
+        error = whitener.whiten(self.error)
+        if self.scatter is None:
+            return error, np.zeros((whitener.size, 0))
+        here = at or self.model
+        runs = [run for situation in self.observations.situations for run in situation.runs]
+        effects = suspect_columns(self.model, scale_of(self.model, runs), simulators, here)
+        columns = np.stack([whitener.whiten(parts) for parts in effects], axis=1)
+        names = [situation.group for situation in self.observations.situations]
+        sequence = np.concatenate(
+            [np.full(b.value.size, names.index(names[b.situation])) for b in self.observations.blocks]
+        )
+        return error, run_to_run_columns(whitener.whiten(self.scatter), columns, sequence)
+
+
+def repeated_commands(
+    model: Model,
+    fitted_on: Dataset,
+    observations: Observations,
+    settings: SimulationSettings,
+) -> RepeatedCommands | None:
+    """Return what the logs of a fit show in the commands of new logs of a robot.
+
+    It is None where fewer than half of the command sequences are among those of the fit; else the sequences
+    that are decide alone.
+
+    Args:
+        model: that was fitted; of what came later nothing is looked at.
+        fitted_on: the logs of its fit.
+        observations: of the new logs.
+        settings: of simulations.
+
+    Raises:
+        InputError: the model cannot be simulated.
+        SimulationDivergedError: the state stopped being finite.
+    """
+    first = [situation.runs[0] for situation in observations.situations]
+    period_s = model.wheel.command_period_s
+    partners = [
+        [other for other in fitted_on.runs if _shift_s(run, other, period_s) is not None] for run in first
+    ]
+    groups = [situation.group for situation in observations.situations]
+    shared = [index for index, runs in enumerate(partners) if runs]
+    known = {groups[index] for index in shared}
+    if len(known) < max(_FEWEST_SEQUENCES, _FEWEST_SHARED * len(set(groups))):
+        return None
+    # In the order of the new logs, so that the same wheel angles are simulated for both.
+    runs = tuple(dict.fromkeys(run for index in shared for run in partners[index]))
+    before = observe(replace(fitted_on, runs=runs))
+    simulators = Simulators.of(before, settings)
+    predicted = simulators.averaged.predictions(as_fitted(model))
+    residuals = list(_residuals(fitted_on, before, predicted))
+    pairs = []
+    for block in observations.blocks:
+        beside = [one for one in residuals if one.run in partners[block.situation]]
+        alike = groups.count(groups[block.situation])
+        found = _Beside.of(block, first[block.situation], beside, alike, period_s)
+        if found is not None:
+            pairs.append(found)
+    observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
+    noise, freedom = measure_noise(fitted_on, before), 2.0 / _UNKNOWN_SPREAD
+    parts = [pair.scatter for pair in pairs if pair.scatter is not None]
+    scatter = tuple(parts) if len(parts) == len(pairs) else None
+    if scatter is not None:
+        noise, freedom = _calibrated(noise, observations, scatter)
+    return RepeatedCommands(
+        model,
+        observations,
+        tuple(pair.error for pair in pairs),
+        scatter,
+        freedom * len(known),
+        simulators,
+        Whitener(before, noise, None),
+    )
+
+
+def _shift_s(run: Run, other: Run, period_s: float) -> float | None:
+    """Return how much later another run was sent the same commands, by its stamps [s]; None if it was not.
+
+    It is a multiple of the command period: else the robot's clock had another phase in a prediction.
+    """
+    (times, levels), (others, other_levels) = changes_from_rest(run), changes_from_rest(other)
+    if len(levels) != len(other_levels) or len(levels) < 2 or start_of(run).moving != start_of(other).moving:
+        return None
+    if np.max(np.abs(levels - other_levels)) > COMMAND_STEP_RPM:
+        return None
+    apart = others[1:] - times[1:]
+    shift, interval_s = float(np.median(apart)), max(run.median_interval_s, other.median_interval_s)
+    near = _CLOCK_S + 1.5 * interval_s
+    lasts = other.time_s[-1] - shift >= run.time_s[-1] - near
+    off_clock = abs(shift - period_s * round(shift / period_s))
+    return shift if lasts and off_clock <= interval_s and np.max(np.abs(apart - shift)) <= near else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Residual:
+    """What the model errs by in one run of the logs of the fit."""
+
+    run: Run
+    blocks: dict[str, tuple[Block, FloatArray]]
+    """Channel -> block and residual, (m,)."""
+
+
+def _residuals(
+    dataset: Dataset, observations: Observations, predicted: Sequence[FloatArray]
+) -> Iterator[_Residual]:
+    """Yield the residual of each run, of which the `predicted` blocks are given for the mean of repeats."""
+    known = {
+        (block.situation, block.channel): (block.time_s, part)
+        for block, part in zip(observations.blocks, predicted, strict=True)
+    }
+    for index, situation in enumerate(observations.situations):
+        for run in situation.runs:
+            blocks = observe(replace(dataset, runs=(run,))).blocks
+            yield _Residual(
+                run,
+                {b.channel: (b, b.value - np.interp(b.time_s, *known[index, b.channel])) for b in blocks},
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class _Beside:
+    """A block of new logs beside the runs of the fit with the same commands."""
+
+    block: Block
+    """With the weights of the difference."""
+    error: FloatArray
+    """Mean residual of the runs of the fit, (m,)."""
+    scatter: FloatArray | None
+    """What one of them differs by from the others, with the variance of the difference, (m,)."""
+
+    @classmethod
+    def of(
+        cls, block: Block, run: Run, beside: Sequence[_Residual], alike: int, period_s: float
+    ) -> _Beside | None:
+        """Return a `block` of a new run beside some residuals; None if none of them has its channel.
+
+        So many runs (`alike`) are compared with the same residuals, whose error then counts once in all.
+        Commands are sent every `period_s`.
+        """
+        weights, residuals = [], []
+        for one in beside:
+            shift = _shift_s(run, one.run, period_s)
+            if block.channel in one.blocks and shift is not None:
+                other, part = one.blocks[block.channel]
+                weights.append(np.interp(block.time_s + shift, other.time_s, other.weight))
+                residuals.append(np.interp(block.time_s + shift, other.time_s, part))
+        if not residuals:
+            return None
+        weight, error = np.sum(weights, axis=0), np.average(residuals, axis=0, weights=weights)
+        variance = 1.0 / block.weight + alike / weight
+        compared = replace(block, weight=1.0 / variance, reference_repeats=len(residuals) / alike)
+        if len(residuals) == 1:
+            return cls(compared, error, None)
+        others = np.average(residuals[1:], axis=0, weights=weights[1:])
+        apart = 1.0 / weights[0] + 1.0 / np.sum(weights[1:], axis=0)
+        return cls(compared, error, (residuals[0] - others) * np.sqrt(variance / apart))
+
+
+def _calibrated(
+    noise: Noise, observations: Observations, scatter: Sequence[FloatArray]
+) -> tuple[Noise, float]:
+    """Return the noise with which the scatter is as large as is expected, and its degrees of freedom.
+
+    The latter are those of one command sequence.
+    """
+    whitener = Whitener(observations, noise, None)
+    white = whitener.whiten(scatter)
+    squares: dict[str, list[float]] = {}
+    sequences: dict[str, list[float]] = {}
+    for block, rows in zip(observations.blocks, whitener.slices, strict=True):
+        squares.setdefault(block.channel, []).extend(white[rows] ** 2)
+    factors = {name: float(np.mean(values)) for name, values in squares.items()}
+    for block, rows in zip(observations.blocks, whitener.slices, strict=True):
+        group = observations.situations[block.situation].group
+        sequences.setdefault(group, []).append(float(np.mean(white[rows] ** 2)) / factors[block.channel])
+    means = [float(np.mean(values)) for values in sequences.values()]
+    spread = float(np.var(means, ddof=1)) / float(np.mean(means)) ** 2
+    sigma = {name: s * math.sqrt(factors.get(name, 1.0)) for name, s in noise.sigma.items()}
+    return replace(noise, sigma=sigma), 2.0 / max(spread, _LEAST_SPREAD)

@@ -1,0 +1,91 @@
+"""Effects that every run of a robot has in another size, though nothing was changed.
+
+Each run begins at another phase of the robot's clock, with its wheels at other angles and the body in a
+slightly other pose, so that repeats of a command differ along what some effects would do: a delay, a turned
+sensor, a slope. Noise that is taken for white would then let such an effect pass for new. With r the scatter
+of repeats, white but for that, and c_s what an effect changes in command sequence s, the sum over the
+sequences of (c_s . r_s)^2 / |c_s|^2 has a chi-squared distribution with as many degrees of freedom as there
+are sequences. The effect for which that is least likely varies from run to run; its variance is found by
+maximum likelihood (random effects, Laird and Ware, Biometrics 38:963, 1982), and the next one is looked for
+beside it, until chance would do as much. Few effects are found in this way, each of which hides only what
+differs from a real change in nothing but being different in each sequence.
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+from scipy.optimize import minimize_scalar
+from scipy.stats import chi2
+
+from mecanum_env.units import FloatArray
+
+_BY_CHANCE: Final = 0.01
+"""Probability with which chance alone makes an effect vary, all effects together. Assumed, as the one of a
+false alarm is: `sysid.gap.search.thresholds`."""
+_MOST: Final = 20
+"""Most effects that vary. Assumed: the scatter of a few sequences tells no more."""
+_NEGLIGIBLE: Final = 0.3
+"""Length of a column, in noise sigmas over all samples, below which nothing depends on it."""
+
+
+def run_to_run_columns(
+    scatter: FloatArray, columns: FloatArray, sequence: npt.NDArray[np.intp]
+) -> FloatArray:
+    """Return what varies from run to run, one sigma of each: columns (N, p) of one command sequence each.
+
+    Args:
+        scatter: what repeats differ by, whitened, (N,).
+        columns: what effects change, whitened, (N, q).
+        sequence: number of the command sequence of each value, (N,).
+    """
+    left, moved, found = np.array(scatter), np.array(columns), []
+    rows = [np.flatnonzero(sequence == number) for number in np.unique(sequence)]
+    for _ in range(_MOST):
+        lengths = np.array([np.sum(moved[own] ** 2, axis=0) for own in rows])
+        scores = np.array([moved[own].T @ left[own] for own in rows])
+        shown = lengths > _NEGLIGIBLE**2
+        squares = np.divide(scores**2, lengths, out=np.zeros(scores.shape), where=shown)
+        by_chance = chi2.sf(squares.sum(axis=0), np.maximum(1, shown.sum(axis=0)))
+        best = int(np.argmin(by_chance))
+        if by_chance[best] * max(1, columns.shape[1]) > _BY_CHANCE:
+            break
+        sigma = _sigma(squares[:, best], lengths[:, best])
+        if sigma == 0.0:
+            break
+        for own, length in zip(rows, lengths[:, best], strict=True):
+            if length <= _NEGLIGIBLE**2:
+                continue
+            column = np.zeros(left.size)
+            column[own] = sigma * columns[own, best]
+            found.append(column)
+            # Whitened by the covariance with this column as well.
+            axis = moved[own, best] / np.sqrt(length)
+            shrink = 1.0 / np.sqrt(1.0 + sigma**2 * length) - 1.0
+            left[own] += shrink * (axis @ left[own]) * axis
+            moved[own] += shrink * np.outer(axis, axis @ moved[own])
+    return np.stack(found, axis=1) if found else np.zeros((left.size, 0))
+
+
+def _sigma(squares: FloatArray, lengths: FloatArray) -> float:
+    """Return the standard deviation of a factor by maximum likelihood.
+
+    In each sequence it has a squared score over the squared length of its column (`squares`), (s,), and that
+    squared length (`lengths`).
+    """
+    used = lengths > _NEGLIGIBLE**2
+    squares, lengths = squares[used], lengths[used]
+
+    def minus_log(exponent: float) -> float:
+        total = 1.0 + np.exp(2.0 * exponent) * lengths
+        return float(np.sum(np.log(total) + squares / total))
+
+    size = 0.5 * np.log(np.mean(lengths))
+    least = minimize_scalar(minus_log, bounds=(-size - 5.0, -size + 10.0), method="bounded")
+    if least.fun >= float(np.sum(squares)):
+        return 0.0
+    # A variance from n values is on average larger than the most likely one.
+    few = squares.size / max(1, squares.size - 2)
+    return float(np.exp(least.x) * np.sqrt(few))

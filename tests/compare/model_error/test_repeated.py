@@ -1,0 +1,139 @@
+"""New logs of a robot that repeat the commands of the logs of the model's fit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from mecanum_env.model import paper_model
+from mecanum_env.simulator import BodyCommands, drive
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
+from sysid.compare.predicted import SimulationSettings
+from sysid.logs import BodyCommand, Dataset, Run
+
+MODEL = paper_model()
+GAIN = 0.93
+"""Of the robot's wheels; that and a latency make it another one than the model."""
+PLANAR = SimulationSettings(plant="planar")
+NOISE = {"speed_fl_rpm": 0.5, "speed_rr_rpm": 0.5, "vx_m_s": 0.004, "vy_m_s": 0.004, "yaw_rate_rad_s": 0.01}
+LENGTH_S = 2.5
+
+
+@cache
+def motion(gain: float, sequence: int) -> tuple[BodyCommands, dict[str, np.ndarray]]:
+    """Return the commands of a sequence and what a robot with a gain does, at 1 kHz."""
+    rng = np.random.default_rng(sequence)
+    time = np.arange(0.0, LENGTH_S, 0.1)
+    hold = np.minimum((time / 0.5).astype(int), 4)
+    v, theta, vc = (rng.uniform(-100, 100, 5).round(), rng.integers(0, 360, 5), rng.uniform(-40, 40, 5))
+    v[0] = vc[0] = 0.0
+    commands = BodyCommands(time, v[hold], theta[hold].astype(float), vc.round()[hold])
+    fine = np.arange(0.0, LENGTH_S, 0.001)
+    robot = MODEL.with_effect("speed_gain", gain=gain).with_effect("command_latency", delay_s=0.03)
+    path = drive(robot, commands, LENGTH_S, plant="planar").channels_at(fine)
+    return commands, {name: path[name] for name in NOISE}
+
+
+def logs(
+    gain: float, sequences: tuple[int, ...], seed: int, repeats: int = 2, late_s: float = 0.0
+) -> Dataset:
+    """Return noisy runs of a robot with a gain; its commands come `late_s` after the first row."""
+    rng, runs = np.random.default_rng(seed), []
+    stamps = np.arange(0.0, LENGTH_S, 0.025)
+    for sequence in sequences:
+        commands, path = motion(gain, sequence)
+        then = stamps - late_s
+        fine = np.arange(path["vx_m_s"].size) * 0.001
+        held = np.clip(np.searchsorted(commands.time_s, then + 1e-9, side="right") - 1, 0, None)
+        rows = BodyCommand(commands.v_rpm[held], commands.theta_deg[held], commands.vc_rpm[held])
+        for repeat in range(repeats):
+            channels = {
+                name: np.interp(then, fine, path[name]) + sigma * rng.standard_normal(stamps.size)
+                for name, sigma in NOISE.items()
+            }
+            name = f"{sequence}_{repeat}.csv"
+            runs.append(Run(name, f"{sequence}", "fit", stamps, rows, channels))
+    return Dataset(f"logs {seed}", tuple(runs), (), f"seed {seed}")
+
+
+def compared(fitted_on: Dataset, new: Dataset) -> RepeatedCommands | None:
+    return repeated_commands(MODEL, fitted_on, observe(new), PLANAR)
+
+
+def ratio(found: RepeatedCommands) -> float:
+    """Return the mean squared residual of the model beside the logs of its fit, in its expected variance."""
+    whitener = Whitener(found.observations, found.noise, None)
+    problem = ResidualProblem(MODEL, whitener, PLANAR, None, found)
+    return float(np.mean(problem.marginal(problem.base_residual) ** 2))
+
+
+NOMINAL = logs(GAIN, (1, 2, 3, 4), seed=10)
+
+
+def test_the_error_that_both_logs_show_is_taken_off() -> None:
+    found = compared(NOMINAL, logs(GAIN, (1, 2, 3, 4), seed=11))
+    assert found is not None
+    assert 0.8 < ratio(found) < 1.3
+    plain = Whitener(found.observations, found.noise, None)
+    assert float(np.mean(ResidualProblem(MODEL, plain, PLANAR).base_residual ** 2)) > 10.0
+
+
+def test_what_is_new_stays() -> None:
+    found = compared(NOMINAL, logs(GAIN - 0.02, (1, 2, 3, 4), seed=11))
+    assert found is not None
+    assert ratio(found) > 2.0
+
+
+def test_logs_that_begin_earlier_hold_the_same_commands() -> None:
+    nominal, late = logs(GAIN, (1, 2, 3), seed=12), logs(GAIN, (1, 2, 3), seed=13, late_s=0.2)
+    found = compared(nominal, late)
+    assert found is not None
+    assert ratio(found) < 1.3
+    # The last .2 s of the commands are not in the late logs.
+    assert compared(late, nominal) is None
+    # A clock of another phase makes other commands of them.
+    assert compared(nominal, logs(GAIN, (1, 2, 3), seed=13, late_s=0.25)) is None
+
+
+def test_other_commands_are_no_repetition() -> None:
+    assert compared(NOMINAL, logs(GAIN, (5, 6, 7), seed=11)) is None
+    assert compared(NOMINAL, logs(GAIN, (1, 5, 6), seed=11)) is None
+
+
+def test_of_mixed_logs_the_repeated_sequences_decide() -> None:
+    found = compared(NOMINAL, logs(GAIN, (1, 2, 5), seed=11))
+    assert found is not None
+    groups = {found.observations.situations[block.situation].group for block in found.observations.blocks}
+    assert groups == {"1", "2"}
+
+
+def test_a_mean_of_more_repeats_is_known_better() -> None:
+    once, thrice = (
+        compared(logs(GAIN, (1, 2, 3), seed=14, repeats=n), logs(GAIN, (1, 2, 3), seed=15)) for n in (1, 3)
+    )
+    assert once is not None
+    assert thrice is not None
+    weights = [float(np.mean(one.observations.blocks[0].weight)) for one in (once, thrice)]
+    np.testing.assert_allclose(weights, [1.0 / (1.0 + 1.0 / 2.0), 1.0 / (1.0 / 3.0 + 1.0 / 2.0)])
+    # Without repeats nothing tells what differs from run to run.
+    assert once.scatter is None
+    assert thrice.scatter is not None
+
+
+def test_noise_is_as_large_as_the_repeats_of_the_fit_differ() -> None:
+    rng = np.random.default_rng(3)
+    shaken = [
+        replace(
+            run, channels={n: v + 3.0 * NOISE[n] * rng.standard_normal() for n, v in run.channels.items()}
+        )
+        for run in NOMINAL.runs
+    ]
+    found = compared(replace(NOMINAL, runs=tuple(shaken)), logs(GAIN, (1, 2, 3, 4), seed=11))
+    assert found is not None
+    whitener = Whitener(found.observations, found.noise, None)
+    assert found.scatter is not None
+    np.testing.assert_allclose(np.mean(whitener.whiten(found.scatter) ** 2), 1.0, atol=0.15)

@@ -1,0 +1,47 @@
+"""Which effects every run has in another size, from the scatter of repeats."""
+
+import numpy as np
+
+from sysid.compare.model_error.run_to_run import run_to_run_columns
+
+SEQUENCES, VALUES = 6, 200
+SEQUENCE = np.repeat(np.arange(SEQUENCES), VALUES)
+
+
+def effects(rng: np.random.Generator, count: int = 8) -> np.ndarray:
+    """Return what some effects change in each command sequence, (N, count), of length 5 in each."""
+    columns = rng.standard_normal((SEQUENCE.size, count))
+    return 5.0 * columns / np.sqrt(VALUES)
+
+
+def test_white_scatter_shows_no_effect_that_varies() -> None:
+    found = 0
+    for seed in range(100):
+        rng = np.random.default_rng(seed)
+        scatter = rng.standard_normal(SEQUENCE.size)
+        found += run_to_run_columns(scatter, effects(rng), SEQUENCE).shape[1] > 0
+    assert found <= 5  # of 100, where each may be with a probability of .01
+
+
+def test_an_effect_of_another_size_in_each_sequence_is_found_with_its_variance() -> None:
+    rng = np.random.default_rng(1)
+    columns = effects(rng)
+    size = 3.0 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+    scatter = rng.standard_normal(SEQUENCE.size) + columns[:, 2] * size[SEQUENCE]
+    found = run_to_run_columns(scatter, columns, SEQUENCE)
+    assert found.shape == (SEQUENCE.size, SEQUENCES)
+    for number, column in enumerate(found.T):
+        own = number == SEQUENCE
+        assert not np.any(column[~own])
+        factor = column[own] @ columns[own, 2] / (columns[own, 2] @ columns[own, 2])
+        np.testing.assert_allclose(column[own], factor * columns[own, 2])
+        # From six values the variance is known to a factor of two or so.
+        assert 2.0 < factor < 6.0
+
+
+def test_what_one_effect_explains_is_not_asked_of_another() -> None:
+    rng = np.random.default_rng(2)
+    columns = effects(rng, 2)
+    columns[:, 1] = 0.9 * columns[:, 0] + 0.3 * columns[:, 1]
+    scatter = rng.standard_normal(SEQUENCE.size) + 4.0 * columns[:, 0] * (-1.0) ** SEQUENCE
+    assert run_to_run_columns(scatter, columns, SEQUENCE).shape[1] == SEQUENCES

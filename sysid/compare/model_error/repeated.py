@@ -35,11 +35,9 @@ from sysid.compare.measured import (
 )
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.run_to_run import run_to_run_columns
-from sysid.compare.model_error.suspects import suspect_columns
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise
 from sysid.compare.predicted import SimulationSettings, Simulators
-from sysid.compare.search_space import scale_of
 from sysid.logs import Dataset, Run
 
 _CLOCK_S: Final = 0.03
@@ -50,6 +48,9 @@ _FEWEST_SHARED: Final = 0.5
 Assumed."""
 _FEWEST_SEQUENCES: Final = 2
 _LEAST_SPREAD: Final = 1e-3
+_MARGIN: Final = 2.0
+"""Factor on the variance of what differs from run to run, which the repeats of a few sequences tell roughly.
+Calibrated on drawn robots: `benchmarks/robot_sensitivity.py`."""
 _UNKNOWN_SPREAD: Final = 1.0
 """Squared coefficient of variation of the sequences' mean squares where no repeats tell it. Assumed: drawn
 robots have 0.1 to 0.3."""
@@ -59,8 +60,6 @@ robots have 0.1 to 0.3."""
 class RepeatedCommands:
     """What the logs of a fit show in the very commands of new logs."""
 
-    model: Model
-    """The model that errs."""
     observations: Observations
     """Of the new logs, with the weights of the difference between both logs."""
     error: tuple[FloatArray, ...]
@@ -74,6 +73,8 @@ class RepeatedCommands:
     """Of the logs of the fit."""
     whitener: Whitener
     """Of the residual in these logs."""
+    varying: FloatArray | None = None
+    """Whitened columns (N, p) of what varies from run to run, if that was looked for."""
 
     @property
     def noise(self) -> Noise:
@@ -85,20 +86,25 @@ class RepeatedCommands:
     ) -> tuple[FloatArray, FloatArray]:
         """Return what the model errs by in the new logs, (N,), and columns for what varies, (N, p).
 
-        Both are whitened. The columns are taken where the model `at` moves the robot.
+        Both are whitened. It does not matter where a model `at` moves the robot.
         """
-        error = whitener.whiten(self.error)
-        if self.scatter is None:
-            return error, np.zeros((whitener.size, 0))
-        here = at or self.model
-        runs = [run for situation in self.observations.situations for run in situation.runs]
-        effects = suspect_columns(self.model, scale_of(self.model, runs), simulators, here)
-        columns = np.stack([whitener.whiten(parts) for parts in effects], axis=1)
-        names = [situation.group for situation in self.observations.situations]
-        sequence = np.concatenate(
-            [np.full(b.value.size, names.index(names[b.situation])) for b in self.observations.blocks]
-        )
-        return error, run_to_run_columns(whitener.whiten(self.scatter), columns, sequence)
+        unknown = np.zeros((whitener.size, 0)) if self.varying is None else self.varying
+        return whitener.whiten(self.error), unknown
+
+    def with_varying(self, whitener: Whitener, effects: Sequence[FloatArray]) -> RepeatedCommands:
+        """Return the same, with what the scatter shows to vary from run to run along some `effects`.
+
+        These are what each of them changes in the new logs, whitened, (N,).
+        """
+        if self.scatter is None or not effects:
+            return self
+        blocks, groups = self.observations.blocks, [s.group for s in self.observations.situations]
+        run = np.concatenate([np.full(block.value.size, block.situation) for block in blocks])
+        # All runs of a sequence are beside the same scatter.
+        asked = {groups[block.situation]: block.situation for block in blocks}.values()
+        scatter = math.sqrt(_MARGIN) * whitener.whiten(self.scatter)
+        columns = np.stack(effects, axis=1)
+        return replace(self, varying=run_to_run_columns(scatter, columns, run, tuple(asked)))
 
 
 def repeated_commands(
@@ -152,7 +158,6 @@ def repeated_commands(
     if scatter is not None:
         noise, freedom = _calibrated(noise, observations, scatter)
     return RepeatedCommands(
-        model,
         observations,
         tuple(pair.error for pair in pairs),
         scatter,
@@ -248,9 +253,9 @@ class _Beside:
 def _calibrated(
     noise: Noise, observations: Observations, scatter: Sequence[FloatArray]
 ) -> tuple[Noise, float]:
-    """Return the noise with which the scatter is as large as is expected, and its degrees of freedom.
+    """Return the noise with which the scatter is as large as is expected, with a margin, and its freedom.
 
-    The latter are those of one command sequence.
+    The latter are the degrees of freedom of one command sequence.
     """
     whitener = Whitener(observations, noise, None)
     white = whitener.whiten(scatter)
@@ -258,7 +263,7 @@ def _calibrated(
     sequences: dict[str, list[float]] = {}
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         squares.setdefault(block.channel, []).extend(white[rows] ** 2)
-    factors = {name: float(np.mean(values)) for name, values in squares.items()}
+    factors = {name: _MARGIN * float(np.mean(values)) for name, values in squares.items()}
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         group = observations.situations[block.situation].group
         sequences.setdefault(group, []).append(float(np.mean(white[rows] ** 2)) / factors[block.channel])

@@ -13,6 +13,7 @@ differs from a real change in nothing but being different in each sequence.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import Final
 
 import numpy as np
@@ -32,17 +33,19 @@ _NEGLIGIBLE: Final = 0.3
 
 
 def run_to_run_columns(
-    scatter: FloatArray, columns: FloatArray, sequence: npt.NDArray[np.intp]
+    scatter: FloatArray, columns: FloatArray, run: npt.NDArray[np.intp], asked: Collection[int]
 ) -> FloatArray:
-    """Return what varies from run to run, one sigma of each: columns (N, p) of one command sequence each.
+    """Return what varies from run to run, one sigma of each: columns (N, p) of one run each.
 
     Args:
         scatter: what repeats differ by, whitened, (N,).
         columns: what effects change, whitened, (N, q).
-        sequence: number of the command sequence of each value, (N,).
+        run: number of the run, or of the mean of repeats, of each value, (N,).
+        asked: numbers of the runs whose scatter is looked at: one of each command sequence.
     """
     left, moved, found = np.array(scatter), np.array(columns), []
-    rows = [np.flatnonzero(sequence == number) for number in np.unique(sequence)]
+    every = [np.flatnonzero(run == number) for number in np.unique(run)]
+    rows = [np.flatnonzero(run == number) for number in asked]
     for _ in range(_MOST):
         lengths = np.array([np.sum(moved[own] ** 2, axis=0) for own in rows])
         scores = np.array([moved[own].T @ left[own] for own in rows])
@@ -55,12 +58,13 @@ def run_to_run_columns(
         sigma = _sigma(squares[:, best], lengths[:, best])
         if sigma == 0.0:
             break
-        for own, length in zip(rows, lengths[:, best], strict=True):
-            if length <= _NEGLIGIBLE**2:
-                continue
+        for own in every:
             column = np.zeros(left.size)
             column[own] = sigma * columns[own, best]
             found.append(column)
+        for own, length in zip(rows, lengths[:, best], strict=True):
+            if length <= _NEGLIGIBLE**2:
+                continue
             # Whitened by the covariance with this column as well.
             axis = moved[own, best] / np.sqrt(length)
             shrink = 1.0 / np.sqrt(1.0 + sigma**2 * length) - 1.0

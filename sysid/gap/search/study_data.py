@@ -114,8 +114,7 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
         slack=THRESHOLDS.plainly_visible if learned is not None and not bench else 1.0,
     )
     if repeated is not None:
-        slack = THRESHOLDS.run_to_run_slack
-        floor = replace(floor, freedom=repeated.freedom, independent=repeated.freedom, slack=slack)
+        floor = replace(floor, freedom=repeated.freedom, independent=repeated.freedom)
     stated = None if same_logs else error
     return StudyData(observations, noise, stated, floor, tuple(notes), learned, repeated)
 

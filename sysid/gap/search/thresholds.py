@@ -61,10 +61,6 @@ class Thresholds:
     formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio
     up to which an own error from a comparison with the logs of the fit, whose size is only roughly known, may
     be all of it. Assumed."""
-    run_to_run_slack: float = 2.0
-    """Factor by which what differs from run to run of a robot may be larger, along what an effect would do,
-    than the repeats of the logs of the fit show: a few sequences tell it roughly. Calibrated on drawn robots:
-    see docs/results/robot_sensitivity.md."""
     least_removed: float = 0.1
     """Share of the squared difference above the noise that a set must remove to be named. Assumed: removing
     less lowers the rms by 5 % at most."""

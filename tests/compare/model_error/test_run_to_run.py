@@ -19,7 +19,7 @@ def test_white_scatter_shows_no_effect_that_varies() -> None:
     for seed in range(100):
         rng = np.random.default_rng(seed)
         scatter = rng.standard_normal(SEQUENCE.size)
-        found += run_to_run_columns(scatter, effects(rng), SEQUENCE).shape[1] > 0
+        found += run_to_run_columns(scatter, effects(rng), SEQUENCE, range(SEQUENCES)).shape[1] > 0
     assert found <= 5  # of 100, where each may be with a probability of .01
 
 
@@ -28,7 +28,7 @@ def test_an_effect_of_another_size_in_each_sequence_is_found_with_its_variance()
     columns = effects(rng)
     size = 3.0 * np.array([1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
     scatter = rng.standard_normal(SEQUENCE.size) + columns[:, 2] * size[SEQUENCE]
-    found = run_to_run_columns(scatter, columns, SEQUENCE)
+    found = run_to_run_columns(scatter, columns, SEQUENCE, range(SEQUENCES))
     assert found.shape == (SEQUENCE.size, SEQUENCES)
     for number, column in enumerate(found.T):
         own = number == SEQUENCE
@@ -44,4 +44,4 @@ def test_what_one_effect_explains_is_not_asked_of_another() -> None:
     columns = effects(rng, 2)
     columns[:, 1] = 0.9 * columns[:, 0] + 0.3 * columns[:, 1]
     scatter = rng.standard_normal(SEQUENCE.size) + 4.0 * columns[:, 0] * (-1.0) ** SEQUENCE
-    assert run_to_run_columns(scatter, columns, SEQUENCE).shape[1] == SEQUENCES
+    assert run_to_run_columns(scatter, columns, SEQUENCE, range(SEQUENCES)).shape[1] == SEQUENCES

@@ -159,10 +159,8 @@ def _jobs(
         for name, setup in setups.items()
     }
     if options.bound:
-        bounds = {
-            one.name: bound_job(_BOUND + one.name, setups[one.name], options.episodes) for one in chosen
-        }
-        jobs |= {job.name: job for job in bounds.values() if job is not None}
+        bounds = [bound_job(_BOUND + one.name, setups[one.name], options.episodes) for one in chosen]
+        jobs |= {job.name: job for job in bounds if job is not None}
     return jobs
 
 
@@ -179,9 +177,9 @@ def setup_on(variant: RobotVariant, nominal: Setup) -> Setup:
 
 
 def bound_job(name: str, setup: Setup, episodes: int) -> Job | None:
-    """Return the oracle's job on the plant of a setup, for that many episodes of a controller; None on rollers.
+    """Return the oracle's job beside that many episodes of a controller; None on rollers.
 
-    The oracle rehearses on the planar plant alone.
+    On rollers a rehearsal takes too long.
     """
     if setup.physics != "planar":
         return None

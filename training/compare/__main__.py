@@ -27,7 +27,7 @@ def main(
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
 ) -> Done:
-    """Play controllers on the same episodes; print success, its bound, warning needed, tracking, time per command.
+    """Play controllers on the same episodes; print success, its bound, warning needed, tracking, times.
 
     Example: python -m training.compare retreat mpc robust out/ppo --episodes 100 --markdown out/compare.md
 

@@ -35,7 +35,9 @@ _ROLLERS: Final = "rollers"
 """Name of the setting with every roller on the floor, level normal."""
 GROUPS: Final = ("robot-level", "latency", HELD_OUT)
 """Groups of a certificate's plants that are compared, beside the model itself."""
-_WARNING, _TRACK, _BOUND = "warning", "track", "bound"
+_WARNING, _TRACK = "warning", "track"
+_BOUND: Final = ""
+"""Stands for the oracle as the bound where others have a controller's name, of which none is empty."""
 
 
 @dataclass(frozen=True)
@@ -105,7 +107,6 @@ def compare_controllers(
         # Otherwise a misspelt last name would be found out after an hour.
         evaluate_controller(controller_factory(name, model), Setup(model), [0])
     setups, settings = _settings(model, rollers)
-    held_out = tuple(one.name for one in _compared(model) if one.group == HELD_OUT)
     counts = {_WARNING: WARNING_FACTOR * episodes, _TRACK: max(1, episodes // TRACK_SHARE)}
     planned = {
         f"{name}|{setting}": Job(f"{name}, {setting}", name, setup, counts.get(setting, episodes))
@@ -113,7 +114,7 @@ def compare_controllers(
         for setting, setup in setups.items()
     }
     if bound:
-        bounds = {one: bound_job(f"{_BOUND}, {one}", setups[one], episodes) for one in settings}
+        bounds = {one: bound_job(f"bound, {one}", setups[one], episodes) for one in settings}
         planned |= {f"{_BOUND}|{one}": job for one, job in bounds.items() if job is not None}
     adversaries: dict[str, Opponent] = {}
     if search is not None:
@@ -135,17 +136,13 @@ def compare_controllers(
         )
         for name in controllers
     )
+    versions = {"version": mecanum_env.__version__, "mujoco": mujoco.__version__}
     return Comparison(
-        rows,
-        settings,
-        {
-            "version": mecanum_env.__version__,
-            "mujoco": mujoco.__version__,
-            "episodes": episodes,
-            "first_seed": 0,
-        },
-        held_out,
-        {one: played[f"{_BOUND}|{one}"].success for one in settings if f"{_BOUND}|{one}" in played},
+        rows=rows,
+        settings=settings,
+        provenance={**versions, "episodes": episodes, "first_seed": 0},
+        held_out=tuple(one.name for one in _compared(model) if one.group == HELD_OUT),
+        bound={one: played[f"{_BOUND}|{one}"].success for one in settings if f"{_BOUND}|{one}" in played},
     )
 
 
@@ -157,8 +154,11 @@ def _compared(model: Model) -> tuple[RobotVariant, ...]:
 
 def _settings(model: Model, rollers: bool) -> tuple[dict[str, Setup], dict[str, str]]:
     """Return all setups by name, and the descriptions of those in which success is reported."""
-    setups = {level: Setup(model, difficulty=level, known=model) for level in DIFFICULTIES}
-    about = {level: f"planar plant, level {level}" for level in DIFFICULTIES}
+    setups: dict[str, Setup] = {}
+    about: dict[str, str] = {}
+    for level in DIFFICULTIES:
+        setups[level] = Setup(model, difficulty=level, known=model)
+        about[level] = f"planar plant, level {level}"
     normal = setups["normal"]
     if rollers:
         setups[_ROLLERS] = replace(normal, physics="rollers")

@@ -72,7 +72,7 @@ def success_cells(found: Comparison) -> Table:
 
 
 def held_out_cells(found: Comparison) -> Table:
-    """Return the cells of the success on what is held out, with its mean and the worst of it, and its bound."""
+    """Return the cells of the success on what is held out, with mean and worst of it, and its bound."""
     lines = []
     for name, success in _lines(found):
         shares = [success[one] for one in found.held_out]

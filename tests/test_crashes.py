@@ -159,8 +159,8 @@ COMMANDS = {
     }),
     "compare": ("training.compare.__main__", "main", ["p", "--markdown", "OUT/a.md", "--out", "OUT/a.json"], {
         "training.compare.comparison.compare_controllers": lambda *_, **__: Found(text[0]),
-        "training.compare.comparison.comparison_table": words,
-        "training.compare.comparison.comparison_markdown": words,
+        "training.compare.report.comparison_table": words,
+        "training.compare.report.comparison_markdown": words,
     }),
     "render": ("mecanum_env.render", "render", ["paper", "--still", "OUT/a.png", "--out", "OUT/a.mp4"], {
         "mecanum_env.simulator.drive": lambda *_, **__: SimpleNamespace(time_s=np.arange(3.0)),

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from mecanum_env.errors import InputError
 from mecanum_env.kinematics import command_to_wheels
 from mecanum_env.tankendo import ACTION_MODES, action_to_command, command_to_action
-from mecanum_env.tankendo.actions import check_mode
+from mecanum_env.tankendo.actions import check_mode, checked_action
 
 
 @pytest.mark.parametrize(
@@ -59,3 +59,14 @@ def test_other_modes_ask_for_the_same_wheels(mode, v, theta, vc):
 def test_an_unknown_mode_is_refused():
     with pytest.raises(InputError, match='did you mean "polar"'):
         check_mode("polr")
+
+
+def test_the_actions_of_thousands_of_robots_are_checked_without_blas(monkeypatch):
+    # Of more than 10,000 numbers OpenBLAS makes a task for all processors, whose threads then wait busily.
+    for name in ("vdot", "dot", "inner"):
+        monkeypatch.setattr(np, name, None)
+    actions = np.zeros((4096, 3))
+    assert checked_action(actions, (4096, 3)) is actions
+    actions[17, 2] = np.inf
+    with pytest.raises(InputError, match=r"action\[17, 2\] = inf"):
+        checked_action(actions, (4096, 3))

@@ -150,17 +150,7 @@ def _jobs(
     controller: str, model: Model, chosen: Sequence[RobotVariant], options: CertifyOptions
 ) -> dict[str, Job]:
     nominal = Setup(model, chosen[0].physics, difficulty=options.difficulty, known=model)
-    setups = {
-        one.name: replace(
-            nominal,
-            model=one.model,
-            physics=one.physics,
-            randomize=one.randomize,
-            opponent=one.opponent,
-            senses=one.senses,
-        )
-        for one in chosen
-    }
+    setups = {one.name: setup_on(one, nominal) for one in chosen}
     setups[_WARNING] = replace(nominal, opponent=replace(opponent_for(options.difficulty), warning_s=RANGE_S))
     setups[_TRACK] = replace(nominal, task="track")
     counts = {_WARNING: WARNING_FACTOR * options.episodes, _TRACK: max(1, options.episodes // TRACK_SHARE)}
@@ -169,10 +159,31 @@ def _jobs(
         for name, setup in setups.items()
     }
     if options.bound:
-        bound = max(1, options.episodes // BOUND_SHARE)
-        planar = [one.name for one in chosen if one.physics == "planar"]
-        jobs |= {_BOUND + name: Job(_BOUND + name, "oracle", setups[name], bound) for name in planar}
+        bounds = [bound_job(_BOUND + one.name, setups[one.name], options.episodes) for one in chosen]
+        jobs |= {job.name: job for job in bounds if job is not None}
     return jobs
+
+
+def setup_on(variant: RobotVariant, nominal: Setup) -> Setup:
+    """Return the setup of a plant, of which the controller knows what `nominal` says that it knows."""
+    return replace(
+        nominal,
+        model=variant.model,
+        physics=variant.physics,
+        randomize=variant.randomize,
+        opponent=variant.opponent,
+        senses=variant.senses,
+    )
+
+
+def bound_job(name: str, setup: Setup, episodes: int) -> Job | None:
+    """Return the oracle's job beside that many episodes of a controller; None on rollers.
+
+    On rollers a rehearsal takes too long.
+    """
+    if setup.physics != "planar":
+        return None
+    return Job(name, "oracle", setup, max(1, episodes // BOUND_SHARE))
 
 
 def variant_result(

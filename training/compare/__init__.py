@@ -1,6 +1,7 @@
 """All controllers side by side: `python -m training.compare`.
 
-comparison  what is played, the results of each controller, and both as text and Markdown
+comparison  what is played, and the results of each controller
+report      both as text and as a Markdown page
 """
 
 import lazy_loader

@@ -22,11 +22,12 @@ def main(
     episodes: int = 200,
     rollers: bool = True,
     adversary: bool = True,
+    bound: bool = True,
     workers: tyro.conf.OmitArgPrefixes[Workers] = Workers(),
     out: Path = Path("compare.json"),
     markdown: Path | None = None,
 ) -> Done:
-    """Play controllers on the same episodes; print success, warning needed, tracking error, time per command.
+    """Play controllers on the same episodes; print success, its bound, warning needed, tracking, times.
 
     Example: python -m training.compare retreat mpc robust out/ppo --episodes 100 --markdown out/compare.md
 
@@ -37,6 +38,7 @@ def main(
         episodes: Number of episodes per controller and setting, with the seeds 0, 1, ...
         rollers: Play on rollers too, which takes most of the time.
         adversary: Also search an opponent against each controller, which takes 1,440 episodes.
+        bound: Also play the oracle on every planar plant, for what could be won at best.
         workers: Where the episodes are played.
         out: File for the results (.json).
         markdown: Also write a page to this file (.md).
@@ -48,7 +50,8 @@ def main(
     from mecanum_env.model import paper_model, read_model
     from mecanum_env.outputs import output_files
     from training.certify.adversary import Search
-    from training.compare.comparison import compare_controllers, comparison_markdown, comparison_table
+    from training.compare.comparison import compare_controllers
+    from training.compare.report import comparison_markdown, comparison_table
     from training.controllers.named import CONTROLLERS
 
     for path, suffix in ((out, ".json"), (markdown, ".md")):
@@ -69,6 +72,7 @@ def main(
             episodes=episodes,
             rollers=rollers,
             search=Search() if adversary else None,
+            bound=bound,
             workers=workers,
             progress=progress,
         )

@@ -1,21 +1,33 @@
 """All controllers in one table, with the same results as in certificates."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from mecanum_env.cli import run
 from mecanum_env.errors import InputError
 from mecanum_env.parallel import Workers
+from mecanum_env.tankendo import Opponent
 from training.certify import CertifyOptions, certify_controller
 from training.certify.adversary import Search
 from training.certify.plants import robot_level
+from training.certify.variations import held_out_variants
 from training.compare import compare_controllers
 from training.compare.__main__ import main
-from training.compare.comparison import cells, comparison_markdown, comparison_table, label
+from training.compare.report import (
+    comparison_markdown,
+    comparison_table,
+    held_out_cells,
+    label,
+    metric_cells,
+    success_cells,
+)
 from training.evaluate import Setup, controller_factory, evaluate_controller
+from training.evaluate.metrics import share
 
 NAMES = ("still", "retreat")
+HELD_OUT = ["late-and-slow", "sluggish", "quick", "deliberate", "long-armed"]
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +46,8 @@ def successes(name, setup, paper):
 def test_the_results_are_those_of_the_episodes(found, paper):
     assert [row.controller for row in found.rows] == list(NAMES)
     row = found.rows[1]
-    assert (
-        list(row.success) == ["easy", "normal", "hard", "robot-level", "latency+0.1s"] == list(found.settings)
-    )
+    settings = ["easy", "normal", "hard", "robot-level", "latency+0.1s", *HELD_OUT]
+    assert list(row.success) == settings == list(found.settings)
     assert row.success["normal"].successes == successes("retreat", Setup(paper), paper)
     assert row.success["easy"].successes == successes("retreat", Setup(paper, difficulty="easy"), paper)
     changed = Setup(robot_level(paper), known=paper)
@@ -46,14 +57,15 @@ def test_the_results_are_those_of_the_episodes(found, paper):
 
 
 def test_rollers_are_a_setting_of_their_own(paper):
-    one = compare_controllers(["still"], paper, episodes=1, rollers=True, workers=Workers(jobs=1))
+    here = Workers(jobs=1)
+    one = compare_controllers(["still"], paper, episodes=1, rollers=True, bound=False, workers=here)
     assert list(one.rows[0].success)[3] == "rollers"
 
 
 def test_an_adversary_is_that_of_a_certificate(paper):
     here, search = Workers(jobs=1), Search(generations=1, candidates=2, best=1, episodes=2)
     row = compare_controllers(
-        ["retreat"], paper, episodes=2, rollers=False, search=search, workers=here
+        ["retreat"], paper, episodes=2, rollers=False, search=search, bound=False, workers=here
     ).rows[0]
     options = CertifyOptions(episodes=2, plants=("adversary",), workers=here, bound=False, search=search)
     certified = next(
@@ -63,14 +75,48 @@ def test_an_adversary_is_that_of_a_certificate(paper):
     assert json.loads(json.dumps(row.adversary)) == certified.opponent
 
 
+def test_held_out_rows_and_the_bound_are_those_of_a_certificate(found, paper):
+    options = CertifyOptions(episodes=4, plants=("latency",), workers=Workers(jobs=1))
+    certified = {one.name: one for one in certify_controller("retreat", paper, options).plants}
+    assert list(found.held_out) == [one.name for one in held_out_variants(paper, "planar", Opponent())]
+    for name in (*found.held_out, "latency+0.1s"):
+        assert found.rows[1].success[name] == certified[name].success
+        assert found.bound[name] == certified[name].bound
+    assert found.bound["normal"] == certified["nominal"].bound
+
+
 def test_every_row_has_every_cell(found):
-    head, *rows = cells(found)
-    assert all(len(row) == len(head) for row in rows)
+    for cells in (success_cells(found), held_out_cells(found), metric_cells(found)):
+        assert all(len(row) == len(cells[0]) for row in cells)
     assert "0.00 (0.00 .. 0.49)" in comparison_table(found)
     text = comparison_markdown(found, "python -m training.compare")
     tables = [line for line in text.splitlines() if line.startswith("|")]
-    assert len(tables) == 2 * (2 + len(NAMES))
-    assert {line.count("|") for line in tables[:4]} == {len(found.settings) + 2}
+    success, held_out, metrics = 2 + len(NAMES) + 1, 2 + len(NAMES) + 1, 2 + len(NAMES)
+    assert len(tables) == success + held_out + metrics
+    assert {line.count("|") for line in tables[:success]} == {len(found.settings) - len(HELD_OUT) + 2}
+
+
+def test_mean_and_worst_are_those_of_what_is_held_out(found):
+    shares = {name: share(won, 4) for name, won in zip(HELD_OUT, (4, 3, 1, 2, 3), strict=True)}
+    row = replace(found.rows[0], success={**found.rows[0].success, **shares})
+    head, line, *_ = held_out_cells(replace(found, rows=(row,)))
+    assert head == ("controller", *HELD_OUT, "mean", "worst")
+    assert line[-2:] == ("0.65", "0.25 on quick")
+
+
+def test_rollers_and_the_adversary_have_no_bound(found):
+    row = replace(found.rows[0], success={**found.rows[0].success, "rollers": share(1, 4)})
+    head, *_, last = success_cells(replace(found, rows=(row,), settings={**found.settings, "rollers": ""}))
+    assert last[0] == "bound"
+    assert last[head.index("rollers")] == "-"
+
+
+def test_the_bound_is_left_out_where_it_was_not_played(paper):
+    one = compare_controllers(
+        ["still"], paper, episodes=1, rollers=False, bound=False, workers=Workers(jobs=1)
+    )
+    assert one.bound == {}
+    assert [row[0] for row in held_out_cells(one)] == ["controller", "still"]
 
 
 def test_a_policy_is_shown_by_the_name_of_its_file():
@@ -95,6 +141,7 @@ def test_the_program_writes_results_and_page(tmp_path, capsys):
         "1",
         "--no-rollers",
         "--no-adversary",
+        "--no-bound",
         "--jobs",
         "1",
         "--out",

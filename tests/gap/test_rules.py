@@ -33,6 +33,8 @@ FAMILIAR = Floor(1e4, trusted=True, compared=True, familiar=True)
 BESIDE = Floor(1e4, trusted=True, compared=True, knows_all=True)
 RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
+TWO = a_set(-50.0, "backlash", "stiction")
+WORSE = a_set(-20.0, "free_term")
 NAMED = Facts(
     floor=Floor(1e4, trusted=True),
     p_value=1e-3,
@@ -77,6 +79,8 @@ NAMED = Facts(
         ({"floor": COMPARED, "gain": 0.12, "is_plain": False}, "no_gap", "by 12% only"),
         ({"floor": FAMILIAR, "gain": 0.12, "is_plain": False}, "named", ""),
         ({"floor": FAMILIAR, "gain": 0.09, "is_plain": False}, "no_gap", "by 9% only"),
+        ({"floor": FAMILIAR, "gain": 0.12, "is_plain": False, "chosen": TWO}, "no_gap", "by 12% only"),
+        ({"floor": FAMILIAR, "gain": 0.22, "is_plain": False, "chosen": TWO}, "named", ""),
         ({"gain": 0.04, "is_plain": False}, "named", ""),
         ({"floor": RANDOM, "removed": 0.4}, "unexplained", "repeats of one command differ"),
         ({"floor": RANDOM}, "named", "repeats of one command differ"),
@@ -91,6 +95,14 @@ NAMED = Facts(
         ({"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.6}, "named", "not only that"),
         ({"free": a_set(-65.0, "free_term"), "allowed": 20.0}, "named", ""),
         ({"adequate": False}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE}, "named", "removes 90% of the squared difference"),
+        ({"adequate": False, "free": WORSE, "law": WORSE}, "named", "more than chance allows"),
+        ({"adequate": False, "free": WORSE, "law": a_set(-45.0, "wheel_law")}, "unexplained", ""),
+        ({"adequate": False, "free": a_set(-45.0, "free_term")}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE, "removed": 0.79}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE, "removed": 0.81}, "named", "removes 81%"),
+        ({"adequate": False, "free": WORSE, "removed": 0.81, "chosen": TWO}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE, "chosen": a_set(-50.0, "static_map")}, "unexplained", ""),
         ({"doubtful": ("backlash",)}, "unexplained", "backlash: the runs disagree"),
         ({"doubtful": ("backlash",), "p_misfit": 0.5}, "no_gap", "backlash: the runs disagree"),
         ({"doubtful": ("backlash",), "p_misfit": 0.5, "is_clear": True}, "unexplained", "the runs disagree"),

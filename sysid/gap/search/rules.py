@@ -103,17 +103,25 @@ def _not_significant(facts: Facts) -> Outcome | None:
 def _within_own_error(facts: Facts) -> Outcome | None:
     """No gap: beside the logs of the fit the residual is about as large as expected, and no set lowers it.
 
-    Each effect of a set must, since each of two that chance makes up takes its share.
+    Each effect of a set must, since each of two that chance makes up takes its share, and so must each number
+    of a curve that no cause is behind.
     """
     gain = facts.gain if facts.chosen else 0.0
     each = THRESHOLDS.least_familiar_gain if facts.floor.familiar else THRESHOLDS.least_gain
-    least = each * (len(facts.chosen.names) if facts.chosen else 1)
+    least = each * _shares(facts.chosen)
     compared = facts.floor.compared and not facts.floor.knows_all
     if not compared or facts.is_plain or gain >= least:
         return None
     if facts.chosen is None:
         return Outcome("no_gap", ("the difference is no larger than the model's own error may be",))
     return Outcome("no_gap", (_hardly_lowers(facts),))
+
+
+def _shares(chosen: ScoredSet | None) -> int:
+    """Return how many effects or, of a description, numbers a set has; 1 for none."""
+    if chosen is None:
+        return 1
+    return int(chosen.fitted.candidate.parameter_count) if is_description(chosen) else len(chosen.names)
 
 
 def _hardly_lowers(facts: Facts) -> str:

@@ -54,7 +54,7 @@ class ScoredSet:
     scores: FloatArray
     """Score of each group of runs; lower is better."""
     least: float = -math.inf
-    """Squares that the fit itself leaves, on the scale of the score: predicted from others, no less is left."""
+    """Squares that the fit itself leaves, on the scale of the score: predicted from others, it is no less."""
 
     @property
     def names(self) -> tuple[str, ...]:

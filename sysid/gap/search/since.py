@@ -2,9 +2,9 @@
 
 Two explanations of an effect that was found in new logs compete: it came later, or it was there already and
 the fit left it out. In the first case the logs of the fit are explained by the law without it; in the second
-by a law beside it. Both laws are fitted again, and must hold in the new logs, too. The smaller sum of the costs
-of both sets of logs decides. Where the sums are alike, as for a limit that the logs of the fit never reach, the
-logs do not tell.
+by a law beside it. Both laws are fitted again, and must hold in the new logs, too. The smaller sum of the
+costs of both sets of logs decides. Where the sums are alike, as for a limit that the logs of the fit never
+reach, the logs do not tell.
 
 Effects that were there already are put into the model, with the law fitted again beside them, and the study
 is repeated: what is left is new.

@@ -22,7 +22,8 @@ def bench(command_rpm: float, speed_rpm: float, samples: int) -> Dataset:
     [
         (
             bench(40.0, 0.0, 300),
-            "speed_rpm is 0 in every sample while wheels are commanded up to 40 rpm: a dead sensor or the",
+            "speed_rpm is 0 in every sample while wheels are commanded up to 40 rpm: a dead sensor or the "
+            "wrong column, or no command that moves the wheel; check the logs, or record larger commands",
         ),
         (
             bench(0.0, 0.0, 300),

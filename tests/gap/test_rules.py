@@ -23,7 +23,8 @@ from .conftest import MakeLogs
 
 def a_set(score: float, *names: str) -> ScoredSet:
     """Return a scored set of which only score and names are known."""
-    fitted: Any = SimpleNamespace(names=names)
+    numbers = 5 if "static_map" in names else len(names)
+    fitted: Any = SimpleNamespace(names=names, candidate=SimpleNamespace(parameter_count=numbers))
     return ScoredSet(fitted, np.array([score]))
 
 
@@ -33,6 +34,9 @@ FAMILIAR = Floor(1e4, trusted=True, compared=True, familiar=True)
 BESIDE = Floor(1e4, trusted=True, compared=True, knows_all=True)
 RANDOM = Floor(1e4, trusted=True, repeatable=False)
 CHOSEN = a_set(-50.0, "backlash")
+CURVE = a_set(-50.0, "static_map")
+TWO = a_set(-50.0, "backlash", "stiction")
+WORSE = a_set(-20.0, "free_term")
 NAMED = Facts(
     floor=Floor(1e4, trusted=True),
     p_value=1e-3,
@@ -77,6 +81,10 @@ NAMED = Facts(
         ({"floor": COMPARED, "gain": 0.12, "is_plain": False}, "no_gap", "by 12% only"),
         ({"floor": FAMILIAR, "gain": 0.12, "is_plain": False}, "named", ""),
         ({"floor": FAMILIAR, "gain": 0.09, "is_plain": False}, "no_gap", "by 9% only"),
+        ({"floor": FAMILIAR, "gain": 0.12, "is_plain": False, "chosen": TWO}, "no_gap", "by 12% only"),
+        ({"floor": FAMILIAR, "gain": 0.22, "is_plain": False, "chosen": TWO}, "named", ""),
+        ({"floor": FAMILIAR, "gain": 0.45, "is_plain": False, "chosen": CURVE}, "no_gap", "by 45% only"),
+        ({"floor": FAMILIAR, "gain": 0.55, "is_plain": False, "chosen": CURVE}, "named", ""),
         ({"gain": 0.04, "is_plain": False}, "named", ""),
         ({"floor": RANDOM, "removed": 0.4}, "unexplained", "repeats of one command differ"),
         ({"floor": RANDOM}, "named", "repeats of one command differ"),
@@ -91,6 +99,14 @@ NAMED = Facts(
         ({"free": a_set(-80.0, "free_term"), "allowed": 20.0, "removed": 0.6}, "named", "not only that"),
         ({"free": a_set(-65.0, "free_term"), "allowed": 20.0}, "named", ""),
         ({"adequate": False}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE}, "named", "removes 90% of the squared difference"),
+        ({"adequate": False, "free": WORSE, "law": WORSE}, "named", "more than chance allows"),
+        ({"adequate": False, "free": WORSE, "law": a_set(-45.0, "wheel_law")}, "unexplained", ""),
+        ({"adequate": False, "free": a_set(-45.0, "free_term")}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE, "removed": 0.79}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE, "removed": 0.81}, "named", "removes 81%"),
+        ({"adequate": False, "free": WORSE, "removed": 0.81, "chosen": TWO}, "unexplained", ""),
+        ({"adequate": False, "free": WORSE, "chosen": CURVE}, "unexplained", ""),
         ({"doubtful": ("backlash",)}, "unexplained", "backlash: the runs disagree"),
         ({"doubtful": ("backlash",), "p_misfit": 0.5}, "no_gap", "backlash: the runs disagree"),
         ({"doubtful": ("backlash",), "p_misfit": 0.5, "is_clear": True}, "unexplained", "the runs disagree"),

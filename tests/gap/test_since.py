@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mecanum_env.errors import InputError
+from mecanum_env.law import WheelLaw
 from mecanum_env.model import Model, paper_model, read_model, write_model
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
@@ -72,6 +73,19 @@ def test_what_was_there_already_does_not_hide_what_is_new(bench_logs: MakeLogs, 
     limit = report.model.effects["acceleration_limit"]["limit_rpm_s"]
     assert limit == pytest.approx(400.0, rel=0.05)
     assert analyse(bench_logs(slow, seed=3), base, replace(QUIET, fitted_on=before)).verdict == "no_gap"
+
+
+def test_a_law_that_was_fitted_badly_does_not_date_an_effect_that_the_logs_of_the_fit_cannot_show(
+    bench_logs: MakeLogs, base: Model
+) -> None:
+    """Whenever the effect came, the law fitted again to the logs of the fit serves the new logs better."""
+    before = bench_logs(base, seed=1, falls_v=1e-9)
+    after = bench_logs(base.with_effect("battery_sag/voltage", per_volt=0.03), seed=2, falls_v=6.0)
+    law = base.wheel.law
+    off = WheelLaw.from_coefficients(law.coefficients * np.array([0.97, 1, 1, 1, 1, 1]), law.sample_period_s)
+    model = replace(base, wheel=replace(base.wheel, law=off.normalised()))
+    report = analyse(after, model, replace(QUIET, fitted_on=before, only=("battery_sag/voltage",)))
+    assert [(found.name, found.since) for found in report.effects] == [("battery_sag/voltage", "unknown")]
 
 
 def test_the_error_of_the_fit_is_taken_off_in_other_logs(

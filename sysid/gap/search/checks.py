@@ -86,5 +86,5 @@ def require_movement(dataset: Dataset) -> None:
     still = " and ".join(f"{name} is {values[0]:g}" for name, values in measured.items() if values.size)
     raise InputError(
         f"{still} in every sample while wheels are commanded up to {fastest:g} rpm: a dead sensor or the "
-        "wrong column; check the logs"
+        "wrong column, or no command that moves the wheel; check the logs, or record larger commands"
     )

@@ -9,7 +9,8 @@ formulas of the set may err, the name is not borne by the data: whatever happene
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -72,7 +73,8 @@ def free_term(problem: ResidualProblem, residual: FloatArray, inflation: float) 
     candidate, rivals = _FreeTerm(columns.shape[1]), []
     for size in _SIZES:
         fitted = Fitted(candidate, candidate.start(), residual, -size / PRIOR * columns)
-        rivals.append(scored(problem, fitted, inflation))
+        # Its sizes are not at a minimum: the score says where they would be.
+        rivals.append(replace(scored(problem, fitted, inflation), least=-math.inf))
     return min(rivals, key=lambda rival: rival.score)
 
 

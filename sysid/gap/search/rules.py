@@ -11,6 +11,7 @@ from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.scores import ScoredSet
 from sysid.gap.search.thresholds import THRESHOLDS
+from sysid.gap.search.ties import is_description
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,15 +101,27 @@ def _not_significant(facts: Facts) -> Outcome | None:
 
 
 def _within_own_error(facts: Facts) -> Outcome | None:
-    """No gap: beside the logs of the fit the residual is about as large as expected, and no set lowers it."""
+    """No gap: beside the logs of the fit the residual is about as large as expected, and no set lowers it.
+
+    Each effect of a set must, since each of two that chance makes up takes its share, and so must each number
+    of a curve that no cause is behind.
+    """
     gain = facts.gain if facts.chosen else 0.0
-    least = THRESHOLDS.least_familiar_gain if facts.floor.familiar else THRESHOLDS.least_gain
+    each = THRESHOLDS.least_familiar_gain if facts.floor.familiar else THRESHOLDS.least_gain
+    least = each * _shares(facts.chosen)
     compared = facts.floor.compared and not facts.floor.knows_all
     if not compared or facts.is_plain or gain >= least:
         return None
     if facts.chosen is None:
         return Outcome("no_gap", ("the difference is no larger than the model's own error may be",))
     return Outcome("no_gap", (_hardly_lowers(facts),))
+
+
+def _shares(chosen: ScoredSet | None) -> int:
+    """Return how many effects or, of a description, numbers a set has; 1 for none."""
+    if chosen is None:
+        return 1
+    return int(chosen.fitted.candidate.parameter_count) if is_description(chosen) else len(chosen.names)
 
 
 def _hardly_lowers(facts: Facts) -> str:
@@ -119,8 +132,37 @@ def _hardly_lowers(facts: Facts) -> str:
 
 
 def _inadequate(facts: Facts) -> Outcome | None:
-    """Unexplained: no effect could be fitted, or the chosen set leaves more than an imperfect formula can."""
-    return None if facts.adequate else _unexplained(facts)
+    """Unexplained: no effect could be fitted, or the chosen set leaves more than an imperfect formula can.
+
+    A set of causes that removes nearly all of the plain difference keeps its name: it is not all, and the
+    report says so.
+    """
+    return None if facts.adequate or _is_nearly_all(facts) else _unexplained(facts)
+
+
+def _is_nearly_all(facts: Facts) -> bool:
+    """Return whether the chosen set leaves little of the plain difference, and nothing else predicts as well.
+
+    The weights of the residual count most where noise and the model's own error are small, and no formula is
+    as good as that. The plain squares are those of the error that is to be explained: of them a set may leave
+    the same share. The wheel law fitted again and a smooth function, which only a bench has, must do worse.
+    """
+    if facts.chosen is None or facts.free is None or is_description(facts.chosen):
+        return False
+    share = THRESHOLDS.adequate_residual**2 / len(facts.chosen.names)
+    rivals = [facts.free.score] + ([facts.law.score] if facts.law else [])
+    alone = min(rivals) > facts.chosen.score + THRESHOLDS.tie_sigmas**2
+    return alone and facts.removed >= 1.0 / (1.0 + share)
+
+
+def _left_over(facts: Facts) -> str:
+    """Return that the named set leaves more than chance and formulas explain; empty if it does not."""
+    if facts.adequate or facts.chosen is None:
+        return ""
+    return (
+        f"{' + '.join(facts.chosen.names)} removes {min(facts.removed, 1.0):.0%} of the squared difference "
+        "above the noise, and leaves more than chance allows: its formula is not exact, or it is not all"
+    )
 
 
 def _too_small(facts: Facts) -> Outcome | None:
@@ -230,7 +272,7 @@ def apply_rules(facts: Facts) -> Outcome:
         outcome = rule(facts)
         if outcome is not None:
             return outcome
-    more = tuple(filter(None, (_more_than_named(facts), _something_random(facts))))
+    more = tuple(filter(None, (_left_over(facts), _more_than_named(facts), _something_random(facts))))
     verdict: Verdict = "ambiguous" if len({one.causes for one in facts.tied}) > 1 else "named"
     return Outcome(verdict, more)
 

@@ -53,6 +53,8 @@ class ScoredSet:
     fitted: Fitted[Any]
     scores: FloatArray
     """Score of each group of runs; lower is better."""
+    least: float = -math.inf
+    """Squares that the fit itself leaves, on the scale of the score: predicted from others, it is no less."""
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -66,8 +68,12 @@ class ScoredSet:
 
     @property
     def score(self) -> float:
-        """Sum over the groups."""
-        return float(np.sum(self.scores))
+        """Sum over the groups, or what the fit itself leaves where that is more.
+
+        The sum goes along a straight line from where the fit ended. Where that leads to less than the fit
+        reached, it leads out of the bounds, or on from where a descent ended early.
+        """
+        return max(float(np.sum(self.scores)), self.least)
 
 
 def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0) -> ScoredSet:
@@ -99,7 +105,16 @@ def scored(problem: ResidualProblem, fitted: Fitted[Any], inflation: float = 1.0
         square = float(predicted @ predicted - half @ half)
         logarithm = 2.0 * float(np.sum(np.log(np.diag(whole))) - np.sum(np.log(np.diag(factor))))
         scores.append(square + logarithm)
-    return ScoredSet(fitted, np.array(scores))
+    return ScoredSet(fitted, np.array(scores), _least(residual, columns[:, p:], prior[p:]))
+
+
+def _least(residual: FloatArray, error: FloatArray, prior: FloatArray) -> float:
+    """Return the squares of a `residual` (N,) that are left where the fit ended.
+
+    The columns (N, q) of the model's own `error` are free, with their inverse variances (q,) as the `prior`.
+    """
+    size = np.linalg.solve(error.T @ error + np.diag(prior), error.T @ residual)
+    return float(np.sum((residual - error @ size) ** 2))
 
 
 def group_masks(problem: ResidualProblem) -> list[npt.NDArray[np.bool_]]:

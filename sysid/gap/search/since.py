@@ -2,9 +2,9 @@
 
 Two explanations of an effect that was found in new logs compete: it came later, or it was there already and
 the fit left it out. In the first case the logs of the fit are explained by the law without it; in the second
-by a law beside it, fitted again, and this law must hold in the new logs, too. The smaller sum of the costs of
-both sets of logs decides. Where the sums are alike, as for a limit that the logs of the fit never reach, the
-logs do not tell.
+by a law beside it. Both laws are fitted again, and must hold in the new logs, too. The smaller sum of the
+costs of both sets of logs decides. Where the sums are alike, as for a limit that the logs of the fit never
+reach, the logs do not tell.
 
 Effects that were there already are put into the model, with the law fitted again beside them, and the study
 is repeated: what is left is new.
@@ -40,20 +40,27 @@ def since_of(problem: ResidualProblem, learned: Learned, chosen: Fitted[EffectSe
     model = as_fitted(learned.model)
     without = _law_beside(learned, model)
     found: dict[str, Since] = dict.fromkeys(chosen.names, "unknown")
+    if without is None:
+        return found
+    # Not the cost of the set: whenever the effect came, a law fitted again may serve the new logs better.
+    later = _cost(problem, without.candidate.model(whole, without.place))
     for name in chosen.names:
         # Beside the effects of the model, this one alone; it takes the place of another form of its cause.
         own = EffectSet((name,), ()).model(model, ()).with_effect(name, **whole.effects[name])
         beside = _law_beside(learned, own)
-        if without is None or beside is None:
+        if beside is None:
             continue
-        residual = problem.residual(beside.candidate.model(whole, beside.place))
-        if residual is None:
-            continue
-        there = float(np.sum(problem.marginal(residual) ** 2))
-        rise = beside.cost + there - without.cost - chosen.cost
-        if abs(rise) > THRESHOLDS.tie_sigmas**2:
+        there = _cost(problem, beside.candidate.model(whole, beside.place))
+        rise = beside.cost + there - without.cost - later
+        if math.isfinite(rise) and abs(rise) > THRESHOLDS.tie_sigmas**2:
             found[name] = "new" if rise > 0.0 else "already when fitted"
     return found
+
+
+def _cost(problem: ResidualProblem, model: Model) -> float:
+    """Return the cost of a model in the logs of a `problem`, infinite if it cannot be simulated."""
+    residual = problem.residual(model)
+    return math.inf if residual is None else float(np.sum(problem.marginal(residual) ** 2))
 
 
 @dataclass(frozen=True, eq=False)

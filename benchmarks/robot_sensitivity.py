@@ -2,8 +2,8 @@
 
 The robot is drawn at random and driven by the zoo's own physics, which shares nothing with the simulator of
 the models. A model is fitted to its nominal logs. Then one thing at a time is changed by as much as a user
-would want to hear of, the robot drives eight runs with starts and reversals, and the study compares them with
-the logs of the fit.
+would want to hear of, and the robot drives the commands of the fit again, or eight other runs with starts and
+reversals; the study compares either with the logs of the fit.
 
 Example: python benchmarks/robot_sensitivity.py --markdown docs/results/robot_sensitivity.md
 """
@@ -11,8 +11,8 @@ Example: python benchmarks/robot_sensitivity.py --markdown docs/results/robot_se
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
 
@@ -22,21 +22,29 @@ from recordings import print_page
 from mecanum_env.checkout import commit
 from mecanum_env.cli import run
 from mecanum_env.markdown import markdown_table
-from mecanum_env.model import read_model
+from mecanum_env.model import Model, read_model
+from mecanum_env.units import FloatArray
 from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.wording import set_name, sizes_in
 from sysid.gap.workflow import analyse
-from sysid.logs import read_dataset
+from sysid.logs import Dataset, read_dataset
 from sysid.studies.score import word_of
 from sysid.studies.zoo.cases.robot.change import with_body, with_sensors
-from sysid.studies.zoo.cases.robot.plans import RUN_S, sequences
+from sysid.studies.zoo.cases.robot.draw import FIT
+from sysid.studies.zoo.cases.robot.plans import FIT_PLAN, RUN_S, sequences
 from sysid.studies.zoo.cases.robot.size import yardstick
-from sysid.studies.zoo.cases.write import write_robot_logs, write_robot_nominal
+from sysid.studies.zoo.cases.write import FIT_SEQUENCES, write_robot_logs, write_robot_nominal
 from sysid.studies.zoo.nominal import nominal_model
 from sysid.studies.zoo.robots.draw import draw_robot
 from sysid.studies.zoo.robots.robot import Robot
 
 RUNS, PLAN, STREAM = 8, "starts", 4200
+REPEATS = 2
+"""Of each command sequence, where those of the fit are driven again."""
+QUIET_SEEDS = 3
+"""Sets of logs in which nothing is changed, of each kind of commands."""
+_LUCK = 1000
+"""What is added to a seed for other starts and other noise."""
 PAYLOAD_HEIGHT_M = 0.2
 
 
@@ -77,6 +85,16 @@ CHANGES: tuple[tuple[str, str, Callable[[Robot], Robot]], ...] = (
 """What is changed, in words; the name of the effect; the robot with it."""
 
 
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """What the robot drives after the change."""
+
+    folder: str
+    words: str
+    commands: Sequence[FloatArray]
+    repeats: int
+
+
 def main(seed: int = 38, folder: Path = Path("out/sensitivity"), markdown: Path | None = None) -> None:
     """Fit a drawn robot, change one thing at a time, study the logs and print the page.
 
@@ -93,28 +111,53 @@ def main(seed: int = 38, folder: Path = Path("out/sensitivity"), markdown: Path 
 def page(seed: int, folder: Path) -> Iterator[str]:
     """Yield the paragraphs of the page."""
     robot = draw_robot(seed)
-    yield "# Results of `python benchmarks/robot_sensitivity.py`"
-    yield (
-        f"Written by the command itself with commit `{(commit() or 'unknown')[:12]}`; do not edit. Robot "
-        f"{seed} of the zoo: {robot.body.mass_kg:.3g} kg, "
-        f"wheels of {robot.wheels.radius_m * 100:.1f} cm, drives of the kind {robot.drive.family}. One thing "
-        f"at a time is changed; each row is a study of {RUNS} runs of {RUN_S:g} s with starts and reversals, "
-        "beside the logs of the fit. The signal is the rms of what the change does to the logs over the "
-        "scatter of repeats, in the channel that shows most. The smallest detectable value is what the study "
-        "itself says that it could have seen. The words are those of [GapBench](gapbench.md)."
-    )
     if not (folder / "model.json").is_file():
         folder.mkdir(parents=True, exist_ok=True)
         write_robot_nominal(seed, robot, folder)
         nominal_model(folder)
     model, nominal = read_model(folder / "model.json"), read_dataset(folder / "nominal")
-    commands = sequences(robot, PLAN, RUNS, np.random.default_rng([seed, STREAM]))
-    measure = yardstick(robot, commands, seed)
-    rows = []
-    for words, name, change in CHANGES:
-        logs, changed = folder / (name or "quiet"), change(robot)
+    yield "# Results of `python benchmarks/robot_sensitivity.py`"
+    yield (
+        f"Written by the command itself with commit `{(commit() or 'unknown')[:12]}`; do not edit. Robot "
+        f"{seed} of the zoo: {robot.body.mass_kg:.3g} kg, "
+        f"wheels of {robot.wheels.radius_m * 100:.1f} cm, drives of the kind {robot.drive.family}. Its model "
+        f"is fitted to {len(nominal.runs)} runs of {RUN_S:g} s. Then one thing at a time is changed, or "
+        f"nothing, in {QUIET_SEEDS} sets of logs with other luck; each row is a study beside the logs of the "
+        "fit. The signal is the rms of what the change does to the logs over the scatter of repeats, in the "
+        "channel that shows most. The smallest detectable value is what the study itself says that it could "
+        "have seen. The words are those of [GapBench](gapbench.md)."
+    )
+    for driven in _plans(seed, robot):
+        yield f"## {driven.words}"
+        rows = list(_rows(seed, folder / driven.folder, robot, driven, model, nominal))
+        yield markdown_table(
+            ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
+        )
+        yield f"Right: {sum(row[4] in ('right', 'quiet') for row in rows)} of {len(rows)}."
+
+
+def _plans(seed: int, robot: Robot) -> tuple[Driven, ...]:
+    """Return what is driven after a change of a robot."""
+    own = sequences(robot, FIT_PLAN, FIT_SEQUENCES, np.random.default_rng([seed, FIT]))
+    other = sequences(robot, PLAN, RUNS, np.random.default_rng([seed, STREAM]))
+    return (
+        Driven("same", f"The commands of the fit, {len(own)} sequences, {REPEATS} runs each", own, REPEATS),
+        Driven("other", f"Other commands, {RUNS} runs with starts and reversals", other, 1),
+    )
+
+
+def _rows(
+    seed: int, folder: Path, robot: Robot, driven: Driven, model: Model, nominal: Dataset
+) -> Iterator[tuple[str, ...]]:
+    """Yield the cells of each study."""
+    measure = yardstick(robot, driven.commands, seed)
+    quiet = [
+        (words, name, change, luck) for luck in range(QUIET_SEEDS) for words, name, change in CHANGES[:1]
+    ]
+    for words, name, change, luck in [*quiet, *((*one, 0) for one in CHANGES[1:])]:
+        logs, changed = folder / (name or f"quiet_{luck}"), change(robot)
         if not logs.is_dir():
-            write_robot_logs(logs, changed, commands, seed, repeats=1)
+            write_robot_logs(logs, changed, driven.commands, seed + _LUCK * luck, driven.repeats)
         began = process_time()
         report = analyse(
             read_dataset(logs), model, GapOptions(fitted_on=nominal, jobs=1, next_experiment=False)
@@ -124,15 +167,11 @@ def page(seed: int, folder: Path) -> Iterator[str]:
         word = word_of("single" if name else "quiet", hidden, report.verdict, claims)
         found = " or ".join(set_name(names) for names in report.candidates) or report.verdict
         now = "; ".join(f"{set_name([e.name])} {sizes_in(report.model, e.name)}" for e in report.effects)
-        rows.append(
-            (words, f"{measure.signal(changed):.2g}" if name else "-", found, now or "-", word,
-             _detectable(report, name), f"{process_time() - began:.0f} s")
-        )  # fmt: skip
-        print(*rows[-1], sep=" | ", file=sys.stderr, flush=True)
-    yield markdown_table(
-        ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
-    )
-    yield f"Right: {sum(row[4] in ('right', 'quiet') for row in rows)} of {len(rows)}."
+        signal = f"{measure.signal(changed):.2g}" if name else "-"
+        seconds = f"{process_time() - began:.0f} s"
+        row = (words, signal, found, now or "-", word, _detectable(report, name), seconds)
+        print(*row, sep=" | ", file=sys.stderr, flush=True)
+        yield row
 
 
 def _detectable(report: GapReport, name: str) -> str:

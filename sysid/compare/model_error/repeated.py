@@ -82,11 +82,11 @@ class RepeatedCommands:
         return self.whitener.noise
 
     def expected_error(
-        self, whitener: Whitener, simulators: Simulators, at: Model | None = None
+        self, whitener: Whitener, _simulators: Simulators, _at: Model | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Return what the model errs by in the new logs, (N,), and columns for what varies, (N, p).
 
-        Both are whitened. It does not matter where a model `at` moves the robot.
+        Both are whitened. Nothing is simulated for it, and it does not matter where a model moves the robot.
         """
         unknown = np.zeros((whitener.size, 0)) if self.varying is None else self.varying
         return whitener.whiten(self.error), unknown
@@ -263,7 +263,8 @@ def _calibrated(
     sequences: dict[str, list[float]] = {}
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         squares.setdefault(block.channel, []).extend(white[rows] ** 2)
-    factors = {name: _MARGIN * float(np.mean(values)) for name, values in squares.items()}
+    # Noise that is less than each sample's own would be an accident of the few sequences.
+    factors = {name: _MARGIN * max(1.0, float(np.mean(values))) for name, values in squares.items()}
     for block, rows in zip(observations.blocks, whitener.slices, strict=True):
         group = observations.situations[block.situation].group
         sequences.setdefault(group, []).append(float(np.mean(white[rows] ** 2)) / factors[block.channel])

@@ -36,6 +36,8 @@ _BENCH_SPLITS: Final = ("fit", "fit", "validation", "fit", "test", "fit", "valid
 """Of the groups of a drive's nominal logs."""
 _ROBOT_SPLITS: Final = ("fit", "fit", "fit", "fit", "validation", "test")
 """Of the sequences of a robot's nominal logs, in the order of the plan's manoeuvres."""
+FIT_SEQUENCES: Final = len(_ROBOT_SPLITS)
+"""Number of command sequences in a robot's nominal logs."""
 _ROBOT_FIT_REPEATS: Final = 2
 
 
@@ -74,7 +76,7 @@ def write_robot_nominal(seed: int, robot: Robot, folder: Path) -> None:
 
     `seed` draws commands, starts, noise and the errors of the ruler.
     """
-    rows = sequences(robot, FIT_PLAN, len(_ROBOT_SPLITS), np.random.default_rng([seed, robot_draw.FIT]))
+    rows = sequences(robot, FIT_PLAN, FIT_SEQUENCES, np.random.default_rng([seed, robot_draw.FIT]))
     stream = [seed, robot_draw.RUNS, 0]
     _write_robot_study(folder / "nominal", robot, rows, _ROBOT_FIT_REPEATS, stream, _ROBOT_SPLITS)
     ruler = known(robot, np.random.default_rng([seed, robot_draw.RULER]))

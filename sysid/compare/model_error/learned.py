@@ -30,6 +30,7 @@ from sysid.compare.measured import Observations, most_active, observe
 from sysid.compare.model_error.adopted import as_fitted
 from sysid.compare.model_error.elsewhere import change
 from sysid.compare.model_error.familiar import are_familiar
+from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.nuisance import adopted_variants, fitted_variants
 from sysid.compare.model_error.shape import Key, ShapeBasis
 from sysid.compare.model_error.size import FACTORS, ModelError, Residual, estimate_model_error
@@ -84,6 +85,8 @@ class Learned:
     """Standard deviation of each factor before the logs of the fit were seen, shape (q,)."""
     varying: FloatArray
     """Standard deviation by which each factor differs from one command sequence to another, shape (q,)."""
+    freedom: float
+    """Degrees of freedom that each command sequence adds to those of a mean squared residual."""
     simulators: Simulators
     """Of the logs of the fit."""
     whitener: Whitener
@@ -168,13 +171,26 @@ def learn(model: Model, dataset: Dataset, settings: SimulationSettings | None = 
             posterior: _Posterior | VaryingPosterior = _Posterior.of(r, k, group_of, variance=1.0)
         else:
             posterior = VaryingPosterior.of(r, k, folds, _prior_sizes(group_of), group_of)
-        if posterior.left_out_cost(r, k, folds) <= r.size:
+        costs = posterior.left_out_costs(r, k, folds)
+        if float(np.sum(costs)) <= r.size:
             break
     values, vectors = np.linalg.eigh(posterior.covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     prior, varying = posterior.precision**-0.5, posterior.varying
+    sizes = np.array([np.count_nonzero(folds == fold) for fold in np.unique(folds)])
     return Learned(
-        model, basis, keys, scale, posterior.mean, root, scaled, prior, varying, simulators, whitener
+        model,
+        basis,
+        keys,
+        scale,
+        posterior.mean,
+        root,
+        scaled,
+        prior,
+        varying,
+        freedom_of_each(costs / sizes),
+        simulators,
+        whitener,
     )
 
 
@@ -239,17 +255,19 @@ class _Posterior:
         covariance = np.asarray(np.linalg.inv(information), float)
         return covariance @ (others.T @ residual[~mask]) / self.variance, covariance
 
-    def left_out_cost(self, residual: FloatArray, columns: FloatArray, folds: npt.NDArray[np.intp]) -> float:
-        """Return the sum over the folds of e' C^-1 e, with e the error of what the others predict."""
-        total = 0.0
+    def left_out_costs(
+        self, residual: FloatArray, columns: FloatArray, folds: npt.NDArray[np.intp]
+    ) -> FloatArray:
+        """Return e' C^-1 e of each fold, (f,), with e the error of what the others predict."""
+        costs = []
         for fold in np.unique(folds):
             mask = folds == fold
             mean, covariance = self.left_out(residual, columns, mask)
             e, k = residual[mask] - columns[mask] @ mean, columns[mask]
             along = k.T @ e
             inner = np.linalg.inv(covariance) + k.T @ k
-            total += float(e @ e - along @ np.linalg.solve(inner, along))
-        return total
+            costs.append(float(e @ e - along @ np.linalg.solve(inner, along)))
+        return np.array(costs)
 
 
 def _left(

@@ -8,10 +8,7 @@ that of s repeats in the logs of the fit has the variance sigma^2 (1 / r + 1 / s
 
 What differs from run to run is told by the repeats in the logs of the fit: one of them beside the mean of the
 others is what new logs of an unchanged robot look like (`scatter`). It calibrates the noise, and it shows
-which effects every run has in another size (`sysid.compare.model_error.run_to_run`). It is more in one
-command sequence than in another, so that its mean square is known much less well than the number of samples
-says: with q_k the mean square in sequence k, the mean over n sequences has about the degrees of freedom
-2 n mean(q)^2 / var(q) (Satterthwaite, Biometrics Bulletin 2:110, 1946).
+which effects every run has in another size (`sysid.compare.model_error.run_to_run`).
 """
 
 from __future__ import annotations
@@ -34,6 +31,7 @@ from sysid.compare.measured import (
     start_of,
 )
 from sysid.compare.model_error.adopted import as_fitted
+from sysid.compare.model_error.freedom import freedom_of_each
 from sysid.compare.model_error.run_to_run import run_to_run_columns
 from sysid.compare.model_error.whitening import Whitener
 from sysid.compare.noise import Noise, measure_noise
@@ -47,13 +45,9 @@ _FEWEST_SHARED: Final = 0.5
 """Least share of the command sequences that must be among those of the fit for these alone to decide.
 Assumed."""
 _FEWEST_SEQUENCES: Final = 2
-_LEAST_SPREAD: Final = 1e-3
 _MARGIN: Final = 2.0
 """Factor on the variance of what differs from run to run, which the repeats of a few sequences tell roughly.
 Calibrated on drawn robots: `benchmarks/robot_sensitivity.py`."""
-_UNKNOWN_SPREAD: Final = 1.0
-"""Squared coefficient of variation of the sequences' mean squares where no repeats tell it. Assumed: drawn
-robots have 0.1 to 0.3."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,7 +146,7 @@ def repeated_commands(
         if found is not None:
             pairs.append(found)
     observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
-    noise, freedom = measure_noise(fitted_on, before), 2.0 / _UNKNOWN_SPREAD
+    noise, freedom = measure_noise(fitted_on, before), freedom_of_each(())
     parts = [pair.scatter for pair in pairs if pair.scatter is not None]
     scatter = tuple(parts) if len(parts) == len(pairs) else None
     if scatter is not None:
@@ -253,9 +247,9 @@ class _Beside:
 def _calibrated(
     noise: Noise, observations: Observations, scatter: Sequence[FloatArray]
 ) -> tuple[Noise, float]:
-    """Return the noise with which the scatter is as large as is expected, with a margin, and its freedom.
+    """Return the noise with which the scatter is as large as is expected, with a margin.
 
-    The latter are the degrees of freedom of one command sequence.
+    The second value are the degrees of freedom that each command sequence adds.
     """
     whitener = Whitener(observations, noise, None)
     white = whitener.whiten(scatter)
@@ -269,6 +263,5 @@ def _calibrated(
         group = observations.situations[block.situation].group
         sequences.setdefault(group, []).append(float(np.mean(white[rows] ** 2)) / factors[block.channel])
     means = [float(np.mean(values)) for values in sequences.values()]
-    spread = float(np.var(means, ddof=1)) / float(np.mean(means)) ** 2
     sigma = {name: s * math.sqrt(factors.get(name, 1.0)) for name, s in noise.sigma.items()}
-    return replace(noise, sigma=sigma), 2.0 / max(spread, _LEAST_SPREAD)
+    return replace(noise, sigma=sigma), freedom_of_each(means)

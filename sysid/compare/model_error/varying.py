@@ -73,14 +73,16 @@ class VaryingPosterior:
         mean, covariance, _ = _expected(parts, size, spread, varies)
         return cls(mean, covariance, size**-2.0, spread)
 
-    def left_out_cost(self, residual: FloatArray, columns: FloatArray, folds: npt.NDArray[np.intp]) -> float:
-        """Return the sum over the folds of e' C^-1 e, with e the error of what the others predict.
+    def left_out_costs(
+        self, residual: FloatArray, columns: FloatArray, folds: npt.NDArray[np.intp]
+    ) -> FloatArray:
+        """Return e' C^-1 e of each fold, (f,), with e the error of what the others predict.
 
         The whitened `residual` (N,), `columns` (N, q) and `folds` (N,) are those of `of`.
         """
         names = np.unique(folds)
         parts = [_Sums.of(residual[folds == fold], columns[folds == fold]) for fold in names]
-        size, varies, total = self.precision**-0.5, self.varying > 0.0, 0.0
+        size, varies, costs = self.precision**-0.5, self.varying > 0.0, []
         for index, part in enumerate(parts):
             others = [*parts[:index], *parts[index + 1 :]]
             mean, covariance, _ = _expected(others, size, self.varying, varies)
@@ -88,8 +90,8 @@ class VaryingPosterior:
             e, k = residual[mine] - columns[mine] @ mean, columns[mine]
             along = k.T @ e
             inner = np.linalg.inv(covariance + np.diag(self.varying**2)) + part.gram
-            total += float(e @ e - along @ np.linalg.solve(inner, along))
-        return total
+            costs.append(float(e @ e - along @ np.linalg.solve(inner, along)))
+        return np.array(costs)
 
 
 def columns_of_sequences(

@@ -55,18 +55,19 @@ class Floor:
     slack: float = 1.0
     """Factor by which a right model's cost may be larger than was measured in other commands."""
     independent: float = math.inf
-    """Most degrees of freedom of a right model's cost: fewer than its values where their noise is alike."""
+    """Most degrees of freedom of a right model's cost: fewer than its values where the command sequences of a
+    robot differ in their noise. Only in the commands of the fit do they excuse what a set leaves."""
 
     def largest_ratio(self, size: int) -> float:
         """Return the cost over `size` values that a right model exceeds in a false alarm."""
-        return self.slack * float(f_distribution.isf(self.false_alarm, *self._freedoms(size)))
+        known = min(self.freedom, _KNOWN)
+        values = min(size, self.independent) if self.familiar else size
+        return self.slack * float(f_distribution.isf(self.false_alarm, values, known))
 
     def chance(self, ratio: float, size: int) -> float:
         """Return the probability that a right model's cost over `size` values is at least a `ratio`."""
-        return float(f_distribution.sf(ratio / self.slack, *self._freedoms(size)))
-
-    def _freedoms(self, size: int) -> tuple[float, float]:
-        return min(size, self.independent), min(self.freedom, _KNOWN)
+        known = min(self.freedom, self.independent, _KNOWN)
+        return float(f_distribution.sf(ratio / self.slack, min(size, self.independent), known))
 
 
 def roller_scatter(problem: ResidualProblem, fitted: Fitted[Any]) -> FloatArray:

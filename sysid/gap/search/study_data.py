@@ -115,6 +115,9 @@ def study_data(dataset: Dataset, model: Model, options: GapOptions) -> StudyData
     )
     if repeated is not None:
         floor = replace(floor, freedom=repeated.freedom, independent=repeated.freedom)
+    elif learned is not None and not bench:
+        sequences = len({situation.group for situation in observations.situations})
+        floor = replace(floor, independent=learned.freedom * sequences)
     stated = None if same_logs else error
     return StudyData(observations, noise, stated, floor, tuple(notes), learned, repeated)
 

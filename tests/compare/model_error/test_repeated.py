@@ -65,10 +65,11 @@ def compared(fitted_on: Dataset, new: Dataset) -> RepeatedCommands | None:
 
 
 def ratio(found: RepeatedCommands) -> float:
-    """Return the mean squared residual of the model beside the logs of its fit, in its expected variance."""
+    """Return the mean squared residual of the model beside the logs of its fit, in the variance of repeats."""
     whitener = Whitener(found.observations, found.noise, None)
     problem = ResidualProblem(MODEL, whitener, PLANAR, None, found)
-    return float(np.mean(problem.marginal(problem.base_residual) ** 2))
+    # Twice the variance of repeats is counted.
+    return 2.0 * float(np.mean(problem.marginal(problem.base_residual) ** 2))
 
 
 NOMINAL = logs(GAIN, (1, 2, 3, 4), seed=10)
@@ -124,7 +125,7 @@ def test_a_mean_of_more_repeats_is_known_better() -> None:
     assert thrice.scatter is not None
 
 
-def test_noise_is_as_large_as_the_repeats_of_the_fit_differ() -> None:
+def test_noise_is_twice_what_the_repeats_of_the_fit_differ_by() -> None:
     rng = np.random.default_rng(3)
     shaken = [
         replace(
@@ -136,4 +137,4 @@ def test_noise_is_as_large_as_the_repeats_of_the_fit_differ() -> None:
     assert found is not None
     whitener = Whitener(found.observations, found.noise, None)
     assert found.scatter is not None
-    np.testing.assert_allclose(np.mean(whitener.whiten(found.scatter) ** 2), 1.0, atol=0.15)
+    np.testing.assert_allclose(2.0 * np.mean(whitener.whiten(found.scatter) ** 2), 1.0, atol=0.15)

@@ -12,6 +12,7 @@ from mecanum_env.simulator import BodyCommands, drive
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
+from sysid.compare.model_error.repeated import _calibrated
 from sysid.compare.predicted import SimulationSettings
 from sysid.logs import BodyCommand, Dataset, Run
 
@@ -125,16 +126,13 @@ def test_a_mean_of_more_repeats_is_known_better() -> None:
     assert thrice.scatter is not None
 
 
-def test_noise_is_twice_what_the_repeats_of_the_fit_differ_by() -> None:
-    rng = np.random.default_rng(3)
-    shaken = [
-        replace(
-            run, channels={n: v + 3.0 * NOISE[n] * rng.standard_normal() for n, v in run.channels.items()}
-        )
-        for run in NOMINAL.runs
-    ]
-    found = compared(replace(NOMINAL, runs=tuple(shaken)), logs(GAIN, (1, 2, 3, 4), seed=11))
+def test_noise_that_is_too_small_for_the_repeats_grows_to_twice_what_they_differ_by() -> None:
+    found = compared(NOMINAL, logs(GAIN, (1, 2, 3, 4), seed=11))
     assert found is not None
-    whitener = Whitener(found.observations, found.noise, None)
     assert found.scatter is not None
-    np.testing.assert_allclose(2.0 * np.mean(whitener.whiten(found.scatter) ** 2), 1.0, atol=0.15)
+    noise = found.noise
+    small = replace(noise, sigma={name: 0.1 * sigma for name, sigma in noise.sigma.items()})
+    grown, freedom = _calibrated(small, found.observations, found.scatter)
+    white = Whitener(found.observations, grown, None).whiten(found.scatter)
+    np.testing.assert_allclose(2.0 * np.mean(white**2), 1.0, rtol=0.02)
+    assert freedom > 10.0  # what four sequences of white noise show

@@ -66,7 +66,7 @@ def compared(fitted_on: Dataset, new: Dataset) -> RepeatedCommands | None:
 
 
 def ratio(found: RepeatedCommands) -> float:
-    """Return the mean squared residual of the model beside the logs of its fit, in the variance of repeats."""
+    """Return the mean squared residual beside the logs of the fit, in the variance of repeats."""
     whitener = Whitener(found.observations, found.noise, None)
     problem = ResidualProblem(MODEL, whitener, PLANAR, None, found)
     # Twice the variance of repeats is counted.

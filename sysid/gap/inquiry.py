@@ -17,7 +17,6 @@ from mecanum_env.model import Model
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.model_error import (
     ModelError,
-    RepeatedCommands,
     Whitener,
     block_residuals,
     estimate_model_error,
@@ -28,7 +27,7 @@ from sysid.compare.search_space import Bounds
 from sysid.gap.result import GapOptions, Since
 from sysid.gap.search.beyond_fit import beyond_fit, ripples_beyond_fit
 from sysid.gap.search.decision import Decision, decide, explore
-from sysid.gap.search.responses import Response, responses
+from sysid.gap.search.responses import responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.since import Completion, completed, since_of
 from sysid.gap.search.study_data import StudyData, study_data
@@ -142,20 +141,13 @@ def _start_search(
     if data.learned is not None and problem.knows_all:
         library = beyond_fit(problem, data.learned, library)
     elif data.repeated is not None:
-        problem, library = _beside_varying(problem, data.repeated, library)
-        library = ripples_beyond_fit(problem, data.repeated, library)
+        # Of a ripple, whose phase every run draws, nothing is left but the noise of repeats.
+        steady = [r.change for r in library if not CATALOGUE[r.effect].follows_angle]
+        repeated = data.repeated.with_varying(whitener, steady)
+        problem = ResidualProblem(model, whitener, settings, problem.simulators, repeated)
+        library = [replace(r, change=problem.marginal(r.change)) for r in library]
+        library = ripples_beyond_fit(problem, repeated, library)
     return Search(problem, library, EFFORT[level])
-
-
-def _beside_varying(
-    problem: ResidualProblem, repeated: RepeatedCommands, library: Sequence[Response]
-) -> tuple[ResidualProblem, list[Response]]:
-    """Return a problem and a `library` of responses beside what effects vary by from run to run."""
-    # Of a ripple, whose phase every run draws, nothing is left but the noise of repeats.
-    steady = [r.change for r in library if not CATALOGUE[r.effect].follows_angle]
-    varying = repeated.with_varying(problem.whitener, steady)
-    beside = ResidualProblem(problem.base, problem.whitener, problem.settings, problem.simulators, varying)
-    return beside, [replace(r, change=beside.marginal(r.change)) for r in library]
 
 
 def _error_of_best_fit(data: StudyData, search: Search, max_effects: int) -> ModelError:

@@ -85,6 +85,17 @@ class RepeatedCommands:
         unknown = np.zeros((whitener.size, 0)) if self.varying is None else self.varying
         return whitener.whiten(self.error), unknown
 
+    def unchanged(self, model: Model, simulators: Simulators) -> RepeatedCommands | None:
+        """Return what makes the scatter the residual of a model: new logs in which nothing changed.
+
+        `simulators` are of the new logs. None without repeats.
+        """
+        if self.scatter is None:
+            return None
+        predicted = simulators.averaged.predictions(model)
+        parts = zip(self.observations.blocks, predicted, self.scatter, strict=True)
+        return replace(self, error=tuple(block.value - p - scatter for block, p, scatter in parts))
+
     def with_varying(self, whitener: Whitener, effects: Sequence[FloatArray]) -> RepeatedCommands:
         """Return the same, with what the scatter shows to vary from run to run along some `effects`.
 

@@ -45,11 +45,18 @@ def ripples_beyond_fit(
     """Return the responses of a `library` without ripples that the logs of the fit show as much.
 
     `problem` is that of new logs of a robot beside what was measured in the same commands (`repeated`). What
-    a limit or a threshold did there is taken off with the rest; a ripple comes with another phase each time.
+    a limit or a threshold did there is taken off with the rest; a ripple comes with another phase each time,
+    and so is as large in what repeats differ by.
     """
     asked = {response.effect for response in library if CATALOGUE[response.effect].follows_angle}
-    model = as_fitted(problem.base)
-    of_fit = ResidualProblem(model, repeated.whitener, problem.settings, repeated.simulators)
+    unchanged = repeated.unchanged(problem.base, problem.simulators)
+    if unchanged is None:
+        model, whitener, simulators = as_fitted(problem.base), repeated.whitener, repeated.simulators
+        of_fit = ResidualProblem(model, whitener, problem.settings, simulators)
+    else:
+        of_fit = ResidualProblem(
+            problem.base, problem.whitener, problem.settings, problem.simulators, unchanged
+        )
     return _without_known(problem, of_fit, library, asked)
 
 

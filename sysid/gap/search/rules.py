@@ -135,9 +135,15 @@ def _inadequate(facts: Facts) -> Outcome | None:
     """Unexplained: no effect could be fitted, or the chosen set leaves more than an imperfect formula can.
 
     A set of causes that removes nearly all of the plain difference keeps its name: it is not all, and the
-    report says so.
+    report says so. No gap where the command sequences of a robot's fit differ by as much as the whole
+    residual, and no set lowers it clearly.
     """
-    return None if facts.adequate or _is_nearly_all(facts) else _unexplained(facts)
+    if facts.adequate or _is_nearly_all(facts):
+        return None
+    if facts.floor.knows_all and facts.chosen is not None and _may_be_noise(facts):
+        reason = f"{facts.significant} the command sequences of the fit differ by as much as all that is left"
+        return Outcome("no_gap", (reason,))
+    return _unexplained(facts)
 
 
 def _is_nearly_all(facts: Facts) -> bool:

@@ -41,7 +41,7 @@ from sysid.studies.zoo.robots.robot import Robot
 RUNS, PLAN, STREAM = 8, "starts", 4200
 REPEATS = 2
 """Of each command sequence, where those of the fit are driven again."""
-QUIET_SEEDS = 3
+QUIET_SEEDS = 2
 """Sets of logs in which nothing is changed, of each kind of commands."""
 _LUCK = 1000
 """What is added to a seed for other starts and other noise."""

@@ -73,7 +73,10 @@ def _without_known(
         return list(library)
     largest = largest_ratio(problem.observations, of_fit.observations)
     there: dict[str, float] = {}
-    tried = responses(of_fit, list(asked))
+    # The residual of the one may show another ripple most than that of the other.
+    fixed = [value for response in library for value in response.chosen.fixed]
+    per_turn = {int(value) for _, parameter, value in fixed if parameter == "per_turn"}
+    tried = responses(of_fit, list(asked), per_turn=per_turn)
     for growth, promised in _growths(of_fit, tried):
         (name,) = growth.names
         shown = of_fit.surrogate_covers([name])

@@ -7,7 +7,7 @@ is then estimated by linear least squares on the responses, which tells what is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, TypeAlias
@@ -82,11 +82,13 @@ def responses(
     effects: Sequence[str],
     at: Model | None = None,
     tell: Progress = silent,
+    per_turn: Collection[int] = (),
 ) -> list[Response]:
     """Return the responses of effects, in the order of the catalogue; without what cannot be simulated.
 
     Each effect is added to the model `at`, by default the base model of the problem; `tell` is called with
-    the number of effects before each.
+    the number of effects before each. Ripples are tried with the periods per turn that the residual shows
+    most, and with those of `per_turn`.
     """
     found = []
     ordered = [name for name in CATALOGUE if name in effects]
@@ -95,7 +97,8 @@ def responses(
         tell(f"effect {number} of {len(ordered)}")
         effect, step, scale = CATALOGUE[name], problem.probe_step([name]), problem.settings.scale
         if effect.follows_angle:
-            trials = [t for k in _frequencies(problem) for t in _trials(problem.base, effect, step, scale, k)]
+            periods = dict.fromkeys((*_frequencies(problem), *per_turn))
+            trials = [t for k in periods for t in _trials(problem.base, effect, step, scale, k)]
         else:
             trials = _trials(problem.base, effect, step, scale)
         models = [chosen.model(start, place) for chosen, place, _, _ in trials]

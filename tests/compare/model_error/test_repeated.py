@@ -3,62 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 
-from mecanum_env.model import paper_model
-from mecanum_env.simulator import BodyCommands, drive
 from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
 from sysid.compare.model_error.repeated import _calibrated
-from sysid.compare.predicted import SimulationSettings
-from sysid.logs import BodyCommand, Dataset, Run
-
-MODEL = paper_model()
-GAIN = 0.93
-"""Of the robot's wheels; that and a latency make it another one than the model."""
-PLANAR = SimulationSettings(plant="planar")
-NOISE = {"speed_fl_rpm": 0.5, "speed_rr_rpm": 0.5, "vx_m_s": 0.004, "vy_m_s": 0.004, "yaw_rate_rad_s": 0.01}
-LENGTH_S = 2.5
-
-
-@cache
-def motion(gain: float, sequence: int) -> tuple[BodyCommands, dict[str, np.ndarray]]:
-    """Return the commands of a sequence and what a robot with a gain does, at 1 kHz."""
-    rng = np.random.default_rng(sequence)
-    time = np.arange(0.0, LENGTH_S, 0.1)
-    hold = np.minimum((time / 0.5).astype(int), 4)
-    v, theta, vc = (rng.uniform(-100, 100, 5).round(), rng.integers(0, 360, 5), rng.uniform(-40, 40, 5))
-    v[0] = vc[0] = 0.0
-    commands = BodyCommands(time, v[hold], theta[hold].astype(float), vc.round()[hold])
-    fine = np.arange(0.0, LENGTH_S, 0.001)
-    robot = MODEL.with_effect("speed_gain", gain=gain).with_effect("command_latency", delay_s=0.03)
-    path = drive(robot, commands, LENGTH_S, plant="planar").channels_at(fine)
-    return commands, {name: path[name] for name in NOISE}
-
-
-def logs(
-    gain: float, sequences: tuple[int, ...], seed: int, repeats: int = 2, late_s: float = 0.0
-) -> Dataset:
-    """Return noisy runs of a robot with a gain; its commands come `late_s` after the first row."""
-    rng, runs = np.random.default_rng(seed), []
-    stamps = np.arange(0.0, LENGTH_S, 0.025)
-    for sequence in sequences:
-        commands, path = motion(gain, sequence)
-        then = stamps - late_s
-        fine = np.arange(path["vx_m_s"].size) * 0.001
-        held = np.clip(np.searchsorted(commands.time_s, then + 1e-9, side="right") - 1, 0, None)
-        rows = BodyCommand(commands.v_rpm[held], commands.theta_deg[held], commands.vc_rpm[held])
-        for repeat in range(repeats):
-            channels = {
-                name: np.interp(then, fine, path[name]) + sigma * rng.standard_normal(stamps.size)
-                for name, sigma in NOISE.items()
-            }
-            name = f"{sequence}_{repeat}.csv"
-            runs.append(Run(name, f"{sequence}", "fit", stamps, rows, channels))
-    return Dataset(f"logs {seed}", tuple(runs), (), f"seed {seed}")
+from sysid.logs import Dataset
+from tests.compare.repeated_logs import GAIN, MODEL, NOMINAL, PLANAR, logs
 
 
 def compared(fitted_on: Dataset, new: Dataset) -> RepeatedCommands | None:
@@ -71,9 +24,6 @@ def ratio(found: RepeatedCommands) -> float:
     problem = ResidualProblem(MODEL, whitener, PLANAR, None, found)
     # Twice the variance of repeats is counted.
     return 2.0 * float(np.mean(problem.marginal(problem.base_residual) ** 2))
-
-
-NOMINAL = logs(GAIN, (1, 2, 3, 4), seed=10)
 
 
 def test_the_error_that_both_logs_show_is_taken_off() -> None:

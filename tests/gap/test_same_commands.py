@@ -1,0 +1,69 @@
+"""A study of a robot that drove the commands of the fit again."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from sysid.compare.least_squares import ResidualProblem
+from sysid.compare.measured import observe
+from sysid.compare.model_error import Whitener, repeated_commands
+from sysid.gap.result import GapOptions, GapReport
+from sysid.gap.search.beyond_fit import ripples_beyond_fit
+from sysid.gap.search.responses import responses
+from sysid.gap.workflow import analyse
+from sysid.logs import Dataset, Run
+from tests.compare.repeated_logs import GAIN, MODEL, NOMINAL, PLANAR, logs
+
+SEQUENCES = (1, 2, 3, 4)
+
+
+def study(new: Dataset) -> GapReport:
+    only = ("speed_gain", "command_latency")
+    options = GapOptions(fitted_on=NOMINAL, only=only, plant="planar", max_effects=1, next_experiment=False)
+    return analyse(new, MODEL, options)
+
+
+def test_what_the_logs_of_the_fit_show_in_the_same_commands_is_no_gap() -> None:
+    report = study(logs(GAIN, SEQUENCES, seed=21))
+    assert report.verdict == "no_gap"
+    assert any("those of the logs of the fit" in note for note in report.notes)
+
+
+def test_a_small_change_is_named_beside_a_large_error_of_the_model() -> None:
+    report = study(logs(GAIN - 0.01, SEQUENCES, seed=22))
+    assert [found.name for found in report.effects] == ["speed_gain"]
+    assert abs(report.effects[0].parameters["gain"].value - 0.99) < 0.004
+    assert report.effects[0].since == "new"
+
+
+def rippled(dataset: Dataset, seed: int) -> Dataset:
+    """Return logs with four ripples a turn in the wheel speeds, of another phase in each run."""
+    rng = np.random.default_rng(seed)
+
+    def run_with(run: Run) -> Run:
+        channels = dict(run.channels)
+        for name in [name for name in channels if name.endswith("_rpm")]:
+            speed = channels[name]
+            turns = np.cumsum(speed) * np.median(np.diff(run.time_s)) / 60.0
+            channels[name] = speed * (1.0 + 0.06 * np.cos(2.0 * np.pi * (4.0 * turns + rng.random())))
+        return replace(run, channels=channels)
+
+    return replace(dataset, runs=tuple(map(run_with, dataset.runs)))
+
+
+def looked_for(nominal: Dataset, new: Dataset) -> set[str]:
+    """Return the effects that are looked for in new logs."""
+    repeated = repeated_commands(MODEL, nominal, observe(new), PLANAR)
+    assert repeated is not None
+    whitener = Whitener(repeated.observations, repeated.noise, None)
+    problem = ResidualProblem(MODEL, whitener, PLANAR, None, repeated)
+    library = responses(problem, ["speed_gain", "encoder_eccentricity"])
+    return {response.effect for response in ripples_beyond_fit(problem, repeated, library)}
+
+
+def test_a_ripple_by_which_repeats_differ_is_not_looked_for() -> None:
+    new = rippled(logs(GAIN, SEQUENCES, seed=23), seed=1)
+    assert "encoder_eccentricity" in looked_for(NOMINAL, new)
+    assert "encoder_eccentricity" not in looked_for(rippled(NOMINAL, seed=2), new)

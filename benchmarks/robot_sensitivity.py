@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from time import process_time
+from typing import Literal
 
 import numpy as np
 from recordings import print_page
@@ -89,34 +90,40 @@ CHANGES: tuple[tuple[str, str, Callable[[Robot], Robot]], ...] = (
 class Driven:
     """What the robot drives after the change."""
 
-    folder: str
     words: str
     commands: Sequence[FloatArray]
     repeats: int
 
 
-def main(seed: int = 38, folder: Path = Path("out/sensitivity"), markdown: Path | None = None) -> None:
+def main(
+    seed: int = 38,
+    driven: Literal["same", "other"] = "same",
+    folder: Path = Path("out/sensitivity"),
+    markdown: Path | None = None,
+) -> None:
     """Fit a drawn robot, change one thing at a time, study the logs and print the page.
 
-    Example: python benchmarks/robot_sensitivity.py --seed 38
+    Example: python benchmarks/robot_sensitivity.py --seed 38 --driven other
 
     Args:
         seed: Of the robot, a development seed of the zoo.
+        driven: After a change: the same commands as for the fit, or other ones.
         folder: For logs and model; a model that is there already is not fitted again.
         markdown: Markdown file to write the page to.
     """
-    print_page(page(seed, folder), markdown)
+    print_page(page(seed, driven, folder), markdown)
 
 
-def page(seed: int, folder: Path) -> Iterator[str]:
-    """Yield the paragraphs of the page."""
+def page(seed: int, which: Literal["same", "other"], folder: Path) -> Iterator[str]:
+    """Yield the paragraphs of the page; after a change the robot drives `which` commands."""
     robot = draw_robot(seed)
     if not (folder / "model.json").is_file():
         folder.mkdir(parents=True, exist_ok=True)
         write_robot_nominal(seed, robot, folder)
         nominal_model(folder)
     model, nominal = read_model(folder / "model.json"), read_dataset(folder / "nominal")
-    yield "# Results of `python benchmarks/robot_sensitivity.py`"
+    option = "" if which == "same" else " --driven other"
+    yield f"# Results of `python benchmarks/robot_sensitivity.py{option}`"
     yield (
         f"Written by the command itself with commit `{(commit() or 'unknown')[:12]}`; do not edit. Robot "
         f"{seed} of the zoo: {robot.body.mass_kg:.3g} kg, "
@@ -127,23 +134,22 @@ def page(seed: int, folder: Path) -> Iterator[str]:
         "channel that shows most. The smallest detectable value is what the study itself says that it could "
         "have seen. The words are those of [GapBench](gapbench.md)."
     )
-    for driven in _plans(seed, robot):
-        yield f"## {driven.words}"
-        rows = list(_rows(seed, folder / driven.folder, robot, driven, model, nominal))
-        yield markdown_table(
-            ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
-        )
-        yield f"Right: {sum(row[4] in ('right', 'quiet') for row in rows)} of {len(rows)}."
-
-
-def _plans(seed: int, robot: Robot) -> tuple[Driven, ...]:
-    """Return what is driven after a change of a robot."""
-    own = sequences(robot, FIT_PLAN, FIT_SEQUENCES, np.random.default_rng([seed, FIT]))
-    other = sequences(robot, PLAN, RUNS, np.random.default_rng([seed, STREAM]))
-    return (
-        Driven("same", f"The commands of the fit, {len(own)} sequences, {REPEATS} runs each", own, REPEATS),
-        Driven("other", f"Other commands, {RUNS} runs with starts and reversals", other, 1),
+    driven = _plan(seed, robot, which)
+    yield f"After the change the robot drives {driven.words}."
+    rows = list(_rows(seed, folder / which, robot, driven, model, nominal))
+    yield markdown_table(
+        ("changed", "signal", "found", "now", "that is", "smallest detectable", "study"), rows
     )
+    yield f"Right: {sum(row[4] in ('right', 'quiet') for row in rows)} of {len(rows)}."
+
+
+def _plan(seed: int, robot: Robot, which: Literal["same", "other"]) -> Driven:
+    """Return what is driven after a change of a robot."""
+    if which == "same":
+        own = sequences(robot, FIT_PLAN, FIT_SEQUENCES, np.random.default_rng([seed, FIT]))
+        return Driven(f"the commands of the fit, {len(own)} sequences, {REPEATS} runs each", own, REPEATS)
+    other = sequences(robot, PLAN, RUNS, np.random.default_rng([seed, STREAM]))
+    return Driven(f"other commands, {RUNS} runs with starts and reversals", other, 1)
 
 
 def _rows(

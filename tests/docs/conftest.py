@@ -1,8 +1,8 @@
 """A desk as a reader of the documents has it: files of the checkout, and models where pages expect them.
 
 Many pages begin with the same fit and the same study. What these compute is computed once for each input,
-among few effects; reading, writing and printing are the commands' own every time. Films end after their
-first frames.
+from one start and among few effects; reading, writing and printing are the commands' own every time. Films
+end after their first frames.
 """
 
 import functools
@@ -23,10 +23,11 @@ from mecanum_env.files import plain_json
 from mecanum_env.model import Model
 from mecanum_env.model.effect_names import remove_from_schema
 from mecanum_env.rendering import video
-from sysid.fit import pipeline
+from sysid.fit import Fit, FitOptions, pipeline
 from sysid.fit.effects import drive
 from sysid.gap import workflow
 from sysid.gap.result import GapOptions, GapReport
+from sysid.logs import Dataset
 from tests.docs.blocks import ROOT, call
 
 MODELS = ("fit", "out", "out/fit", ".")
@@ -34,8 +35,11 @@ MODELS = ("fit", "out", "out/fit", ".")
 IMPROVED = ("gap", "out/gap")
 FRAMES = 10
 """Length of a film here."""
-FEW = ("command_latency", "command_deadband", "speed_gain", "acceleration_limit", "coulomb_friction")
-"""Effects that fits and studies consider here, as long as a page names none; others only take time."""
+FEW = ("command_deadband", "acceleration_limit")
+"""Effects that fits and studies consider here, as long as a page names none; others only take time.
+`tests/gap/test_example.py` finds these two among all."""
+STARTS = 1
+"""Starting points of a fit here, instead of as many as a page asks for; more only take time."""
 
 
 def once(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -49,6 +53,16 @@ def once(function: Callable[..., Any]) -> Callable[..., Any]:
         if key not in known:
             known[key] = function(*given, **options)
         return known[key]
+
+    return remembering
+
+
+def fit_once(fit: Callable[..., Fit]) -> Callable[..., Fit]:
+    """Return a fit from few starting points, computed once."""
+    known = once(fit)
+
+    def remembering(dataset: Dataset, options: FitOptions | None = None, *progress: Any) -> Fit:
+        return known(dataset, replace(options or FitOptions(), starts=STARTS), *progress)
 
     return remembering
 
@@ -73,6 +87,16 @@ def study_once(analyse: Callable[..., GapReport]) -> Callable[..., GapReport]:
     return remembering
 
 
+def exchange(name: str, one: Callable[..., Any], other: Callable[..., Any]) -> None:
+    """Put a function in the place of another one in every module that holds it by a name.
+
+    A package keeps what it was once asked for (`lazy_loader`), and so do the modules that imported it.
+    """
+    for module in list(sys.modules.values()):
+        if vars(module).get(name) is one:
+            setattr(module, name, other)
+
+
 Quick = Callable[[], AbstractContextManager[None]]
 """What makes commands quick as long as it is entered."""
 
@@ -82,25 +106,21 @@ def quick() -> Quick:
     """Return a context in which no fit and no study is computed twice, and films are short."""
     whole = video.write_video
     stand_ins = (
-        (pipeline, "fit_dataset", once(pipeline.fit_dataset)),
-        (drive, "drive_candidates", few_candidates(drive.drive_candidates)),
-        (workflow, "analyse", study_once(workflow.analyse)),
-        (video, "write_video", lambda path, frames, *fps: whole(path, islice(frames, FRAMES), *fps)),
+        ("fit_dataset", pipeline.fit_dataset, fit_once(pipeline.fit_dataset)),
+        ("drive_candidates", drive.drive_candidates, few_candidates(drive.drive_candidates)),
+        ("analyse", workflow.analyse, study_once(workflow.analyse)),
+        ("write_video", whole, lambda path, frames, *fps: whole(path, islice(frames, FRAMES), *fps)),
     )
 
     @contextmanager
     def quickly() -> Iterator[None]:
-        originals = [getattr(module, name) for module, name, _ in stand_ins]
-        for module, name, stand_in in stand_ins:
-            setattr(module, name, stand_in)
+        for name, original, stand_in in stand_ins:
+            exchange(name, original, stand_in)
         try:
             yield
         finally:
-            # A module that was imported meanwhile may hold a stand-in, too.
-            for module in list(sys.modules.values()):
-                for (_, name, stand_in), original in zip(stand_ins, originals, strict=True):
-                    if vars(module).get(name) is stand_in:
-                        setattr(module, name, original)
+            for name, original, stand_in in stand_ins:
+                exchange(name, stand_in, original)
 
     return quickly
 

@@ -42,10 +42,16 @@ def logs_of(robot_logs: MakeLogs, model: Model) -> Dataset:
     return robot_logs(model, runs=2, seconds=1.5)
 
 
+@pytest.fixture(scope="module")
+def unchanged(learned: Learned, robot_logs: MakeLogs) -> ResidualProblem:
+    """Return the study of a robot that is as its model says."""
+    return problem_of(logs_of(robot_logs, paper_model()), learned)
+
+
 def test_a_change_that_the_planar_plant_shows_has_no_chance_of_rollers_in_it(
-    learned: Learned, robot_logs: MakeLogs
+    unchanged: ResidualProblem,
 ) -> None:
-    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+    problem = unchanged
     base = problem.base_residual
     moved = [problem.residual(problem.base.with_effect("speed_gain", gain=1.0 - c)) for c in (0.01, 0.02)]
     assert moved[0] is not None
@@ -58,8 +64,8 @@ def test_a_change_that_the_planar_plant_shows_has_no_chance_of_rollers_in_it(
     np.testing.assert_allclose(unmoved, base)
 
 
-def test_what_only_rollers_show_is_still_simulated_on_them(learned: Learned, robot_logs: MakeLogs) -> None:
-    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+def test_what_only_rollers_show_is_still_simulated_on_them(unchanged: ResidualProblem) -> None:
+    problem = unchanged
     slippery = problem.residual(problem.base.with_effect("low_grip", friction=0.05))
     assert slippery is not None
     assert np.linalg.norm(slippery - problem.base_residual) > 10.0
@@ -90,9 +96,9 @@ def test_an_error_of_few_sequences_may_be_much_larger_in_others(robot_logs: Make
 
 @pytest.mark.parametrize(("factor", "raised"), [(1.5, True), (1.0, False), (1.001, False)])
 def test_a_set_that_raises_what_is_left_in_one_command_sequence_is_refused(
-    learned: Learned, robot_logs: MakeLogs, factor: float, raised: bool
+    unchanged: ResidualProblem, factor: float, raised: bool
 ) -> None:
-    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+    problem = unchanged
     before = base_fit(problem, EMPTY)
     # Less is left in the others, and in all.
     after = np.where(group_masks(problem)[0], factor, 0.1) * before.residual
@@ -100,9 +106,9 @@ def test_a_set_that_raises_what_is_left_in_one_command_sequence_is_refused(
 
 
 def test_chance_is_as_much_larger_in_other_commands_as_the_error_may_be(
-    learned: Learned, robot_logs: MakeLogs
+    unchanged: ResidualProblem,
 ) -> None:
-    problem = problem_of(logs_of(robot_logs, paper_model()), learned)
+    problem = unchanged
     best = base_fit(problem, EMPTY)
     assert best.cost < 1.5 * problem.size
     assert _inflation(problem, Floor(1e6, trusted=True, slack=1.5), best) == 1.5

@@ -44,6 +44,19 @@ def problem_of(logs: Dataset, learned: Learned) -> ResidualProblem:
     return ResidualProblem(learned.model, whitener, PLANAR, learned=learned)
 
 
+@pytest.fixture(scope="module")
+def limited(learned: Learned, robot_logs: MakeLogs) -> ResidualProblem:
+    """Return the study of the robot after its speed was limited."""
+    return problem_of(robot_logs(SLOW.with_effect("body_speed_limit", **LIMIT), runs=2, seconds=2.0), learned)
+
+
+@pytest.fixture(scope="module")
+def late(learned: Learned, robot_logs: MakeLogs) -> ResidualProblem:
+    """Return the study of the robot after its speed was limited and its commands came late."""
+    both = SLOW.with_effect("body_speed_limit", **LIMIT).with_effect("command_latency", delay_s=0.1)
+    return problem_of(robot_logs(both, runs=2, seconds=2.0), learned)
+
+
 def searched(problem: ResidualProblem, *second: str) -> Search:
     """Return a search with the limit fitted, and beside it each `second` effect."""
     names = ["body_speed_limit", *second]
@@ -54,53 +67,42 @@ def searched(problem: ResidualProblem, *second: str) -> Search:
 
 
 def test_the_error_of_a_model_is_taken_off_where_an_effect_moves_the_robot(
-    learned: Learned, robot_logs: MakeLogs
+    limited: ResidualProblem,
 ) -> None:
-    problem = problem_of(
-        robot_logs(SLOW.with_effect("body_speed_limit", **LIMIT), runs=2, seconds=2.0), learned
-    )
-    limited = BASE.with_effect("body_speed_limit", **LIMIT)
-    far, near = problem.residual(limited), problem.moved(limited).residual(limited)
+    true = BASE.with_effect("body_speed_limit", **LIMIT)
+    far, near = limited.residual(true), limited.moved(true).residual(true)
     assert far is not None
     assert near is not None
     assert near @ near < 0.5 * (far @ far)
 
 
 def test_a_second_effect_that_only_makes_up_for_the_error_of_the_model_is_not_needed(
-    learned: Learned, robot_logs: MakeLogs, monkeypatch: pytest.MonkeyPatch
+    limited: ResidualProblem, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    problem = problem_of(
-        robot_logs(SLOW.with_effect("body_speed_limit", **LIMIT), runs=2, seconds=2.0), learned
-    )
-    search = searched(problem, "speed_gain")
+    search = searched(limited, "speed_gain")
     one, two = search.of_size(1)[0], search.of_size(2)[0]
     assert one.names == ("body_speed_limit",)
     # Beside the error as it is without the limit, it would explain most of what is left.
     assert two.cost < 0.3 * one.cost
     # The decision asks the same, whatever else objects to the pair.
     monkeypatch.setattr("sysid.gap.search.decision.doubtful", lambda *_: ())
-    assert not _holds(search, FLOOR, scored(problem, two), np.random.default_rng(0))
+    assert not _holds(search, FLOOR, scored(limited, two), np.random.default_rng(0))
     assert not needed(search, FLOOR, two, 1.0, np.random.default_rng(0))
 
 
-def test_a_second_effect_that_is_new_is_needed(learned: Learned, robot_logs: MakeLogs) -> None:
-    both = SLOW.with_effect("body_speed_limit", **LIMIT).with_effect("command_latency", delay_s=0.1)
-    search = searched(problem_of(robot_logs(both, runs=2, seconds=2.0), learned), "command_latency")
+def test_a_second_effect_that_is_new_is_needed(late: ResidualProblem) -> None:
+    search = searched(late, "command_latency")
     assert needed(search, FLOOR, search.of_size(2)[0], 1.0, np.random.default_rng(0))
 
 
-def test_a_third_effect_stands_only_on_a_second_that_is_needed(
-    learned: Learned, robot_logs: MakeLogs
-) -> None:
-    late = SLOW.with_effect("body_speed_limit", **LIMIT).with_effect("command_latency", delay_s=0.1)
-    problem = problem_of(robot_logs(late, runs=2, seconds=2.0), learned)
-    search = searched(problem, "speed_gain", "command_latency")
+def test_a_third_effect_stands_only_on_a_second_that_is_needed(late: ResidualProblem) -> None:
+    search = searched(late, "speed_gain", "command_latency")
     artefact = next(two for two in search.of_size(2) if "speed_gain" in two.names)
     assert not needed(search, FLOOR, artefact, 1.0, np.random.default_rng(0))
     # The delay is real, but the pair that it was found beside is not.
     search.fit_best(search.growths(artefact), 4)
     three = next(three for three in search.of_size(3) if set(artefact.names) < set(three.names))
-    found: Any = SimpleNamespace(problem=problem, library=search.library)
+    found: Any = SimpleNamespace(problem=late, library=search.library)
     found.of_size = lambda size: [artefact] if size == 2 else search.of_size(size)
     assert three.cost < 0.5 * artefact.cost
     assert not needed(found, FLOOR, three, 1.0, np.random.default_rng(0))

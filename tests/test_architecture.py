@@ -4,6 +4,7 @@ import ast
 import re
 import subprocess
 import sys
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -31,11 +32,20 @@ def module_name(path: Path) -> str:
     return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-TREES = {module_name(path): ast.parse(path.read_text(encoding="utf-8")) for path in FILES}
-# The stub of a package lists what it imports on demand (`lazy_loader`).
-for stub in sorted(path.with_suffix(".pyi") for path in FILES if path.with_suffix(".pyi").exists()):
-    TREES[module_name(stub)].body += ast.parse(stub.read_text(encoding="utf-8")).body
-IS_PACKAGE = {module_name(path) for path in FILES if path.name == "__init__.py"}
+MODULES = {module_name(path): path for path in FILES}
+IS_PACKAGE = {name for name, path in MODULES.items() if path.name == "__init__.py"}
+
+
+# At import every worker of the suite would parse them all, and one of them runs these tests.
+@cache
+def trees() -> dict[str, ast.Module]:
+    """Return what each module says."""
+    found = {name: ast.parse(path.read_text(encoding="utf-8")) for name, path in MODULES.items()}
+    # The stub of a package lists what it imports on demand (`lazy_loader`).
+    for name, path in MODULES.items():
+        if (stub := path.with_suffix(".pyi")).exists():
+            found[name].body += ast.parse(stub.read_text(encoding="utf-8")).body
+    return found
 
 
 def imports_of(name: str, nodes) -> set[str]:
@@ -52,12 +62,15 @@ def imports_of(name: str, nodes) -> set[str]:
                 base = ".".join([*parts, base] if base else parts)
             for alias in node.names:
                 submodule = f"{base}.{alias.name}"
-                found.add(submodule if submodule in TREES else base)
+                found.add(submodule if submodule in MODULES else base)
     return {module for module in found if module.split(".")[0] in PACKAGES}
 
 
-IMPORTS = {name: imports_of(name, ast.walk(tree)) - {name} for name, tree in TREES.items()}
-"""Every import of every module: at import time, inside functions, and for type checkers alone."""
+@cache
+def imports() -> dict[str, set[str]]:
+    """Return every import of every module: at import time, inside functions, and for type checkers alone."""
+    return {name: imports_of(name, ast.walk(tree)) - {name} for name, tree in trees().items()}
+
 
 ROOMS = {
     "mecanum_env": (
@@ -119,7 +132,7 @@ def children(package: str) -> dict[str, set[str]]:
         return module.split(".")[depth] if inside else None
 
     needs: dict[str, set[str]] = {}
-    for module, imported in IMPORTS.items():
+    for module, imported in imports().items():
         if own := child(module):
             needs.setdefault(own, set()).update(filter(None, map(child, imported)))
     return needs
@@ -128,7 +141,7 @@ def children(package: str) -> dict[str, set[str]]:
 def test_arrows_between_packages_point_one_way():
     wrong = [
         f"{name} imports {module}"
-        for name, modules in IMPORTS.items()
+        for name, modules in imports().items()
         for module in modules
         if module.split(".")[0] not in MAY_IMPORT[name.split(".")[0]]
     ]
@@ -136,7 +149,7 @@ def test_arrows_between_packages_point_one_way():
 
 
 def test_no_files_import_each_other_in_a_circle():
-    assert circles(IMPORTS) == {}
+    assert circles(imports()) == {}
 
 
 @pytest.mark.parametrize("package", sorted(IS_PACKAGE))
@@ -159,9 +172,9 @@ def test_a_room_imports_only_rooms_below_it(package):
 
 def test_fit_and_gap_share_only_what_lies_below_both():
     """`fit` imports nothing of `gap`; `gap` sees no more of `fit` than its door."""
-    of_gap = {m for n, modules in IMPORTS.items() if n.startswith("sysid.fit") for m in modules}
+    of_gap = {m for n, modules in imports().items() if n.startswith("sysid.fit") for m in modules}
     assert {module for module in of_gap if module.startswith("sysid.gap")} == set()
-    of_fit = {m for n, modules in IMPORTS.items() if n.startswith("sysid.gap") for m in modules}
+    of_fit = {m for n, modules in imports().items() if n.startswith("sysid.gap") for m in modules}
     assert {module for module in of_fit if module.startswith("sysid.fit.")} == set()
 
 
@@ -169,7 +182,7 @@ def test_fit_and_gap_share_only_what_lies_below_both():
 def test_a_room_is_entered_by_its_door(room):
     wrong = [
         f"{name} imports {module}"
-        for name, modules in IMPORTS.items()
+        for name, modules in imports().items()
         for module in modules
         if module.startswith(f"{room}.") and not f"{name}.".startswith(f"{room}.")
     ]
@@ -258,14 +271,17 @@ def public_definitions(tree: ast.Module):
                         yield f"{node.name}.{inner.name}", inner
 
 
-OWN_CLASSES = {node.name for tree in TREES.values() for node in tree.body if isinstance(node, ast.ClassDef)}
+@cache
+def own_classes() -> set[str]:
+    """Return the names of all classes of the packages."""
+    return {node.name for tree in trees().values() for node in tree.body if isinstance(node, ast.ClassDef)}
 
 
 def explains_itself(name: str, annotation: ast.expr | None) -> bool:
     """Return whether name and type say all: a quantity with its unit, a class documented itself."""
     quantity = "_" in name and name.split("_")[-1] in UNITS
     words = set(re.findall(r"\w+", ast.unparse(annotation))) if annotation else set()
-    own = words & (OWN_CLASSES | {"Path", "PathLike", "Generator"})
+    own = words & (own_classes() | {"Path", "PathLike", "Generator"})
     return name in OBVIOUS or quantity or bool(own) or any(word.startswith("Mj") for word in words)
 
 
@@ -298,10 +314,10 @@ def undocumented(tree: ast.Module) -> list[str]:
     return bad
 
 
-@pytest.mark.parametrize("module", sorted(TREES))
+@pytest.mark.parametrize("module", sorted(MODULES))
 def test_public_code_says_what_its_arguments_are(module):
-    assert ast.get_docstring(TREES[module])
-    assert undocumented(TREES[module]) == []
+    assert ast.get_docstring(trees()[module])
+    assert undocumented(trees()[module]) == []
 
 
 def test_the_documentation_rule_can_fail():

@@ -20,6 +20,8 @@ APT := libosmesa6 gcc libc6-dev
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 # A second OpenMP thread only fights with the first on small problems.
 export OMP_NUM_THREADS := 1
+# Where bytecode is not kept, as in some containers, every program that a test starts compiles our modules anew.
+export PYTHONDONTWRITEBYTECODE :=
 
 .PHONY: demo test test-all test-wheel site check bench bench-train zoo zoo-quick gapbench behaviour fuzz soak asan system clean FORCE
 

@@ -123,17 +123,20 @@ def standing(mj_model: mujoco.MjModel, turned_rad: Sequence[float] = ()) -> Floa
     The four wheels are turned by angles [rad], 0 by default, which decide what rollers touch the floor; the
     planar plant's wheels have none.
     """
-    data = mujoco.MjData(mj_model)
+    stance = np.array(mj_model.qpos0)
     for wheel, angle in zip(WHEELS, turned_rad, strict=False):
-        data.qpos[mj_model.joint(f"wheel_{wheel}").qposadr] = angle
+        stance[mj_model.joint(f"wheel_{wheel}").qposadr] = angle
+    if mj_model.joint(0).type[0] != mujoco.mjtJoint.mjJNT_FREE:
+        return stance
     if np.any(mj_model.opt.gravity[:2] != 0.0):
         # On a slope the robot would creep while it settles, so it settles on level ground.
         level = copy.copy(mj_model)
         level.opt.gravity[:] = 0.0, 0.0, -np.linalg.norm(mj_model.opt.gravity)
         return standing(level, turned_rad)
-    if mj_model.joint(0).type[0] == mujoco.mjtJoint.mjJNT_FREE:
-        # In half a second the rollers sink into the floor by some micrometres and come to rest.
-        mujoco.mj_step(mj_model, data, math.ceil(0.5 / mj_model.opt.timestep))
+    # In half a second the rollers sink into the floor by some micrometres and come to rest.
+    data = mujoco.MjData(mj_model)
+    data.qpos[:] = stance
+    mujoco.mj_step(mj_model, data, math.ceil(0.5 / mj_model.opt.timestep))
     return np.array(data.qpos)
 
 

@@ -138,7 +138,7 @@ def _start_search(
     problem = ResidualProblem(model, whitener, settings, simulators, data.repeated or data.learned)
     level = data.observations.situations[0].runs[0].level
     found = responses(problem, considered, tell=tell)
-    library = Library(tuple(found))
+    library = Library(found)
     if data.learned is not None and problem.knows_all:
         library = beyond_fit(problem, data.learned, found)
     elif data.repeated is not None:

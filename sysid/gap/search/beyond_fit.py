@@ -85,8 +85,8 @@ def _beyond(
     most = largest_ratio(problem.observations, of_fit.observations) * problem.size
     least = {name: max(gain, most * there.get(cause_of(name), 0.0)) for name, gain in least.items()}
     small = {name for name, gain in least.items() if promised.get(name, 0.0) < gain}
-    searched = tuple(response for response in library if response.effect not in small)
-    return Library(searched, tuple(response for response in library if response.effect in small), least)
+    searched = [response for response in library if response.effect not in small]
+    return Library(searched, [response for response in library if response.effect in small], least)
 
 
 def _shown_gains(

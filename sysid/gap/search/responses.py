@@ -81,9 +81,9 @@ class Response:
 class Library:
     """What the considered effects would do in some logs."""
 
-    searched: tuple[Response, ...]
+    searched: Sequence[Response]
     """Of the effects that are looked for."""
-    left_out: tuple[Response, ...] = ()
+    left_out: Sequence[Response] = ()
     """Of effects that explain no more of the logs than the model's own error may."""
     least: Mapping[str, float] = field(default_factory=dict)
     """Effect -> fall of the cost above which it is more than that error, for each that may be among it."""

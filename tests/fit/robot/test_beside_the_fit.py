@@ -82,7 +82,7 @@ def test_a_ripple_that_is_new_is_looked_for(robot_logs: MakeLogs) -> None:
     rippled = paper_model().with_effect("encoder_eccentricity", **RIPPLE)
     problem = problem_of(logs_of(robot_logs, rippled), learned)
     library = responses(problem, ["encoder_eccentricity"])
-    assert beyond_fit(problem, learned, library).searched == tuple(library)
+    assert beyond_fit(problem, learned, library).searched == library
 
 
 @pytest.mark.parametrize(("threshold_rpm", "is_searched"), [(0.5, False), (20.0, True)])

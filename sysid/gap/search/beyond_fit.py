@@ -12,8 +12,8 @@ the fit, by whichever form of its cause, by more than that ratio ever is, but fo
 alarm. With few sequences that takes much more.
 
 A limit or a threshold may act in the new commands alone: the logs of the fit then say nothing of it, and the
-robot may well have had it before. So it must also explain as much as is asked of any effect where a model's
-own error is only roughly known (`Thresholds.least_gain`, here of what a right model leaves).
+robot may well have had it before. So it must also explain more than such effects do in logs of an unchanged
+robot (`Thresholds.least_elsewhere`).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def beyond_fit(problem: ResidualProblem, learned: Learned, library: Sequence[Res
     """
     ripples = {r.effect for r in library if CATALOGUE[r.effect].follows_angle}
     stepwise = {r.effect for r in library} - {r.effect for r in library if r.linear} - ripples
-    rough = dict.fromkeys(stepwise, THRESHOLDS.least_gain * problem.size)
+    rough = dict.fromkeys(stepwise, THRESHOLDS.least_elsewhere * problem.size)
     of_fit = ResidualProblem(learned.model, learned.whitener, problem.settings, learned.simulators, learned)
     return _beyond(problem, of_fit, library, dict.fromkeys(ripples, 0.0) | rough)
 

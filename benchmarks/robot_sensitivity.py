@@ -157,10 +157,9 @@ def _rows(
 ) -> Iterator[tuple[str, ...]]:
     """Yield the cells of each study."""
     measure = yardstick(robot, driven.commands, seed)
-    quiet = [
-        (words, name, change, luck) for luck in range(QUIET_SEEDS) for words, name, change in CHANGES[:1]
-    ]
-    for words, name, change, luck in [*quiet, *((*one, 0) for one in CHANGES[1:])]:
+    nothing, *changes = CHANGES
+    quiet = [(*nothing, luck) for luck in range(QUIET_SEEDS)]
+    for words, name, change, luck in [*quiet, *((*one, 0) for one in changes)]:
         logs, changed = folder / (name or f"quiet_{luck}"), change(robot)
         if not logs.is_dir():
             write_robot_logs(logs, changed, driven.commands, seed + _LUCK * luck, driven.repeats)

@@ -27,7 +27,7 @@ from sysid.compare.search_space import Bounds
 from sysid.gap.result import GapOptions, Since
 from sysid.gap.search.beyond_fit import beyond_fit, ripples_beyond_fit
 from sysid.gap.search.decision import Decision, decide, explore
-from sysid.gap.search.responses import responses
+from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.since import Completion, completed, since_of
 from sysid.gap.search.study_data import StudyData, study_data
@@ -137,16 +137,17 @@ def _start_search(
     whitener = Whitener(data.observations, data.noise, data.error)
     problem = ResidualProblem(model, whitener, settings, simulators, data.repeated or data.learned)
     level = data.observations.situations[0].runs[0].level
-    library = responses(problem, considered, tell=tell)
+    found = responses(problem, considered, tell=tell)
+    library = Library(found)
     if data.learned is not None and problem.knows_all:
-        library = beyond_fit(problem, data.learned, library)
+        library = beyond_fit(problem, data.learned, found)
     elif data.repeated is not None:
         # Of a ripple, whose phase every run draws, nothing is left but the noise of repeats.
-        steady = [r.change for r in library if not CATALOGUE[r.effect].follows_angle]
+        steady = [r.change for r in found if not CATALOGUE[r.effect].follows_angle]
         repeated = data.repeated.with_varying(whitener, steady)
         problem = ResidualProblem(model, whitener, settings, problem.simulators, repeated)
-        library = [replace(r, change=problem.marginal(r.change)) for r in library]
-        library = ripples_beyond_fit(problem, repeated, library)
+        found = [replace(r, change=problem.marginal(r.change)) for r in found]
+        library = ripples_beyond_fit(problem, repeated, found)
     return Search(problem, library, EFFORT[level])
 
 

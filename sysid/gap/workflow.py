@@ -191,8 +191,9 @@ def _what_is_open(
     scatter = roller_scatter(search.problem, search.base)
     rng = np.random.default_rng(options.seed)
     threshold = chance_gains(search.base, search.library, rng, scatter, floor.false_alarm).threshold()
-    detectable = smallest_detectable(search.library, floor.slack * threshold)
-    unseen = untestable(considered, search.library, detectable, dataset.level, dataset.columns)
+    library = (*search.library, *search.considered.left_out)
+    detectable = smallest_detectable(library, floor.slack * threshold, search.considered.least)
+    unseen = untestable(considered, library, detectable, dataset.level, dataset.columns)
     asked = Design(None, "")
     if options.next_experiment:
         asked = design_next_experiment(

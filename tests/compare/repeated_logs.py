@@ -17,31 +17,41 @@ GAIN = 0.93
 PLANAR = SimulationSettings(plant="planar")
 NOISE = {"speed_fl_rpm": 0.5, "speed_rr_rpm": 0.5, "vx_m_s": 0.004, "vy_m_s": 0.004, "yaw_rate_rad_s": 0.01}
 LENGTH_S = 2.5
+HOLD_S = 0.5
+"""For how long a command is held."""
 
 
 @cache
-def motion(gain: float, sequence: int) -> tuple[BodyCommands, dict[str, np.ndarray]]:
+def motion(
+    gain: float, sequence: int, length_s: float = LENGTH_S
+) -> tuple[BodyCommands, dict[str, np.ndarray]]:
     """Return the commands of a sequence and what a robot with a gain does, at 1 kHz."""
     rng = np.random.default_rng(sequence)
-    time = np.arange(0.0, LENGTH_S, 0.1)
-    hold = np.minimum((time / 0.5).astype(int), 4)
-    v, theta, vc = (rng.uniform(-100, 100, 5).round(), rng.integers(0, 360, 5), rng.uniform(-40, 40, 5))
+    time, levels = np.arange(0.0, length_s, 0.1), round(length_s / HOLD_S)
+    hold = np.minimum((time / HOLD_S).astype(int), levels - 1)
+    v, theta = rng.uniform(-100, 100, levels).round(), rng.integers(0, 360, levels)
+    vc = rng.uniform(-40, 40, levels)
     v[0] = vc[0] = 0.0
     commands = BodyCommands(time, v[hold], theta[hold].astype(float), vc.round()[hold])
-    fine = np.arange(0.0, LENGTH_S, 0.001)
+    fine = np.arange(0.0, length_s, 0.001)
     robot = MODEL.with_effect("speed_gain", gain=gain).with_effect("command_latency", delay_s=0.03)
-    path = drive(robot, commands, LENGTH_S, plant="planar").channels_at(fine)
+    path = drive(robot, commands, length_s, plant="planar").channels_at(fine)
     return commands, {name: path[name] for name in NOISE}
 
 
 def logs(
-    gain: float, sequences: tuple[int, ...], seed: int, repeats: int = 2, late_s: float = 0.0
+    gain: float,
+    sequences: tuple[int, ...],
+    seed: int,
+    repeats: int = 2,
+    late_s: float = 0.0,
+    length_s: float = LENGTH_S,
 ) -> Dataset:
     """Return noisy runs of a robot with a gain; its commands come `late_s` after the first row."""
     rng, runs = np.random.default_rng(seed), []
-    stamps = np.arange(0.0, LENGTH_S, 0.025)
+    stamps = np.arange(0.0, length_s, 0.025)
     for sequence in sequences:
-        commands, path = motion(gain, sequence)
+        commands, path = motion(gain, sequence, length_s)
         then = stamps - late_s
         fine = np.arange(path["vx_m_s"].size) * 0.001
         held = np.clip(np.searchsorted(commands.time_s, then + 1e-9, side="right") - 1, 0, None)

@@ -17,7 +17,7 @@ from sysid.compare.noise import measure_noise
 from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
-from sysid.gap.search.responses import Growth, growths, responses
+from sysid.gap.search.responses import Growth, Library, growths, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
 from sysid.gap.workflow import analyse
@@ -146,7 +146,9 @@ def test_a_twin_that_the_screen_cannot_tell_from_the_chosen_effect_is_fitted(
     dataset = bench_logs(base.with_effect("command_latency", delay_s=0.05))
     observations = observe(dataset)
     problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
-    search = Search(problem, responses(problem, ("command_latency", "sensor_latency")), SearchEffort())
+    search = Search(
+        problem, Library(responses(problem, ("command_latency", "sensor_latency"))), SearchEffort()
+    )
     screened = search.growths
     search.fit_best([g for g in screened(search.base) if g.candidate.names == ("command_latency",)], 1)
     chosen = search.fitted[("command_latency",)]
@@ -165,7 +167,7 @@ def test_effects_behind_a_delay_are_screened_with_the_delay(bench_logs: MakeLogs
     observations = observe(dataset)
     problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
     library = responses(problem, ("command_latency", "direction_asymmetry"))
-    search = Search(problem, library, SearchEffort())
+    search = Search(problem, Library(library), SearchEffort())
     search.grow(1)
     parent = search.fitted[("command_latency",)]
     assert parent.cost > 10.0 * problem.size
@@ -181,7 +183,7 @@ def test_behind_a_delay_no_other_form_of_a_cause_of_the_set_is_screened(
     observations = observe(dataset)
     problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
     library = responses(problem, ("sensor_latency", "sensor_latency/wheels", "speed_gain"))
-    search = Search(problem, library, SearchEffort())
+    search = Search(problem, Library(library), SearchEffort())
     search.grow(1)
     grown = search.growths(search.fitted[("sensor_latency",)])
     assert [growth.candidate.names for growth in grown] == [("speed_gain", "sensor_latency")]
@@ -194,7 +196,7 @@ def test_another_form_of_an_effect_that_the_model_has_may_fit_worse(
     logs = bench_logs(model)
     observations = observe(logs)
     problem = ResidualProblem(model, Whitener(observations, measure_noise(logs, observations), None))
-    search = Search(problem, [], SearchEffort())
+    search = Search(problem, Library(()), SearchEffort())
     droop = effect_set(model, ["coulomb_friction"])
     search.fit_best([Growth(droop, droop.start(), search.base, expected=0.0)], most=1)
     assert search.fitted[droop.names].cost > 2.0 * search.base.cost

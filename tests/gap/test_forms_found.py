@@ -12,7 +12,7 @@ from sysid.compare.least_squares import ResidualProblem
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.gap.search.responses import responses
+from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
 
@@ -29,7 +29,7 @@ def found(
     logs = make(base.with_effect(name, **hidden), noise_rpm=0.2)
     observations = observe(replace(logs, runs=tuple(run for run in logs.runs if run.split != "test")))
     problem = ResidualProblem(base, Whitener(observations, measure_noise(logs, observations), None))
-    search = Search(problem, responses(problem, [name]), SearchEffort())
+    search = Search(problem, Library(responses(problem, [name])), SearchEffort())
     search.grow(1)
     (fitted,) = search.of_size(1)
     search.leave_out_needless(1, 1.0)

@@ -19,7 +19,7 @@ from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
 from sysid.compare.search_space import Coordinate, coordinate, effect_set, scale_of, scanned
-from sysid.gap.search.responses import responses
+from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import SearchEffort
 from sysid.logs import BenchCommand, Dataset, Run, Split
@@ -53,7 +53,7 @@ def searched(logs: Dataset, model: Model, effects: list[str]) -> Search:
     runs = tuple(run for run in logs.runs if run.split != "test")
     observations = observe(replace(logs, runs=runs))
     problem = ResidualProblem(model, Whitener(observations, measure_noise(logs, observations), None))
-    return Search(problem, responses(problem, effects), EFFORT)
+    return Search(problem, Library(responses(problem, effects)), EFFORT)
 
 
 def one_of(name: str, parameter: str, model: Model = MODEL, scale: Scale = REFERENCE) -> Coordinate:

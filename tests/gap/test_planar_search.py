@@ -19,7 +19,7 @@ from sysid.compare.noise import measure_noise
 from sysid.compare.predicted import predict
 from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.search.chance import Floor, chance_gains, complete, expected
-from sysid.gap.search.responses import responses
+from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.scores import scored
 from sysid.gap.search.sets import EMPTY, Search
 from sysid.gap.search.thresholds import SearchEffort
@@ -138,7 +138,7 @@ def test_twins_stay_tied_though_rollers_are_rough() -> None:
     observations = observe(dataset)
     problem = ResidualProblem(base, Whitener(observations, measure_noise(dataset, observations), None))
     twins = ("command_latency", "sensor_latency")
-    search = Search(problem, responses(problem, [*twins, "mount_yaw"]), SearchEffort(3, 1, 1, 1, 1))
+    search = Search(problem, Library(responses(problem, [*twins, "mount_yaw"])), SearchEffort(3, 1, 1, 1, 1))
     search.grow(1)
     judged = [scored(problem, fitted) for fitted in search.of_size(1)]
     best = min(judged, key=lambda j: j.score)

@@ -60,7 +60,7 @@ def looked_for(nominal: Dataset, new: Dataset) -> set[str]:
     whitener = Whitener(repeated.observations, repeated.noise, None)
     problem = ResidualProblem(MODEL, whitener, PLANAR, None, repeated)
     library = responses(problem, ["speed_gain", "encoder_eccentricity"])
-    return {response.effect for response in ripples_beyond_fit(problem, repeated, library)}
+    return {response.effect for response in ripples_beyond_fit(problem, repeated, library).searched}
 
 
 def test_a_ripple_by_which_repeats_differ_is_not_looked_for() -> None:

@@ -11,7 +11,14 @@ from sysid.compare.measured.observations import (
     observe,
 )
 from sysid.compare.measured.start import Start, start_of
-from sysid.compare.measured.subset import most_active, most_active_runs, select_runs, small_command_runs
+from sysid.compare.measured.subset import (
+    is_long,
+    most_active,
+    most_active_runs,
+    pieces,
+    select_runs,
+    small_command_runs,
+)
 
 __all__ = [
     "COMMAND_STEP_RPM",
@@ -25,9 +32,11 @@ __all__ = [
     "changes_from_rest",
     "command_changes",
     "displacements",
+    "is_long",
     "most_active",
     "most_active_runs",
     "observe",
+    "pieces",
     "select_runs",
     "small_command_runs",
     "start_of",

@@ -34,11 +34,16 @@ def select_runs(runs: Sequence[Run], seconds: float, command_period_s: float) ->
     robot's command clock, of period `command_period_s`.
     """
     groups = {run.group: max(r.duration_s for r in runs if r.group == run.group) for run in runs}
-    long = [run for run in runs if run.duration_s > 2.0 * PIECE_S]
+    long = [run for run in runs if is_long(run)]
     if sum(groups.values()) <= seconds or not long:
         return most_active_runs(runs, seconds)
     whole = [run for run in runs if run not in long]
     return _covering([*whole, *(piece for run in long for piece in pieces(run, command_period_s))], seconds)
+
+
+def is_long(run: Run) -> bool:
+    """Return whether a run is cut into pieces where all runs together are too long."""
+    return run.duration_s > 2.0 * PIECE_S
 
 
 def pieces(run: Run, command_period_s: float) -> Iterator[Run]:
@@ -78,7 +83,7 @@ def small_command_runs(dataset: Dataset, command_period_s: float) -> Dataset:
     larger commands. If no fit run is left, the dataset is returned unchanged.
     """
     runs = dataset.split("fit") + dataset.split("validation")
-    cut = [p for r in runs for p in (pieces(r, command_period_s) if r.duration_s > 2.0 * PIECE_S else (r,))]
+    cut = [p for r in runs for p in (pieces(r, command_period_s) if is_long(r) else (r,))]
     largest = [float(np.max(np.abs(run.command.wheels_rpm))) for run in cut]
     kept = tuple(run for run, rpm in zip(cut, largest, strict=True) if rpm <= SMALL * max(largest))
     if not any(run.split == "fit" for run in kept):

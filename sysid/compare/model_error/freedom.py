@@ -17,8 +17,9 @@ from mecanum_env.units import FloatArray
 
 _UNKNOWN: Final = 2.0
 """Degrees of freedom of a sequence where no others tell how much they differ: as if the mean squares were
-those of two normal values each. Assumed; drawn robots have 7 to 40."""
+those of two normal values each. Assumed."""
 _LEAST_SPREAD: Final = 1e-3
+"""Least relative variance of the mean squares, so that the degrees of freedom are finite."""
 
 
 def freedom_of_each(squares: FloatArray | Sequence[float]) -> float:

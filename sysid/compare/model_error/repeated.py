@@ -20,6 +20,7 @@ from typing import Final
 
 import numpy as np
 
+from mecanum_env.errors import InputError
 from mecanum_env.model import Model
 from mecanum_env.units import FloatArray
 from sysid.compare.measured import (
@@ -27,7 +28,9 @@ from sysid.compare.measured import (
     Block,
     Observations,
     changes_from_rest,
+    is_long,
     observe,
+    pieces,
     start_of,
 )
 from sysid.compare.model_error.adopted import as_fitted
@@ -45,10 +48,12 @@ _FEWEST_SHARED: Final = 0.5
 """Least share of the command sequences that must be among those of the fit for these alone to decide.
 Assumed."""
 _FEWEST_SEQUENCES: Final = 2
+"""Least number of command sequences that must be among those of the fit. Assumed: what happened once in one
+sequence says nothing of others."""
 _MARGIN: Final = 2.0
 """Factor on the variance of what differs from run to run, which the repeats of a few sequences tell roughly.
-Chosen on drawn robots (python benchmarks/robot_sensitivity.py, seeds 24, 38 and 40): with 1 some logs in
-which nothing had changed were called a gap, with 2 none of seven."""
+Chosen on drawn robots (the quiet rows of python benchmarks/robot_sensitivity.py with seeds 24, 38 and 40):
+with 1 some logs in which nothing had changed were called a gap."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +141,7 @@ def repeated_commands(
     """
     first = [situation.runs[0] for situation in observations.situations]
     period_s = model.wheel.command_period_s
-    partners = [
-        [other for other in fitted_on.runs if _shift_s(run, other, period_s) is not None] for run in first
-    ]
+    partners = [_partners(run, fitted_on, period_s) for run in first]
     groups = [situation.group for situation in observations.situations]
     shared = [index for index, runs in enumerate(partners) if runs]
     known = {groups[index] for index in shared}
@@ -152,9 +155,9 @@ def repeated_commands(
     residuals = list(_residuals(fitted_on, before, predicted))
     pairs = []
     for block in observations.blocks:
-        beside = [one for one in residuals if one.run in partners[block.situation]]
-        alike = groups.count(groups[block.situation])
-        found = _Beside.of(block, first[block.situation], beside, alike, period_s)
+        shifts = partners[block.situation]
+        beside = [(one, shifts[one.run]) for one in residuals if one.run in shifts]
+        found = _Beside.of(block, beside, groups.count(groups[block.situation]))
         if found is not None:
             pairs.append(found)
     observations = replace(observations, blocks=tuple(pair.block for pair in pairs))
@@ -171,6 +174,16 @@ def repeated_commands(
         simulators,
         Whitener(before, noise, None),
     )
+
+
+def _partners(run: Run, fitted_on: Dataset, period_s: float) -> dict[Run, float]:
+    """Return the runs of the fit, or pieces of the long ones, with the commands of a run, and their shifts.
+
+    Runs of a study are cut, too, where all of them are too long.
+    """
+    cut = [p for other in fitted_on.runs if is_long(other) for p in pieces(other, period_s)]
+    shifts = {other: _shift_s(run, other, period_s) for other in (*fitted_on.runs, *cut)}
+    return {other: shift for other, shift in shifts.items() if shift is not None}
 
 
 def _shift_s(run: Run, other: Run, period_s: float) -> float | None:
@@ -210,7 +223,11 @@ def _residuals(
     }
     for index, situation in enumerate(observations.situations):
         for run in situation.runs:
-            blocks = observe(replace(dataset, runs=(run,))).blocks
+            try:
+                blocks = observe(replace(dataset, runs=(run,))).blocks
+            except InputError:
+                # Its repeats have measured samples, but it has none.
+                continue
             yield _Residual(
                 run,
                 {b.channel: (b, b.value - np.interp(b.time_s, *known[index, b.channel])) for b in blocks},
@@ -229,18 +246,15 @@ class _Beside:
     """What one of them differs by from the others, with the variance of the difference, (m,)."""
 
     @classmethod
-    def of(
-        cls, block: Block, run: Run, beside: Sequence[_Residual], alike: int, period_s: float
-    ) -> _Beside | None:
+    def of(cls, block: Block, beside: Sequence[tuple[_Residual, float]], alike: int) -> _Beside | None:
         """Return a `block` of a new run beside some residuals; None if none of them has its channel.
 
-        So many runs (`alike`) are compared with the same residuals, whose error then counts once in all.
-        Commands are sent every `period_s`.
+        Each residual is so much later [s]. So many runs (`alike`) are compared with the same residuals, whose
+        error then counts once in all.
         """
         weights, residuals = [], []
-        for one in beside:
-            shift = _shift_s(run, one.run, period_s)
-            if block.channel in one.blocks and shift is not None:
+        for one, shift in beside:
+            if block.channel in one.blocks:
                 other, part = one.blocks[block.channel]
                 weights.append(np.interp(block.time_s + shift, other.time_s, other.weight))
                 residuals.append(np.interp(block.time_s + shift, other.time_s, part))

@@ -10,11 +10,15 @@ squares of two sets of m and n sequences have a ratio with the F distribution of
 An effect is looked for where the fall of the cost for each value is larger in the new logs than in those of
 the fit, by whichever form of its cause, by more than that ratio ever is, but for the probability of a false
 alarm. With few sequences that takes much more.
+
+A limit or a threshold may act in the new commands alone: the logs of the fit then say nothing of it, and the
+robot may well have had it before. So it must also explain more than such effects do in logs of an unchanged
+robot (`Thresholds.least_elsewhere`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 
 from scipy.stats import f as f_distribution
 
@@ -23,32 +27,33 @@ from mecanum_env.model import cause_of
 from sysid.compare.least_squares import ResidualProblem, base_fit, fit
 from sysid.compare.measured import Observations
 from sysid.compare.model_error import Learned, RepeatedCommands, as_fitted
-from sysid.gap.search.responses import Growth, Response, growths, responses
+from sysid.gap.search.responses import Growth, Library, Response, growths, responses
 from sysid.gap.search.sets import EMPTY
 from sysid.gap.search.thresholds import THRESHOLDS
 
 
-def beyond_fit(problem: ResidualProblem, learned: Learned, library: Sequence[Response]) -> list[Response]:
-    """Return the responses of a `library` without those of effects that the logs of the fit show as much.
+def beyond_fit(problem: ResidualProblem, learned: Learned, library: Sequence[Response]) -> Library:
+    """Return which effects of a `library` may be more than the model's own error.
 
     `problem` is that of a robot's new logs, beside what was `learned` from those of the fit.
     """
-    first_order = {r.effect for r in library if r.linear and not CATALOGUE[r.effect].follows_angle}
-    asked = {response.effect for response in library} - first_order
+    ripples = {r.effect for r in library if CATALOGUE[r.effect].follows_angle}
+    stepwise = {r.effect for r in library} - {r.effect for r in library if r.linear} - ripples
+    rough = dict.fromkeys(stepwise, THRESHOLDS.least_elsewhere * problem.size)
     of_fit = ResidualProblem(learned.model, learned.whitener, problem.settings, learned.simulators, learned)
-    return _without_known(problem, of_fit, library, asked)
+    return _beyond(problem, of_fit, library, dict.fromkeys(ripples, 0.0) | rough)
 
 
 def ripples_beyond_fit(
     problem: ResidualProblem, repeated: RepeatedCommands, library: Sequence[Response]
-) -> list[Response]:
-    """Return the responses of a `library` without ripples that the logs of the fit show as much.
+) -> Library:
+    """Return which ripples of a `library` are more than what the logs of the fit show, beside all others.
 
     `problem` is that of new logs of a robot beside what was measured in the same commands (`repeated`). What
     a limit or a threshold did there is taken off with the rest; a ripple comes with another phase each time,
     and so is as large in what repeats differ by.
     """
-    asked = {response.effect for response in library if CATALOGUE[response.effect].follows_angle}
+    ripples = {response.effect for response in library if CATALOGUE[response.effect].follows_angle}
     unchanged = repeated.unchanged(problem.base, problem.simulators)
     if unchanged is None:
         model, whitener, simulators = as_fitted(problem.base), repeated.whitener, repeated.simulators
@@ -57,33 +62,51 @@ def ripples_beyond_fit(
         of_fit = ResidualProblem(
             problem.base, problem.whitener, problem.settings, problem.simulators, unchanged
         )
-    return _without_known(problem, of_fit, library, asked)
+    return _beyond(problem, of_fit, library, dict.fromkeys(ripples, 0.0))
 
 
-def _without_known(
-    problem: ResidualProblem, of_fit: ResidualProblem, library: Sequence[Response], effects: Collection[str]
-) -> list[Response]:
-    """Return the responses of a `library` without those of `effects` that the logs `of_fit` show as much."""
-    asked = {
-        growth.names[0]: gain / problem.size
-        for growth, gain in _growths(problem, library)
-        if growth.names[0] in effects and gain > THRESHOLDS.tie_sigmas**2
-    }
-    if not asked:
-        return list(library)
-    largest = largest_ratio(problem.observations, of_fit.observations)
+def _beyond(
+    problem: ResidualProblem,
+    of_fit: ResidualProblem,
+    library: Sequence[Response],
+    least: Mapping[str, float],
+) -> Library:
+    """Return which effects are more than the logs `of_fit` show, and than the `least` fall of the cost.
+
+    Each effect that may be among the model's own error has such a least fall.
+    """
+    promised = {growth.names[0]: gain for growth, gain in _growths(problem, library)}
+    asked = [
+        name for name, gain in promised.items() if gain > max(THRESHOLDS.tie_sigmas**2, least.get(name, 0.0))
+    ]
+    there: dict[str, float] = {}
+    if asked:
+        there = _shown_gains(of_fit, asked, library)
+    most = largest_ratio(problem.observations, of_fit.observations) * problem.size
+    least = {name: max(gain, most * there.get(cause_of(name), 0.0)) for name, gain in least.items()}
+    small = {name for name, gain in least.items() if promised.get(name, 0.0) < gain}
+    searched = [response for response in library if response.effect not in small]
+    return Library(searched, [response for response in library if response.effect in small], least)
+
+
+def _shown_gains(
+    of_fit: ResidualProblem, names: Sequence[str], library: Sequence[Response]
+) -> dict[str, float]:
+    """Return by how much causes lower the cost in the logs `of_fit`, for each value, by their best form.
+
+    `names` are the effects that are tried there, of the `library` of new logs.
+    """
     there: dict[str, float] = {}
     # The residual of the one may show another ripple most than that of the other.
     fixed = [value for response in library for value in response.chosen.fixed]
     per_turn = {int(value) for _, parameter, value in fixed if parameter == "per_turn"}
-    tried = responses(of_fit, list(asked), per_turn=per_turn)
+    tried = responses(of_fit, names, per_turn=per_turn)
     for growth, promised in _growths(of_fit, tried):
         (name,) = growth.names
         shown = of_fit.surrogate_covers([name])
         gain = _shown_gain(of_fit, growth, tried) if shown else promised
         there[cause_of(name)] = max(there.get(cause_of(name), 0.0), gain / of_fit.size)
-    known = {name for name, gain in asked.items() if gain < largest * there.get(cause_of(name), 0.0)}
-    return [response for response in library if response.effect not in known]
+    return there
 
 
 def largest_ratio(new: Observations, of_fit: Observations) -> float:

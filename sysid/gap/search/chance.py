@@ -186,13 +186,15 @@ def _root(covariance: FloatArray) -> FloatArray:
     return root
 
 
-def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[str, dict[str, float]]:
+def smallest_detectable(
+    library: Sequence[Response], threshold: float, least: Mapping[str, float]
+) -> dict[str, dict[str, float]]:
     """Return effect -> parameter -> smallest value that would be seen with 90 % probability.
 
-    Seen is what lowers the cost by a `threshold`; a parameter of which no value would be seen is left out.
-    `library` holds the responses of the effects on these logs.
+    Seen is what lowers the cost by a `threshold`, and by the `least` fall that an effect needs, if any. A
+    parameter of which no value would be seen is left out. `library` holds the responses of the effects on
+    these logs.
     """
-    needed = float((np.sqrt(threshold) + norm.ppf(THRESHOLDS.power)) ** 2)
     found: dict[str, dict[str, float]] = {}
     by_parameter: dict[tuple[str, str], list[Response]] = {}
     for response in library:
@@ -200,7 +202,8 @@ def smallest_detectable(library: Sequence[Response], threshold: float) -> dict[s
             key = response.effect, response.chosen.coordinates[0].parameter
             by_parameter.setdefault(key, []).append(response)
     for (name, parameter), own in by_parameter.items():
-        value = _smallest(own, needed)
+        fall = max(threshold, least.get(name, 0.0))
+        value = _smallest(own, float((np.sqrt(fall) + norm.ppf(THRESHOLDS.power)) ** 2))
         if value is not None:
             found.setdefault(name, {})[parameter] = value
     return found
@@ -223,7 +226,8 @@ def untestable(
         if name in considered and name not in detectable:
             responds = any(r.effect == name and r.length > _NO_RESPONSE for r in library)
             reason = (
-                "even the largest size of the search would change these logs by less than noise does"
+                "even the largest size of the search would change these logs by less than noise or the "
+                "model's own error does"
                 if responds
                 else f"no measured channel responds to it under the {_given(effect)} of these logs"
             )

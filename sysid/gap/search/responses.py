@@ -7,8 +7,8 @@ is then estimated by linear least squares on the responses, which tells what is 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import product
 from typing import Final, TypeAlias
 
@@ -75,6 +75,18 @@ class Response:
     def length(self) -> float:
         """Norm of the change, in noise sigmas over all samples."""
         return float(np.linalg.norm(self.change))
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """What the considered effects would do in some logs."""
+
+    searched: Sequence[Response]
+    """Of the effects that are looked for."""
+    left_out: Sequence[Response] = ()
+    """Of effects that explain no more of the logs than the model's own error may."""
+    least: Mapping[str, float] = field(default_factory=dict)
+    """Effect -> fall of the cost above which it is more than that error, for each that may be among it."""
 
 
 def responses(

@@ -29,7 +29,7 @@ from sysid.compare.least_squares import (
 )
 from sysid.compare.search_space import EffectSet, excludes_itself
 from sysid.gap.search.chance import roller_scatter
-from sysid.gap.search.responses import Growth, Response, growths, responses
+from sysid.gap.search.responses import Growth, Library, Response, growths, responses
 from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 from sysid.progress import Progress, silent
 
@@ -59,8 +59,9 @@ _SWAP: Final = 0.2
 class Search:
     """All sets fitted so far, the empty one first."""
 
-    def __init__(self, problem: ResidualProblem, library: Sequence[Response], effort: SearchEffort) -> None:
-        self.problem, self.library, self.effort = problem, tuple(library), effort
+    def __init__(self, problem: ResidualProblem, considered: Library, effort: SearchEffort) -> None:
+        self.problem, self.considered, self.effort = problem, considered, effort
+        self.library = considered.searched
         self.base = base_fit(problem, EMPTY)
         self.tell: Progress = silent
         """Called before each fit with the set."""

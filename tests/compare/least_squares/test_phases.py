@@ -14,7 +14,7 @@ from sysid.compare.least_squares.phases import with_unknown_phases
 from sysid.compare.measured import observe
 from sysid.compare.model_error import Whitener
 from sysid.compare.noise import measure_noise
-from sysid.gap.search.responses import responses
+from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
 from sysid.logs import BenchCommand, Dataset, Run
@@ -58,7 +58,9 @@ def test_an_effect_of_the_angle_is_found_whatever_the_phase_of_each_run(
     effect: str, values: dict[str, float]
 ) -> None:
     problem = problem_of(turned_logs(effect, **values))
-    search = Search(problem, responses(problem, ["torque_ripple", "encoder_eccentricity"]), SearchEffort())
+    search = Search(
+        problem, Library(responses(problem, ["torque_ripple", "encoder_eccentricity"])), SearchEffort()
+    )
     search.grow(1)
     best = search.of_size(1)[0]
     found = best.candidate.model(MODEL, best.place).effects[effect]

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from sysid.compare.least_squares import ResidualProblem
-from sysid.compare.measured import observe
+from sysid.compare.measured import observe, pieces
 from sysid.compare.model_error import RepeatedCommands, Whitener, repeated_commands
 from sysid.compare.model_error.repeated import _calibrated
 from sysid.logs import Dataset
@@ -86,3 +86,22 @@ def test_noise_that_is_too_small_for_the_repeats_grows_to_twice_what_they_differ
     white = Whitener(found.observations, grown, None).whiten(found.scatter)
     np.testing.assert_allclose(2.0 * np.mean(white**2), 1.0, rtol=0.02)
     assert freedom > 10.0  # what four sequences of white noise show
+
+
+def test_a_run_without_measured_samples_is_left_out() -> None:
+    first, *others = NOMINAL.runs
+    nothing = {name: np.full(values.size, np.nan) for name, values in first.channels.items()}
+    found = compared(replace(NOMINAL, runs=(replace(first, channels=nothing), *others)), NOMINAL)
+    assert found is not None
+    # Of the first sequence one repeat is left, so that not all of the sequences tell what repeats differ by.
+    assert found.scatter is None
+
+
+def test_pieces_of_a_long_run_are_found_in_the_run_that_repeats_it() -> None:
+    before, after = (logs(GAIN, (1,), seed, length_s=22.0) for seed in (16, 17))
+    cut = tuple(piece for run in after.runs for piece in pieces(run, MODEL.wheel.command_period_s))
+    found = compared(before, replace(after, runs=cut))
+    assert found is not None
+    groups = [situation.group for situation in found.observations.situations]
+    assert len(set(groups)) == len(groups) == len(cut) / 2 > 2
+    assert ratio(found) < 1.3

@@ -14,7 +14,7 @@ from sysid.compare.measured import observe
 from sysid.compare.model_error import Learned, Whitener, learn
 from sysid.compare.predicted import SimulationSettings
 from sysid.gap.search.beyond_fit import beyond_fit, largest_ratio
-from sysid.gap.search.chance import Floor
+from sysid.gap.search.chance import Floor, smallest_detectable
 from sysid.gap.search.decision import _inflation
 from sysid.gap.search.responses import responses
 from sysid.gap.search.scores import group_masks, rises
@@ -78,7 +78,9 @@ def test_a_ripple_that_the_logs_of_the_fit_show_is_not_looked_for(
     problem = problem_of(logs_of(robot_logs, rippled), learned)
     library = responses(problem, ["encoder_eccentricity", "speed_gain"])
     assert {r.effect for r in library} == {"encoder_eccentricity", "speed_gain"}
-    assert {r.effect for r in beyond_fit(problem, learned, library)} == {"speed_gain"}
+    found = beyond_fit(problem, learned, library)
+    assert {r.effect for r in found.searched} == {"speed_gain"}
+    assert {r.effect for r in found.left_out} == {"encoder_eccentricity"}
 
 
 def test_a_ripple_that_is_new_is_looked_for(robot_logs: MakeLogs) -> None:
@@ -86,7 +88,21 @@ def test_a_ripple_that_is_new_is_looked_for(robot_logs: MakeLogs) -> None:
     rippled = paper_model().with_effect("encoder_eccentricity", **RIPPLE)
     problem = problem_of(logs_of(robot_logs, rippled), learned)
     library = responses(problem, ["encoder_eccentricity"])
-    assert beyond_fit(problem, learned, library) == library
+    assert beyond_fit(problem, learned, library).searched == library
+
+
+@pytest.mark.parametrize(("threshold_rpm", "is_searched"), [(0.5, False), (20.0, True)])
+def test_a_threshold_that_explains_little_may_be_an_error_that_the_fit_did_not_reach(
+    learned: Learned, robot_logs: MakeLogs, threshold_rpm: float, is_searched: bool
+) -> None:
+    numb = paper_model().with_effect("command_deadband", threshold_rpm=threshold_rpm)
+    problem = problem_of(logs_of(robot_logs, numb), learned)
+    found = beyond_fit(problem, learned, responses(problem, ["command_deadband"]))
+    assert bool(found.searched) == is_searched
+    assert bool(found.left_out) != is_searched
+    # The study says what it could have seen.
+    sizes = smallest_detectable((*found.searched, *found.left_out), 10.0, found.least)
+    assert sizes["command_deadband"]["threshold_rpm"] > threshold_rpm or is_searched
 
 
 def test_an_error_of_few_sequences_may_be_much_larger_in_others(robot_logs: MakeLogs) -> None:

@@ -19,7 +19,7 @@ from sysid.compare.predicted import SimulationSettings
 from sysid.gap.search.chance import Floor
 from sysid.gap.search.decision import _holds
 from sysid.gap.search.further import needed
-from sysid.gap.search.responses import responses
+from sysid.gap.search.responses import Library, responses
 from sysid.gap.search.scores import scored
 from sysid.gap.search.sets import Search
 from sysid.gap.search.thresholds import SearchEffort
@@ -60,7 +60,7 @@ def late(learned: Learned, robot_logs: MakeLogs) -> ResidualProblem:
 def searched(problem: ResidualProblem, *second: str) -> Search:
     """Return a search with the limit fitted, and beside it each `second` effect."""
     names = ["body_speed_limit", *second]
-    search = Search(problem, responses(problem, names), SearchEffort(4, 4, 1, 1, 1))
+    search = Search(problem, Library(responses(problem, names)), SearchEffort(4, 4, 1, 1, 1))
     search.grow(1)
     search.fit_best(search.growths(search.of_size(1)[0]), 4)
     return search

@@ -103,15 +103,16 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     same_size = [j for j in judged if len(j.names) == len(chosen.names)]
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
     chosen = in_first_forms(chosen, harmless, inflation)
-    as_good = tied(search, floor, chosen, harmless, inflation)
-    as_good = friction_first(with_causes(search, floor, as_good, judged, inflation) or as_good)
+    rival = free_term(problem, base.residual, inflation) if problem.bench else None
+    lacking = 0.0 if rival is None else max(0.0, chosen.score - rival.score)
+    as_good = tied(search, floor, chosen, harmless, inflation, lacking)
+    as_good = friction_first(with_causes(search, floor, as_good, judged, inflation, lacking) or as_good)
     # The chosen one was found to be needed before (`_holds`).
     as_good = tuple(
         one for one in as_good if one is chosen or needed(search, floor, one.fitted, inflation, rng)
     )
     chosen = as_good[0] if as_good else chosen
     as_good = with_fewer(search, floor, as_good, judged, inflation)
-    rival = free_term(problem, base.residual, inflation) if problem.bench else None
     return replace(
         facts,
         chosen=chosen,

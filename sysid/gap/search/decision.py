@@ -145,7 +145,8 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     p_gain = by_chance.p_value((base.cost - search.best_fit.cost) / inflation)
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
-    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, visible(problem, base), inflation)
+    is_plain = visible(problem, base) or _plainly_larger(problem, base)
+    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, is_plain, inflation)
     if p_value > floor.false_alarm:
         return facts
     if not search.of_size(1):
@@ -261,6 +262,21 @@ def _mean_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
     parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
     both = zip(blocks, parts, strict=True)
     return sum(float(block.weight @ part**2) / noise[block.channel] ** 2 for block, part in both)
+
+
+def _plainly_larger(problem: ResidualProblem, base: Fitted[EffectSet]) -> bool:
+    """Return whether the squared errors are plainly larger than a right model's, without any whitening.
+
+    The cost of many samples of noise hides an error that is slow: whitened, it is in few of them.
+    """
+    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
+    unknown = problem.whitener.unwhiten(problem.nuisance)
+    parts = zip(blocks, problem.whitener.expected_squares(), unknown, strict=True)
+    right = sum(
+        float(block.weight @ (squares + np.sum(columns**2, axis=1))) / noise[block.channel] ** 2
+        for block, squares, columns in parts
+    )
+    return _mean_squares(problem, base) > THRESHOLDS.plainly_visible * right
 
 
 def _noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:

@@ -55,7 +55,7 @@ class Inquiry:
 
     @property
     def best_model(self) -> Model | None:
-        """The model with the best set of effects, whether it is named or not; None if nothing is significant."""
+        """The model with the best set of effects, named or not; None if nothing is significant."""
         chosen = self.decision.facts.chosen
         if chosen is None:
             return None

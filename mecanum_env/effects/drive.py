@@ -91,7 +91,7 @@ EFFECTS: Final = (
         station="set_point",
         acts_on="drive",
         parameters=(
-            Parameter("drop_per_s", "1/s", 0.0, (0.0, 0.05)),
+            Parameter("drop_per_s", "1/s", 0.0, (0.0, 0.08)),
             Parameter("per_volt", "1/V", 0.0, PER_VOLT, searched=False),
         ),
         summary="The drives' gain falls with time; `per_volt` is that of the form `voltage`.",

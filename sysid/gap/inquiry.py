@@ -53,6 +53,15 @@ class Inquiry:
     """Effects that the logs of the model's fit show, too, and that the search took for granted: effect ->
     parameter -> value and the ends of its 90 % interval."""
 
+    @property
+    def best_model(self) -> Model | None:
+        """The model with the best set of effects, named or not; None if nothing is significant."""
+        chosen = self.decision.facts.chosen
+        if chosen is None:
+            return None
+        model: Model = chosen.fitted.candidate.model(self.search.problem.base, chosen.fitted.place)
+        return model
+
 
 def inquire(
     dataset: Dataset,

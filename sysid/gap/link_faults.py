@@ -8,7 +8,9 @@ delay of the logs is kept, so that another one than the model's is found as an e
 the report for the logs as they were.
 
 If the model does not say so, `with_link_fault` looks for such a link after the search of effects. The delay
-of each change is estimated under the model and under what the search found (`sysid.compare.links.faults`).
+of each change is estimated under the model and beside the best set of effects (`sysid.compare.links.faults`).
+A set that is not named counts as well: it may be too close to the model's own error for a name, and yet all
+that there is, and an effect that the prediction lacks looks like delays of single changes.
 Where both say that the delays differ, or that commands are lost, by far more than stamps and the logs of the
 fit explain, the changes are moved to where they acted, what is left is studied again, and the fault is named
 beside it.
@@ -76,15 +78,21 @@ def as_given(report: GapReport, logs: AlignedLogs) -> GapReport:
 
 
 def with_link_fault(
-    dataset: Dataset, model: Model, options: GapOptions, report: GapReport, analyse: Analyse
+    dataset: Dataset,
+    model: Model,
+    options: GapOptions,
+    report: GapReport,
+    best: Model,
+    analyse: Analyse,
 ) -> GapReport:
     """Return the report with the link's fault, if the logs show one; else as it is.
 
     The report is that of a study of the logs under the `model` with these options, by the function `analyse`.
+    `best` is the model with the best set of effects, named or not; the model itself if there is none.
     """
     if dataset.level != "bench" or not _is_asked(options):
         return report
-    found = _found(dataset, model, options, report)
+    found = _found(dataset, model, options, report, best)
     if found is None:
         return report
     rest = analyse(found.logs.dataset, found.logs.model, replace(options, fitted_on=found.fitted_on))
@@ -97,7 +105,9 @@ def _is_asked(options: GapOptions) -> bool:
     return asked and not any(is_meant(name, options.exclude) for name in both)
 
 
-def _found(dataset: Dataset, model: Model, options: GapOptions, report: GapReport) -> _Found | None:
+def _found(
+    dataset: Dataset, model: Model, options: GapOptions, report: GapReport, best: Model
+) -> _Found | None:
     clock = LinkClock.of(model)
     interval = float(np.median([run.median_interval_s for run in dataset.runs]))
     own, fitted_on = link_delays(model, dataset.runs, clock), options.fitted_on
@@ -107,9 +117,9 @@ def _found(dataset: Dataset, model: Model, options: GapOptions, report: GapRepor
     fault = link_fault(own, known, THRESHOLDS.interval_level, rng)
     if fault is None:
         return None
-    if report.effects:
-        under_found = link_delays(report.model, dataset.runs, clock)
-        beside = link_fault(under_found, known, THRESHOLDS.interval_level, rng)
+    if best is not model:
+        beside_best = link_delays(best, dataset.runs, clock)
+        beside = link_fault(beside_best, known, THRESHOLDS.interval_level, rng)
         if beside is None or beside.kind != fault.kind:
             return None
     sure = fault.delays(own, known)

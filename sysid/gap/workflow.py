@@ -69,19 +69,20 @@ def analyse(
         late = AlignedLogs.stated(dataset, model)
         if late is None:
             options = replace(options, fitted_on=fitted_on)
-            report = _analyse(dataset, model, options, budget.level, progress)
+            report, best = _analyse(dataset, model, options, budget.level, progress)
             progress("delays of single commands")
             report = with_link_fault(
                 dataset,
                 model,
                 options,
                 report,
-                lambda logs, base, chosen: _analyse(logs, base, chosen, budget.level, silent),
+                best,
+                lambda logs, base, chosen: _analyse(logs, base, chosen, budget.level, silent)[0],
             )
         else:
             fitted_on = None if fitted_on is None else late.beside(fitted_on)
             options = replace(options, fitted_on=fitted_on)
-            found = _analyse(late.dataset, late.model, options, budget.level, progress)
+            found, _ = _analyse(late.dataset, late.model, options, budget.level, progress)
             report = as_given(found, late)
     heavy = tuple(one.note(channel) for channel, one in tails.items())
     return replace(
@@ -96,13 +97,14 @@ def analyse(
 
 def _analyse(
     dataset: Dataset, model: Model, options: GapOptions, false_alarm: float, progress: Progress
-) -> GapReport:
+) -> tuple[GapReport, Model]:
+    """Return the report of a study, and the model with the best set of effects, named or not."""
     known = known_effects(dataset.level, options.plant, dataset.columns)
     only = options.only or known
     considered = [name for name in known if is_meant(name, only) and not is_meant(name, options.exclude)]
     found = inquire(dataset, model, options, considered, false_alarm, progress)
     progress("before and after")
-    return _report(dataset, model, options, found, considered)
+    return _report(dataset, model, options, found, considered), found.best_model or model
 
 
 def _report(

@@ -12,14 +12,17 @@ import sysid.gap
 from mecanum_env.model import Model
 from sysid.compare.least_squares import Fitted, ResidualProblem
 from sysid.compare.measured import observe
-from sysid.compare.model_error import Whitener
+from sysid.compare.model_error import ModelError, Whitener
+from sysid.compare.model_error.size import ChannelError
 from sysid.compare.noise import measure_noise
 from sysid.compare.search_space import EffectSet, effect_set
 from sysid.gap.report.output import gap_json
 from sysid.gap.result import FoundEffect, GapOptions, GapReport, Interval
+from sysid.gap.search.chance import Floor
+from sysid.gap.search.decision import explore
 from sysid.gap.search.responses import Growth, Library, growths, responses
 from sysid.gap.search.sets import Search
-from sysid.gap.search.thresholds import SearchEffort
+from sysid.gap.search.thresholds import THRESHOLDS, SearchEffort
 from sysid.gap.workflow import analyse
 from sysid.logs import Dataset
 from tests.gap.conftest import MakeLogs
@@ -200,3 +203,18 @@ def test_another_form_of_an_effect_that_the_model_has_may_fit_worse(
     droop = effect_set(model, ["coulomb_friction"])
     search.fit_best([Growth(droop, droop.start(), search.base, expected=0.0)], most=1)
     assert search.fitted[droop.names].cost > 2.0 * search.base.cost
+
+
+@pytest.mark.parametrize(("gain", "is_plain"), [(1.0, False), (0.96, True)])
+def test_a_slow_difference_is_plain_though_noise_is_most_of_the_cost(
+    bench_logs: MakeLogs, base: Model, gain: float, is_plain: bool
+) -> None:
+    """Whitened, an error that lasts is in few of the many samples; its plain squares are far too large."""
+    logs = bench_logs(base.with_effect("speed_gain", gain=gain), noise_rpm=1.0)
+    observations = observe(logs)
+    error = ModelError({"speed_rpm": ChannelError(settled=1.0, transient=0.0, correlation_s=0.3)})
+    whitener = Whitener(observations, measure_noise(logs, observations), error)
+    search = Search(ResidualProblem(base, whitener), [], SearchEffort())
+    assert search.base.cost < THRESHOLDS.plainly_visible * search.problem.size
+    facts = explore(search, Floor(np.inf, trusted=True, compared=True), 1, np.random.default_rng(0))
+    assert facts.is_plain == is_plain

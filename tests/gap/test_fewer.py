@@ -62,6 +62,28 @@ def test_a_first_form_takes_the_place_of_another_only_if_its_fit_ended_as_low(
 
 
 @pytest.mark.parametrize(
+    ("lacking", "names"), [(0.0, [("stiction",)]), (80.0, [("stiction",), ("backlash",)])]
+)
+def test_what_a_function_without_a_cause_does_better_widens_a_tie(
+    search: Any, lacking: float, names: list[tuple[str, ...]]
+) -> None:
+    """So much the formula of the chosen set lacks at least, and so much may that of the right one."""
+
+    def one(name: str, score: float, size: float) -> ScoredSet:
+        candidate = SimpleNamespace(parameter_count=1)
+        fitted: Any = SimpleNamespace(
+            names=(name,), cost=score, candidate=candidate, residual=np.full(4, size)
+        )
+        return ScoredSet(fitted, np.array([score]))
+
+    search.problem = SimpleNamespace(has_surrogate=False)
+    search.shared = lambda *_: SimpleNamespace(cost=200.0)
+    sets = [one("stiction", 150.0, 6.0), one("backlash", 200.0, -6.0)]
+    found = ties.tied(search, FLOOR, sets[0], sets, 1.0, lacking)
+    assert [each.names for each in found] == names
+
+
+@pytest.mark.parametrize(
     ("better", "worse", "share"),
     [
         (("speed_gain", "backlash"), ("speed_gain",), THRESHOLDS.exact_formula),

@@ -9,8 +9,10 @@ import pytest
 
 from mecanum_env.model import Model, paper_model
 from mecanum_env.simulator.bench import bench_motion
-from sysid.compare.links import AlignedLogs
-from sysid.gap.result import GapOptions
+from sysid.compare.links import AlignedLogs, LinkClock, LinkDelays, link_delays
+from sysid.gap import link_faults
+from sysid.gap.link_faults import with_link_fault
+from sysid.gap.result import GapOptions, GapReport
 from sysid.gap.workflow import analyse
 from sysid.logs import BenchCommand, Dataset, Run
 
@@ -64,6 +66,23 @@ def test_lost_commands_are_named_with_their_share(seed: int) -> None:
 def test_a_steady_link_is_not_named() -> None:
     report = analyse(logs("steady", 1), paper_model(), replace(QUIET, fitted_on=logs("steady", 9)))
     assert report.verdict == "no_gap"
+
+
+def test_a_loss_is_not_named_where_the_best_set_needs_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The set may be too close to the model's own error for a name; the changes acted in time beside it."""
+    dataset, steady, model = logs("loss", 1), logs("steady", 1), paper_model()
+    best = model.with_effect("viscous_friction", damping_n_m_s_rad=0.1)
+
+    def delays(under: Model, runs: tuple[Run, ...], clock: LinkClock) -> LinkDelays:
+        return link_delays(under, steady.runs if under is best else runs, clock)
+
+    def not_asked(*_: object) -> GapReport:
+        pytest.fail("the logs were studied with the changes where they acted")
+
+    options = replace(QUIET, fitted_on=logs("steady", 9))
+    nothing = replace(analyse(steady, model, options), verdict="no_gap")
+    monkeypatch.setattr(link_faults, "link_delays", delays)
+    assert with_link_fault(dataset, model, options, nothing, best, not_asked) is nothing
 
 
 def test_a_model_that_loses_commands_is_compared_with_the_changes_where_they_acted() -> None:

@@ -104,7 +104,7 @@ def test_what_is_no_speed_is_searched_alike_on_every_drive() -> None:
                 assert parameter.scaled(scale) is parameter
 
 
-@pytest.mark.parametrize(("run_s", "most"), [(2.5, 0.2), (10.0, 0.05), (300.0, 0.05)])
+@pytest.mark.parametrize(("run_s", "most"), [(2.5, 0.32), (10.0, 0.08), (300.0, 0.08)])
 def test_a_sag_may_be_faster_in_short_runs(run_s: float, most: float) -> None:
     sag = next(p for p in CATALOGUE["battery_sag"].parameters if p.name == "drop_per_s")
     assert sag.scaled(Scale(run_s=run_s)).bounds == (0.0, pytest.approx(most))

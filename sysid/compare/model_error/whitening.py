@@ -63,10 +63,23 @@ class Whitener:
         )
 
     def unwhiten(self, vector: FloatArray) -> list[FloatArray]:
-        """Return the parts (m,) of each block from a whitened `vector` (N,)."""
+        """Return the parts of each block, (m,) or (m, p), from a whitened `vector` (N,) or columns (N, p)."""
         return [
-            vector[rows] * factor if factor.ndim == 1 else factor @ vector[rows]
+            vector[rows] * factor.reshape((-1,) + (1,) * (vector.ndim - 1))
+            if factor.ndim == 1
+            else factor @ vector[rows]
             for rows, factor in zip(self.slices, self._factors, strict=True)
+        ]
+
+    def expected_squares(self) -> list[FloatArray]:
+        """Return the mean square of what each block's residual (m,) of a right model is, in its unit.
+
+        The model's own error counts in full, with what is the same after every change of command.
+        """
+        return [
+            (factor**2 if factor.ndim == 1 else np.sum(factor**2, axis=1))
+            + (1.0 - _SHARE**2) * self._own_error(block) ** 2
+            for block, factor in zip(self.observations.blocks, self._factors, strict=True)
         ]
 
     def measured(self) -> list[FloatArray]:
@@ -104,12 +117,18 @@ class Whitener:
             holds = holds_of(self.observations, block)
             covariance += lasting**2 * (holds[:, None] == holds[None, :])
         if error is not None and not exact:
-            size = _SHARE * np.hypot(
-                error.settled, error.transient * activity_rpm(run, block.time_s, DECAY_S)
-            )
+            size = _SHARE * self._own_error(block)
             covariance += np.outer(size, size) * np.exp(-lag_s / error.correlation_s)
         covariance[np.diag_indices_from(covariance)] += variance
         return np.asarray(np.linalg.cholesky(covariance))
+
+    def _own_error(self, block: Block) -> FloatArray:
+        """Return e(t), the standard deviation of the model's own error at a block's values, (m,)."""
+        error = error_of(self.error, block.channel)
+        if error is None:
+            return np.zeros(block.value.size)
+        run = self.observations.situations[block.situation].runs[0]
+        return np.hypot(error.settled, error.transient * activity_rpm(run, block.time_s, DECAY_S))
 
 
 def error_of(error: ModelError | None, channel: str) -> ChannelError | None:

@@ -77,11 +77,9 @@ def _beyond(
     """
     promised = {growth.names[0]: gain for growth, gain in _growths(problem, library)}
     asked = [
-        name for name, gain in promised.items() if gain > max(THRESHOLDS.tie_sigmas**2, least.get(name, 0.0))
+        name for name, gain in least.items() if promised.get(name, 0.0) > max(THRESHOLDS.tie_sigmas**2, gain)
     ]
-    there: dict[str, float] = {}
-    if asked:
-        there = _shown_gains(of_fit, asked, library)
+    there = _shown_gains(of_fit, asked, library) if asked else {}
     most = largest_ratio(problem.observations, of_fit.observations) * problem.size
     least = {name: max(gain, most * there.get(cause_of(name), 0.0)) for name, gain in least.items()}
     small = {name for name, gain in least.items() if promised.get(name, 0.0) < gain}

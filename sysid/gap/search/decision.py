@@ -26,6 +26,7 @@ from sysid.gap.result import Verdict
 from sysid.gap.search.chance import Floor, chance_gains, complete, enough, misfit, roller_scatter
 from sysid.gap.search.free_term import free_term
 from sysid.gap.search.further import needed, residue, visible
+from sysid.gap.search.plain_squares import noise_ratio, plainly_larger, removed
 from sysid.gap.search.rules import Facts, apply_rules
 from sysid.gap.search.scores import ScoredSet, doubtful, rises, scored
 from sysid.gap.search.sets import Search
@@ -103,15 +104,16 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     same_size = [j for j in judged if len(j.names) == len(chosen.names)]
     harmless = [j for j in same_size if not rises(problem, base, j.fitted)]
     chosen = in_first_forms(chosen, harmless, inflation)
-    as_good = tied(search, floor, chosen, harmless, inflation)
-    as_good = friction_first(with_causes(search, floor, as_good, judged, inflation) or as_good)
+    rival = free_term(problem, base.residual, inflation) if problem.bench else None
+    lacking = 0.0 if rival is None else max(0.0, chosen.score - rival.score)
+    as_good = tied(search, floor, chosen, harmless, inflation, lacking)
+    as_good = friction_first(with_causes(search, floor, as_good, judged, inflation, lacking) or as_good)
     # The chosen one was found to be needed before (`_holds`).
     as_good = tuple(
         one for one in as_good if one is chosen or needed(search, floor, one.fitted, inflation, rng)
     )
     chosen = as_good[0] if as_good else chosen
     as_good = with_fewer(search, floor, as_good, judged, inflation)
-    rival = free_term(problem, base.residual, inflation) if problem.bench else None
     return replace(
         facts,
         chosen=chosen,
@@ -122,7 +124,7 @@ def collect(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
         law_allowed=THRESHOLDS.tie_sigmas**2
         + _formula_residue(search, chosen.fitted, THRESHOLDS.exact_formula) / inflation,
         adequate=enough(problem, base, chosen.fitted, floor),
-        removed=_removed(problem, base, chosen.fitted),
+        removed=removed(problem, base, chosen.fitted),
         gain=1.0 - chosen.fitted.cost / base.cost,
         raises_rms=rises(problem, base, chosen.fitted),
         doubtful=doubtful(problem, chosen.fitted, inflation),
@@ -144,7 +146,8 @@ def explore(search: Search, floor: Floor, max_effects: int, rng: np.random.Gener
     p_gain = by_chance.p_value((base.cost - search.best_fit.cost) / inflation)
     p_misfit = misfit(problem, base, floor)
     p_value = min(1.0, 2.0 * min(p_gain, p_misfit))
-    facts = Facts(floor, _noise_ratio(problem, base), p_value, p_misfit, visible(problem, base), inflation)
+    is_plain = visible(problem, base) or (problem.bench and plainly_larger(problem, base))
+    facts = Facts(floor, noise_ratio(problem, base), p_value, p_misfit, is_plain, inflation)
     if p_value > floor.false_alarm:
         return facts
     if not search.of_size(1):
@@ -252,27 +255,6 @@ def _law(problem: ResidualProblem, inflation: float) -> ScoredSet | None:
     rival = RefittedLaw(problem.base)
     found = fit(problem, rival, rival.start(), most=20)
     return None if found is None else scored(problem, found, inflation)
-
-
-def _mean_squares(problem: ResidualProblem, fitted: Fitted[EffectSet]) -> float:
-    """Return the sum of squared errors, each a mean over repeats, in variances of such a mean."""
-    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
-    parts = problem.whitener.unwhiten(problem.marginal_inverse(fitted.residual))
-    both = zip(blocks, parts, strict=True)
-    return sum(float(block.weight @ part**2) / noise[block.channel] ** 2 for block, part in both)
-
-
-def _noise_ratio(problem: ResidualProblem, base: Fitted[EffectSet]) -> float:
-    """Return the mean squared error over single samples in noise variances, 1 for a right model."""
-    noise, blocks = problem.whitener.noise.sigma, problem.observations.blocks
-    spread = sum(b.repeat_squares / noise[b.channel] ** 2 for b in blocks)
-    return (_mean_squares(problem, base) + spread) / sum(float(b.weight.sum()) for b in blocks)
-
-
-def _removed(problem: ResidualProblem, base: Fitted[EffectSet], chosen: Fitted[EffectSet]) -> float:
-    """Return the share of the squared difference above the noise that a set removes, sample by sample."""
-    before, after = (_mean_squares(problem, fitted) - problem.size for fitted in (base, chosen))
-    return (before - after) / before if before > 0.0 else 0.0
 
 
 def _frequency(chosen: ScoredSet, judged: Sequence[ScoredSet], rng: np.random.Generator) -> dict[str, float]:

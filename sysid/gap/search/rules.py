@@ -27,7 +27,8 @@ class Facts:
     p_misfit: float
     """The same by the whole residual alone, whatever effects could remove."""
     is_plain: bool
-    """Whether the whole residual is plainly more than a right model leaves, however roughly that is known."""
+    """Whether the whole residual, weighted or plain, is far more than a right model leaves, however roughly
+    that is known."""
     inflation: float
     """Residual variance of the best fit relative to the expected noise variance (at least 1)."""
     is_clear: bool = False

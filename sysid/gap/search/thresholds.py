@@ -60,7 +60,8 @@ class Thresholds:
     """Cost ratio above which an effect that brings the residual to the noise floor is accepted without the
     formula-error penalty: an error this far above expectation is not the residue of a formula. Also the ratio
     up to which an own error from a comparison with the logs of the fit, whose size is only roughly known, may
-    be all of it. Assumed."""
+    be all of it, weighted or in plain squares. Assumed; in 29 logs of drawn drives in which nothing had
+    changed the plain squares are at most 1.16 times what is expected."""
     least_removed: float = 0.1
     """Share of the squared difference above the noise that a set must remove to be named. Assumed: removing
     less lowers the rms by 5 % at most."""

@@ -19,14 +19,21 @@ from sysid.gap.search.thresholds import THRESHOLDS
 
 
 def tied(
-    search: Search, floor: Floor, chosen: ScoredSet, same_size: Sequence[ScoredSet], inflation: float
+    search: Search,
+    floor: Floor,
+    chosen: ScoredSet,
+    same_size: Sequence[ScoredSet],
+    inflation: float,
+    lacking: float = 0.0,
 ) -> tuple[ScoredSet, ...]:
     """Return the chosen set and those as good, without those that predict the same with more parameters.
 
     `same_size` are the sets of its size, itself among them; `floor` says what a right model leaves, and
-    `inflation` is the residual variance of the best fit relative to the expected one.
+    `inflation` is the residual variance of the best fit relative to the expected one. `lacking` is by how
+    much a function without a cause has a better score than the chosen set: so much at least its formula
+    lacks, and so much the right one's may lack, too.
     """
-    near = [j for j in same_size if j is chosen or _as_good(search, floor, chosen, j, inflation)]
+    near = [j for j in same_size if j is chosen or _as_good(search, floor, chosen, j, inflation, lacking)]
     near.sort(key=lambda j: (j.fitted.candidate.parameter_count, j.score, j.names))
     kept: list[ScoredSet] = []
     for one in near:
@@ -48,13 +55,18 @@ def friction_first(as_good: Sequence[ScoredSet]) -> tuple[ScoredSet, ...]:
 
 
 def with_causes(
-    search: Search, floor: Floor, as_good: Sequence[ScoredSet], judged: Sequence[ScoredSet], inflation: float
+    search: Search,
+    floor: Floor,
+    as_good: Sequence[ScoredSet],
+    judged: Sequence[ScoredSet],
+    inflation: float,
+    lacking: float = 0.0,
 ) -> tuple[ScoredSet, ...]:
     """Return the sets that do as well as those `as_good` without an effect that is only a description.
 
     Such an effect, a curve of several numbers, stands for what no cause does. If all are such, sets of
     more effects with fewer parameters among those `judged` count, too. None is returned if no set of causes
-    does as well. `floor` and `inflation` are as in `tied`.
+    does as well. `floor`, `inflation` and `lacking` are as in `tied`.
     """
     named = tuple(one for one in as_good if not is_description(one))
     if named or not as_good:
@@ -66,7 +78,7 @@ def with_causes(
         if len(one.names) > len(best.names)
         and not is_description(one)
         and one.fitted.candidate.parameter_count < best.fitted.candidate.parameter_count
-        and _as_good(search, floor, best, one, inflation)
+        and _as_good(search, floor, best, one, inflation, lacking)
         and not rises(problem, search.base, one.fitted)
         and not doubtful(problem, one.fitted, inflation)
     ]
@@ -80,7 +92,7 @@ def with_causes(
         and not is_description(one)
         and not rises(problem, search.base, one.fitted)
     ]
-    return tied(search, floor, chosen, rivals, inflation)
+    return tied(search, floor, chosen, rivals, inflation, lacking)
 
 
 def with_fewer(
@@ -155,7 +167,9 @@ def formula_error(
     return THRESHOLDS.exact_formula if exact else THRESHOLDS.formula_error
 
 
-def _as_good(search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, inflation: float) -> bool:
+def _as_good(
+    search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, inflation: float, lacking: float
+) -> bool:
     """Return whether these logs cannot tell a rival from the chosen set.
 
     With u the difference of two sets' predictions and R the columns of the rollers' scatter, only the
@@ -164,7 +178,7 @@ def _as_good(search: Search, floor: Floor, chosen: ScoredSet, rival: ScoredSet, 
     however large u is, if its cost may be larger by z^2 (1 + rho^2).
     """
     share = formula_error(search.problem, floor, chosen.fitted, rival.fitted)
-    allowed = _tolerance(search, chosen, rival, inflation, share)
+    allowed = max(_tolerance(search, chosen, rival, inflation, share), lacking)
     if rival.score <= chosen.score + allowed:
         return True
     problem = search.problem

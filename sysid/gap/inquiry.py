@@ -55,9 +55,12 @@ class Inquiry:
 
     @property
     def best_model(self) -> Model | None:
-        """The model with the best set of effects, named or not; None if nothing is significant."""
+        """The model with the best set of effects, named or not.
+
+        None if nothing is significant, or if the best set explains too little to be what happened.
+        """
         chosen = self.decision.facts.chosen
-        if chosen is None:
+        if chosen is None or self.decision.verdict == "unexplained":
             return None
         model: Model = chosen.fitted.candidate.model(self.search.problem.base, chosen.fitted.place)
         return model

@@ -9,8 +9,9 @@ the report for the logs as they were.
 
 If the model does not say so, `with_link_fault` looks for such a link after the search of effects. The delay
 of each change is estimated under the model and beside the best set of effects (`sysid.compare.links.faults`).
-A set that is not named counts as well: it may be too close to the model's own error for a name, and yet all
-that there is, and an effect that the prediction lacks looks like delays of single changes.
+A set that is not named counts as well, unless it leaves the logs unexplained: it may be too close to the
+model's own error for a name, and yet all that there is, and an effect that the prediction lacks looks like
+delays of single changes.
 Where both say that the delays differ, or that commands are lost, by far more than stamps and the logs of the
 fit explain, the changes are moved to where they acted, what is left is studied again, and the fault is named
 beside it.

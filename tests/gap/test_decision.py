@@ -214,7 +214,7 @@ def test_a_slow_difference_is_plain_though_noise_is_most_of_the_cost(
     observations = observe(logs)
     error = ModelError({"speed_rpm": ChannelError(settled=1.0, transient=0.0, correlation_s=0.3)})
     whitener = Whitener(observations, measure_noise(logs, observations), error)
-    search = Search(ResidualProblem(base, whitener), [], SearchEffort())
+    search = Search(ResidualProblem(base, whitener), Library(()), SearchEffort())
     assert search.base.cost < THRESHOLDS.plainly_visible * search.problem.size
     facts = explore(search, Floor(np.inf, trusted=True, compared=True), 1, np.random.default_rng(0))
     assert facts.is_plain == is_plain

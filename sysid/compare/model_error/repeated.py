@@ -141,7 +141,9 @@ def repeated_commands(
     """
     first = [situation.runs[0] for situation in observations.situations]
     period_s = model.wheel.command_period_s
-    partners = [_partners(run, fitted_on, period_s) for run in first]
+    # Runs of a study are cut, too, where all of them are too long. A piece is the same for all new runs.
+    cut = [piece for run in fitted_on.runs if is_long(run) for piece in pieces(run, period_s)]
+    partners = [_partners(run, (*fitted_on.runs, *cut), period_s) for run in first]
     groups = [situation.group for situation in observations.situations]
     shared = [index for index, runs in enumerate(partners) if runs]
     known = {groups[index] for index in shared}
@@ -176,13 +178,9 @@ def repeated_commands(
     )
 
 
-def _partners(run: Run, fitted_on: Dataset, period_s: float) -> dict[Run, float]:
-    """Return the runs of the fit, or pieces of the long ones, with the commands of a run, and their shifts.
-
-    Runs of a study are cut, too, where all of them are too long.
-    """
-    cut = [p for other in fitted_on.runs if is_long(other) for p in pieces(other, period_s)]
-    shifts = {other: _shift_s(run, other, period_s) for other in (*fitted_on.runs, *cut)}
+def _partners(run: Run, of_fit: Sequence[Run], period_s: float) -> dict[Run, float]:
+    """Return the runs of the fit that were sent the commands of a run, each with its shift [s]."""
+    shifts = {other: _shift_s(run, other, period_s) for other in of_fit}
     return {other: shift for other, shift in shifts.items() if shift is not None}
 
 

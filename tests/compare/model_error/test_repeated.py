@@ -105,3 +105,15 @@ def test_pieces_of_a_long_run_are_found_in_the_run_that_repeats_it() -> None:
     groups = [situation.group for situation in found.observations.situations]
     assert len(set(groups)) == len(groups) == len(cut) / 2 > 2
     assert ratio(found) < 1.3
+
+
+def test_a_piece_of_the_fit_counts_once_beside_new_runs_of_different_stamps() -> None:
+    before, after = (logs(GAIN, (1,), seed, length_s=22.0) for seed in (16, 17))
+    late = logs(GAIN, (1,), 18, length_s=22.0, late_s=0.1)
+    period_s = MODEL.wheel.command_period_s
+    cut = tuple(piece for run in (after.runs[0], late.runs[0]) for piece in pieces(run, period_s))
+    found = compared(before, replace(after, runs=cut))
+    assert found is not None
+    of_fit = found.whitener.observations.situations
+    # Two runs were recorded for the fit.
+    assert {len(situation.runs) for situation in of_fit} == {2}

@@ -1,6 +1,7 @@
 // The drive of one wheel; chain.h says what it is.
 
 #include "chain.h"
+#include "set_point.h"
 
 #include <math.h>
 

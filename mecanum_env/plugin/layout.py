@@ -1,6 +1,6 @@
 """Parameters and state of the plugin "mecanum.wheel": where they are, how to write and read them.
 
-chain.h lists the same parameters. They are numeric fields of the wheel's actuator, so copies,
+parameters.h lists the same parameters. They are numeric fields of the wheel's actuator, so copies,
 pickles and batches of models carry them, and a compiled model can be edited (`write_parameters`):
 
     dynprm      the wheel law, its clocks, quantum and ceiling: `mecanum_env.wheel_drive.parameters.DYNPRM`
@@ -51,7 +51,6 @@ register_if_mujoco_did_not()
 
 SERVO: Final = 2
 """Index in biasprm of minus servo_n_m_s_rad."""
-_USER_NAMES: Final = frozenset(USER)
 _INERTIA: Final = USER.index("inertia_kg_m2")
 _ROTOR: Final = USER.index("rotor_kg_m2")
 _GAP: Final = USER.index("gap_rad")
@@ -63,6 +62,7 @@ USER_SIZE: Final = 128
 entries are 0."""
 LOST_VOLTAGE: Final = 0
 """Index in `MjData.userdata` of the voltage [V] that the supply has lost; a model may lack it."""
+_UNUSED: Final = [0.0] * (USER_SIZE - len(USER))
 FIRST_PROGRAM: Final = USER_SIZE
 """Index in user of the first program."""
 
@@ -101,7 +101,7 @@ def dynprm(drive: DriveParameters, quantum_rpm: float | None = None) -> list[flo
     The quantum [rpm] replaces the drive's own; 0 if commands are rounded elsewhere.
     """
     return [
-        *(float(x) for x in drive.law.coefficients),
+        *drive.law.coefficients.tolist(),
         drive.law.sample_period_s,
         drive.command_period_s,
         drive.command_quantum_rpm if quantum_rpm is None else quantum_rpm,
@@ -120,15 +120,17 @@ def userdata(robot: Robot, drive: DriveParameters, torque_limit_n_m: float | Non
     limit = robot.torque_limit_n_m if torque_limit_n_m is None else torque_limit_n_m
     if not limit > 0.0:
         raise InputError(f"torque_limit_n_m = {limit}, must be above 0 ({NO_TORQUE_LIMIT:g}: no limit)")
-    own = {**vars(drive), **vars(drive.load), "gap_kind": float(GAP_KINDS.index(drive.load.gap_kind))}
-    values = {name: value for name, value in own.items() if name in _USER_NAMES and not math.isinf(value)}
+    values = {**vars(drive), **vars(drive.load)}
+    values["gap_kind"] = float(GAP_KINDS.index(drive.load.gap_kind))
     values |= {name: 0.0 for name in ("gain", "reverse_ratio") if values[name] == 1.0}
     values["supply_share"] = drive.motor_bounds.supply_share
     values["rotor_kg_m2"] = rotor_inertia(robot, drive)
-    values |= map_numbers(drive.knots_rpm, drive.values_rpm)
+    if drive.knots_rpm:
+        values |= map_numbers(drive.knots_rpm, drive.values_rpm)
     values["servo_integral_n_m_rad"] = robot.servo_integral_n_m_rad
     values["torque_limit_n_m"] = min(limit, NO_TORQUE_LIMIT)
-    numbers = [values.get(name, 0.0) for name in USER] + [0.0] * (USER_SIZE - len(USER))
+    given = [values.get(name, 0.0) for name in USER]
+    numbers = [0.0 if number == math.inf else number for number in given] + _UNUSED
     programs = [getattr(drive, name) for name in PROGRAMS]
     if not any(any(program) for program in programs):
         return numbers
@@ -157,7 +159,11 @@ class WheelNumbers(NamedTuple):
         """Write them for some actuators, by id, of a compiled model whose user field is large enough."""
         mjmodel.actuator_dynprm[actuators] = self.dynprm
         mjmodel.actuator_biasprm[actuators, SERVO] = -self.servo_n_m_s_rad
-        mjmodel.actuator_user[actuators] = self.user + [0.0] * (mjmodel.nuser_actuator - len(self.user))
+        # Most have no program, and numpy takes long to read a list of zeros.
+        given = self.user if len(self.user) > USER_SIZE else self.user[: len(USER)]
+        user = np.zeros(mjmodel.nuser_actuator)
+        user[: len(given)] = given
+        mjmodel.actuator_user[actuators] = user
 
 
 def wheel_numbers(
@@ -191,7 +197,8 @@ def chain_parameters(
     programs = np.zeros(len(PROGRAMS) * PROGRAM_SIZE)
     written = numbers.user[FIRST_PROGRAM:]
     programs[: len(written)] = written
-    return np.array([*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user[: len(USER)], *programs])
+    chain = np.array([*numbers.dynprm, numbers.servo_n_m_s_rad, *numbers.user[: len(USER)]])
+    return np.concatenate([chain, programs])
 
 
 def set_wheel_parameters(

@@ -11,6 +11,7 @@
 #include <mujoco/mujoco.h>
 
 #include "chain.h"
+#include "set_point.h"
 
 #define PLUGIN_NAME "mecanum.wheel"
 
@@ -45,7 +46,7 @@ static void read_parameters(const mjModel* m, int id, double p[N_NUMBERS]) {
 // The command as MuJoCo clamps it.
 static double received(const mjModel* m, const mjData* d, int id) {
   int adr = m->actuator_ctrladr[id];
-  double u = chain_sane(d->ctrl[adr]);
+  double u = set_point_sane(d->ctrl[adr]);
   if (m->actuator_ctrllimited[adr] && !(m->opt.disableflags & mjDSBL_CLAMPCTRL))
     u = mju_clip(u, m->actuator_ctrlrange[2 * adr], m->actuator_ctrlrange[2 * adr + 1]);
   return u;
@@ -53,7 +54,7 @@ static double received(const mjModel* m, const mjData* d, int id) {
 
 // The voltage that the supply has lost [V], as the program that steps the model has written it.
 static double lost_voltage(const mjModel* m, const mjData* d) {
-  return m->nuserdata > LOST_VOLTAGE ? chain_sane(d->userdata[LOST_VOLTAGE]) : 0;
+  return m->nuserdata > LOST_VOLTAGE ? set_point_sane(d->userdata[LOST_VOLTAGE]) : 0;
 }
 
 static Substep this_substep(const mjModel* m, const mjData* d, int id) {

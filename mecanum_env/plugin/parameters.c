@@ -3,7 +3,7 @@
 #include <math.h>
 #include <stdio.h>
 
-#include "chain.h"
+#include "parameters.h"
 
 typedef enum { FINITE, ABOVE_0, NOT_BELOW_0, WITHIN_1, PART, ITS_OWN } Check;
 

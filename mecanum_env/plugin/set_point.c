@@ -1,6 +1,6 @@
 // From the command that is sent to the input of the wheel law; chain.h says where it stands in the drive.
 
-#include "chain.h"
+#include "set_point.h"
 
 #include <math.h>
 
@@ -11,7 +11,7 @@ static int slot(double j) {
   return fabs(j) < 1e15 ? (int)((int64_t)j & (RING - 1)) : 0;
 }
 
-double chain_sane(double given) { return fabs(given) <= ABSURD ? given : 0; }
+double set_point_sane(double given) { return fabs(given) <= ABSURD ? given : 0; }
 
 // A command u [rpm] after the static map through the knots x with values y: linear in between, with the offset of the
 // outermost knot beyond it. Without a knot below 0 it is mirrored and passes through 0.
@@ -33,7 +33,7 @@ static double with_custom(const Drive* s, const double* p, int station, double u
   const double* program = PROGRAM(p, station);
   if (program[0] == OP_END) return u;
   Inputs inputs = {u, now->speed / RAD_S_PER_RPM, s->angle, seconds, now->lost_v};
-  return chain_sane(u + program_value(program, &inputs));
+  return set_point_sane(u + program_value(program, &inputs));
 }
 
 // The drive's command [rpm] for a latched command u [rpm] that acts at a time [s] since the clocks started.
@@ -96,7 +96,7 @@ void set_point_latch(Drive* s, const double* p, const Substep* now) {
   if (p[LOSS] > 0 && uniform(p, s->latches, LOSS_STREAM) < p[LOSS]) {
     s->command[here] = s->command[last], s->arrival[here] = s->arrival[last];
   } else {
-    double u = chain_sane(now->command);
+    double u = set_point_sane(now->command);
     if (p[QUANTUM] > 0) u = rint(u / p[QUANTUM]) * p[QUANTUM];
     receive(s, p, u, now);
   }

@@ -1,7 +1,7 @@
 """The parameters of a wheel's drive as numbers in a row: their names and order.
 
-The C library lists the same names (mecanum_env/plugin/chain.h); a test holds the two equal. A MuJoCo model
-has them in the fields of an actuator (`mecanum_env.plugin.layout`).
+The C library lists the same names (mecanum_env/plugin/parameters.h); a test holds the two equal.
+A MuJoCo model has them in the fields of an actuator (`mecanum_env.plugin.layout`).
 """
 
 from __future__ import annotations

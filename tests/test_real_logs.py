@@ -8,8 +8,15 @@ import pytest
 from sysid.fit import FitOptions, fit_dataset, fitted_model
 from sysid.logs import read_dataset
 
-FAST = ("micromouse/closed_loop_left", "micromouse/closed_loop_right")
-SLOW = ("husky/left", "husky/right", "husky/body", "micromouse/duty_left", "micromouse/duty_right")
+FAST = ("micromouse/closed_loop_left",)
+SLOW = (
+    "micromouse/closed_loop_right",
+    "husky/left",
+    "husky/right",
+    "husky/body",
+    "micromouse/duty_left",
+    "micromouse/duty_right",
+)
 
 
 @pytest.mark.parametrize("name", [*FAST, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])

@@ -20,7 +20,7 @@ from mecanum_env.wheel_drive.motor_bounds import MotorBounds, steepest_share
 from mecanum_env.wheel_drive.program import Program, inputs_of, require_runs
 from mecanum_env.wheel_drive.ramp import RampLimits
 from mecanum_env.wheel_drive.set_point import map_numbers, require_map
-from mecanum_env.wheel_drive.shaping import rounded, shaped
+from mecanum_env.wheel_drive.shaping import shaped
 from mecanum_env.wheel_drive.wheel_load import NO_LOAD, WheelLoad
 
 EPS: Final = 1e-9
@@ -208,19 +208,6 @@ def shaped_command(
     """
     numbers = {**vars(parameters), **map_numbers(parameters.knots_rpm, parameters.values_rpm)}
     return shaped(numbers, command_rpm, seconds, speed_rpm, angle_rad, lost_v)
-
-
-def received_command(
-    parameters: DriveParameters,
-    command_rpm: npt.ArrayLike,
-    seconds: npt.ArrayLike = 0.0,
-) -> FloatArray:
-    """Return latched commands as a drive at rest receives them [rpm], rounded and shaped; NaN counts as 0.
-
-    `seconds` are as for `shaped_command`. Latency and loss come before (`mecanum_env.wheel_drive.inputs`).
-    """
-    sent = rounded(command_rpm, parameters.command_quantum_rpm)
-    return shaped_command(parameters, sent, seconds)
 
 
 def require_open_loop(parameters: DriveParameters) -> None:

@@ -24,6 +24,8 @@ _JITTER, _LOSS = 0, 1  # streams of random numbers
 _STEP, _FIRST, _SECOND = (
     np.uint64(factor) for factor in (0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 )
+# Made once: for the few numbers of one episode, numpy makes a scalar as slowly as it computes.
+_ONE, _SHIFTS = np.uint64(1), tuple(np.uint64(shift) for shift in (30, 27, 31))
 
 
 @dataclass(frozen=True)
@@ -100,11 +102,15 @@ def _uniform(seed: npt.ArrayLike, latches: npt.ArrayLike, stream: int) -> FloatA
 
 def hashed(seeds: npt.NDArray[np.uint64], numbers: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
     """Return 64 bits that look random for each of the seeds and numbers, whose shapes, none (), broadcast."""
-    return _mixed(_mixed(seeds + _STEP) + (numbers + np.uint64(1)) * _STEP)
+    return _mixed(_mixed(seeds + _STEP) + (numbers + _ONE) * _STEP)
 
 
 def _mixed(bits: npt.NDArray[np.uint64]) -> npt.NDArray[np.uint64]:
     """Return the hash of 64 bits, of any shape but ()."""
-    bits = (bits ^ (bits >> np.uint64(30))) * _FIRST
-    bits = (bits ^ (bits >> np.uint64(27))) * _SECOND
-    return bits ^ (bits >> np.uint64(31))
+    first, second, third = _SHIFTS
+    mixed = bits ^ (bits >> first)
+    mixed *= _FIRST
+    mixed ^= mixed >> second
+    mixed *= _SECOND
+    mixed ^= mixed >> third
+    return mixed

@@ -42,11 +42,15 @@ class Parts:
     """Inertia of the motor's rotor."""
 
     @staticmethod
-    def of(p: Mapping[str, Any], xp: Any) -> Parts:
-        """Return what drives with parameters `p`, arrays of the module `xp` or numbers, need."""
+    def of(largest: Mapping[str, float], has_program: Mapping[str, bool], xp: Any) -> Parts:
+        """Return what drives need, to be computed with the array module `xp`.
+
+        `largest` are their largest parameters by name; `has_program` says which programs in `PROGRAMS` they
+        have.
+        """
 
         def acts(*names: str) -> bool:
-            return any(bool(np.any(p[one] > 0.0) if xp is np else (p[one] > 0.0).any()) for one in names)
+            return any(largest[one] > 0.0 for one in names)
 
         return Parts(
             xp,
@@ -55,7 +59,7 @@ class Parts:
             gap=acts("gap_rad"),
             ripple=acts("ripple_n_m", "ripple_share"),
             supply=acts("supply_rpm"),
-            custom=any(bool(np.any(p[name])) for name in PROGRAMS),
+            custom=any(has_program[name] for name in PROGRAMS),
             friction=acts("coulomb_n_m", "breakaway_n_m", "friction_warm_share"),
             integral=acts("servo_integral_n_m_rad"),
             rotor=acts("rotor_kg_m2"),

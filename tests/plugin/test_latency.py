@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 from mecanum_env.errors import InputError
 from mecanum_env.model import paper_model
 from mecanum_env.plugin.layout import STATE_SIZE, drive_state, set_steady
-from mecanum_env.wheel_drive.drive import RING, DriveParameters, received_command
+from mecanum_env.wheel_drive.drive import RING, DriveParameters, shaped_command
 from mecanum_env.wheel_drive.inputs import latched_commands, simulate_drive
 from mecanum_env.wheel_drive.parameters import USER
+from mecanum_env.wheel_drive.shaping import rounded
 
 delays = st.floats(0.0, 0.35)
 seeds = st.integers(0, 2**32 - 1)
@@ -31,10 +32,14 @@ def commands(seed: int, n: int = 20) -> np.ndarray:
     return np.random.default_rng(seed).uniform(-150.0, 150.0, n)
 
 
+def received(parameters: DriveParameters, command_rpm: np.ndarray) -> np.ndarray:
+    return shaped_command(parameters, rounded(command_rpm, parameters.command_quantum_rpm), 0.0)
+
+
 def test_without_delay_the_law_gets_the_last_latched_command(parameters):
     u = commands(1)
     r = latched_commands(parameters, np.arange(20) * 0.1, u, 240)
-    np.testing.assert_array_equal(r, np.repeat(received_command(parameters, u), 12))
+    np.testing.assert_array_equal(r, np.repeat(received(parameters, u), 12))
 
 
 @pytest.mark.parametrize("ticks", [1, 7, 12, 30])
@@ -76,7 +81,7 @@ def test_a_delay_keeps_the_sum_of_the_command(seed, delay_s):
     parameters = replace(PAPER, delay_s=delay_s)
     u = np.append(commands(seed), np.zeros(6))
     r = latched_commands(parameters, np.arange(26) * 0.1, u, 26 * 12)
-    assert r.sum() == pytest.approx(12 * received_command(parameters, u).sum(), abs=1e-3)
+    assert r.sum() == pytest.approx(12 * received(parameters, u).sum(), abs=1e-3)
 
 
 @given(

@@ -19,7 +19,7 @@ MAKERS = {
 @pytest.fixture(scope="module")
 def scores(play):
     """Return the share of successes on the planar plant, by controller and level."""
-    numbers = {"random": 60, "still": 60, "retreat": 100, "oracle": 40}
+    numbers = {"random": 30, "still": 30, "retreat": 80, "oracle": 20}
     return {
         name: [float(play(MAKERS[name], n, difficulty=level)["is_success"].mean()) for level in DIFFICULTIES]
         for name, n in numbers.items()

@@ -23,6 +23,7 @@ policy             a trained policy, with NumPy alone
 compensation       known effects undone around any controller; `drive_inverse` undoes those of the drives
 foresight          a strike planned with what only the simulator knows
 motion_model       the robot's own motion, predicted for many robots
+wheel_drives       what the four drives make of commands, all at once
 observed_motion    from late observations to the present
 identified_motion  the delay and the speed of a robot, found while it moves
 strike             when the opponent's strike lands

@@ -1,8 +1,7 @@
 """The inverse of the drives' effects: the command that makes the robot move as the nominal one would.
 
 Forward, in the steady state: command -> limits of V and VC -> wheels -> dead band, gains, saturation
-(`mecanum_env.wheel_drive.drive.received_command`) -> friction under a servo without integral action, which
-leaves
+(`training.controllers.wheel_drives`) -> friction under a servo without integral action, which leaves
 
     w = (|r| - (coulomb + breakaway exp(-(w / stribeck)^2)) / servo) / (1 + viscous / servo) sign(r)
 
@@ -16,7 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -39,7 +38,8 @@ from mecanum_env.wheel_drive.program import inputs_of
 from mecanum_env.wheel_drive.set_point import unmapped, warm_up_gain
 from mecanum_env.wheel_drive.wheel_load import WheelLoad
 from training.controllers.interface import Command
-from training.controllers.motion_model import changed_robot, received_wheels, wheel_drives
+from training.controllers.motion_model import changed_robot
+from training.controllers.wheel_drives import WheelDrives
 
 _ITERATIONS: Final = 20
 _TOLERANCE_RPM: Final = 0.02
@@ -120,19 +120,19 @@ class DriveInverse:
 
     def __init__(self, model: Model) -> None:
         effects = [pair for pair in active_effects(model) if pair[0].undone_by == "command"]
-        self._drives = wheel_drives(model)
-        self.undoes_custom = any(_is_custom(drive) for drive in self._drives)
+        self._drives = WheelDrives.of(model)
+        self.undoes_custom = any(_is_custom(drive) for drive in self._drives.each)
         """Whether the model has custom effects of command and set-point that are inverted."""
         self.is_needed = bool(effects) or self.undoes_custom
         """Whether the model has an effect to invert; otherwise commands stay as they are."""
         self._limit_rpm = model.wheel.saturation_rpm
-        self._smooth = [replace(drive, deadband_rpm=0.0) for drive in self._drives]
+        self._smooth = self._drives.without_dead_bands
         self._nominal, self._robot = model.robot, changed_robot(model)
-        self._friction = _Friction.of(self._robot, self._drives[0].load)
+        self._friction = _Friction.of(self._robot, self._drives.each[0].load)
         limits: Mapping[str, float] = next((v for e, v in effects if e.name == "body_speed_limit"), {})
         self._v_rpm = min(limits.get("v_rpm", math.inf), FULL_V_RPM)
         self._vc_rpm = min(limits.get("vc_rpm", math.inf), FULL_VC_RPM)
-        self._sticks = any(drive.deadband_rpm > 0.0 for drive in self._drives)
+        self._sticks = any(drive.deadband_rpm > 0.0 for drive in self._drives.each)
         self.reset()
 
     def reset(self) -> None:
@@ -156,12 +156,12 @@ class DriveInverse:
         v = min(max(command[0], -self._v_rpm), self._v_rpm)
         vc = min(max(command[2], -self._vc_rpm), self._vc_rpm)
         wheels = command_to_wheels(v, command[1], vc)
-        received = received_wheels(self._drives, wheels, seconds)
+        received = self._drives.received(wheels, seconds)
         return wheels_to_body(self._friction.at(seconds).speed(received))
 
     def _smooth_wheels(self, wheels: FloatArray, seconds: float) -> FloatArray:
         """Return the wheel speeds that wheel commands lead to, without dead bands and rounding."""
-        return self._friction.at(seconds).speed(received_wheels(self._smooth, wheels, seconds))
+        return self._friction.at(seconds).speed(self._smooth.received(wheels, seconds))
 
     def _within_reach(self, body: FloatArray, seconds: float) -> FloatArray:
         """Return the body motion [rpm], scaled until every wheel can follow."""
@@ -195,7 +195,7 @@ class DriveInverse:
         plain = self._solve(wanted, seconds)
         wheels = np.abs(body_to_wheels(plain))
         # 1 rpm more, so that rounding does not fall below the threshold.
-        least = np.array([drive.deadband_rpm for drive in self._drives]) + 1.0
+        least = np.array([drive.deadband_rpm for drive in self._drives.each]) + 1.0
         scales = [1.0] + [float(t / w) for t, w in zip(least, wheels, strict=True) if 0.5 < w < t]
         choices: list[Command] = [(0, 0, 0), *(self._rounded(plain * scale) for scale in scales)]
         reached = [self.delivered(choice, seconds) for choice in choices]
@@ -205,16 +205,16 @@ class DriveInverse:
 
     def _sent(self, driven_rpm: FloatArray, seconds: float) -> FloatArray:
         """Return the wheel commands of which the drives make these ones within their limits, shape (4,)."""
-        pairs = zip(driven_rpm, self._drives, strict=True)
+        pairs = zip(driven_rpm, self._drives.each, strict=True)
         unbent = np.array([unmapped(w, d.knots_rpm, d.values_rpm) for w, d in pairs])
-        forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives])
+        forward = np.array([d.gain * max(1.0 - d.drop_per_s * seconds, 1e-3) for d in self._drives.each])
         forward *= [
             float(warm_up_gain(d.warm_up_share, d.warm_up_s, seconds)) if d.warms_up else 1.0
-            for d in self._drives
+            for d in self._drives.each
         ]
-        reverse = np.array([d.reverse_ratio for d in self._drives])
+        reverse = np.array([d.reverse_ratio for d in self._drives.each])
         sent = unbent / np.where(unbent < 0.0, forward * reverse, forward)
-        lost = np.array([d.subtracted_rpm for d in self._drives])
+        lost = np.array([d.subtracted_rpm for d in self._drives.each])
         return np.where(unbent == 0.0, 0.0, sent + np.copysign(lost, sent))
 
     def _rounded(self, body_rpm: FloatArray) -> Command:

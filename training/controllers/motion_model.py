@@ -16,19 +16,19 @@ of V and VC and of the drives' acceleration, backlash, slip, Coriolis forces and
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from mecanum_env.effects.apply import active_effects, added_load, drive_parameters
+from mecanum_env.effects.apply import active_effects, added_load
 from mecanum_env.effects.definition import Load
 from mecanum_env.kinematics import WHEELS, twist_to_wheels, wheels_to_twist
 from mecanum_env.law.coefficients import WheelLaw
 from mecanum_env.mjcf.plants import wheel_armature
 from mecanum_env.model import Model, Robot
 from mecanum_env.units import RAD_S_PER_RPM, FloatArray
-from mecanum_env.wheel_drive.drive import EPS, DriveParameters, received_command
+from mecanum_env.wheel_drive.drive import EPS
+from training.controllers.wheel_drives import WheelDrives
 
 MEMORY = 5
 """Numbers in the memory of a wheel law: w(k), w(k-1), w(k-2), r(k-1), r(k-2)."""
@@ -60,7 +60,7 @@ class MotionModel:
         self.model = model
         self.tick_s = model.wheel.law.sample_period_s
         self.period_s = model.wheel.command_period_s
-        self.drives = wheel_drives(model)
+        self.drives = WheelDrives.of(model)
         robot, load = changed_robot(model), added_load(model)
         robot = replace(robot, mass_kg=robot.mass_kg + load.mass_kg)
         if robot.servo_integral_n_m_rad > 0.0:
@@ -69,7 +69,7 @@ class MotionModel:
         self._has_friction = self._coulomb_n_m > 0.0 or self._damping > 0.0
         most = math.ceil(self.period_s / self.tick_s + EPS) + 1
         # (4, most, 6, 6)
-        self._responses = np.array([_law_powers(drive.law, most) for drive in self.drives])
+        self._responses = np.array([_law_powers(drive.law, most) for drive in self.drives.each])
         jacobian = twist_to_wheels(np.eye(3), robot).T * RAD_S_PER_RPM  # (4, 3) rad/s per unit of twist
         gram = np.sum(jacobian * jacobian, axis=0)  # J'J is diagonal
         translation, rotation = wheel_armature(robot)
@@ -96,8 +96,8 @@ class MotionModel:
     def play(self, state: MotionState, wheels_rpm: FloatArray, ticks: int) -> tuple[FloatArray, MotionState]:
         """Return the twist after each tick of a held command, shape (ticks, 3, n), and the state at the end.
 
-        The wheel commands, shape (4, n), are those that `received_wheels` returns; they last for a number of
-        law ticks, at most one more than a command period has.
+        The wheel commands, shape (4, n), are those that `WheelDrives.received` returns; they last for a
+        number of law ticks, at most one more than a command period has.
         """
         before = np.concatenate([state.law, wheels_rpm[:, None, :]], axis=1)  # (4, 6, n)
         setpoints = np.matmul(self._responses[:, :ticks, 0], before)  # (4, ticks, n)
@@ -117,28 +117,6 @@ class MotionModel:
             twist = twist + self._to_twist @ torque
             twists[k] = twist
         return twists, MotionState(np.matmul(self._responses[:, ticks - 1, :MEMORY], before), twist)
-
-
-def wheel_drives(model: Model) -> list[DriveParameters]:
-    """Return the drives of the four wheels; commands are rounded as V, theta and VC, not wheel by wheel.
-
-    Equal drives are one object.
-    """
-    drives = [replace(drive_parameters(model, wheel), command_quantum_rpm=0.0) for wheel in WHEELS]
-    return [next(other for other in drives if other == one) for one in drives]
-
-
-def received_wheels(drives: Sequence[DriveParameters], wheels_rpm: FloatArray, seconds: float) -> FloatArray:
-    """Return wheel commands, shape (4, ...), after the drives' effects at a time since the start.
-
-    A ceiling of the supply counts as one of the command.
-    """
-    received = np.empty(np.shape(wheels_rpm))
-    for drive in {id(one): one for one in drives}.values():
-        rows = [k for k, one in enumerate(drives) if one is drive]
-        wanted = received_command(drive, wheels_rpm[rows], seconds)
-        received[rows] = np.clip(wanted, -drive.supply_rpm, drive.supply_rpm)
-    return received
 
 
 def changed_robot(model: Model) -> Robot:

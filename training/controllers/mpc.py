@@ -15,7 +15,6 @@ from mecanum_env.tankendo.actions import FULL_V_RPM
 from mecanum_env.units import FloatArray
 from training.controllers.identified_motion import IdentifiedPredictor
 from training.controllers.interface import Command, twist_command
-from training.controllers.motion_model import received_wheels
 from training.controllers.observed_motion import integrated_path, seen_from
 from training.controllers.strike import (
     WARNING_S,
@@ -249,7 +248,7 @@ class Mpc:
         """Return the paths of plans: x, y, yaw, vx, vy in the present frame, shape (ticks + 1, 5, n)."""
         own = self._motion.own
         wheels_first, wheels_second = (
-            received_wheels(own.model.drives, scale_wheels(wheels, self._limit_rpm).T, own.time_s)
+            own.model.drives.received(scale_wheels(wheels, self._limit_rpm).T, own.time_s)
             for wheels in (twist_to_wheels(twists.T, self._robot) for twists in (first, second))
         )
         state = own.state.repeated(first.shape[1])

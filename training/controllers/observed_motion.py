@@ -17,7 +17,7 @@ from mecanum_env.model import Model
 from mecanum_env.tankendo import Observed, Sensors
 from mecanum_env.units import FloatArray
 from training.controllers.interface import Command
-from training.controllers.motion_model import MotionModel, MotionState, received_wheels
+from training.controllers.motion_model import MotionModel, MotionState
 
 _KEPT_S = 1.5
 """Length of the remembered motion [s]; longer than the delays of any sensor and command together."""
@@ -52,7 +52,7 @@ class OwnMotion:
 
     def send(self, command: Command) -> None:
         """Predict the motion during the period of a command that is sent now."""
-        wheels = received_wheels(self.model.drives, command_to_wheels(*command)[:, None], self.time_s)
+        wheels = self.model.drives.received(command_to_wheels(*command)[:, None], self.time_s)
         twists, self.state = self.model.play(self.state, wheels, self.model.ticks(self.commands))
         self._twists.extend(twists[:, :, 0])
         self.commands += 1

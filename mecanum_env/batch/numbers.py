@@ -25,7 +25,9 @@ from mecanum_env.plugin.layout import chain_parameters
 from mecanum_env.simulator.body_limits import behind_limits, limits_body
 from mecanum_env.units import FloatArray
 from mecanum_env.wheel_drive.parameters import CHAIN, PROGRAMS
+from mecanum_env.wheel_drive.program import PROGRAM_SIZE
 
+Programs = dict[str, tuple[float, ...]]
 BODY: Final = (
     *("gear_forward", "gear_left", "gear_turn"),
     *("mobility_00", "mobility_01", "mobility_02", "mobility_11", "mobility_12", "mobility_22"),
@@ -36,7 +38,10 @@ BODY: Final = (
 that an implicit step moves; whether MuJoCo drops what couples the world's axes (`PlanarBatch`), and that
 inertia along each axis then; mass times the offset of its centre; mass that gravity pulls; gravity along the
 world's x and y; viscous friction along the axes and in turning."""
+_CHANCE: Final = [CHAIN.index(name) for name in ("jitter_s", "loss")]
 _UPPER: Final = np.triu_indices(3)
+_NO_PROGRAMS: Final[Programs] = dict.fromkeys(PROGRAMS, (0.0,) * PROGRAM_SIZE)
+"""One for all robots without custom effects: what is the same object is compared at once."""
 _TIMESTEP_S: Final = 1 / 120
 """Upper bound of the physics step [s], as that of the planar plant in `mecanum_env.tankendo`."""
 
@@ -63,7 +68,7 @@ class PlanarRobot:
     clocks: Clocks
     drives: FloatArray
     """Parameters of the drives in the order of `CHAIN`, shape (P, 4)."""
-    programs: dict[str, tuple[float, ...]]
+    programs: Programs
     """Programs of custom effects by the names in `PROGRAMS`."""
     body: FloatArray
     """Numbers in the order of `BODY`."""
@@ -75,9 +80,8 @@ class PlanarRobot:
     @cached_property
     def has_random_link(self) -> bool:
         """Whether the delay of its commands jitters or commands are lost."""
-        jitter, loss = (self.drives[CHAIN.index(name)] for name in ("jitter_s", "loss"))
         own = self.link.get("jitter_s", 0.0) > 0.0 or self.link.get("loss", 0.0) > 0.0
-        return own or bool(np.any(jitter > 0.0) or np.any(loss > 0.0))
+        return own or bool(np.count_nonzero(self.drives[_CHANCE]))
 
     def with_link_seed(self, seed: int) -> PlanarRobot:
         """Return the same robot with other chance of its link, from 0 to `wheel_drive.link.MOST_SEEDS`."""
@@ -107,7 +111,6 @@ def planar_robot(model: Model, timestep_s: float | None = None) -> PlanarRobot:
     drives = rows[: len(CHAIN)].copy()
     # V, theta and VC are rounded before the kinematics.
     drives[CHAIN.index("command_quantum_rpm")] = 0.0
-    programs = np.split(rows[len(CHAIN) :, 0], len(PROGRAMS))
     link = {}
     if limited:
         before = drive_parameters(model)
@@ -123,7 +126,7 @@ def planar_robot(model: Model, timestep_s: float | None = None) -> PlanarRobot:
             after.wheel.command_period_s,
         ),
         drives,
-        {name: tuple(program.tolist()) for name, program in zip(PROGRAMS, programs, strict=True)},
+        _programs_in(rows[len(CHAIN) :, 0]),
         _body_numbers(after, timestep, float(drives[CHAIN.index("rotor_kg_m2"), 0])),
         link,
         {effect.name: values for effect, values in active_effects(model) if effect.limit_bodies is not None},
@@ -149,6 +152,14 @@ def _drive_rows(model: Model) -> FloatArray:
     wheels = WHEELS if differ else (None,)
     rows = [chain_parameters(model, wheel, inertia_kg_m2=inertia) for wheel in wheels]
     return np.array(rows if differ else rows * len(WHEELS)).T
+
+
+def _programs_in(numbers: FloatArray) -> Programs:
+    """Return the programs of custom effects, one after the other in `numbers`, by the names in `PROGRAMS`."""
+    if not np.count_nonzero(numbers):
+        return _NO_PROGRAMS
+    programs = np.split(numbers, len(PROGRAMS))
+    return {name: tuple(program.tolist()) for name, program in zip(PROGRAMS, programs, strict=True)}
 
 
 def _body_numbers(model: Model, timestep_s: float, rotor_kg_m2: float) -> FloatArray:

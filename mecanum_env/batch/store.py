@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Any, Final
 
 import numpy as np
@@ -30,6 +29,7 @@ class Store(OnArrays):
         self._agree = np.all(common.drives == common.drives[:, :1], axis=1), np.ones(len(BODY), bool)
         self._drives = self._array(np.repeat(common.drives[:, :, None], n, axis=2))
         self._bodies = self._array(np.repeat(common.body[:, None], n, axis=1))
+        self._has_program = {name: any(program) for name, program in self.programs.items()}
         self.parts = self._parts_of(common.drives[:, :, None])
         self._look()
 
@@ -45,16 +45,23 @@ class Store(OnArrays):
         bodies = np.stack([robot.body for robot in robots], axis=-1)
         at = self._array(rows)
         self._drives[:, :, at], self._bodies[:, at] = self._array(drives), self._array(bodies)
-        agree, body_agrees = self._agree
-        agree &= np.all(drives == self._first[0][:, None, None], axis=(1, 2))
-        body_agrees &= np.all(bodies == self._first[1][:, None], axis=1)
         self.parts = self.parts | self._parts_of(drives)
-        self._look()
+        agree, body_agrees = self._agree
+        still = agree & np.all(drives == self._first[0][:, None, None], axis=(1, 2))
+        body_still = body_agrees & np.all(bodies == self._first[1][:, None], axis=1)
+        # The views show new numbers by themselves.
+        if not (np.array_equal(still, agree) and np.array_equal(body_still, body_agrees)):
+            self._agree = still, body_still
+            self._look()
 
     def _parts_of(self, drives: FloatArray) -> Parts:
-        values: dict[str, Any] = {**dict(zip(CHAIN, drives, strict=True)), **self.programs}
-        parts, xp = Parts.of(values, np), self._xp
-        return replace(parts, xp=xp, sines=xp.sin, exponentials=xp.exp)
+        largest = dict(zip(CHAIN, drives.max(axis=(1, 2)).tolist(), strict=True))
+        return Parts.of(largest, self._has_program, self._xp)
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        """Make views of the tables in `kept`: those of a copy or a pickle are tables of their own."""
+        vars(self).update(kept)
+        self._look()
 
     def _look(self) -> None:
         """Bring the views up to date."""

@@ -24,19 +24,27 @@ if TYPE_CHECKING:
     import mujoco
 
 
+Acting = tuple[tuple[Effect, dict[str, float]], ...]
+"""Effects that act, each with all its parameters."""
 Sensors = Callable[[FloatArray, Channels], dict[str, FloatArray]]
 """Returns the channels as measured, given their uniform clock [s], shape (n,), and their true values."""
 
+# The model that was asked for last, how many effects were known then, and its answer: to simulate a robot
+# asks for them a dozen times, and a drawn robot is simulated in every episode.
+_last: tuple[Model | None, int, Acting] = (None, 0, ())
 
-def active_effects(model: Model) -> Iterator[tuple[Effect, dict[str, float]]]:
-    """Yield the effects of a model that are not neutral, each with all its parameters."""
-    given = model.effects
-    # One effect needs no order, and drawn robots with one are asked for it often.
-    ordered = CATALOGUE if len(given) > 1 else given
-    for name in [name for name in ordered if name in given and name in CATALOGUE]:
-        values = CATALOGUE[name].acting(model.effects[name], model)
-        if values is not None:
-            yield CATALOGUE[name], values
+
+def active_effects(model: Model) -> Acting:
+    """Return the effects of a model that are not neutral, each with all its parameters."""
+    global _last
+    asked, known, found = _last
+    if asked is not model or known != len(CATALOGUE):
+        given = model.effects
+        acting = ((CATALOGUE[name], given[name]) for name in CATALOGUE if name in given)
+        full = ((effect, effect.acting(values, model)) for effect, values in acting)
+        found = tuple((effect, values) for effect, values in full if values is not None)
+        _last = model, len(CATALOGUE), found
+    return found
 
 
 def check_effects(model: Model, plant: PlantKind) -> None:

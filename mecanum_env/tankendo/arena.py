@@ -132,6 +132,7 @@ class Arena:
         """What the sensors showed last, shape (n, k)."""
         self.begun = np.zeros(n, bool)
         """Whether an episode has ever begun in each row."""
+        self.all_begun = False
         self.hit, self.succeeded, self.ended = (np.zeros(n, bool) for _ in range(3))
         """Whether the last step brought a hit, a success, or the end of the episode."""
 
@@ -188,6 +189,7 @@ class Arena:
         self.judge.restart(at)
         self.instruments.restart(at.tolist(), [robot.model for robot in given])
         self.begun[at] = True
+        self.all_begun = bool(self.begun.all())
         self.step_count[at] = 0
         self._shares[:, at], self.commands[at] = 0.0, 0.0
         self.hit[at] = self.succeeded[at] = self.ended[at] = False
@@ -226,21 +228,23 @@ class Arena:
         self.robots.step(self.commands)
         motion = math.of(self.robots.motion())
         opponents = self._opponents(start_s, seen)
-        before = math.of(self.scenes.now[2])
+        before = self.scenes.newest()[2]
         turned = before + wrapped(motion[2] - before)
-        self.scenes.push()[:] = math.table([*motion[:2], turned, *motion[3:], *opponents])
+        self.scenes.push([*motion[:2], turned, *motion[3:], *opponents])
         # Not in place: adding to an array of one number takes longer than all that is done with the number.
-        self.step_count[:] = math.of(self.step_count) + 1
+        math.put(self.step_count, math.of(self.step_count) + 1)
         end_s = self._now_s()
         fighter.aim(end_s)
         shares = command_shares(math, command)
-        forward, left, turn = (new - old for new, old in zip(shares, math.of(self._shares), strict=True))
-        self._shares = math.table(shares)
+        (forward, left, turn), (forward_before, left_before, turn_before) = shares, math.of(self._shares)
+        forward, left, turn = forward - forward_before, left - left_before, turn - turn_before
+        math.put(self._shares, shares)
         verdict = judge.judge(end_s, math.sqrt(forward**2 + left**2 + turn**2))
         outcome = verdict.outcome
         truncated = math.no(outcome.terminated) & (math.of(self.step_count) >= self._steps)
-        self.hit[:], self.succeeded[:] = outcome.hit, outcome.success
-        self.ended[:] = outcome.terminated | truncated
+        math.put(self.hit, outcome.hit)
+        math.put(self.succeeded, outcome.success)
+        math.put(self.ended, outcome.terminated | truncated)
         info = dict(zip(_REWARDS, verdict.terms, strict=True))
         info |= {"is_success": outcome.success, "hit": outcome.hit, **self.state()}
         self.observed = self.observe()

@@ -66,7 +66,7 @@ class Episodes:
             gymnasium.error.ResetNeeded: a row in which no episode has begun, or it is over.
         """
         arena = self.arena
-        if np.count_nonzero(arena.begun) < arena.n:
+        if not arena.all_begun:
             raise gymnasium.error.ResetNeeded("step() before an episode has begun; call reset() first")
         over = arena.ended if ignored is None else arena.ended & ~ignored
         if np.count_nonzero(over):

@@ -32,6 +32,11 @@ WAVES: Final = 3
 _NOISE_STEPS: Final = 16
 """Steps whose noise is made at a time."""
 
+# Made once: for the few numbers of one episode, numpy makes a scalar as slowly as it computes.
+_HALF, _LOWER = np.uint64(32), np.uint64(0xFFFFFFFF)
+_MIDDLE, _MINUS_TWO, _SHARE = np.float32(0.5), np.float32(-2.0), np.float32(2.0**-32)
+_ANGLE = np.float32(2.0 * np.pi * 2.0**-32)
+
 # Counts of the uniform draws: for the start, for each wave (frequency, phase), for each exchange.
 _START, _PER_WAVE, _PER_EXCHANGE = 6, 2, 6
 _UNIFORM = _START + 2 * WAVES * _PER_WAVE + EXCHANGES * _PER_EXCHANGE
@@ -97,13 +102,13 @@ class Chance:
         drawn last, so that the start and the noise of a seed are the same against any opponent.
         """
         uniform, normal = np.empty((len(rows), _UNIFORM)), np.empty((len(rows), 2 * EXCHANGES))
-        seeds = np.empty(len(rows))
-        for i, rng in enumerate(rngs):
-            rng.random(out=uniform[i])
-            rng.standard_normal(out=normal[i])
+        seeds = []
+        for rng, shares, deviations in zip(rngs, uniform, normal, strict=True):
+            rng.random(out=shares)
+            rng.standard_normal(out=deviations)
             # What `integers(MOST_SEEDS)` gives, in a tenth of its time.
-            seeds[i] = MOST_SEEDS * rng.random()
-        self.noise.restart(rows, seeds)
+            seeds.append(MOST_SEEDS * rng.random())
+        self.noise.restart(rows, np.array(seeds))
         source = self._opponent
         if isinstance(source, Opponents):
             opponents = [source.draw(rng) for rng in rngs]
@@ -201,7 +206,11 @@ def _normal(
     half = count // 2
     numbers = (blocks * half)[:, None] + np.arange(half)
     bits = hashed(seeds[:, None], numbers.astype(np.uint64))
-    share = (bits >> np.uint64(32)).astype(np.float32) + np.float32(0.5)
-    angle = (bits & np.uint64(0xFFFFFFFF)).astype(np.float32) * np.float32(2.0 * np.pi * 2.0**-32)
-    size = np.sqrt(np.float32(-2.0) * np.log(share * np.float32(2.0**-32)))
-    return np.concatenate([size * np.cos(angle), size * np.sin(angle)], axis=1)
+    # The upper and the lower half of the bits, each a whole number below 2^32.
+    share = (bits >> _HALF).astype(np.float32) + _MIDDLE
+    angle = (bits & _LOWER).astype(np.float32) * _ANGLE
+    size = np.sqrt(_MINUS_TWO * np.log(share * _SHARE))
+    made = np.empty((len(blocks), count), np.float32)
+    np.multiply(size, np.cos(angle), out=made[:, :half])
+    np.multiply(size, np.sin(angle), out=made[:, half:])
+    return made

@@ -109,7 +109,7 @@ class Fighter:
     def sees_opening(self, seen: list[Number]) -> Number:
         """Return where the robot, as `seen` late, is at maai, facing and slow."""
         x, y, yaw, vx, vy, *_ = seen
-        own_x, own_y = self._math.of(self._scenes.now[6:8])
+        own_x, own_y = self._scenes.newest()[6:8]
         is_slow = vx * vx + vy * vy <= self._rules.slow_m_s**2
         return self._rules.at_maai(*separation(self._math, own_x - x, own_y - y, yaw)) & is_slow
 
@@ -123,7 +123,7 @@ class Fighter:
         if math.any(ready):
             ready = ready & self.sees_opening(seen)
         open_s = math.where(ready, math.of(self.open_s) + self._step_s, 0.0)
-        self.open_s[:] = open_s
+        math.put(self.open_s, open_s)
         starts = open_s > self.current(self._chance.patience)
         if math.any(starts):
             self._start(np.flatnonzero(starts), math.array(time_s))
@@ -161,7 +161,7 @@ class Fighter:
         are as `seen` when the step began.
         """
         math, numbers, step = self._math, self._numbers, self._step_s
-        x, y, heading, vx, vy = math.of(self._scenes.now[6:])
+        x, y, heading, vx, vy = self._scenes.newest()[6:]
         dx, dy = seen[0] - x, seen[1] - y
         if wanted is None:
             distance, most = math.maximum(math.sqrt(dx * dx + dy * dy), 1e-6), math.of(numbers["walk_m_s"])
@@ -185,7 +185,7 @@ class Fighter:
     def _stepped(self, time_s: Number, strikes: Number, moved: list[Number]) -> list[Number]:
         """Return what `walk` does at a time, where the opponent `strikes`; elsewhere what it `moved`."""
         math = self._math
-        x, y, heading = math.of(self._scenes.now[6:9])
+        x, y, heading = self._scenes.newest()[6:9]
         origin_x, origin_y = math.of(self.sword.origin)
         # In a strike, the step of the technique replaces the walk.
         forward = math.of(self._numbers["step_m"]) * self.sword.step_share(time_s)
@@ -227,9 +227,10 @@ class Fighter:
         math, sword = self._math, self.sword
         pending = math.of(self.pending)
         self.missed_m.fill(np.nan)
-        if not math.any(pending):
+        lands = pending & (math.of(sword.land_s) <= end_s)
+        if not math.any(lands):
             return _NO_ROWS, _NO_HITS
-        rows = np.flatnonzero(pending & (math.of(sword.land_s) <= end_s))
+        rows = np.flatnonzero(lands)
         ago_s = math.array(end_s)[rows] - sword.land_s[rows]
         self.missed_m[rows] = self.margin(rows, self._scenes.ago_of(rows, ago_s), sword.end[:, rows])
         self.pending[rows] = self.feinted[rows] = False

@@ -108,7 +108,7 @@ class Judge(ABC):
 
     def _left_field(self) -> Number:
         """Return where the robot has left the field."""
-        (x, y), half = self._math.of(self.scenes.now[:2]), self.rules.field_m / 2
+        (x, y), half = self.scenes.newest()[:2], self.rules.field_m / 2
         return (abs(x) > half) | (abs(y) > half)
 
     def _clashed(self) -> Number:
@@ -180,7 +180,7 @@ class Track(Judge):
         math = self._math
         size = math.of(self.fighter.wander_m_s) * math.sqrt(2.0 / WAVES)
         velocity = []
-        for waves, home in zip(math.of(self.chance.waves), math.of(self.scenes.now[6:8]), strict=True):
+        for waves, home in zip(math.of(self.chance.waves), self.scenes.newest()[6:8], strict=True):
             total, *rest = (math.sin(frequency * time_s + phase) for frequency, phase in waves)
             for wave in rest:
                 total = total + wave

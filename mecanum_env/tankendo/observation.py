@@ -161,10 +161,13 @@ class Instruments:
             pose = np.array([self._math.array(number)[row] for number in (x, y, yaw)])
             self._apply_effects(row, shown, pose, float(self._math.array(time_s)[row]))
         noise = self._sizes * noise
-        shown[:13] += noise[:13]
-        shown[16:20] += noise[13:]
+        # Named, since a sum in place of a slice is written back into the slice, too.
+        before_command, behind_it = shown[:13], shown[16:20]
+        before_command += noise[:13]
+        behind_it += noise[13:]
         np.minimum(np.maximum(shown, self._lowest, out=shown), self._highest, out=shown)
-        return shown.T.astype(np.float32)
+        # One episode after the other in memory, since whoever takes a copy wants it so.
+        return np.ascontiguousarray(shown.T.astype(np.float32))
 
     def _apply_effects(self, row: int, shown: FloatArray, pose: FloatArray, now_s: float) -> None:
         """Write into `shown` what the sensors of one row measure of its own motion; `pose` is exact, (3,)."""

@@ -6,6 +6,8 @@ rate [rad/s]; the opponent's x, y [m], heading [rad, unwrapped], vx and vy [m/s]
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 
@@ -23,16 +25,26 @@ class Scenes:
     def __init__(self, n: int, step_s: float, oldest_s: float) -> None:
         self._step_s, self._math = step_s, mathematics(n)
         self._apart: tuple[Number, Number] | None = None
+        self._newest: Sequence[Number] | None = None
         self._past = np.zeros((int(np.ceil(oldest_s / step_s)) + 3, 11, n))
+        # Where the newest is; older ones follow, around the end. To shift them all would take longer.
+        self._at = 0
 
     @property
     def now(self) -> FloatArray:
         """The newest scene, shape (11, n), as a view."""
-        return np.asarray(self._past[0])
+        return np.asarray(self._past[self._at])
+
+    def newest(self) -> Sequence[Number]:
+        """Return the numbers of the newest scene, which many ask for in every step."""
+        if self._newest is None:
+            self._newest = self._math.of(self.now)
+        return self._newest
 
     def restart(self, rows: RowArray, scenes: FloatArray) -> None:
         """Begin episodes in some rows (m,); the players have always been at rest in `scenes`, (11, m)."""
         self._past[:, :, rows] = scenes
+        self._newest = None
         if self._apart is None or self._past.shape[2] == 1:
             self._apart = None
             return
@@ -43,16 +55,16 @@ class Scenes:
         for known, new in zip(self._apart, here, strict=True):
             known[rows] = new
 
-    def push(self) -> FloatArray:
-        """Shift all scenes by one step; return the newest, a copy of the last that is to be overwritten."""
-        self._past[1:] = self._past[:-1]
-        self._apart = None
-        return self.now
+    def push(self, numbers: Sequence[Number]) -> None:
+        """Add the newest scene, one step after the last, by its 11 `numbers`."""
+        self._at = (self._at or len(self._past)) - 1
+        self._math.put(self.now, numbers)
+        self._newest, self._apart = numbers, None
 
     def apart(self) -> tuple[Number, Number]:
         """Return distance [m] and bearing [rad] of the opponent from the robot now."""
         if self._apart is None:
-            x, y, yaw, _, _, _, other_x, other_y, *_ = self._math.of(self._past[0])
+            x, y, yaw, _, _, _, other_x, other_y, *_ = self.newest()
             self._apart = separation(self._math, other_x - x, other_y - y, yaw)
         return self._apart
 
@@ -68,10 +80,11 @@ class Scenes:
     def seen(self, delay_s: float) -> list[Number]:
         """Return the numbers of the scene `delay_s` before now."""
         whole, share = divmod(delay_s / self._step_s, 1.0)
-        newer = self._past[int(whole)]
+        place, kept = self._at + int(whole), len(self._past)
+        newer = self._past[place % kept]
         if share == 0.0:
             return list(self._math.of(newer))
-        return list(self._math.between(newer, self._past[int(whole) + 1], share))
+        return list(self._math.between(newer, self._past[(place + 1) % kept], share))
 
     def seen_by(self, delays_s: Number) -> list[Number]:
         """Return the numbers of the scenes before now, in each episode its own delay [s]."""
@@ -85,8 +98,9 @@ class Scenes:
         Delays are limited to what is kept.
         """
         age = np.clip(delays_s / self._step_s, 0.0, len(self._past) - 2.0)
-        whole = np.floor(age).astype(np.intp)
-        newer, older = self._past[whole, :, rows].T, self._past[whole + 1, :, rows].T
+        whole, kept = np.floor(age).astype(np.intp), len(self._past)
+        place = self._at + whole
+        newer, older = (self._past[one % kept, :, rows].T for one in (place, place + 1))
         return newer + (age - whole) * (older - newer)
 
 

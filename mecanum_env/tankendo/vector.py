@@ -203,6 +203,9 @@ class TankendoVectorEnv(VectorEnv[Array, Array, Array]):
 def _with_masks(info: Mapping[str, Array], mask: BoolArray) -> dict[str, Any]:
     """Add to each array of an info, as Gymnasium does, for which environments it holds; others get 0."""
     masked: dict[str, Any] = {}
+    others = ~mask
     for name, values in info.items():
-        masked[name], masked[f"_{name}"] = np.where(mask, values, np.zeros_like(values)), mask.copy()
+        kept = np.array(values, ndmin=1)  # a copy; a step of one episode has numbers
+        kept[others] = 0
+        masked[name], masked[f"_{name}"] = kept, mask.copy()
     return masked

@@ -63,6 +63,34 @@ def test_a_reset_touches_its_own_rows_only():
     np.testing.assert_array_equal(same, [True, False, True])
 
 
+@pytest.mark.parametrize("engine", ["arrays", "mujoco"])
+def test_a_reset_leaves_the_episodes_beside_it_as_they_are(engine):
+    envs = [
+        TankendoVectorEnv(3, engine=engine, randomize=RANGES, autoreset_mode="Disabled") for _ in range(2)
+    ]
+    for env in envs:
+        env.reset(seed=0)
+    for step, action in enumerate(actions(16, 3, 0.3)):
+        if step in (4, 5, 9):
+            envs[1].reset(options={"reset_mask": np.array([False, True, False])})
+        one, other = ((*env.step(action)[:4], env.arena.robots.motion().T) for env in envs)
+        for left, right in zip(one, other, strict=True):
+            np.testing.assert_array_equal(left[[0, 2]], right[[0, 2]])
+
+
+@pytest.mark.parametrize("engine", ["arrays", "mujoco"])
+def test_drawn_robots_of_a_reset_are_those_of_a_fresh_environment(engine):
+    used, fresh = (TankendoVectorEnv(3, engine=engine, randomize=RANGES) for _ in range(2))
+    for seed in range(3):
+        used.reset(seed=seed)
+        used.step(actions(1, 3, 0.8)[0])
+    for env in (used, fresh):
+        env.reset(seed=7)
+    for action in actions(10, 3, 0.8):
+        np.testing.assert_array_equal(used.step(action)[0], fresh.step(action)[0])
+        np.testing.assert_array_equal(used.arena.robots.motion(), fresh.arena.robots.motion())
+
+
 @pytest.mark.parametrize("device", [None, "cpu"])
 @pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
 def test_a_copy_goes_on_bit_for_bit(duplicate, device):
@@ -79,6 +107,18 @@ def test_a_copy_goes_on_bit_for_bit(duplicate, device):
     other = duplicate(env)
     for action in played[4:]:
         np.testing.assert_array_equal(env.step(action)[0], other.step(action)[0])
+
+
+@pytest.mark.parametrize("duplicate", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_draws_the_same_robots_from_then_on(duplicate):
+    env = TankendoVectorEnv(2, engine="arrays", randomize=RANGES)
+    env.reset(seed=0)
+    other = duplicate(env)
+    for _ in range(2):
+        np.testing.assert_array_equal(env.reset()[0], other.reset()[0])
+        for action in actions(4, 2, 0.8):
+            env.step(action), other.step(action)
+            np.testing.assert_array_equal(env.arena.robots.motion(), other.arena.robots.motion())
 
 
 def test_torch_plays_the_same():
